@@ -31,6 +31,7 @@ class ChromiumPage:
             if message.get("method") == "Runtime.consoleAPICalled":
                 self.problems.append(message["params"]["args"])
             if message.get("id") == self._sent:
+                assert "result" in message, message["error"]
                 return message["result"]
 
     def evaluate(self, script):
@@ -54,13 +55,21 @@ class ChromiumPage:
         button = {"button": "left", "buttons": 1, "clickCount": 1} if held else {}
         self.call("Input.dispatchMouseEvent", type=f"mouse{kind}", x=x, y=y, **button)
 
+    def press(self, key):
+        """Press and release the key of a letter."""
+        for kind, text in (("keyDown", key), ("keyUp", "")):
+            self.call("Input.dispatchKeyEvent", type=kind, key=key, text=text)
+
 
 @contextmanager
-def chromium_page(file, folder, *options, width=1280):
-    """Open an HTML file; the network does not exist. ``folder`` has room for a profile."""
+def chromium_page(page_url, folder, *options, width=1280, script=""):
+    """Open a page; of the network only this machine exists. ``folder`` has room for a profile.
+
+    ``script`` runs before those of the page.
+    """
     command = [
         CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage",
-        "--remote-debugging-port=0", "--host-resolver-rules=MAP * ~NOTFOUND",
+        "--remote-debugging-port=0", "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
         f"--user-data-dir={folder / 'profile'}", f"--window-size={width},900", *options,
         "about:blank",
     ]  # fmt: skip
@@ -78,7 +87,8 @@ def chromium_page(file, folder, *options, width=1280):
             page = ChromiumPage(socket)
             for domain in ("Runtime", "Log", "Page"):
                 page.call(f"{domain}.enable")
-            page.call("Page.navigate", url=file.as_uri())
+            page.call("Page.addScriptToEvaluateOnNewDocument", source=script)
+            page.call("Page.navigate", url=page_url)
             page.wait("document.readyState === 'complete' && location.href !== 'about:blank'")
             yield page
     finally:

@@ -1,4 +1,4 @@
-"""A signal over a run: every sample of a recorded one, or the parts of one that goes on."""
+"""Signals over a run: every sample of a recorded run, parts of the time of one that goes on."""
 
 from __future__ import annotations
 

@@ -88,7 +88,7 @@ def blame(
             task = progress.add_task("")
 
             def watch(runner: CandidateRunner) -> None:
-                done = f"{runner.runs} runs, {runner.seconds:.0f} s"
+                done = f"{count_noun(runner.runs, 'run')}, {duration_text(runner.seconds)}"
                 progress.update(task, description=done, refresh=True)
 
             runner = CandidateRunner(runs, watch=watch)

@@ -88,11 +88,12 @@ def open_progress(*columns: str | ProgressColumn, threads: bool = True) -> Itera
 
     Without ``threads`` it is drawn at each step only, not ten times a second.
     """
-    from rich.progress import Progress
+    from rich.progress import BarColumn, Progress, TaskProgressColumn
 
     console = stderr_console()
+    # The remaining time of rich is in another notation than ours, and a guess.
     progress = Progress(
-        *columns,
+        *(columns or ("{task.description}", BarColumn(), TaskProgressColumn())),
         console=console,
         auto_refresh=threads,
         transient=True,

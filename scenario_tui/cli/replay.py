@@ -17,7 +17,6 @@ from scenario_tui.source import DaemonTarget, one_trace
 
 if TYPE_CHECKING:
     from scenario_tui.dashboard.playback import Playback
-    from scenario_tui.terminal.capabilities import Blocks
 
 
 def replay(
@@ -105,11 +104,8 @@ def _print_frame(playback: Playback, moment: str) -> None:
     size = shutil.get_terminal_size((80, 24))
     # What is printed may go anywhere: only who says so gets ASCII.
     plain = os.environ.get("SCENARIO_GLYPHS") == "ascii"
-    blocks: Blocks = "cells" if plain else "quadrants"
     verdict = next((one for one in playback.verdicts if one.oracle == moment), None)
-    lines = render_frame(
-        playback, time, size.columns, size.lines - 1, blocks=blocks, verdict=verdict
-    )
+    lines = render_frame(playback, time, size.columns, size.lines - 1, verdict=verdict)
     for line in lines:
         text = text_in_ascii(line) if plain else line
         stdout_console().print(text, no_wrap=True, soft_wrap=True)

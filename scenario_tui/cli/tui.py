@@ -2,23 +2,33 @@
 
 from __future__ import annotations
 
+import os
+import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from functools import partial
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
 from grammars.text.terminal_text import unfiltered
 from scenario_tui.cli.exit_codes import CommandError, ExitCode
+from scenario_tui.cli.options import refuse_typed
 from scenario_tui.cli.output import plain_table, say, stdout_console
 from scenario_tui.source import DaemonTarget
 from scenario_tui.terminal.capabilities import why_no_screen
 
+if TYPE_CHECKING:
+    from scenario_tui.dashboard.config import Config
+
+_SERVED: Final = "TEXTUAL_DRIVER"
+"""Set by textual-serve for a dashboard that is drawn by a page in a browser."""
+
 
 def tui(
+    context: typer.Context,
     target: DaemonTarget,
     read_only: Annotated[
         bool, typer.Option("--read-only", help="Look only: nothing can be changed from it.")
@@ -27,24 +37,45 @@ def tui(
         bool,
         typer.Option("--bindings", help="List the ids of all keys, for config.toml, and leave."),
     ] = False,
+    web: Annotated[
+        bool,
+        typer.Option("--web", help="Show it in browsers of this machine, to look only."),
+    ] = False,
+    write: Annotated[
+        bool, typer.Option("--write", help="With --web: let browsers change things.")
+    ] = False,
+    port: Annotated[
+        int, typer.Option("--port", min=1, max=65535, help="With --web: where it listens.")
+    ] = 8000,
+    public_url: Annotated[
+        str,
+        typer.Option(
+            "--public-url",
+            metavar="URL",
+            help="With --web: where a proxy of yours shows it to others.",
+        ),
+    ] = "",
 ) -> int | None:
     """Open the dashboard; leaving it never stops any work.
 
     A daemon is started on this machine if none answers, unless --read-only or --connect is given.
+    With --web browsers show it, each page by a dashboard of its own, until Ctrl-C.
     Keys, colours and more are set in config.toml; `scenario doctor` says where it is.
     """
     if bindings:
         _print_bindings()
         return None
-    why = why_no_screen()
-    with nullcontext() if why else _connecting_screen():
+    if web:
+        _serve(target, port, public_url, may_write=write and not read_only)
+        return None
+    refuse_typed(context, ("write", "port", "public_url"), "this is for --web")
+    served = _SERVED in os.environ
+    why = "" if served else why_no_screen()
+    with nullcontext() if why or served else _connecting_screen():
         from scenario_tui.dashboard.app import run_dashboard
         from scenario_tui.dashboard.background import CommandLines
-        from scenario_tui.dashboard.config import read_config
-        from scenario_tui.dashboard.key_bindings import check_config
 
-        config = read_config()
-        check_config(config)
+        config = _read_config()
         if why:
             raise CommandError(
                 f"the dashboard needs a terminal: {why} (scripts: `scenario status --json`)"
@@ -56,8 +87,44 @@ def tui(
         code, farewell = run_dashboard(target.open, config, lines, launch)
     if code:
         return ExitCode.BUG
-    say(farewell)
+    if not served:
+        say(farewell)
     return None
+
+
+def _read_config() -> Config:
+    from scenario_tui.dashboard.config import read_config
+    from scenario_tui.dashboard.key_bindings import check_config
+
+    config = read_config()
+    check_config(config)
+    return config
+
+
+def _serve(target: DaemonTarget, port: int, public_url: str, *, may_write: bool) -> None:
+    """Serve the dashboard to browsers until somebody ends that."""
+    from daemon.model.execution import python_command
+    from grammars.text.plugins import load_extra
+
+    load_extra("textual_serve.server", "web", "a dashboard in the browser", "--web")
+    from scenario_tui.dashboard.web import DashboardServer
+
+    _read_config()  # what is wrong with it is said here, not in each page
+    if public_url and not re.fullmatch(r"https?://[^/?#\s]+(/[^?#\s]*)?", public_url):
+        message = f"{public_url!r} is no address of a page, as https://lab.example/scenario"
+        raise typer.BadParameter(message, param_hint="--public-url")
+    words = (*target.words, *(() if may_write else ("--read-only",)))
+    command = python_command("-c", "from scenario_tui.cli import main; main()", "tui", *words)
+    server = DashboardServer(command, port, public_url)
+    rights = "" if may_write else ", to look only"
+    behind = f" (for your proxy: http://127.0.0.1:{port}/)" if public_url else ""
+    try:
+        server.serve_until_stopped(
+            lambda: say(f"the dashboard is at {server.address}{behind}{rights}; Ctrl-C ends it")
+        )
+    except OSError as error:
+        why = f"port {port} cannot be used: {error.strerror}; choose another with --port"
+        raise CommandError(why) from error
 
 
 def _launch_daemon(target: DaemonTarget) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import warnings
 from collections.abc import Callable
@@ -11,6 +12,8 @@ from typing import TYPE_CHECKING, ClassVar, Final
 
 from textual import work
 from textual.binding import Binding, BindingType
+from textual.events import Event, Key
+from textual.message_pump import MessagePump
 from textual.screen import ModalScreen, Screen
 
 from grammars.text.words import count_noun
@@ -48,6 +51,8 @@ class Dashboard(BaseDashboard):
         Binding("2", "go('runs')", "Runs", show=False, id="runs", tooltip="Of every campaign"),
         Binding("3", "go('workers')", "Workers", show=False, id="workers", tooltip="Who executes"),
         Binding("s", "submit", "Submit", id="submit", tooltip="Choose, check, submit a campaign"),
+        Binding("d", "launch", "Start daemon", show=False, id="launch",
+                tooltip="On this machine, when none answers"),
         Binding(
             "colon", "command_palette", "Go", id="palette", tooltip="Type what to do or where to go"
         ),
@@ -75,10 +80,8 @@ class Dashboard(BaseDashboard):
             self.theme = self.config.theme
         self.set_keymap(self.config.keys)
         self.feed.on_answer = partial(self.call_later, self.update_state)
+        self.action_launch()
         self.recordings.on_read = partial(self.call_later, self._update_front_screen)
-        if self.launch_daemon is not None:
-            self.launching = True
-            self.background_tasks.start(self.launch_daemon, self._launched, self._not_launched)
         # What asks the daemon takes as long to load as all that is shown first: that comes before.
         self.call_after_refresh(self.feed.start)
         self.set_interval(1.0 / FRAMES, self.update_state)
@@ -89,6 +92,12 @@ class Dashboard(BaseDashboard):
         import_module("scenario_tui.dashboard.screens.matrix")
         import_module("scenario_tui.dashboard.screens.runs")
         import_module("scenario_tui.dashboard.screens.search")
+
+    def action_launch(self) -> None:
+        """See to it that a daemon answers, where one may be started on this machine."""
+        if self.launch_daemon is not None:
+            self.launching = True
+            self.background_tasks.start(self.launch_daemon, self._launched, self._not_launched)
 
     def _launched(self, said: str) -> None:
         self.launching, self.launched = False, bool(said)
@@ -151,8 +160,32 @@ class Dashboard(BaseDashboard):
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Leave replays alone, which have keys of their own; keys never reach below dialogs."""
+        if action == "launch":
+            known = self.known
+            gone = bool(known.problem) and not (known.connected or known.refused or self.launching)
+            return gone and self.launch_daemon is not None
         ours = isinstance(self.screen, BaseScreen | ModalScreen)
         return ours or action not in ("go", "keys", "command_palette", "submit")
+
+    async def on_event(self, event: Event) -> None:
+        """Let each key do all its work before the next one is looked at.
+
+        Textual hands keys on at once. Those typed behind a key that opens a screen would go to the
+        screen below, or to one that cannot take them yet.
+        """
+        if not isinstance(event, Key) or event.is_forwarded:
+            await super().on_event(event)
+            return
+        before = self.screen
+        active = before.active_bindings.get(event.key)
+        if active is None or not await self.run_action(active.binding.action, active.node):
+            await super().on_event(event)
+        # What the key did may be a message on its way from what has the focus up to the screen.
+        for node in (before.focused or before).ancestors_with_self:
+            if node is not self:
+                await _settle(node)
+        if self.screen is not before:
+            await _settle(self.screen)
 
     def action_keys(self) -> None:
         """Show the keys of the screen in front."""
@@ -173,6 +206,13 @@ class Dashboard(BaseDashboard):
                 f"Stop the daemon with: {self.command_lines.daemon_line('daemon', '--stop')}"
             )
         return "\n".join(said)
+
+
+async def _settle(node: MessagePump) -> None:
+    """Wait until the messages that a node has by now are dealt with."""
+    done = asyncio.Event()
+    if node.call_later(done.set):
+        await done.wait()
 
 
 def run_dashboard(

@@ -29,9 +29,8 @@ from scenario_tui.dashboard.transport import FLASH, FailureMoment
 from scenario_tui.dashboard.widgets.cell_view import segments
 from scenario_tui.dashboard.widgets.map_frame import View, draw_view
 from scenario_tui.dashboard.widgets.map_style import STYLES, MapSigns, legend_height, legend_lines
-from scenario_tui.terminal.capabilities import Blocks
-from scenario_tui.text.formatting import DASHBOARD_STYLES, QUIET
 from scenario_tui.text.run_text import verdict_lines
+from scenario_tui.text.styles import QUIET
 from templates.plan_shapes import MeasuredMark
 
 RAYS: Final = 120
@@ -151,9 +150,11 @@ class Playback:
         What decides ``verdict`` is on it if that was in the window, too. Without a verdict it is
         the last one decided against the run.
         """
-        trace = self.trace
-        count = int(np.searchsorted(self._trail_times, time + 1e-9, side="right"))
-        here = self.pose(time)
+        trace, here = self.trace, self.pose(time)
+        times, trail, clearances, limit = self._trail
+        count = int(np.searchsorted(times, time + 1e-9, side="right"))
+        # The robot is as near as at the last point of its trail.
+        clearances = (*clearances[:count], *clearances[count - 1 : count])
         return View(
             trace.scene,
             trace.spec.robot,
@@ -162,12 +163,13 @@ class Playback:
             here,
             self.estimate(time),
             self.reached(time),
-            (*self._trail[:count], (here.x, here.y)),
+            (*trail[:count], (here.x, here.y)),
             self._returns(time),
             self._plan(time),
             self.contacts(time, window),
             self.spread(time),
-            *self._clearances(count),
+            clearances,
+            limit,
             self._costmaps(time),
             self._decisive(time, window, verdict),
         )
@@ -207,15 +209,6 @@ class Playback:
         taken = self.start if index < 0 else float(estimate.time[index])
         return believed @ _pose_at(odometry, _last(odometry.time, taken, 0)).inverse()
 
-    def _clearances(self, count: int) -> tuple[tuple[float, ...], float | None]:
-        """Return the clearance at the first points of the trail and at the robot, and its limit."""
-        known, limit = self._clearance_along
-        return ((*known[:count], known[count - 1]) if known and count else ()), limit
-
-    @cached_property
-    def _clearance_along(self) -> tuple[tuple[float, ...], float | None]:
-        return clearance_along(self.timeline.signals, self._trail_times)
-
     @cached_property
     def log(self) -> RunLog:
         """What was said, decided and done, by time."""
@@ -227,22 +220,16 @@ class Playback:
         return recorded_timeline(self.trace, [moment.time for moment in self.moments])
 
     @cached_property
-    def _kept(self) -> list[int]:
-        """Samples of the trail: each some centimetres on from the one before."""
+    def _trail(self) -> tuple[Floats, tuple[Point2, ...], tuple[float, ...], float | None]:
+        """Times, places and clearances of the trail, each some centimetres on, and the limit."""
         way = self.trace.ground_truth
         steps = np.hypot(np.diff(way.x, prepend=way.x[:1]), np.diff(way.y, prepend=way.y[:1]))
         # By distance, not by time: a robot that waits adds nothing, one that is fast no gaps.
         passed = np.floor(np.cumsum(steps) / _STEP)
-        return np.flatnonzero(np.diff(passed, prepend=-1.0) > 0).tolist()
-
-    @cached_property
-    def _trail_times(self) -> Floats:
-        return self.trace.ground_truth.time[self._kept]
-
-    @cached_property
-    def _trail(self) -> tuple[Point2, ...]:
-        way = self.trace.ground_truth
-        return tuple(zip(way.x[self._kept].tolist(), way.y[self._kept].tolist(), strict=True))
+        kept = np.flatnonzero(np.diff(passed, prepend=-1.0) > 0)
+        times = way.time[kept]
+        places = zip(way.x[kept].tolist(), way.y[kept].tolist(), strict=True)
+        return times, tuple(places), *clearance_along(self.timeline.signals, times)
 
     def _returns(self, time: float) -> tuple[Point2, ...]:
         """Return where each laser saw something, from where the robot was at that scan."""
@@ -348,13 +335,13 @@ def timeline_bar(playback: Playback, time: float, width: int) -> Text:
     # Last, over the line and the dot: what was decided must not be hidden by where the replay is.
     for found in playback.moments:
         at = cell(found.time)
-        text = Text.assemble(text[:at], ("✗", DASHBOARD_STYLES["fail"]), text[at + 1 :])
+        text = Text.assemble(text[:at], ("✗", "fail"), text[at + 1 :])
     return text
 
 
 def render_frame(
     playback: Playback, time: float, width: int, height: int, *, zoom: int = 1,
-    blocks: Blocks = "quadrants", verdict: Verdict | None = None,
+    verdict: Verdict | None = None,
 ) -> list[Text]:  # fmt: skip
     """Return the frame at ``time`` [s] as lines that fit into ``width`` x ``height`` cells.
 
@@ -366,11 +353,11 @@ def render_frame(
     view = playback.view(time, verdict=verdict)
     # Drawn once to know what its legend has to say, and how many lines that takes.
     rows = max(3, height - _CHROME - len(verdicts) - 1)
-    layers = draw_view(view, width, rows, zoom=zoom, blocks=blocks).layers
+    layers = draw_view(view, width, rows, zoom=zoom).layers
     signs = MapSigns(layers, view.limit, view.decisive.name if view.decisive else "")
     legend = legend_lines([signs], width, legend_height(height))
     rows = max(3, rows - (len(legend) - 1))
-    codes, owners = draw_view(view, width, rows, zoom=zoom, blocks=blocks).cells()
+    codes, owners = draw_view(view, width, rows, zoom=zoom).cells()
     lines = [Text(headline(playback, time), style="bold"), timeline_bar(playback, time, width)]
     lines += [
         _segments_text(segments(codes[row], owners[row], STYLES, Style())) for row in range(rows)

@@ -12,7 +12,7 @@ from rich.text import Text
 from daemon.model.spec import RunResult
 from daemon.model.status import RunDetail
 from grammars.text.words import count_noun
-from scenario_tui.text.formatting import last_lines, printed_lines
+from scenario_tui.text.formatting import last_lines, printed_lines, time_text
 from scenario_tui.text.run_text import append_facts
 from scenario_tui.text.styles import QUIET, UNSURE
 
@@ -81,7 +81,7 @@ def _append_log(text: Text, log: RunLog) -> None:
     if log.before:
         text.append(f"{count_noun(log.before, 'line')} before these\n", style=QUIET)
     for time, source, said in log.lines:
-        text.append(f"{time:8.2f} s  ", style=QUIET)
+        text.append(f"{time_text(time):>10}  ", style=QUIET)
         text.append(f"{source:<10} ", style="bold")
         text.append("\n".join(printed_lines(said)) + "\n")
     if log.after:

@@ -87,17 +87,17 @@ def live_timeline(judgement: LiveJudgement, spec: RunSpec) -> RunTimeline:
     )
 
 
-def heard_timeline(heard: Sequence[HeardMoment], spec: RunSpec) -> RunTimeline | None:
-    """Return what snapshots alone tell of a run along time, as long as nobody has judged it.
+def heard_timeline(moments: Sequence[HeardMoment], spec: RunSpec) -> RunTimeline | None:
+    """Return the timeline that snapshots alone tell, before the run is judged for the first time.
 
     ``None`` for less than two moments.
     """
-    if len(heard) < 2:
+    if len(moments) < 2:
         return None
-    time, x, y = np.array([(one.time, one.pose.x, one.pose.y) for one in heard]).T
+    time, x, y = np.array([(one.time, one.pose.x, one.pose.y) for one in moments]).T
     speed = np.hypot(np.diff(x), np.diff(y)) / np.diff(time)
-    error = np.array([_estimate_error(one) for one in heard])
-    known = [
+    error = np.array([_estimate_error(one) for one in moments])
+    signals = [
         Signal(name, unit, time, values, values)
         for name, unit, values in (
             ("loc.error", "m", error),
@@ -106,13 +106,13 @@ def heard_timeline(heard: Sequence[HeardMoment], spec: RunSpec) -> RunTimeline |
         if np.isfinite(values).any()
     ]
     names = waypoint_names(spec)
-    moments: list[float] = []
-    for one in heard:
-        # A worker may say anything; there are no more than these.
-        moments += [one.time] * (min(one.reached, len(names)) - len(moments))
+    reached: list[float] = []
+    for one in moments:
+        # A worker may report any number; there are no more waypoints than these.
+        reached += [one.time] * (min(one.reached, len(names)) - len(reached))
     return RunTimeline(
-        heard[0].time, heard[-1].time, tuple(known), None, tuple(moments), names, (),
-        _horizon(heard[-1].time),
+        moments[0].time, moments[-1].time, tuple(signals), None, tuple(reached), names, (),
+        _horizon(moments[-1].time),
     )  # fmt: skip
 
 
@@ -149,16 +149,16 @@ def clearance_along(
 
     It is the one an oracle reads, with the buffer around the robot, or else the plain one.
     """
-    known = [signal for signal in signals if _CLEARANCE.match(signal.name) and len(signal.time)]
-    if not known:
+    candidates = [s for s in signals if _CLEARANCE.match(s.name) and len(s.time)]
+    if not candidates:
         return (), None
-    signal = max(known, key=lambda one: (bool(one.readers), bool(one.limits)))
+    signal = max(candidates, key=lambda one: (bool(one.readers), bool(one.limits)))
     moments = np.asarray(times)
     at = np.searchsorted(signal.time, moments + 1e-9, side="right") - 1
     # Behind the end of a signal that grows nothing is known yet.
     judged = (at >= 0) & (moments <= signal.time[-1] + 1e-9)
-    asked = [limit.value for limit in signal.limits if limit.side == "below"]
-    return tuple(np.where(judged, signal.low[at], np.nan).tolist()), max(asked, default=None)
+    limits = [limit.value for limit in signal.limits if limit.side == "below"]
+    return tuple(np.where(judged, signal.low[at], np.nan).tolist()), max(limits, default=None)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""The moment shown of a run: played, followed while the run goes on, or one that was decisive."""
+"""The moment of a run that is shown, played or followed, and the moments that decided it."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class ReplayTransport:
 class LiveTransport(ReplayTransport):
     """The moment shown of a run that goes on: its last one while it ``follows``.
 
-    Who goes back, or stops it, stays there; at the end it follows again.
+    It stays at a moment that somebody goes back to, and follows again at the end.
     """
 
     playing: bool = False
@@ -102,5 +102,5 @@ class LiveTransport(ReplayTransport):
 
 
 def follows(transport: ReplayTransport | None) -> bool:
-    """Whether what is shown goes along with a run that goes on."""
+    """Return whether the moment shown goes along with a run that goes on."""
     return isinstance(transport, LiveTransport) and transport.follows

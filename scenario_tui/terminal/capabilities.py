@@ -9,7 +9,7 @@ import subprocess
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, Literal, TypeAlias
+from typing import Final, Literal
 
 # As terminfo names them: DEC's terminals, and monochrome variants of others.
 _COLOURLESS: Final = re.compile(r"vt\d|.*-m(ono)?$")
@@ -18,8 +18,6 @@ _LIGHT_COLOURS: Final = frozenset({"7", *map(str, range(9, 16))})
 """Numbers of the colours of a terminal that are bright, as COLORFGBG names them."""
 _TMUX_PATIENCE: Final = 2.0
 """Seconds; in a thread of its own, so that nobody waits."""
-Blocks: TypeAlias = Literal["cells", "quadrants"]
-"""Units of filled areas: whole cells, or quarters of cells."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,8 +20,7 @@ from textual.filter import LineFilter
 
 from grammars.text.terminal_text import printable
 from scenario_tui.text.ascii_signs import to_ascii
-from scenario_tui.text.formatting import BAD, BROKEN, BUSY, DOORS, FACT, GOOD, QUIET, UNSURE
-from scenario_tui.text.styles import MARKED
+from scenario_tui.text.styles import COLOURS, MARKED
 
 _LIT: Final = 0.35
 """Least brightness of a background that stands out from a dark one."""
@@ -147,8 +146,7 @@ _DARK_LIGHTNESS: Final = 0.27
 _MARKED: Final = Style(bgcolor=MARKED).bgcolor
 _BRIGHT_MARKED: Final = "#cfdff2"
 _OUR_COLOURS: Final = frozenset(
-    Color.parse(colour).rich_color.get_truecolor()
-    for colour in (GOOD, BAD, UNSURE, BROKEN, BUSY, FACT, QUIET, DOORS)
+    Color.parse(colour).rich_color.get_truecolor() for colour in COLOURS.values()
 )
 
 

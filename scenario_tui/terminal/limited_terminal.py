@@ -22,7 +22,7 @@ from textual.driver import Driver
 from textual.filter import LineFilter, Monochrome
 
 from grammars.text.terminal_text import printable, unfiltered
-from scenario_tui.terminal.capabilities import Blocks, TerminalLimits
+from scenario_tui.terminal.capabilities import TerminalLimits
 from scenario_tui.terminal.filters import AsciiGlyphs, PrintableText, ReducedColours
 from scenario_tui.terminal.printable_console import PrintableConsole
 
@@ -210,7 +210,6 @@ class LimitedTerminalApp(App[None]):
     def apply_limits(self, limits: TerminalLimits) -> None:
         """Show everything within these limits."""
         self.ascii_only = limits.ascii_only
-        self.blocks: Blocks = "cells" if limits.ascii_only else "quadrants"
         colours = "none" if self.no_color else limits.colours
         filters: list[LineFilter] = []
         if colours != "all":

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Final
 
@@ -18,8 +17,8 @@ from daemon.model.assessments import (
     group_errors,
 )
 from daemon.model.status import RunRow
-from daemon.model.verdicts import Outcome, moments_in_tenths
-from grammars.text.words import NOTHING, count_noun
+from daemon.model.verdicts import Outcome
+from grammars.text.words import count_noun
 from scenario_tui.text.formatting import (
     NOT_REPEATABLE,
     glyph_word,
@@ -36,12 +35,8 @@ if TYPE_CHECKING:
     from daemon.judging.assessment import Expectations
 
 BOUNDS: Final = "mean difference [one-sided 95 % bounds] over n repeats"
-_HYPHEN: Final = re.compile(r"(?<![\w.-])-(?=\d)")
-"""A hyphen that is the sign of a number, and no part of a name."""
 _MANY: Final = 20
 """Repeats that get a glyph each: more of them leave no room for the oracle in 80 columns."""
-MatrixRow = tuple[str, tuple[Text, ...]]
-"""The label of a row, and a cell for each column."""
 
 
 def known_lines(results: CampaignResults) -> list[Text]:
@@ -71,8 +66,7 @@ def _repeats(cell: CellAssessment, results: CampaignResults, alone: bool) -> str
     share = f"{passed}/{len(records)}"
     if not alone or not 1 < len(records) <= _MANY:
         return share
-    words = (str(r.outcome) if r.state == "done" and r.outcome else r.state for r in records)
-    return f"{share} {''.join(GLYPHS[word] for word in words)}"
+    return f"{share} {''.join(GLYPHS[run_word(record)] for record in records)}"
 
 
 def _worst(cell: CellAssessment) -> str:
@@ -117,15 +111,10 @@ def comparison_cell_text(cell: ComparisonVerdict, mark: Mark) -> Text:
     return text
 
 
-def _in_signs(text: str) -> str:
-    """Return a text of an assessment, which is for programs, in signs for people."""
-    return moments_in_tenths(_HYPHEN.sub("−", text).replace("  t=", "  at "))
-
-
 def unexpected_text(verdict: UnexpectedVerdict) -> Text:
     """Return an unexpected verdict in words, with the run to look at."""
     reason = verdict.why and f"known: {verdict.why}"
-    text = _attention_line(str(verdict.verdict), _in_signs(verdict.text), [reason])
+    text = _attention_line(str(verdict.verdict), verdict.text, [reason])
     if verdict.run:
         text.append(f"  → {verdict.run}", style="measure")
     return text
@@ -176,18 +165,6 @@ def _attention_line(word: str, subject: str, more: Iterable[str]) -> Text:
     for part in more:
         text.append(f"  {part}" if part else "")
     return text
-
-
-def matrix_rows(results: CampaignResults) -> tuple[tuple[str, ...], tuple[MatrixRow, ...]]:
-    """Return systems under test and, for each scenario, its label with a cell for each of them."""
-    cells = {(cell.scenario, cell.sut): cell for cell in results.assessment.cells}
-    suts = tuple(dict.fromkeys(sut for _, sut in cells))
-    lines = []
-    for scenario in dict.fromkeys(scenario for scenario, _ in cells):
-        row = (cells.get((scenario, sut)) for sut in suts)
-        texts = (cell and cell_text(cell, results, alone=len(suts) == 1) for cell in row)
-        lines.append((scenario, tuple(text or Text(NOTHING, style=QUIET) for text in texts)))
-    return suts, tuple(lines)
 
 
 _WITHOUT_VERDICT: Final = {

@@ -8,7 +8,6 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final
 
-from rich import box
 from rich.table import Table
 from rich.text import Text
 
@@ -23,6 +22,7 @@ from scenario_tui.text.formatting import (
     keep_start,
     margin,
     moment_text,
+    plain_table,
     verdict_line,
 )
 from scenario_tui.text.styles import GLYPHS, QUIET, SEVERITY
@@ -196,9 +196,7 @@ def _summary(judged: Sequence[RejudgedTrace], unreadable: int) -> str:
 
 def _oracle_table(judged: Sequence[RejudgedTrace], labels: Mapping[str, str]) -> Table:
     """Return a row per oracle: how it judges, by how much, and how it judged before."""
-    rows = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    for title in ("oracle", "before", "now", "worst margin", "in run"):
-        rows.add_column(title, overflow="fold")
+    rows = plain_table("oracle", "before", "now", "worst margin", "in run")
     names = dict.fromkeys(v.oracle for one in judged for v in (*one.verdicts, *one.before))
     for name in names:
         now = [(labels[one.trace], v) for one in judged for v in one.verdicts if v.oracle == name]

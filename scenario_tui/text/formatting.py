@@ -1,9 +1,12 @@
-"""Words and numbers for people: command line, dashboard and report alike."""
+"""Words and numbers for people: command line, dashboard and report alike.
+
+Simulated time is in tenths of a second (:func:`time_text`); spans of wall time are in words
+(``3 min 20 s``, or ``3 min`` where there is little room).
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Final, Literal
 
 from daemon.model.verdicts import Outcome, Verdict
@@ -14,9 +17,9 @@ from scenario_tui.text.styles import BROKEN as BROKEN
 from scenario_tui.text.styles import BUSY as BUSY
 from scenario_tui.text.styles import DOORS as DOORS
 from scenario_tui.text.styles import FACT as FACT
-from scenario_tui.text.styles import FAINT
 from scenario_tui.text.styles import GLYPHS as GLYPHS
 from scenario_tui.text.styles import GOOD as GOOD
+from scenario_tui.text.styles import QUIET as QUIET
 from scenario_tui.text.styles import SEVERITY as SEVERITY
 from scenario_tui.text.styles import UNSURE as UNSURE
 
@@ -26,20 +29,11 @@ if TYPE_CHECKING:
     from daemon.model.status import CampaignRow, DaemonOverview, RunRow
 
 DASHBOARD_STYLES: Final = {word: word for word in SEVERITY}
-TERMINAL_STYLES: Final = DASHBOARD_STYLES
-QUIET: Final = FAINT
-Styles = Mapping[str, str]
-
 _SEED_DIGITS: Final = 6
 SHOWN_LINES: Final = 40
 """Lines of a program's output that are shown unless more is asked for: the last ones."""
 NOT_REPEATABLE: Final = "not repeatable"
 """Of a system under test outside of the simulator: the same run gives something else each time."""
-
-
-def quiet_style(styles: Styles) -> str:
-    """Return the style of words that should not draw the eye."""
-    return "quiet"
 
 
 def run_word(row: RunRow) -> str:
@@ -115,20 +109,9 @@ def moment_text(seconds: float | None) -> str:
     return "" if seconds is None else f"at {time_text(seconds)}"
 
 
-def fine_duration(seconds: float) -> str:
-    """Return a span that may be shorter than a second: ``< 0.1 s``, ``0.4 s``, ``8 s``."""
-    if not 0.0 <= seconds < 0.95:
-        return duration_text(seconds)
-    return f"{seconds:.1f} s" if seconds >= 0.05 else "< 0.1 s"
-
-
 def brief_duration(seconds: float) -> str:
-    """Return a span in one unit, where there is little room: ``95 s``, ``12 min``, ``3 h``."""
-    seconds = max(0.0, seconds)
-    for unit, size, most in (("s", 1, 60), ("min", 60, 3600), ("h", 3600, 48 * 3600)):
-        if seconds < most:
-            return f"{int(seconds // size)} {unit}"
-    return f"{int(seconds // 86400)} d"
+    """Return a span of wall time in one unit, where there is little room: ``12 min``, ``3 h``."""
+    return " ".join(duration_text(seconds).split()[:2])
 
 
 def brief_count(number: int) -> str:

@@ -11,11 +11,10 @@ from rich.text import Text
 from daemon.model.assessments import NO_MARK, Mark
 from daemon.model.run_state import RunState
 from daemon.model.verdicts import Outcome
-from grammars.text.words import count_noun, format_quantity
+from grammars.text.words import count_noun, duration_text, format_quantity
 from scenario_tui.text.formatting import (
     NOT_REPEATABLE,
     brief_seed,
-    fine_duration,
     glyph_word,
     margin,
     margin_bar,
@@ -23,6 +22,7 @@ from scenario_tui.text.formatting import (
     moment_text,
     run_label,
     run_word,
+    time_text,
 )
 from scenario_tui.text.styles import GLYPHS, KNOWN, QUIET, SEVERITY
 
@@ -175,7 +175,7 @@ def _verdict_line(verdict: Verdict, time: float) -> Text:
     text.append(f"  {margin(verdict.margin, verdict.unit)}")
     decided = verdict.evidence.time
     if decided is not None:
-        ahead = f", {decided - time:.1f} s ahead" if decided > time + 1e-6 else ""
+        ahead = f", {time_text(decided - time)} ahead" if decided > time + 1e-6 else ""
         text.append(f" {moment_text(decided)}{ahead}", style=QUIET)
     if verdict.evidence.object:
         text.append(f"  {verdict.evidence.object}", style=QUIET)
@@ -268,11 +268,11 @@ def append_facts(text: Text, detail: RunDetail) -> None:
     if result is not None:
         timing = result.timing
         facts.append(("ended", result.ended))
-        took = f"{timing.simulated:.1f} s simulated"
+        took = f"{time_text(timing.simulated)} simulated"
         # A trace alone has no wall time.
         if timing.wall > 0:
             speed = timing.simulated / timing.wall
-            took += f" in {fine_duration(timing.wall)}, {speed:.0f}x"
+            took += f" in {duration_text(timing.wall)}, {speed:.0f}x"
         facts.append(("took", took))
     if row.worker:
         facts.append(("worker", f"{row.worker}, attempt {row.attempt}"))

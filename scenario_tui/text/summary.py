@@ -11,16 +11,16 @@ from rich.text import Text
 
 from daemon.analysis.results import CampaignResults
 from daemon.judging.statistics import at_least, cut_percentage
-from grammars.text.words import NOTHING, count_noun
+from grammars.text.words import NOTHING, count_noun, duration_text
 from scenario_tui.text.assessment_text import (
     BOUNDS,
     attention_lists,
+    cell_text,
     comparison_cell_text,
     known_lines,
-    matrix_rows,
     repeatability_text,
 )
-from scenario_tui.text.formatting import NOT_REPEATABLE, fine_duration, plain_table
+from scenario_tui.text.formatting import NOT_REPEATABLE, plain_table
 from scenario_tui.text.results import conclude
 from scenario_tui.text.run_state import progress_text, unfinished_text
 from scenario_tui.text.styles import QUIET
@@ -31,11 +31,14 @@ _LISTED: Final = 12
 
 def matrix_table(results: CampaignResults) -> Table:
     """Return one row for each scenario and one column for each system under test."""
-    suts, rows = matrix_rows(results)
+    cells = {(cell.scenario, cell.sut): cell for cell in results.assessment.cells}
+    suts = tuple(dict.fromkeys(sut for _, sut in cells))
     marked = (f"{s} ({NOT_REPEATABLE})" if s in results.not_repeatable else s for s in suts)
     table = plain_table("scenario", *marked)
-    for scenario, cells in rows:
-        table.add_row(scenario, *cells)
+    for scenario in dict.fromkeys(scenario for scenario, _ in cells):
+        row = (cells.get((scenario, sut)) for sut in suts)
+        texts = (cell and cell_text(cell, results, alone=len(suts) == 1) for cell in row)
+        table.add_row(scenario, *(text or Text(NOTHING, style=QUIET) for text in texts))
     return table
 
 
@@ -95,7 +98,7 @@ def _headline(results: CampaignResults, took: float | None) -> Text:
     if row.cached:
         text.append(f", {row.cached:,} cached")
     if took is not None:
-        text.append(f" in {fine_duration(took)}")
+        text.append(f" in {duration_text(took)}")
     return text
 
 

@@ -34,6 +34,7 @@ from scenario_tui.dashboard.widgets.map_style import MapSigns
 from scenario_tui.dashboard.widgets.top_view import TopView
 from scenario_tui.source import DaemonTarget
 from scenario_tui.terminal import printable_console
+from scenario_tui.text.styles import terminal_theme
 from tests.scenario_tui.dashboard.driven import until
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, settle
 from tests.scenario_tui.dashboard.searching import SEARCH, SearchingDaemon
@@ -185,7 +186,7 @@ def typed(name, folder, executed):
         fake = ExecutedDaemon.of(executed)
         console = Console(
             record=True, width=width, file=nowhere, force_terminal=True, color_system="truecolor",
-            highlight=False, legacy_windows=False,
+            highlight=False, legacy_windows=False, theme=terminal_theme(),
         )  # fmt: skip
         line = f"scenario {' '.join(arguments)}"
         console.print(f"$ {line}", markup=False, style="bold")

@@ -9,7 +9,7 @@ import pytest
 from grammars.text.words import format_quantity
 from scenario_tui.cli.commands import COMMANDS, load_command
 from scenario_tui.dashboard.key_bindings import list_key_bindings
-from scenario_tui.text.formatting import GLYPHS
+from scenario_tui.text.styles import GLYPHS
 
 ROOT = Path(__file__).parents[2]
 GLOSSARY = ROOT / "docs" / "glossary.md"

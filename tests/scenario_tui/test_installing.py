@@ -23,6 +23,7 @@ EXTRAS = {
     "foxglove": "foxglove",
     "pandas": "test",
     "pytest": "test",
+    **dict.fromkeys(("aiohttp", "aiohttp_jinja2", "textual_serve"), "web"),
 }
 """Libraries that modules import which are loaded only where an extra is asked for.
 

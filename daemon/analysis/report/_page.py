@@ -103,7 +103,7 @@ def write_page(
         "glyph": lambda word: GLYPHS.get(str(word), "?"),
         "details": verdict_details,
         # Verdict texts align columns of a terminal by two blanks.
-        "joined": lambda text: text.replace("  ", ", ").replace(" -", " −"),
+        "joined": lambda text: text.replace("  ", ", "),
         "place": lambda file: _place(file, results),
         "spread": spread_text,
         "counts": _counts,

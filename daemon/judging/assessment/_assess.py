@@ -322,11 +322,11 @@ def _passing_runs(
 
 
 def evidence_text(verdict: Verdict) -> str:
-    """Return a verdict's margin and evidence: ``−0.012 m  t=41.3 s  door_17``."""
+    """Return a verdict's margin and evidence: ``−0.012 m  at 41.3 s  door_17``."""
     evidence, margin = verdict.evidence, verdict.margin
     parts = ["" if margin is None else format_quantity(margin, verdict.unit, signed=True)]
-    parts.append("" if evidence.time is None else f"t={evidence.time:.1f} s")
-    parts.extend((evidence.object, evidence.note))
+    parts.append("" if evidence.time is None else f"at {evidence.time:.1f} s")
+    parts.extend((evidence.object, evidence.note_text))
     return "  ".join(part for part in parts if part)
 
 

@@ -18,7 +18,7 @@ from scenario_tui.dashboard.state import Known
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.status_line import StatusLine
-from scenario_tui.text.formatting import DASHBOARD_STYLES, GLYPHS, UNSURE
+from scenario_tui.text.styles import GLYPHS, UNSURE
 
 if TYPE_CHECKING:
     from daemon.model.verbs import DaemonClient
@@ -172,9 +172,11 @@ class BaseScreen(Screen[None], Generic[T]):
         if self.dashboard.read_only:
             text.append("  read-only", style=UNSURE)
         overview = self.dashboard.known.overview
+        if not self.dashboard.known.connected and (key := self.key("launch")):
+            text.append(f"  {key} starts a daemon on this machine", style="bold")
         if overview is not None and overview.troubles:
             why = " ".join(overview.troubles[0].words.split())
-            text.append(f"  {GLYPHS['lost']} {why}", style=DASHBOARD_STYLES["lost"])
+            text.append(f"  {GLYPHS['lost']} {why}", style="lost")
         return text
 
     def ask(self) -> None:

@@ -1,4 +1,4 @@
-"""The first screen: all campaigns, the newest first."""
+"""The first screen: all campaigns, the newest first, and the one under the cursor in words."""
 
 from __future__ import annotations
 
@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 from rich.text import Text
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.containers import Horizontal, VerticalScroll
-from textual.widgets import Static
+from textual.containers import Horizontal, Vertical, VerticalScroll
 
-from grammars.text.words import NOTHING, count_noun, duration_text
+from grammars.text.words import NOTHING
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.filtering import FilteredScreen
-from scenario_tui.dashboard.screens.steering import SteeringScreen, priority_text, schedule_marks
+from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks
 from scenario_tui.dashboard.state import CAMPAIGNS_SHOWN, Known
 from scenario_tui.dashboard.widgets.running_grid import (
     RunningGrid,
@@ -25,33 +24,36 @@ from scenario_tui.dashboard.widgets.running_grid import (
 )
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
-from scenario_tui.text.formatting import (
-    DASHBOARD_STYLES,
-    GLYPHS,
-    QUIET,
-    SEVERITY,
-    UNSURE,
-    age_text,
-    brief_duration,
-    margin,
-    run_counts,
+from scenario_tui.text.campaign_text import (
+    campaign_text,
+    fail_style,
+    judged_lines,
+    judged_text,
+    margin_marks,
+    outcome_bar,
+    progress_text,
+    searched_text,
+    when_text,
 )
-from scenario_tui.text.results import NONE_JUDGED, Conclusion
+from scenario_tui.text.styles import KNOWN, QUIET, SEVERITY
 
 if TYPE_CHECKING:
+    from daemon.analysis.results import CampaignResults
     from daemon.model.search_answer import SearchRow
     from daemon.model.status import CampaignRow, RunPage
     from daemon.model.verbs import DaemonClient
+    from scenario_tui.text.results import Conclusion
 
+_PROGRESS, _OUTCOMES, _MARGINS = 12, 10, 16
+"""Cells of the columns that are drawn."""
 _COLUMNS: Final = (
     Column("campaign", 0),
-    Column("judged", 24),
-    Column("done", 7, right=True),
-    Column("✗ fail", 6, right=True),
-    Column("‼ err", 5, from_width=100, right=True),
-    Column("! lost", 6, from_width=90, right=True),
-    Column("? incon", 7, from_width=100, right=True),
-    Column("✓ pass", 6, from_width=90, right=True),
+    Column("judged", 17),
+    Column("done", _PROGRESS, right=True),
+    Column("outcomes", _OUTCOMES),
+    Column("✗ fail", 6, right=True, from_width=90),
+    Column("known", 6, right=True, from_width=90),
+    Column("worst margins", _MARGINS, from_width=100),
     Column("submitted", 10, right=True),
 )
 _KEYS: Final[dict[str, Callable[[CampaignRow], Any]]] = {
@@ -60,9 +62,6 @@ _KEYS: Final[dict[str, Callable[[CampaignRow], Any]]] = {
     "done": lambda row: row.ended / max(row.total, 1),
     "✗ fail": lambda row: row.failed,
 }
-_SEARCHED: Final = {"fail": "found", "pass": "none", "cancelled": "ended", "queued": "waiting"}
-"""What became of a search that is over, shortly."""
-_COUNTED: Final = ("fail", "error", "lost", "inconclusive", "pass")
 _NOTHING: Final = (
     "No campaigns yet. {submit} chooses one, or type in another terminal\n\n"
     "    scenario new my-tests\n"
@@ -72,7 +71,7 @@ _NOTHING: Final = (
 )
 _LAUNCHING: Final = "No daemon answers here yet: starting one on this machine."
 _NOBODY: Final = (
-    "No daemon answers here. In another terminal, type\n\n"
+    "No daemon answers here. {launch}In another terminal, type\n\n"
     "    {line}\n\n"
     "This screen notices when it is there."
 )
@@ -97,28 +96,36 @@ class CampaignsScreen(FilteredScreen["RunPage"], SteeringScreen["RunPage"]):
                 tooltip="To the runs under way, and back to the table"),
     ]  # fmt: skip
 
+    def __init__(self) -> None:
+        super().__init__()
+        self._front = ""
+        self._made: dict[str, tuple[tuple[object, ...], Row]] = {}
+
     def body(self) -> ComposeResult:
-        """Table, and details beside it."""
+        """Table with the runs under way below it, and details beside them."""
         yield self.filter_line()
         yield StaticText(id="empty")
         with Horizontal(id="split"):
-            yield KeyedTable(_COLUMNS, id="campaigns")
-            side = VerticalScroll(id="side", can_focus=False)
-            side.border_title = "campaign "
-            with side:
-                yield StaticText(id="about")
-        yield RunningGrid(id="running")
+            with Vertical(id="list"):
+                yield KeyedTable(_COLUMNS, id="campaigns")
+                yield RunningGrid(id="running")
+            yield CampaignPanel(id="side")
+
+    @property
+    def about(self) -> str:
+        """The campaign under the cursor, where there is room for its results."""
+        return self._front
 
     def fetch(self, daemon: DaemonClient, known: Known) -> RunPage:
         """Return the runs under way of all campaigns."""
         return running_page(daemon, known)
 
     def trail(self) -> str:
-        """Say how many campaigns there are."""
-        known = self.dashboard.known
+        """Say how many campaigns there are, and when the runs of the one in front start."""
+        known, row = self.dashboard.known, self.campaign()
         count = known.overview.campaigns if known.overview else len(known.campaigns)
         more = f", the newest {CAMPAIGNS_SHOWN} shown" if count > CAMPAIGNS_SHOWN else ""
-        return f"campaigns ({count}{more})"
+        return "  ".join((f"campaigns ({count}{more})", *(schedule_marks(row) if row else ())))
 
     def campaign(self) -> CampaignRow | None:
         """Return the campaign under the cursor."""
@@ -126,13 +133,9 @@ class CampaignsScreen(FilteredScreen["RunPage"], SteeringScreen["RunPage"]):
 
     def show(self, known: Known, news: RunPage | None) -> None:
         """Fill the table."""
-        now = self.dashboard.clock()
         table = self.query_one(KeyedTable)
-        said, found = known.conclusions, known.searches
-        cells = [
-            (row, campaign_cells(row, said.get(row.id), now, found.get(row.id)))
-            for row in known.campaigns[:CAMPAIGNS_SHOWN]
-        ]
+        cells = [(row, self._cells(row, known)) for row in known.campaigns[:CAMPAIGNS_SHOWN]]
+        self._made = {row.id: self._made[row.id] for row, _ in cells}
         rows = self.arrangement.apply(cells, {**_KEYS, "judged": self._severity})
         message = "" if rows else self.no_match() if cells else self._nothing(known)
         show_message_or(self.query_one("#empty"), self.query_one("#split"), message)
@@ -146,6 +149,16 @@ class CampaignsScreen(FilteredScreen["RunPage"], SteeringScreen["RunPage"]):
         self._describe()
         if news is not None:
             self._show_running(known, news)
+
+    def _cells(self, row: CampaignRow, known: Known) -> Row:
+        """Return the cells of a campaign, those made last if nothing of it has changed."""
+        # All of 300 campaigns anew take 30 ms, and every key waits for them.
+        conclusion, search = known.conclusions.get(row.id), known.searches.get(row.id)
+        source = (row, conclusion, search, when_text(row, self.dashboard.clock()))
+        made = self._made.get(row.id)
+        if made is None or made[0] != source:
+            made = self._made[row.id] = (source, campaign_cells(*source))
+        return made[1]
 
     def rearranged(self) -> None:
         """Show the campaigns as they are arranged now."""
@@ -187,117 +200,80 @@ class CampaignsScreen(FilteredScreen["RunPage"], SteeringScreen["RunPage"]):
             return _LAUNCHING
         # A daemon is started where its state is, never at an address.
         line = replace(lines, connect="").daemon_line("daemon")
-        return _NOBODY.format(line=line) if known.problem else ""
+        launch = f"{self.key('launch')} starts one. " if self.key("launch") else ""
+        return _NOBODY.format(launch=launch, line=line) if known.problem else ""
 
     def on_data_table_row_highlighted(self) -> None:
-        """Describe the campaign the cursor came to."""
+        """Describe the campaign the cursor came to, and have it judged."""
         self._describe()
 
+    def on_resize(self) -> None:
+        """Have the campaign in front judged as soon as there is room for it."""
+        self.call_after_refresh(self._describe)
+
     def _describe(self) -> None:
-        row = self.campaign()
-        if row is not None:
-            known = self.dashboard.known
-            said, found = known.conclusions.get(row.id), known.searches.get(row.id)
-            text = campaign_text(row, said, self.dashboard.clock(), found)
-            self.query_one("#about", Static).update(text)
+        row, panel = self.campaign(), self.query_one(CampaignPanel)
+        front = row.id if row is not None and panel.display and self.has_class("-wide") else ""
+        if front != self._front:
+            self._front = front
+            self.ask()
+        elif row is not None and front:
+            panel.show(row, self.dashboard.known, self.dashboard.clock())
 
     def on_data_table_row_selected(self) -> None:
         """Open the campaign's runs, or the search that it is."""
         self.dashboard.open_campaign(self.query_one(KeyedTable).key)
 
 
-def campaign_cells(
-    row: CampaignRow, said: Conclusion | None, now: float, search: SearchRow | None = None
-) -> Row:
-    """Return a campaign as a row of the table; ``said`` is ``None`` when it was not judged.
+class CampaignPanel(VerticalScroll, can_focus=False):
+    """The campaign under the cursor: its matrix, last failures and history."""
 
-    Of a ``search`` it says what that does, or that it found a failure, and the smallest margin.
+    _judged: tuple[CampaignResults | None, int, Text] = (None, 0, Text())
+    """Results, the width they were drawn for, and the drawn lines."""
+
+    def on_mount(self) -> None:
+        """Give it a title."""
+        self.border_title = "campaign "
+
+    def compose(self) -> ComposeResult:
+        """Lay out the text."""
+        yield StaticText(id="about")
+
+    def show(self, row: CampaignRow, known: Known, now: float) -> None:
+        """Show a campaign."""
+        results, width = known.results_of(row.id), self.scrollable_content_region.width
+        # By identity: results are replaced and never changed, and comparing them costs more.
+        if results is not self._judged[0] or width != self._judged[1]:
+            lines = Text() if results is None else judged_lines(results, width)
+            self._judged = (results, width, lines)
+        text = campaign_text(
+            row,
+            known.conclusions.get(row.id),
+            known.campaigns,
+            now,
+            self._judged[2],
+            search=known.searches.get(row.id),
+            marks=schedule_marks(row),
+        )
+        self.query_one(StaticText).update(text)
+
+
+def campaign_cells(
+    row: CampaignRow, conclusion: Conclusion | None, search: SearchRow | None, when: Text
+) -> Row:
+    """Return a campaign as a row of the table; without a ``conclusion`` it was not judged yet.
+
+    A ``search`` says its phase or its end, and the smallest margin that it has found.
     """
     total = row.total if search is None else max(row.total, search.task.runs)
-    counts = run_counts(row)
-    said = _up_to_date(row, said)
-    judged = _judged(row, said) if search is None else _searched(row, search)
-    # Of a search the margin is worth more than the time, and both do not fit.
-    if row.seconds_left is not None and not row.paused and search is None:
-        judged.append(f"  {brief_duration(row.seconds_left)} left", style="not bold")
-    if row.priority:
-        judged.append(f"  {priority_text(row.priority)}", style="not bold")
+    fail, known = fail_style(row, conclusion), conclusion.known if conclusion else 0
     return row.id, (
-        Text(row.id, style="bold"),
-        judged,
-        Text(f"{row.ended}/{total}"),
-        *(_count(counts.get(word, 0), word) for word in _COUNTED),
-        Text(age_text(row.submitted_at, now), style=QUIET),
+        Text(row.id, style=QUIET if row.acknowledged else "bold"),
+        judged_text(row, conclusion) if search is None else searched_text(row, search),
+        progress_text(row, total, _PROGRESS),
+        outcome_bar(row, _OUTCOMES, fail),
+        Text(f"{row.failed:,}", fail) if row.failed else Text(NOTHING, QUIET),
+        Text(f"{known:,}", KNOWN) if known else Text(NOTHING, QUIET),
+        margin_marks(conclusion, _MARGINS),
+        when,
     )
-
-
-def _up_to_date(row: CampaignRow, said: Conclusion | None) -> Conclusion | None:
-    """Return what is said of a campaign; its counts are newer than what was made of them."""
-    if said is not None and said.text == NONE_JUDGED and row.done:
-        return replace(said, text="running")
-    return said
-
-
-def _judged(row: CampaignRow, said: Conclusion | None) -> Text:
-    # What is said of an unfinished campaign is not the last word; that nothing goes on is news.
-    if row.paused and not row.finished:
-        return Text("‖ paused", style=UNSURE)
-    return (
-        Text(said.glyph_text, style=DASHBOARD_STYLES[said.word])
-        if said
-        else Text(NOTHING, style=QUIET)
-    )
-
-
-def _searched(row: CampaignRow, search: SearchRow) -> Text:
-    # The first screen is not to wait for what only a search needs.
-    from daemon.search.answers.sentences import search_word
-
-    if row.paused and not search.ended:
-        return Text("‖ paused", style=UNSURE)
-    word = search_word(search)
-    if search.state == "running":
-        said: str = search.phase
-    else:
-        said = f"{GLYPHS[word]} {_SEARCHED.get(word, word)}"
-    best = search.answer.best if search.answer is not None else None
-    least = f" {margin(best.value.margin, best.value.unit)}" if best and best.value else ""
-    return Text(f"{said}{least}", style=DASHBOARD_STYLES[word])
-
-
-def _count(number: int, word: str) -> Text:
-    return (
-        Text(f"{number:,}", style=DASHBOARD_STYLES[word]) if number else Text(NOTHING, style=QUIET)
-    )
-
-
-def campaign_text(
-    row: CampaignRow, said: Conclusion | None, now: float, search: SearchRow | None = None
-) -> Text:
-    """Return a campaign in words, and what to type about it."""
-    said = _up_to_date(row, said)
-    text = Text.assemble((row.name, "bold"), "\n")
-    if search is not None:
-        from daemon.search.answers.sentences import search_word
-        from scenario_tui.text.search_text import search_line
-
-        text.append(f"search: {search_line(search)}\n", style=DASHBOARD_STYLES[search_word(search)])
-    if said:
-        text.append(f"{said.glyph_text}\n", style=DASHBOARD_STYLES[said.word])
-    for mark in schedule_marks(row):
-        text.append(f"{mark}\n", style=UNSURE)
-    if row.about:
-        text.append(f"{row.about}\n")
-    text.append(f"\n{count_noun(row.total, 'run')}, submitted {age_text(row.submitted_at, now)}")
-    if row.seconds_left is not None:
-        text.append(f",\n{duration_text(row.seconds_left)} left")
-    if row.finished_at is not None:
-        text.append(f",\nfinished in {duration_text(row.finished_at - row.submitted_at)}")
-    text.append("\n\n")
-    for word, count in run_counts(row).items():
-        text.append(f"{GLYPHS[word]} {word:<13}{count:>7,}\n", style=DASHBOARD_STYLES[word])
-    if search is not None and search.answer is not None:
-        text.append("".join(f"\n{sentence}" for sentence in search.answer.sentences))
-        text.append("\n")
-    text.append(f"\nscenario {'search' if row.search else 'results'} {row.id}\n", style=QUIET)
-    return text

@@ -28,7 +28,7 @@ from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.dashboard.widgets.top_view import TopView
 from scenario_tui.text.comparison_text import comparison_text
-from scenario_tui.text.formatting import QUIET
+from scenario_tui.text.styles import QUIET
 
 if TYPE_CHECKING:
     from scenario_tui.dashboard.base_app import BaseDashboard

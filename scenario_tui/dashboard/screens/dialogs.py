@@ -19,7 +19,8 @@ from textual.screen import ModalScreen
 from textual.widgets import Input, OptionList, Static
 from textual.widgets.option_list import Option
 
-from scenario_tui.text.formatting import BAD, QUIET
+from scenario_tui.dashboard.widgets.static_text import StaticText
+from scenario_tui.text.styles import BAD, QUIET
 
 YES: Final = "yes"
 _TYPED_ON: Final = frozenset(
@@ -31,6 +32,14 @@ _TYPED_ON: Final = frozenset(
 def same_as(command: str) -> Text:
     """Return the words about what to type to do the same."""
     return Text(f"same as: {command}" if command else "", style=QUIET)
+
+
+def move_cursor(options: OptionList, step: int) -> None:
+    """Go to the next option, or with a negative ``step`` to the one before."""
+    if step > 0:
+        options.action_cursor_down()
+    else:
+        options.action_cursor_up()
 
 
 class Question(ModalScreen[str]):
@@ -72,7 +81,7 @@ class Refusal(ModalScreen[None]):
         """Lay out the reason."""
         with Vertical(classes="dialog"):
             yield Static(Text(self._why))
-            yield Static(Text("enter closes this", style=QUIET), classes="note")
+            yield Static(Text.assemble(("enter closes this", QUIET)), classes="note")
 
     def on_key(self, event: Key) -> None:
         """Close, unless more is to be expected."""
@@ -107,15 +116,13 @@ class Menu(ModalScreen[str]):
         Binding("escape,q", "dismiss", "Close", id="close", tooltip="Leave it as it is"),
         Binding(
             "j",
-            "app.simulate_key('down')",
+            "move(1)",
             "Down",
             id="down",
             show=False,
             tooltip="The next choice",
         ),
-        Binding(
-            "k", "app.simulate_key('up')", "Up", id="up", show=False, tooltip="The choice before"
-        ),
+        Binding("k", "move(-1)", "Up", id="up", show=False, tooltip="The choice before"),
     ]
 
     def __init__(self, text: str, choices: Sequence[MenuChoice], note: str) -> None:
@@ -127,7 +134,7 @@ class Menu(ModalScreen[str]):
         with Vertical(classes="dialog"):
             yield Static(Text(self._text), classes="title")
             yield OptionList(*map(_option, self._choices), compact=True)
-            yield Static(id="same")
+            yield StaticText(id="same")
             yield Static(Text(self._note), classes="note")
 
     def on_option_list_option_highlighted(self, event: OptionList.OptionHighlighted) -> None:
@@ -146,6 +153,10 @@ class Menu(ModalScreen[str]):
                 event.stop()
                 self.dismiss(choice.answer)
                 return
+
+    def action_move(self, step: int) -> None:
+        """Move the cursor."""
+        move_cursor(self.query_one(OptionList), step)
 
 
 def _option(choice: MenuChoice) -> Option:
@@ -174,7 +185,7 @@ class Prompt(ModalScreen[str]):
         with Vertical(classes="dialog"):
             yield Static(Text(self._text), classes="title")
             yield Input(self._value, compact=True, id="answer")
-            yield Static(id="same")
+            yield StaticText(id="same")
 
     def on_input_changed(self, event: Input.Changed) -> None:
         """Say what is wrong with what is typed, or what to type elsewhere."""

@@ -37,7 +37,7 @@ class Arrangement:
         matching = [
             (value, row)
             for value, row in rows
-            if text in " ".join(cell.plain for cell in row[1]).casefold()
+            if not text or text in " ".join(cell.plain for cell in row[1]).casefold()
         ]
         key = keys[self.sort]
         matching.sort(key=lambda pair: key(pair[0]), reverse=self.descending)
@@ -144,4 +144,5 @@ class FilteredScreen(BaseScreen[T]):
     def _leave_line(self) -> None:
         line = self.query_one("#filter", Input)
         line.display = bool(line.value)
-        self.query_one(KeyedTable).focus(scroll_visible=False)
+        # At once: the next key may wait already.
+        self.set_focus(self.query_one(KeyedTable), scroll_visible=False)

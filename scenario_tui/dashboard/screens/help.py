@@ -16,7 +16,7 @@ from textual.screen import ModalScreen, Screen
 from textual.widgets import Static
 
 import scenario_tui
-from scenario_tui.text.formatting import QUIET
+from scenario_tui.text.styles import QUIET
 
 if TYPE_CHECKING:
     from daemon.model.status import CampaignRow

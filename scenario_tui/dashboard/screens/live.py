@@ -24,7 +24,7 @@ from scenario_tui.dashboard.widgets.map_legend import MapLegend
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.top_view import TopView
 from scenario_tui.terminal.capabilities import copy_to_tmux
-from scenario_tui.text.formatting import BAD, QUIET, UNSURE
+from scenario_tui.text.styles import BAD, QUIET, UNSURE
 
 FRAMES: Final = 10
 """How often a second the view is drawn."""

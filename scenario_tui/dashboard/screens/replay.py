@@ -21,8 +21,8 @@ from scenario_tui.dashboard.widgets.map_legend import MapLegend
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.dashboard.widgets.top_view import TopView
-from scenario_tui.text.formatting import QUIET
 from scenario_tui.text.run_text import verdict_lines
+from scenario_tui.text.styles import QUIET
 
 
 class ReplayScreen(StandaloneScreen, Parts, MapActions, PlayingScreen):

@@ -24,8 +24,6 @@ from scenario_tui.dashboard.state import Known, RunsView
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
 from scenario_tui.text.formatting import (
-    DASHBOARD_STYLES,
-    QUIET,
     glyph_word,
     margin,
     run_counts,
@@ -34,6 +32,7 @@ from scenario_tui.text.formatting import (
     time_text,
 )
 from scenario_tui.text.run_text import reached_text
+from scenario_tui.text.styles import QUIET
 
 PAGE: Final = 100
 """Runs asked for at a time, out of 100,000 in a large campaign: KeyedTable says why not all."""
@@ -355,7 +354,7 @@ def run_cells(row: RunRow, track: Track | None, named: bool = False) -> Row:
     return row.id, (
         Text(run_label(row), style="bold"),
         *([Text(row.campaign, style=QUIET)] if named else []),
-        Text(glyph_word(word), style=DASHBOARD_STYLES[word]),
+        Text(glyph_word(word), style=word),
         Text(margin(row.margin, row.unit) if row.oracle else ""),
         Text(row.oracle),
         Text(progress(row, track)),

@@ -32,8 +32,9 @@ from scenario_tui.dashboard.state import Known
 from scenario_tui.dashboard.widgets.search_curve import LEGEND, SearchCurveView, search_curve
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
-from scenario_tui.text.formatting import DASHBOARD_STYLES, GLYPHS, QUIET, margin
+from scenario_tui.text.formatting import margin
 from scenario_tui.text.search_text import answer_lines, parameters_text
+from scenario_tui.text.styles import GLYPHS, QUIET
 
 _COLUMNS: Final = (
     Column("what to look at", 15),
@@ -189,9 +190,9 @@ class SearchScreen(SteeringScreen[SearchNews], MapActions, Parts):
         row, explored = search.row, search.explored
         word, failed = search_word(row), sum(one.fails for one in explored)
         settled = sum(one.outcome is not None for one in explored)
-        said = Text(GLYPHS[word], style=DASHBOARD_STYLES[word])
+        said = Text(GLYPHS[word], style=word)
         said.append(f" {settled}/{row.task.runs} {row.phase}")
-        said.append(f"  {failed} fail", style=DASHBOARD_STYLES["fail"] if failed else QUIET)
+        said.append(f"  {failed} fail", style="fail" if failed else QUIET)
         best = smallest_margin(explored)
         if best is not None and best.value is not None:
             said.append(f"  best {margin(best.value.margin, best.value.unit)}")
@@ -269,7 +270,7 @@ def _cells(one: NotableTrial) -> Row:
     word = "fail" if one.trial.fails else "pass"
     return one.key, (
         Text(f"{one.what} ×{one.count:,}" if one.count else one.what),
-        Text(words or NOTHING, style=DASHBOARD_STYLES[word] if words else QUIET),
+        Text(words or NOTHING, style=word if words else QUIET),
         Text(one.about),
         Text(f"{one.trial.number:,}", style=QUIET),
     )

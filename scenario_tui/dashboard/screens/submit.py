@@ -31,12 +31,12 @@ from scenario_tui.campaign_files import (
     relative_name,
 )
 from scenario_tui.dashboard.screens.base import BaseScreen
-from scenario_tui.dashboard.screens.dialogs import same_as
+from scenario_tui.dashboard.screens.dialogs import move_cursor, same_as
 from scenario_tui.dashboard.state import Known
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.library.submission import CheckedFile, plan_text, receipt_text, searches_text
 from scenario_tui.text.diagnostics import diagnostic_counts, render_diagnostic
-from scenario_tui.text.formatting import DASHBOARD_STYLES, GLYPHS, QUIET
+from scenario_tui.text.styles import GLYPHS, QUIET
 
 _PAUSE: Final = 0.15
 """Seconds the cursor rests on a file before it is checked."""
@@ -69,7 +69,6 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
         self._fresh = self._busy = False
         self._slots = 0
         self._pausing: Timer | None = None
-        self._news: int | None = None
         self._line = Input(placeholder="parts of the name", id="wanted", compact=True)
         self._list = OptionList(id="files", compact=True)
         self._about = StaticText(id="about")
@@ -148,21 +147,13 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
         index = self._list.highlighted
         return None if index is None else self._files[self._names[index]]
 
-    def on_option_list_option_highlighted(self, event: OptionList.OptionHighlighted) -> None:
+    def on_option_list_option_highlighted(self) -> None:
         """Check the file the cursor came to, once it rests there."""
-        self._news = event.option_index
         self._say()
         if self._pausing is not None:
             self._pausing.stop()
         if (path := self._chosen()) is not None:
             self._pausing = self.set_timer(_PAUSE, partial(self._check, path))
-
-    def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
-        """Submit the file that is clicked on a second time."""
-        if self._news == event.option_index:
-            self._news = None
-        else:
-            self.action_submit_file()
 
     @work(thread=True, exclusive=True, group="check")
     def _check(self, path: Path) -> None:
@@ -232,10 +223,7 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
 
     def action_move(self, step: int) -> None:
         """Go to another file."""
-        if step > 0:
-            self._list.action_cursor_down()
-        else:
-            self._list.action_cursor_up()
+        move_cursor(self._list, step)
 
     def action_fresh(self) -> None:
         """Run everything anew, or only what has no result."""
@@ -265,7 +253,7 @@ def _checked_text(checked: CheckedFile, here: Path) -> Text:
     about = f"{checked.about}, " if checked.about else ""
     word = "fail" if wrong else "pass"
     words = f"{GLYPHS[word]} {about}{diagnostic_counts(checked.findings)}"
-    text = Text.assemble((words, DASHBOARD_STYLES[word]))
+    text = Text.assemble((words, word))
     for finding in checked.findings:
         where = finding.where
         # Screens are narrow: from here the name is shorter.

@@ -14,18 +14,13 @@ import numpy.typing as npt
 
 from grammars.model.geometry import Floats
 from scenario_tui.dashboard.widgets.cell_view import DOT_BITS, Cells, Codes, points_along
-from scenario_tui.terminal.capabilities import Blocks
 
 Mask = npt.NDArray[np.bool_]
-_QUADRANTS: Final = " ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█"
-ROWS: Final[dict[Blocks, int]] = {"cells": 1, "quadrants": 2}
-"""How many squares a cell is high; it is two wide, or one as a whole."""
-
-
-_CODES: Final[dict[Blocks, Codes]] = {
-    "cells": np.array([ord(" "), ord("█")], dtype=np.int32),
-    "quadrants": np.array([*map(ord, _QUADRANTS)], dtype=np.int32),
-}
+_QUADRANTS: Final = np.array([*map(ord, " ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█")], dtype=np.int32)
+"""The block for each sum of the squares in it."""
+_SQUARES: Final = np.array([[1, 2], [4, 8]])
+_FOUR_DOTS: Final = DOT_BITS.reshape(2, 2, 2).sum(axis=1, dtype=np.uint8)
+"""The braille dots in each square of a cell."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,8 +59,7 @@ def fill_areas(edges: Floats, width: int, height: int, *, even_odd: bool = False
 def area_dots(edges: Floats, columns: int, rows: int) -> Cells:
     """Return the braille dots (rows, columns) in the areas whose ``edges`` (n, 4) are in dots."""
     # Dots are counted from their middles.
-    mask = fill_areas(edges + 0.5, 2 * columns, 4 * rows)
-    return mask_dots(mask, 4)
+    return mask_dots(fill_areas(edges + 0.5, 2 * columns, 4 * rows))
 
 
 def draw_strokes(mask: Mask, lines: Floats) -> None:
@@ -73,18 +67,12 @@ def draw_strokes(mask: Mask, lines: Floats) -> None:
     if len(lines) == 0:
         return
     height, width = mask.shape
-    lines = lines[_may_be_seen(lines, width, height)]
+    low, high = np.minimum(lines[:, :2], lines[:, 2:]), np.maximum(lines[:, :2], lines[:, 2:])
+    # Zoomed, most lines have nothing of their box on the screen.
+    lines = lines[np.all((high >= 0) & (low <= (width, height)), axis=1)]
     x, y = np.floor(points_along(lines)).astype(np.int64).T
     inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
     mask[y[inside], x[inside]] = True
-
-
-def _may_be_seen(lines: Floats, width: int, height: int) -> Mask:
-    """Return which lines have something of their box on the screen: zoomed, most have not."""
-    low = np.minimum(lines[:, :2], lines[:, 2:])
-    high = np.maximum(lines[:, :2], lines[:, 2:])
-    seen: Mask = np.all((high >= 0) & (low <= (width, height)), axis=1)
-    return seen
 
 
 def ring_edges(rings: Sequence[Floats]) -> Floats:
@@ -122,28 +110,15 @@ def middle_line(ring: Floats) -> Floats:
     return ends
 
 
-def to_blocks(mask: Mask, blocks: Blocks) -> BlockLayer:
-    """Return a mask of squares (rows x squares high, columns x 2) as cells."""
-    high = ROWS[blocks]
-    rows, columns = mask.shape[0] // high, mask.shape[1] // 2
-    if blocks == "cells":
-        whole = mask.reshape(rows, columns, 2).any(axis=2)
-        dots = np.where(whole, 0xFF, 0).astype(np.uint8)
-        return BlockLayer(_CODES[blocks][whole.astype(int)], dots)
-    squares = mask.reshape(rows, high, columns, 2)
-    bits = np.zeros((rows, columns), dtype=np.int64)
-    for row in range(high):
-        for column in range(2):
-            bits |= squares[:, row, :, column].astype(np.int64) << (2 * row + column)
-    return BlockLayer(_CODES[blocks][bits], mask_dots(mask, high))
+def to_blocks(mask: Mask) -> BlockLayer:
+    """Return a mask of squares (2 x rows, 2 x columns) as cells."""
+    squares = mask.reshape(mask.shape[0] // 2, 2, mask.shape[1] // 2, 2)
+    codes = _QUADRANTS[np.einsum("rhcw,hw->rc", squares, _SQUARES)]
+    return BlockLayer(codes, np.einsum("rhcw,hw->rc", squares, _FOUR_DOTS))
 
 
-def mask_dots(mask: Mask, high: int) -> Cells:
-    """Return the braille dots that are like a mask with ``high`` squares in a cell."""
-    squares = mask.reshape(mask.shape[0] // high, high, mask.shape[1] // 2, 2)
-    dots = np.zeros((squares.shape[0], squares.shape[2]), dtype=np.uint8)
-    for row in range(4):
-        for column in range(2):
-            here = squares[:, row * high // 4, :, column]
-            dots |= np.where(here, DOT_BITS[row, column], 0).astype(np.uint8)
+def mask_dots(mask: Mask) -> Cells:
+    """Return a mask of dots (4 x rows, 2 x columns) as braille dots of cells."""
+    squares = mask.reshape(mask.shape[0] // 4, 4, mask.shape[1] // 2, 2)
+    dots: Cells = np.einsum("rhcw,hw->rc", squares, DOT_BITS)
     return dots

@@ -31,7 +31,6 @@ from scenario_tui.dashboard.widgets.map_style import (
     Layer,
 )
 from scenario_tui.dashboard.widgets.still_map import EYE_HEIGHT, StillMap, box_of, still_map
-from scenario_tui.terminal.capabilities import Blocks
 from templates import plan_shapes
 from templates.plan_shapes import MeasuredMark, PlanShape, Points, ShapeRole
 
@@ -278,16 +277,14 @@ def _joined(shapes: Iterable[PlanShape]) -> Iterator[PlanShape]:
 
 def draw_view(
     view: View, columns: int, rows: int, *, zoom: int = 1, middle: Point2 | None = None,
-    blocks: Blocks = "quadrants", costmap: str | None = None,
+    costmap: str | None = None,
 ) -> MapFrame:  # fmt: skip
     """Return the map of a view, when zoomed the part around ``middle`` [m], else the robot.
 
     ``costmap`` is that of :func:`shapes_of`.
     """
-    around = middle or (view.where.x, view.where.y)
-    frame = MapFrame(
-        still_map(view.scene, view.mission, columns, rows, zoom=zoom, middle=around, blocks=blocks)
-    )
+    around = (middle or (view.where.x, view.where.y)) if zoom > 1 else None
+    frame = MapFrame(still_map(view.scene, view.mission, columns, rows, zoom, around))
     for shape in _joined(shapes_of(view, costmap)):
         frame.draw(shape)
     return frame

@@ -68,10 +68,11 @@ def place_beside(text: str, layer: int, box: Box, free: Mask, gap: int = 1) -> M
     if right < 0 or bottom < 0 or left >= columns or top >= rows:
         return None
     width = len(text)
+    after, before = right + 1 + gap, left - width - gap
     middle, centre = (top + bottom) // 2, (left + right) // 2 - (width - 1) // 2
-    spots = [(middle, right + 1 + gap), (middle, left - width - gap)]
+    spots = [(middle, after), (middle, before)]
     for row in (top - 1, bottom + 1, top - 2, bottom + 2):
-        spots += [(row, column) for column in (centre, right + 1, left - width)]
+        spots += [(row, column) for column in (centre, after, before, after + 2)]
     for row, column in spots:
         is_inside = 0 <= row < rows and 0 <= column <= columns - width
         if is_inside and free[row, max(column - gap, 0) : column + width + gap].all():

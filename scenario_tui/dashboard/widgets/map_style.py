@@ -11,10 +11,11 @@ from rich.style import Style
 from rich.text import Text
 
 from grammars.text.words import format_quantity
-from scenario_tui.text.formatting import (
+from scenario_tui.text.styles import (
     BAD,
     BROKEN,
     BUSY,
+    COLOURS,
     DOORS,
     FACT,
     GLYPHS,
@@ -44,8 +45,8 @@ class Layer(IntEnum):
     DOOR = 10
     MOVER = 11
     SPREAD = 12
-    NEAR = 13
-    TOUCHING = 14
+    NEAR_TRAIL = 13
+    TOUCHING_TRAIL = 14
     REACHED = 15
     WAYPOINT = 16
     ESTIMATE = 17
@@ -61,55 +62,34 @@ STYLES: Final = tuple(
     {
         Layer.WALL: Style(color=WALLS),
         # Below what is low: walls are drawn as walls, whatever they cost.
-        Layer.COSTMAP: Style(color=UNSURE, dim=True),
+        Layer.COSTMAP: Style(color=COLOURS[UNSURE], dim=True),
         Layer.LOW: Style(color=WALLS, dim=True),
         # Bold: where there are no colours, what the laser sees of a wall is told from the rest.
-        Layer.LIT: Style(color=FACT, bold=True),
-        Layer.RETURN: Style(color=FACT, bold=True),
-        Layer.PLAN: Style(color=BUSY),
-        Layer.SPACE_NAME: Style(color=QUIET),
-        Layer.DOOR_NAME: Style(color=DOORS, dim=True),
-        Layer.TRAIL: Style(color=GOOD),
+        Layer.LIT: Style(color=COLOURS[FACT], bold=True),
+        Layer.RETURN: Style(color=COLOURS[FACT], bold=True),
+        Layer.PLAN: Style(color=COLOURS[BUSY]),
+        Layer.SPACE_NAME: Style(color=COLOURS[QUIET]),
+        Layer.DOOR_NAME: Style(color=COLOURS[DOORS], dim=True),
+        Layer.TRAIL: Style(color=COLOURS[GOOD]),
         Layer.POST: Style(color=WALLS),
-        Layer.DOOR: Style(color=DOORS),
-        Layer.MOVER: Style(color=DOORS, bold=True),
-        Layer.SPREAD: Style(color=BROKEN),
-        Layer.NEAR: Style(color=UNSURE, bold=True),
-        Layer.TOUCHING: Style(color=BAD, bold=True),
-        Layer.REACHED: Style(color=BUSY, dim=True),
-        Layer.WAYPOINT: Style(color=BUSY, bold=True),
-        Layer.ESTIMATE: Style(color=BROKEN, bold=True),
-        Layer.ROBOT: Style(color=GOOD, bold=True),
-        Layer.DECISION: Style(color=FACT, bold=True),
-        Layer.FAILURE: Style(color=BAD, bold=True),
-        Layer.HEADING: Style(color=GOOD, bold=True, reverse=True),
-        Layer.CONTACT: Style(color=BAD, bold=True, reverse=True),
-        Layer.SCALE: Style(color=QUIET),
+        Layer.DOOR: Style(color=COLOURS[DOORS]),
+        Layer.MOVER: Style(color=COLOURS[DOORS], bold=True),
+        Layer.SPREAD: Style(color=COLOURS[BROKEN]),
+        Layer.NEAR_TRAIL: Style(color=COLOURS[UNSURE], bold=True),
+        Layer.TOUCHING_TRAIL: Style(color=COLOURS[BAD], bold=True),
+        Layer.REACHED: Style(color=COLOURS[BUSY], dim=True),
+        Layer.WAYPOINT: Style(color=COLOURS[BUSY], bold=True),
+        Layer.ESTIMATE: Style(color=COLOURS[BROKEN], bold=True),
+        Layer.ROBOT: Style(color=COLOURS[GOOD], bold=True),
+        Layer.DECISION: Style(color=COLOURS[FACT], bold=True),
+        Layer.FAILURE: Style(color=COLOURS[BAD], bold=True),
+        Layer.HEADING: Style(color=COLOURS[GOOD], bold=True, reverse=True),
+        Layer.CONTACT: Style(color=COLOURS[BAD], bold=True, reverse=True),
+        Layer.SCALE: Style(color=COLOURS[QUIET]),
     }[layer]
     for layer in Layer
 )
-LAYER_OF: Final = {
-    ShapeRole.WALL: Layer.WALL,
-    ShapeRole.LOW: Layer.LOW,
-    ShapeRole.COSTMAP: Layer.COSTMAP,
-    ShapeRole.RETURN: Layer.RETURN,
-    ShapeRole.PLAN: Layer.PLAN,
-    ShapeRole.TRAIL: Layer.TRAIL,
-    ShapeRole.NEAR_TRAIL: Layer.NEAR,
-    ShapeRole.TOUCHING_TRAIL: Layer.TOUCHING,
-    ShapeRole.DOOR: Layer.DOOR,
-    ShapeRole.POST: Layer.POST,
-    ShapeRole.MOVER: Layer.MOVER,
-    ShapeRole.SPREAD: Layer.SPREAD,
-    ShapeRole.REACHED: Layer.REACHED,
-    ShapeRole.WAYPOINT: Layer.WAYPOINT,
-    ShapeRole.ESTIMATE: Layer.ESTIMATE,
-    ShapeRole.ROBOT: Layer.ROBOT,
-    ShapeRole.HEADING: Layer.HEADING,
-    ShapeRole.CONTACT: Layer.CONTACT,
-    ShapeRole.DECISION: Layer.DECISION,
-    ShapeRole.FAILURE: Layer.FAILURE,
-}
+LAYER_OF: Final = {role: Layer[role.name] for role in ShapeRole if role.name in Layer.__members__}
 ARROWS: Final = "→↗↑↖←↙↓↘"
 """One for each eighth of a turn to the left."""
 AHEAD, REACHED, ESTIMATE, CONTACT, TOUCHING, DECISION = "◆", "◇", "+", "✱", "×", "●"
@@ -123,8 +103,8 @@ _SIGNS: Final = (
     (Layer.WAYPOINT, AHEAD, "waypoint"),
     (Layer.REACHED, REACHED, "reached"),
     (Layer.TRAIL, "⠤⠤", "driven"),
-    (Layer.NEAR, "⠶⠶", "nearer than"),
-    (Layer.TOUCHING, TOUCHING, "touching"),
+    (Layer.NEAR_TRAIL, "⠶⠶", "nearer than"),
+    (Layer.TOUCHING_TRAIL, TOUCHING, "touching"),
     (Layer.CONTACT, CONTACT, "contact"),
     (Layer.PLAN, "⠄⠄", "plan"),
     (Layer.RETURN, "⠒⠒", "laser"),
@@ -180,5 +160,5 @@ def _entries(signs: Collection[MapSigns]) -> Iterator[Text]:
     for layer, sign, words in _SIGNS:
         if layer in shown:
             before = f"{decisive} " if layer in (Layer.FAILURE, Layer.DECISION) else ""
-            after = f" {asked}" if layer is Layer.NEAR else ""
+            after = f" {asked}" if layer is Layer.NEAR_TRAIL else ""
             yield Text.assemble((sign, STYLES[layer]), " ", (f"{before}{words}{after}", QUIET))

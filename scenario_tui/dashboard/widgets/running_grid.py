@@ -13,16 +13,9 @@ from textual.widget import Widget
 
 from grammars.text.words import count_noun, duration_text
 from scenario_tui.dashboard.live_tracks import SILENT
-from scenario_tui.text.formatting import (
-    BUSY,
-    DASHBOARD_STYLES,
-    QUIET,
-    UNSURE,
-    glyph_word,
-    keep_end,
-    run_label,
-)
+from scenario_tui.text.formatting import glyph_word, keep_end, run_label
 from scenario_tui.text.run_text import reached_text, worst_text
+from scenario_tui.text.styles import BUSY, QUIET, UNSURE
 
 if TYPE_CHECKING:
     from daemon.model.spec import Snapshot
@@ -166,7 +159,7 @@ class RunningGrid(Widget, can_focus=True):
     def _draw(self) -> Text:
         count = len(self._runs) + self._hidden
         text = Text(no_wrap=True, overflow="ellipsis")
-        text.append(glyph_word("running"), style=DASHBOARD_STYLES["running"])
+        text.append(glyph_word("running"), style="running")
         text.append(f"  {count_noun(count, 'run')}, worst margin so far", style=QUIET)
         if self._hidden:
             text.append(f"  {self._hidden} more in the table", style=QUIET)

@@ -18,16 +18,16 @@ from grammars.model.geometry import Floats
 from grammars.text.words import format_quantity
 from scenario_tui.dashboard.searches import SearchTrials
 from scenario_tui.dashboard.widgets.cell_view import Canvas, CellView, Codes, write_text
-from scenario_tui.text.formatting import BAD, BROKEN, BUSY, GLYPHS, QUIET, UNSURE
+from scenario_tui.text.styles import BAD, BROKEN, BUSY, COLOURS, GLYPHS, QUIET, UNSURE
 
 _LIMIT, _RUN, _BEST, _FAIL, _WORDS, _LOST = range(6)
 _STYLES: Final = (
-    Style(color=UNSURE),
-    Style(color=QUIET),
-    Style(color=BUSY, bold=True),
-    Style(color=BAD, bold=True),
-    Style(color=QUIET),
-    Style(color=BROKEN, bold=True),
+    Style(color=COLOURS[UNSURE]),
+    Style(color=COLOURS[QUIET]),
+    Style(color=COLOURS[BUSY], bold=True),
+    Style(color=COLOURS[BAD], bold=True),
+    Style(color=COLOURS[QUIET]),
+    Style(color=COLOURS[BROKEN], bold=True),
 )
 _GUTTER: Final = 11
 """Columns for the margins beside the graph."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 from rich.text import Text
 
 from grammars.text.words import count_noun, duration_text
+from scenario_tui.dashboard.campaign_assessor import CAMPAIGNS_ASSESSED
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.text.formatting import (
     brief_count,
@@ -125,11 +126,12 @@ def _troubles(overview: DaemonOverview) -> Iterator[_Part]:
 def _judging(state: Known) -> int:
     """Return how many campaigns have verdicts that their conclusion does not know yet."""
     count = 0
-    for row in state.campaigns:
+    campaigns = [row for row in state.campaigns if not row.search]
+    for row in campaigns[:CAMPAIGNS_ASSESSED]:
         conclusion = state.conclusions.get(row.id)
         # Of a campaign that goes on, "so far" is said anyway.
         behind = conclusion is None or (row.finished and conclusion.verdicts < row.done)
-        count += behind and row.done > 0 and not row.search and not row.acknowledged
+        count += behind and row.done > 0 and not row.acknowledged
     return count
 
 
@@ -167,6 +169,9 @@ def _counts(overview: DaemonOverview, *, news: bool) -> Iterator[_Part]:
         f"{verdicts}/{of} verdicts{brief_left}",
         f"{verdicts}/{of}{brief_left}",
     )
+    if overview.searched:
+        words = f"{overview.searched:,} found by searches"
+        yield _part(QUIET, words, f"{brief_count(overview.searched)} found", "")
     long, medium, short = [], [], []
     for word, count in counts.items():
         style = KNOWN if word == "fail" and not news else word

@@ -17,7 +17,6 @@ from grammars.model.geometry import Floats, Point2
 from grammars.model.mission import Mission
 from grammars.model.scene import Scene
 from scenario_tui.dashboard.widgets.block_cells import (
-    ROWS,
     BlockLayer,
     Mask,
     area_dots,
@@ -43,7 +42,6 @@ from scenario_tui.dashboard.widgets.map_projection import (
     map_turn,
 )
 from scenario_tui.dashboard.widgets.map_style import ARROWS, Layer
-from scenario_tui.terminal.capabilities import Blocks
 from scenario_tui.text.formatting import keep_start
 from scenario_tui.text.scale import round_step
 from templates import plan_shapes
@@ -97,30 +95,20 @@ class StillMap:
     edge: tuple[MapText, ...]
 
 
-def still_map(
-    scene: Scene, mission: Mission, columns: int, rows: int, *, zoom: int = 1,
-    middle: Point2 | None = None, blocks: Blocks = "quadrants",
-) -> StillMap:  # fmt: skip
-    """Return what stands still: the whole map, or ``zoom`` times as large around ``middle`` [m]."""
-    return _still_map(scene, mission, columns, rows, zoom, middle if zoom > 1 else None, blocks)
-
-
 @lru_cache(maxsize=16)
-def _still_map(
-    scene: Scene, mission: Mission, columns: int, rows: int, zoom: int, middle: Point2 | None,
-    blocks: Blocks,
-) -> StillMap:  # fmt: skip
+def still_map(
+    scene: Scene, mission: Mission, columns: int, rows: int, zoom: int, middle: Point2 | None
+) -> StillMap:
+    """Return what stands still: the whole map, or ``zoom`` times as large around ``middle`` [m]."""
     lines = _scene_lines(scene)
     stops = np.array([(waypoint.x, waypoint.y) for waypoint in mission.waypoints])
     # The last row is that of the scale, which is to cover nothing.
     size = (2 * columns, 4 * max(rows - 1, 1))
     start = (mission.start.x, mission.start.y)
     projection = fit(np.vstack([lines.corners, start, stops]), lines.turn, *size)
-    if zoom > 1:
-        projection = replace(
-            projection, scale=projection.scale * zoom, middle=middle or projection.middle
-        )
-    walls = to_blocks(_wall_mask(lines, projection, columns, rows, blocks), blocks)
+    if middle is not None:
+        projection = replace(projection, scale=projection.scale * zoom, middle=middle)
+    walls = to_blocks(_wall_mask(lines, projection, columns, rows))
     low = Canvas(columns, rows, 1)
     low.lines(_in_dots(lines.low, projection), 0)
     has_names = columns >= _LEAST_NAMED[0] and rows >= _LEAST_NAMED[1]
@@ -177,14 +165,11 @@ def _in_dots(lines: Floats, projection: MapProjection) -> Floats:
     return projection.dots(lines.reshape(-1, 2)).reshape(-1, 4)
 
 
-def _wall_mask(
-    lines: _SceneLines, projection: MapProjection, columns: int, rows: int, blocks: Blocks
-) -> Mask:
-    high = ROWS[blocks]
-    # Squares are counted from their edges, dots from their middles.
-    shape = np.array([1.0, high / 4.0] * 2)
+def _wall_mask(lines: _SceneLines, projection: MapProjection, columns: int, rows: int) -> Mask:
+    # Squares are counted from their edges, dots from their middles; a square is two dots high.
+    shape = np.array([1.0, 0.5] * 2)
     edges = (_in_dots(lines.walls, projection) + 0.5) * shape
-    mask = fill_areas(edges, 2 * columns, high * rows)
+    mask = fill_areas(edges, 2 * columns, 2 * rows)
     # Walls thinner than a square have no middle of one in them.
     draw_strokes(mask, (_in_dots(lines.middles, projection) + 0.5) * shape)
     return mask

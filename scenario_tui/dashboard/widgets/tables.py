@@ -165,6 +165,8 @@ class KeyedTable(DataTable[Text]):
         self._settle(key)
 
     def _change(self, place: int, before: tuple[Text, ...], cells: tuple[Text, ...]) -> None:
+        if before is cells:
+            return
         for index in self._widths:
             if not same_text(before[index], cells[index]):
                 self.update_cell(str(place), str(index), self._cell(index, cells))
@@ -176,6 +178,8 @@ class KeyedTable(DataTable[Text]):
 
     def _settle(self, key: str) -> None:
         """Put the cursor on the row of a key, on the first one if there is none."""
+        if not self._rows:
+            return  # a beginning is for the rows that are still to come
         # The scroll of another page would show its middle; where the cursor begins, the view does.
         beginning, self._from = self._from, ""
         key, self._begin = self._begin or key, ""

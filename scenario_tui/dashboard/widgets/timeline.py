@@ -77,26 +77,24 @@ class TimelineView(CellView):
 
     @property
     def drawn(self) -> bool:
-        """Whether it has anything to show."""
+        """True once it has a run to show."""
         return bool(self._timelines)
 
     @property
     def signals(self) -> tuple[Signal, ...]:
-        """The signals there are to see, what matters most first."""
-        # What the chosen oracle reads, then what any reads; else in the order of the run. What only
-        # counts is left out unless somebody asks for it.
-        shown = [
+        """The signals to see: those the chosen oracle reads, those any oracle reads, the others."""
+        visible = [
             signal
             for signal in (self._timelines[0].signals if self._timelines else ())
             if self._counting or signal.name not in _COUNTING or self._oracle in signal.readers
         ]
-        shown.sort(key=lambda signal: (self._oracle not in signal.readers, not signal.readers))
-        return tuple(shown)
+        visible.sort(key=lambda signal: (self._oracle not in signal.readers, not signal.readers))
+        return tuple(visible)
 
     def show(self, timelines: Sequence[RunTimeline], time: float | None = None) -> None:
-        """Show other runs, or more of the same, with the playhead at ``time`` [s]; or none."""
+        """Show other runs, or more of the same, with the playhead at ``time`` [s] or as it was."""
         self._timelines, self._drawing = tuple(timelines), None
-        if self._stretch and timelines and self._stretch[0] >= whole_span(timelines)[1]:
+        if self._stretch and self._stretch[0] >= whole_span(timelines)[1]:
             self._stretch = None  # of another run, or of one that has begun anew
         self._put(self._time if time is None else time)
         self.redraw()
@@ -119,7 +117,7 @@ class TimelineView(CellView):
             self.redraw()
 
     def _put(self, time: float) -> None:
-        """Put the playhead at a moment; the stretch that it leaves gives way to one around it."""
+        """Put the playhead at a moment; a stretch of time that it leaves moves along."""
         if self._stretch is not None:
             start, end = self._stretch
             if start <= self._time <= end and not start <= time <= end:
@@ -127,7 +125,7 @@ class TimelineView(CellView):
         self._time = time
 
     def zoom_time(self, nearer: bool, around: float | None = None) -> None:
-        """Show less of the time or more, with a moment [s], or the playhead, in its place."""
+        """Show less of the time or more; a moment [s], or the playhead, keeps its column."""
         if not self._timelines:
             return
         start, end = self._stretch or whole_span(self._timelines)
@@ -143,7 +141,7 @@ class TimelineView(CellView):
             self._draw_anew()
 
     def _show_stretch(self, length: float, time: float, share: float) -> None:
-        """Show a stretch with a moment at a share of its length, or all where that is no more."""
+        """Show a stretch with a moment at a share of its length, or all if it is not longer."""
         start, end = whole_span(self._timelines)
         length = max(length, _SHORTEST)
         first = min(max(time - share * length, start), end - length)
@@ -164,7 +162,7 @@ class TimelineView(CellView):
             self._draw_anew()
 
     def on_mouse_down(self, event: events.MouseDown) -> None:
-        """Seek the moment, and those the pointer is dragged to."""
+        """Seek the moment, and begin a drag."""
         if event.button == 1 and self._drawing and self._column(event) >= 0:
             self.capture_mouse()
             self._seek(event)
@@ -175,7 +173,7 @@ class TimelineView(CellView):
             self._seek(event)
 
     def on_mouse_up(self) -> None:
-        """Leave it at that."""
+        """End a drag."""
         self.release_mouse()
 
     def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
@@ -273,28 +271,28 @@ def _brief(value: float, unit: str = "") -> str:
 
 def _words(signal: Signal, values: Sequence[str], width: int, height: int) -> list[tuple[str, int]]:
     """Return the lines beside a signal: its name, values, limits, and from where to where."""
-    said = " ┊ ".join(values)
+    text = " ┊ ".join(values)
     if height == 1:
-        return [(f"{signal.name[: width - len(said) - 1]} {said}", NAME)]
+        return [(f"{signal.name[: width - len(text) - 1]} {text}", NAME)]
     named = [signal.name]
     if len(signal.name) > width and height > _LEAST_ROWS:
-        # Between its words, where it has any.
+        # Between its words, if it has any.
         cut = signal.name.rfind(" ", 0, width + 1)
         ends, begins = (cut, cut + 1) if cut > 0 else (width, width)
         named = [signal.name[:ends], signal.name[begins:]]
     words = [(name, NAME) for name in named]
-    if len(said) > width and height > 2 and len(values) > 1:
+    if len(text) > width and height > 2 and len(values) > 1:
         words += [(values[0], CURVE), (f"┊ {values[1]}", OTHER)]
     else:
-        words.append((said, CURVE))
+        words.append((text, CURVE))
     if signal.limits:
         limits = [
             _ASKED[one.side] + format_quantity(one.value, signal.unit) for one in signal.limits
         ]
         words.append((", ".join(limits), LIMIT))
-    known = np.isfinite(signal.low)
-    if known.any():
-        least, greatest = signal.low[known].min(), signal.high[known].max()
+    finite = np.isfinite(signal.low)
+    if finite.any():
+        least, greatest = signal.low[finite].min(), signal.high[finite].max()
         if _brief(least) != _brief(greatest):
             words.append((_range(least, greatest, signal.unit), FAINT))
     return words

@@ -21,16 +21,16 @@ from scenario_tui.text.scale import AxisScale, fit_axis, mark_axis, tick_text
 
 LIMIT, OTHER, CURVE, AGAINST, EVENT, DONE, FAIL, FAINT, NAME, CURSOR = range(10)
 _PLAIN: Final = (
-    Style(color=styles.UNSURE),
-    Style(color=styles.UNSURE, bold=True),
-    Style(color=styles.BUSY),
-    Style(color=styles.BAD),
-    Style(color=styles.FACT),
-    Style(color=styles.GOOD),
-    Style(color=styles.BAD, bold=True),
-    Style(color=styles.FAINT),
+    Style(color=styles.COLOURS[styles.UNSURE]),
+    Style(color=styles.COLOURS[styles.UNSURE], bold=True),
+    Style(color=styles.COLOURS[styles.BUSY]),
+    Style(color=styles.COLOURS[styles.BAD]),
+    Style(color=styles.COLOURS[styles.FACT]),
+    Style(color=styles.COLOURS[styles.GOOD]),
+    Style(color=styles.COLOURS[styles.BAD], bold=True),
+    Style(color=styles.COLOURS[styles.QUIET]),
     Style(bold=True),
-    Style(color=styles.FACT, bold=True),
+    Style(color=styles.COLOURS[styles.FACT], bold=True),
 )
 BEHIND: Final = len(_PLAIN)
 """Added to the style of a cell that the playhead passes behind."""
@@ -86,16 +86,16 @@ def ranges(signal: Signal, start: float, end: float, count: int) -> tuple[Floats
     spike of one sample stays to be seen. NaN where nothing is known.
     """
     low, high = np.full(count, np.nan), np.full(count, np.nan)
-    known = np.isfinite(signal.low)
-    time, least, most = signal.time[known], signal.low[known], signal.high[known]
+    finite = np.isfinite(signal.low)
+    time, least, most = signal.time[finite], signal.low[finite], signal.high[finite]
     if not len(time):
         return low, high
     # From the last sample at or before an edge: values hold until the next one is written.
     edges = np.linspace(start, end, count + 1)
     first = np.maximum(np.searchsorted(time, edges[:-1] + 1e-9, side="right") - 1, 0)
     last = np.searchsorted(time, edges[1:] + 1e-9, side="right")
-    # What ends before it begins reduces to its first value, and is left out; the value put behind
-    # the last one is never part of a stretch.
+    # A stretch that ends before it begins reduces to its first value, and is left out. The value
+    # behind the last one is never part of a stretch.
     stretches = np.column_stack([first, last]).ravel()
     filled = (last > first) & (edges[:-1] <= signal.time[-1])
     low[filled] = np.minimum.reduceat(np.append(least, np.inf), stretches)[::2][filled]
@@ -113,20 +113,20 @@ def fit_heights(signals: Sequence[Signal], rows: int) -> list[int]:
             break
         heights.append(least)
     tall = [i for i, _ in enumerate(heights) if signals[i].unit != "bool"]
-    left = rows - sum(heights)
+    spare = rows - sum(heights)
     for place, index in enumerate(tall):
         # All grow evenly, those above first.
-        heights[index] += left // len(tall) + (place < left % len(tall))
+        heights[index] += spare // len(tall) + (place < spare % len(tall))
     return heights
 
 
 def _scale_of(signal: Signal, curves: Sequence[tuple[Floats, Floats]], rows: int) -> AxisScale:
     """Return the scale of the values that are drawn, with the limits in view."""
     limits = [limit.value for limit in signal.limits]
-    known = np.concatenate([part[np.isfinite(part)] for curve in curves for part in curve])
-    if not len(known):
+    values = np.concatenate([part[np.isfinite(part)] for curve in curves for part in curve])
+    if not len(values):
         return fit_axis(min(limits, default=0.0), max(limits, default=1.0), (), rows)
-    return fit_axis(float(known.min()), float(known.max()), limits, rows)
+    return fit_axis(float(values.min()), float(values.max()), limits, rows)
 
 
 class TimelineDrawing:
@@ -154,11 +154,10 @@ class TimelineDrawing:
         whole = whole_span(timelines)
         self.span = PlottedSpan(*(stretch or whole), max(columns - self.gutter, 1))
         self.timelines, self.signals = timelines, signals
-        # What nothing is known of has no lane.
-        told = [timeline for timeline in timelines if timeline.doors is not None]
+        with_doors = [timeline for timeline in timelines if timeline.doors is not None]
         most = max(1, 2 * rows // (_LANES * (1 + len(timelines))))
-        doors = _door_lanes([timeline.doors or () for timeline in told], most)
-        room = max(rows - len(doors) * len(told) - len(timelines) - 1, 0)
+        doors = _door_lanes([timeline.doors or () for timeline in with_doors], most)
+        room = max(rows - len(doors) * len(with_doors) - len(timelines) - 1, 0)
         self.heights = fit_heights(signals, room)
         row = 0
         for signal, height in zip(signals, self.heights, strict=False):
@@ -166,8 +165,8 @@ class TimelineDrawing:
             row += height
         row = room if row else 0
         for name, joints in doors:
-            for timeline in told:
-                self._label(row, name if timeline is told[0] else f"┊ {name}")
+            for timeline in with_doors:
+                self._label(row, name if timeline is with_doors[0] else f"┊ {name}")
                 self._door(row, timeline, joints)
                 row += 1
         axis = row + len(timelines)
@@ -181,15 +180,15 @@ class TimelineDrawing:
 
     @property
     def more(self) -> int:
-        """How many signals have no room."""
+        """The number of signals that have no room."""
         return len(self.signals) - len(self.heights)
 
     def moment(self, column: int) -> float:
         """Return the moment [s] of a column of the plots; that of the first ``✗`` in it, if any."""
         decided = (time for timeline in self.timelines for time in timeline.decided)
-        drawn = (time for time in decided if self.span.meets(time, time))
-        at = self.span.moment(column)
-        return next((time for time in drawn if self.span.column(time) == column), at)
+        span = self.span
+        here = (t for t in decided if span.meets(t, t) and span.column(t) == column)
+        return next(here, span.moment(column))
 
     def others(self, signal: Signal) -> list[Signal]:
         """Return the signals of that name in the other timelines."""
@@ -200,8 +199,8 @@ class TimelineDrawing:
             self._flag(signal, others, top)
             return
         span, canvas = self.span, Canvas(self.span.columns, height, 3)
-        drawn = [signal, *others[:1]]
-        curves = [ranges(s, span.start, span.end, canvas.width) for s in drawn]
+        both = [signal, *others[:1]]
+        curves = [ranges(one, span.start, span.end, canvas.width) for one in both]
         scale = _scale_of(signal, curves, height)
         size = (canvas.height - 1) / (scale.high - scale.low)
 
@@ -228,15 +227,15 @@ class TimelineDrawing:
         marks = [(value, tick_text(value, scale.step), FAINT) for value in scale.ticks]
         # Last: where a tick and a limit share a row the limit is what one looks for.
         for limit in signal.limits:
-            said = format_quantity(limit.value, "")
+            text = format_quantity(limit.value, "")
             if not 0.0 <= scale.share(limit.value) <= 1.0:
-                said = ("↑" if limit.value > scale.high else "↓") + said
-            marks.append((min(max(limit.value, scale.low), scale.high), said, LIMIT))
-        for value, said, owner in marks:
+                text = ("↑" if limit.value > scale.high else "↓") + text
+            marks.append((min(max(limit.value, scale.low), scale.high), text, LIMIT))
+        for value, text, owner in marks:
             dot = round((1.0 - scale.share(value)) * (4 * height - 1))
             row = top + dot // 4
             width = self.ticks - 1
-            self._write(row, axis - width, f"{said[:width]:>{width}}┤", owner)
+            self._write(row, axis - width, f"{text[:width]:>{width}}┤", owner)
 
     def _flag(self, signal: Signal, others: Sequence[Signal], top: int) -> None:
         """Draw what is true or false as one row: a block where it is true."""
@@ -314,10 +313,10 @@ class TimelineDrawing:
                 last = span.column(time)
                 room = last - span.column(begins) - done
                 words = (f"{index + 1} {name}", str(index + 1))
-                said = next((word for word in words if len(word) < room), "")
+                text = next((word for word in words if len(word) < room), "")
                 # Before the diamond stays a piece of the line.
                 right = last - 2 if done else last
-                self._write(row, self.gutter + right + 1 - len(said), said, FAINT)
+                self._write(row, self.gutter + right + 1 - len(text), text, FAINT)
                 if done:
                     self._mark(row, time, "◇", DONE)
             begins = time
@@ -335,7 +334,7 @@ class TimelineDrawing:
         if whole is None:
             self._label(row, more, FAINT)
             return
-        start, end = (tick_text(time, scale.step / 10.0) for time in (span.start, span.end))
+        start, end = (tick_text(time, scale.step) for time in (span.start, span.end))
         stretch = f"{start}–{end} s of {whole:.1f} s"
         both = f"{stretch}  {more}"
         self._label(row, both if more and len(both) < self.gutter else stretch, CURSOR)

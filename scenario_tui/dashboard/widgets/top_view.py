@@ -12,10 +12,8 @@ from textual.reactive import reactive
 from grammars.model.geometry import Point2
 from scenario_tui.dashboard.widgets.cell_view import CellView, Codes
 from scenario_tui.dashboard.widgets.map_frame import View, draw_view
+from scenario_tui.dashboard.widgets.map_projection import MapProjection
 from scenario_tui.dashboard.widgets.map_style import STYLES, MapSigns
-from scenario_tui.dashboard.widgets.still_map import StillMap, still_map
-from scenario_tui.terminal.capabilities import Blocks
-from scenario_tui.terminal.limited_terminal import LimitedTerminalApp
 
 _ZOOMS: Final = (1, 2, 4, 8)
 _MARGIN: Final = 0.3
@@ -40,6 +38,7 @@ class TopView(CellView):
         self._zoom = 1
         self._middle: Point2 | None = None
         self._follows = True
+        self._projection: MapProjection | None = None
         self._costmap: str | None = None
 
     @property
@@ -98,60 +97,38 @@ class TopView(CellView):
 
     def pan(self, right: int, up: int) -> bool:
         """Look further to one side of the screen; return whether there is anything to pan."""
-        if self._zoom == 1 or self._view is None or not self.size:
+        if self._zoom == 1 or self._projection is None:
             return False
         width, height = 2 * self.size.width, 4 * self.size.height
-        way = self._still(self._view).projection.metres(
-            _STRIDE * right * width, _STRIDE * up * height
-        )
-        x, y = self._middle or (self._view.where.x, self._view.where.y)
-        self._middle = (x + way[0], y + way[1])
-        self._follows = False
+        way = self._projection.metres(_STRIDE * right * width, _STRIDE * up * height)
+        x, y = self._projection.middle
+        self._middle, self._follows = (x + way[0], y + way[1]), False
         self.redraw()
         return True
 
-    @property
-    def blocks(self) -> Blocks:
-        """What walls are filled with."""
-        app = self.app
-        return app.blocks if isinstance(app, LimitedTerminalApp) else "quadrants"
-
-    def _still(self, view: View) -> StillMap:
-        return still_map(
-            view.scene,
-            view.mission,
-            self.size.width,
-            self.size.height,
-            zoom=self._zoom,
-            middle=self._middle or (view.where.x, view.where.y),
-            blocks=self.blocks,
-        )
-
-    def _keep_up(self, view: View) -> None:
+    def _keep_up(self, here: Point2) -> None:
         """Have the part seen hold the robot when it is to be followed."""
-        if self._zoom == 1 or not self._follows:
-            return
         # Not centred all the time: every shift of the map sends all of it over the line.
-        here = (view.where.x, view.where.y)
-        if self._middle is None:
+        if self._middle is None or self._projection is None:
             self._middle = here
-            return
-        off = (here[0] - self._middle[0], here[1] - self._middle[1])
-        right, up = self._still(view).projection.screen_way(off)
-        free = 0.5 - _MARGIN
-        if abs(right) > 2 * free * self.size.width or abs(up) > 4 * free * self.size.height:
-            self._middle = here
+        elif self._follows:
+            off = (here[0] - self._middle[0], here[1] - self._middle[1])
+            right, up = self._projection.screen_way(off)
+            free = 0.5 - _MARGIN
+            if abs(right) > 2 * free * self.size.width or abs(up) > 4 * free * self.size.height:
+                self._middle = here
 
     def cells(self, columns: int, rows: int) -> tuple[Codes, Codes] | None:
         """Return the view as cells."""
         view = self._view
         if view is None:
             return None
-        self._keep_up(view)
+        if self._zoom > 1:
+            self._keep_up((view.where.x, view.where.y))
         frame = draw_view(
-            view, columns, rows, zoom=self._zoom, middle=self._middle, blocks=self.blocks,
-            costmap=self._costmap,
-        )  # fmt: skip
+            view, columns, rows, zoom=self._zoom, middle=self._middle, costmap=self._costmap
+        )
+        self._projection = frame.still.projection
         # What was there once stays in the legend: a map that changes its height with every contact
         # could not be watched.
         decisive = view.decisive.name if view.decisive else self.signs.decisive

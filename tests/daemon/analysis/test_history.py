@@ -197,7 +197,7 @@ def test_an_oracle_that_is_clicked_in_the_legend_is_shown_alone(history, tmp_pat
     file = tmp_path / "history.html"
     file.write_text(history_page(replace(history, submissions=(submission,) * 2)), "utf-8")
     faded = "document.querySelectorAll('#cells figure:first-of-type [opacity=\"0.1\"]').length"
-    with chromium_page(file, tmp_path, width=500) as page:
+    with chromium_page(file.as_uri(), tmp_path, width=500) as page:
         page.evaluate("document.documentElement.style.scrollBehavior = 'auto'")
         page.evaluate("document.querySelector('#cells').scrollIntoView()")
         page.wait("document.querySelectorAll('#cells .live .mark-line path').length")

@@ -258,7 +258,7 @@ FIRST_AXIS = """(() => {
 def test_an_area_brushed_over_an_axis_keeps_the_runs_that_lie_in_it(search, tmp_path, width):
     file = tmp_path / "search.html"
     file.write_text(search[2], encoding="utf-8")
-    with chromium_page(file, tmp_path, width=width) as page:
+    with chromium_page(file.as_uri(), tmp_path, width=width) as page:
         page.evaluate("document.documentElement.style.scrollBehavior = 'auto'")
         page.evaluate("document.querySelector('#space .chart').scrollIntoView()")
         page.wait("document.querySelectorAll('#space .live .mark-line').length")

@@ -95,6 +95,8 @@ CASES = (
     ("serve demo/campaign.yaml --scenario nowhere", "nowhere"),
     ("serve demo/campaign.yaml --sut nobody", "nobody"),
     ("serve demo/campaign.yaml --speed -1", "speed"),
+    ("tui --web --public-url lab.example", "is no address of a page"),
+    ("tui --port 8001", "this is for --web"),
     ("new taken", "is there already"),
     ("new .", "is there already"),
     ("new mine --floorplan none.fpm", "no such file"),
@@ -169,7 +171,7 @@ def test_a_bad_value_is_told_in_a_sentence(typed, part, place, scenario):
 def test_every_command_that_takes_something_is_tried():
     tried = {words for words, _ in commands() if any(f"{t} ".startswith(words) for t, _ in CASES)}
     left = {words for words, _ in commands()} - tried
-    assert left == {"demo", "tui", "status", "cancel", "pause", "sut relay"}
+    assert left == {"demo", "status", "cancel", "acknowledge", "pause", "sut relay"}
 
 
 def test_an_address_that_is_taken_is_told(place, scenario):

@@ -13,7 +13,7 @@ from scenario_tui.dashboard.key_bindings import (
 )
 from scenario_tui.dashboard.screens.help import key_groups, own_bindings
 from scenario_tui.terminal.filters import darken
-from scenario_tui.text import formatting
+from scenario_tui.text.styles import COLOURS
 from tests.scenario_tui.dashboard.driven import SteeredDaemon
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
 from tests.scenario_tui.dashboard.searching import SearchingDaemon
@@ -178,8 +178,7 @@ async def test_the_footer_of_a_search_fits_and_help_tells_the_rest():
         assert {"Next", "Rerun", "All runs", "View"} <= told
 
 
-NAMES = ("GOOD", "BAD", "UNSURE", "BROKEN", "BUSY", "FACT", "QUIET")
-PALE = [Color.parse(getattr(formatting, name)).rich_color.get_truecolor() for name in NAMES]
+PALE = {name: Color.parse(colour).rich_color.get_truecolor() for name, colour in COLOURS.items()}
 
 
 def luminance(colour):
@@ -188,7 +187,7 @@ def luminance(colour):
     return 0.2126 * parts[0] + 0.7152 * parts[1] + 0.0722 * parts[2]
 
 
-@pytest.mark.parametrize("colour", PALE, ids=NAMES)
+@pytest.mark.parametrize("colour", PALE.values(), ids=PALE)
 def test_words_can_be_read_in_bright_themes(colour):
     """A contrast of 4.5 to 1, which the WCAG asks for, over the background of textual-light."""
     dark = darken(Color(*colour)).rich_color.get_truecolor()
@@ -203,8 +202,8 @@ async def test_a_bright_theme_darkens_the_words(written):
         strips = pilot.app.screen._compositor.render_strips()
         styles = [segment.style for strip in strips for segment in strip if segment.style]
     used = {style.color.get_truecolor() for style in styles if style.color is not None}
-    assert not used & set(PALE)
-    assert darken(Color(*PALE[1])).rich_color.get_truecolor() in used
+    assert not used & set(PALE.values())
+    assert darken(Color(*PALE["bad"])).rich_color.get_truecolor() in used
 
 
 def test_doctor_says_which_settings_are_used(scenario, written, monkeypatch, tmp_path):

@@ -10,11 +10,7 @@ import pytest
 from daemon.model.run_state import RunState
 from daemon.model.verdicts import Outcome
 from scenario_tui.dashboard.config import Config
-from scenario_tui.dashboard.screens.campaigns import (
-    CampaignsScreen,
-    campaign_cells,
-    campaign_text,
-)
+from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
 from scenario_tui.dashboard.screens.dialogs import Menu, Question
 from scenario_tui.dashboard.screens.help import Help, key_groups
 from scenario_tui.dashboard.screens.run import RunScreen
@@ -22,7 +18,7 @@ from scenario_tui.dashboard.screens.runs import FILTERS, SORTS, RunsScreen
 from scenario_tui.dashboard.screens.workers import WorkersScreen
 from scenario_tui.dashboard.widgets.tables import KeyedTable
 from scenario_tui.dashboard.widgets.top_view import TopView
-from scenario_tui.text.formatting import SEVERITY
+from scenario_tui.text.styles import SEVERITY
 from tests.scenario_tui.dashboard.driven import choose_from_palette, until
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
 from tests.scenario_tui.fake import CAMPAIGN, NOW, OLD, make_live, make_row
@@ -138,14 +134,6 @@ async def test_f_goes_through_verdicts_and_states_that_there_are(opened):
             await press(pilot, "f")
             seen.append(len(first_column(pilot)))
     assert seen == [2, 1, 1, 1, 1, 4, 10]
-
-
-def test_a_campaign_says_how_long_it_still_takes(fake):
-    row = replace(fake._campaign_rows()[0], seconds_left=7380.0, finished_at=None)
-    assert "\n2 h 03 min left" in campaign_text(row, None, NOW).plain
-    assert campaign_cells(row, None, NOW)[1][1].plain.endswith("  2 h left")
-    paused = replace(row, seconds_left=None, paused=True)
-    assert "left" not in campaign_cells(paused, None, NOW)[1][1].plain
 
 
 def test_f_knows_every_word_of_a_run():
@@ -281,22 +269,12 @@ async def test_c_cancels_after_a_question(opened, fake):
 async def test_d_deletes_a_finished_campaign_after_a_question(opened, fake):
     async with opened() as pilot:
         await settle(pilot)
-        await press(pilot, "D")
-        assert "cancel it before it is deleted" in notices(pilot)
         await press(pilot, "down", "D")
         assert f"scenario delete {OLD}" in shown(pilot)
         assert ("delete", (OLD,), False) not in fake.calls
         await press(pilot, "y")
         assert ("delete", (OLD,), False) in fake.calls
         assert f"deleted {OLD}: 4 runs, 3 traces, 3.0 MiB" in notices(pilot)
-
-
-async def test_a_finished_campaign_is_not_cancelled(opened, fake):
-    async with opened() as pilot:
-        await settle(pilot)
-        await press(pilot, "down", "c")
-        assert isinstance(pilot.app.screen, CampaignsScreen)
-        assert f"{OLD} is finished" in notices(pilot)
 
 
 async def test_r_retries_what_was_lost_from_a_menu(opened, fake):
@@ -320,7 +298,7 @@ async def test_help_lists_every_binding_of_ours(opened):
         await press(pilot, "escape")
         assert isinstance(pilot.app.screen, RunsScreen)
     keys = " ".join(lines)
-    for key in (*"/fs<>i[]cCrPEoyYq?123:jkgG#",):
+    for key in (*"/fs<>i[]cCrPyq?123:jkgG#",):
         assert key in keys.split(), key
 
 
@@ -338,7 +316,7 @@ async def test_help_tells_the_keys_the_user_has_by_where_they_belong(fake):
         assert views == ["f6"]
 
 
-async def test_help_and_footer_leave_out_what_cannot_be_done_here(opened):
+async def test_help_leaves_out_what_cannot_be_done_here(opened):
     async with opened() as pilot:
         await settle(pilot)
         names = {words.partition(":")[0] for _, g in key_groups(pilot.app.screen) for _, words in g}
@@ -349,20 +327,9 @@ async def test_help_and_footer_leave_out_what_cannot_be_done_here(opened):
         names = {words.partition(":")[0] for _, g in key_groups(pilot.app.screen) for _, words in g}
         assert "Delete" in names
         assert not {"Cancel", "Pause", "Priority"} & names
-        assert not any(name in screen_text(pilot)[-1] for name in ("Cancel", "Pause", "Resume"))
-        assert "Retry" in screen_text(pilot)[-1]
         await press(pilot, "3")
         names = {words.partition(":")[0] for _, g in key_groups(pilot.app.screen) for _, words in g}
         assert not {"Open", "Retry", "Matrix"} & names
-
-
-async def test_the_footer_offers_nothing_about_a_campaign_where_there_is_none(opened, fake):
-    fake.empty, fake.rows = True, ()
-    async with opened() as pilot:
-        await settle(pilot)
-        footer = screen_text(pilot)[-1]
-        assert "Submit" in footer
-        assert not any(name in footer for name in ("Matrix", "Pause", "Cancel", "Retry"))
 
 
 async def test_copying_gives_the_command_for_what_the_cursor_is_on(opened):
@@ -380,17 +347,6 @@ async def test_copying_gives_the_command_for_what_the_cursor_is_on(opened):
         f"scenario results {CAMPAIGN} --filter S1/pilot/",
         "scenario status",
     ]
-
-
-async def test_all_commands_about_it_can_be_copied_from_a_list(opened):
-    async with opened(100, 30) as pilot:
-        await settle(pilot)
-        await press(pilot, "enter", "down", "Y")
-        text = shown(pilot)
-        for words in ("show the run", "watch it", "draw its signals", "cancel it"):
-            assert words in text
-        await press(pilot, "2")
-        assert pilot.app.clipboard == f"scenario replay {CAMPAIGN}.1"
 
 
 async def test_runs_of_all_campaigns_name_theirs_the_newest_first(opened):

@@ -12,7 +12,7 @@ from scenario_tui.dashboard.config import Config
 from scenario_tui.dashboard.state import Known
 from scenario_tui.dashboard.widgets.status_line import StatusLine
 from tests.scenario_tui.dashboard.driven import SteeredDaemon
-from tests.scenario_tui.dashboard.inline import make_dashboard, screen_text, settle
+from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
 from tests.scenario_tui.fake import CAMPAIGN
 from tests.scenario_tui.idle import until_idle
 
@@ -69,7 +69,27 @@ async def test_a_daemon_that_does_not_come_up_is_told_with_its_last_words():
     async with app.run_test(size=(80, 24)) as pilot:
         await settle(pilot)
         assert "no space left" in " ".join(notice.message for notice in app._notifications)
-        assert "No daemon answers here. In another terminal" in "\n".join(screen_text(pilot))
+        assert "d starts one. In another terminal" in "\n".join(screen_text(pilot))
+
+
+async def test_a_key_starts_a_daemon_that_is_gone_and_does_nothing_beside_one_that_answers():
+    fake, launches = SteeredDaemon(), []
+
+    def launch():
+        launches.append(fake.reachable)
+        fake.reachable = True
+        return ""
+
+    async with make_dashboard(fake, launch_daemon=launch).run_test(size=(80, 24)) as pilot:
+        await settle(pilot)
+        await press(pilot, "d")
+        assert launches == [True]
+        fake.reachable = False
+        await settle(pilot)
+        assert "d starts a daemon on this machine" in screen_text(pilot)[1]
+        await press(pilot, "d")
+        assert launches == [True, False]
+        assert "starts a daemon" not in screen_text(pilot)[1]
 
 
 @pytest.mark.parametrize(

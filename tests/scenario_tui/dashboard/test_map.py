@@ -139,8 +139,9 @@ def test_areas_that_overlap_are_one_and_holes_are_left_out():
 
 def test_blocks_look_like_their_squares():
     quarters = np.array([[1, 0, 1, 1], [0, 1, 0, 0]], dtype=bool)
-    assert [chr(c) for c in to_blocks(quarters, "quadrants").codes[0]] == ["▚", "▀"]
-    assert chr(to_blocks(quarters[:1], "cells").codes[0, 0]) == "█"
+    blocks = to_blocks(quarters)
+    assert [chr(c) for c in blocks.codes[0]] == ["▚", "▀"]
+    assert [chr(0x2800 + dots) for dots in blocks.dots[0].tolist()] == ["⢣", "⠛"]
 
 
 def test_walls_thinner_than_a_square_have_no_gaps():
@@ -193,7 +194,8 @@ near = st.tuples(st.floats(3.0, 5.0), st.floats(0.3, 3.7))
 
 @given(st.lists(near, min_size=1, max_size=9), st.integers(24, 120), st.integers(8, 40))
 def test_numbers_cover_neither_signs_nor_each_other(places, columns, rows):
-    shown = with_waypoints(*places)
+    # The robot, which hides numbers, is elsewhere.
+    shown = replace(with_waypoints(*places), robot_pose=Pose2(11.0, 2.0))
     frame = draw_view(shown, columns, rows)
     lines = rows_of(frame)
     covered = set()
@@ -224,9 +226,10 @@ def test_a_trail_says_how_near_it_came_without_colours():
     pose = Pose2(11.5, 3.5)
     plain = draw_view(view(trail=way, robot_pose=pose), 100, 30)
     frame = draw_view(view(trail=way, robot_pose=pose, clearances=clear, limit=0.2), 100, 30)
-    assert owners_of(plain, Layer.NEAR) == owners_of(plain, Layer.TOUCHING) == 0
+    assert owners_of(plain, Layer.NEAR_TRAIL) == owners_of(plain, Layer.TOUCHING_TRAIL) == 0
     dots = [
-        int(np.unpackbits(frame.canvas.layer(layer)).sum()) for layer in (Layer.TRAIL, Layer.NEAR)
+        int(np.unpackbits(frame.canvas.layer(layer)).sum())
+        for layer in (Layer.TRAIL, Layer.NEAR_TRAIL)
     ]
     assert dots[1] > 1.6 * dots[0]
     assert "×××" in "".join(rows_of(frame))
@@ -292,7 +295,8 @@ def test_a_text_stands_beside_its_thing_where_there_is_room():
     while (text := place_beside("door", Layer.DOOR_NAME, box, free)) is not None:
         places.append((text.row, text.column))
         text.take_place(free)
-    assert places == [(2, 11), (2, 3), (1, 7), (3, 7), (0, 7), (4, 7)]
+    assert places[:3] == [(2, 11), (2, 3), (1, 7)]
+    assert {row for row, _ in places} == set(range(5))
 
 
 def marked(**changes):

@@ -61,7 +61,7 @@ async def test_of_more_than_fit_those_in_trouble_are_shown_in_their_order():
 
 
 async def test_wide_terminals_show_several_beside_each_other():
-    async with opened(busy(6), (200, 50)) as pilot:
+    async with opened(busy(6), (280, 50)) as pilot:
         lines = await look_at(pilot)
         assert lines[1].count("━━━─────────") == 2
 

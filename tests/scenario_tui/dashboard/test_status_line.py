@@ -116,6 +116,14 @@ def test_a_worker_that_starts_is_no_missing_worker():
     assert "starting" in shown
 
 
+def test_failures_that_a_search_was_asked_to_find_are_told_apart():
+    overview = replace(SMALL, failed=0, searched=9)
+    assert "9 found by searches" in line(200, overview=overview)
+    shown = line(90, overview=overview)
+    assert "9 found" in shown
+    assert "✗9" not in shown
+
+
 def test_that_everything_is_paused_is_said():
     paused = tuple(replace(row, paused=True) for row in CAMPAIGNS)
     assert "‖ paused" in line(180, campaigns=paused)

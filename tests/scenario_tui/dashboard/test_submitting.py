@@ -144,6 +144,16 @@ async def test_what_was_submitted_last_is_offered_first_among_ones_own(fake, fol
             pilot.app.remember(folder / "broken.yaml", "")
 
 
+async def test_a_click_chooses_a_file(fake, folder):
+    async with make_dashboard(fake).run_test(size=(80, 24)) as pilot:
+        await settle(pilot)
+        await press(pilot, "s")
+        await until(pilot, lambda: "broken.yaml" in screen_text(pilot)[5])
+        await pilot.click(offset=(5, 5))
+        await until(pilot, lambda: "✗" in about(pilot))
+        assert not notices(pilot)
+
+
 def test_campaigns_near_are_found_those_changed_last_first(folder):
     found = find_files(folder, is_campaign)
     assert found == (folder / "demo" / "campaign.yaml", folder / "broken.yaml")

@@ -52,7 +52,7 @@ def opened(page, folder, *options, width=1280):
     """Open the page of a report as a browser has it that can reach no network."""
     file = folder / "page.html"
     file.write_text(page, "utf-8")
-    with chromium_page(file, folder, *options, width=width) as browser:
+    with chromium_page(file.as_uri(), folder, *options, width=width) as browser:
         yield browser
         assert browser.problems == []
 

@@ -134,14 +134,14 @@ def test_an_unmet_expectation_is_red_in_both_directions(wanted, margins, status,
 def test_a_surprise_says_where_to_look():
     (surprise,) = assess(AssessmentRules(), cell([0.1, -0.012])).surprises
     assert surprise.run == "c.S1-a2s-1"
-    assert surprise.text == "a2s S1 clear  −0.012 m  t=41.3 s  door-17  (1 of 2 fail)"
+    assert surprise.text == "a2s S1 clear  −0.012 m  at 41.3 s  door-17  (1 of 2 fail)"
     (passes,) = assess(expecting("mixed"), cell([0.1, 0.2])).surprises
     assert passes.run == "c.S1-a2s-0"
     assert passes.text == "a2s S1 clear  passes 2 of 2, expected mixed"
     assert (passes.why, passes.repeat) == ("known", 0)
     (all_fail,) = assess(AssessmentRules(), cell([-0.1, -0.012])).surprises
     assert (all_fail.run, all_fail.repeat) == ("c.S1-a2s-0", 0)
-    assert all_fail.text == "a2s S1 clear  −0.1 m  t=41.3 s  door-17"
+    assert all_fail.text == "a2s S1 clear  −0.1 m  at 41.3 s  door-17"
 
 
 def test_expectations_are_patterns_and_the_last_one_counts():
@@ -172,12 +172,12 @@ def test_evidence_is_told_as_far_as_it_goes():
     seen = Evidence(time=12.34, object="door-17", note="last pose")
     text = "always(...)"
     full = Verdict("o", text, Outcome.FAIL, -0.25, -0.25, "m", seen)
-    assert evidence_text(full) == "−0.25 m  t=12.3 s  door-17  last pose"
+    assert evidence_text(full) == "−0.25 m  at 12.3 s  door-17  last pose"
     assert evidence_text(replace(full, unit="1", evidence=Evidence())) == "−0.25"
     assert evidence_text(replace(full, unit="", upper=0.5, evidence=Evidence(time=0.0))) == (
-        "+0.5  t=0.0 s"
+        "+0.5  at 0.0 s"
     )
-    assert evidence_text(replace(full, upper=None)) == "t=12.3 s  door-17  last pose"
+    assert evidence_text(replace(full, upper=None)) == "at 12.3 s  door-17  last pose"
 
 
 @pytest.mark.parametrize(("state", "code"), [("lost", 3), ("cancelled", 4), ("queued", 4)])

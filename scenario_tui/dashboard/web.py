@@ -1,0 +1,147 @@
+"""The dashboard in a browser: each open page has a dashboard of its own, a process of this machine.
+
+Browsers let any web page open websockets to this machine, and whoever owns a name can have it mean
+127.0.0.1. So requests must name the address that the dashboard is opened at, and websockets must
+come from its page. That page loads nothing from elsewhere. Other accounts of this machine reach
+the port, too: the address that is opened has a key, which the browser keeps as a cookie.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import secrets
+import shlex
+import signal
+from base64 import b64encode
+from collections.abc import Awaitable, Callable, Sequence
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, Final
+from urllib.parse import urlsplit
+
+import aiohttp_jinja2
+import psutil
+from aiohttp import web
+from textual_serve.server import Server
+
+_HOST: Final = "127.0.0.1"
+_PATIENCE: Final = 5.0
+"""Seconds for dashboards to end when the server does."""
+_FOCUS: Final = (
+    "addEventListener('load', () => document.querySelector('.xterm-helper-textarea').focus())"
+)
+"""Script of the page: keys are the dashboard's without a click."""
+_DIGEST: Final = b64encode(sha256(_FOCUS.encode()).digest()).decode()
+_POLICY: Final = (
+    f"default-src 'self'; script-src 'self' 'sha256-{_DIGEST}';"
+    " style-src 'self' 'unsafe-inline'; img-src 'self' data:;"
+    " base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+_TERMINAL: Final = {
+    "TERM": "xterm-256color",
+    "COLORTERM": "truecolor",
+    "SCENARIO_GLYPHS": "unicode",
+}
+"""The terminal in the page, whatever the one is that the server was started from."""
+_OTHER_TERMINAL: Final = ("TMUX", "COLORFGBG", "NO_COLOR")
+
+_Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+
+class DashboardServer(Server):
+    """Serves the dashboard of a ``command`` at a port of this machine, to this machine alone.
+
+    ``public_url`` is the address at which a proxy of one's own shows it to others. Then the proxy
+    decides who may see it, and there is no key. ``address`` is what to open.
+    """
+
+    def __init__(self, command: Sequence[str], port: int, public_url: str = "") -> None:
+        super().__init__(
+            f"exec {shlex.join(command)}",
+            _HOST,
+            port,
+            "scenario",
+            public_url.rstrip("/") or f"http://{_HOST}:{port}",
+            templates_path=Path(__file__).parent / "page",
+        )
+        public = urlsplit(self.public_url)
+        self._origin = f"{public.scheme}://{public.netloc}"
+        self._hosts = {public.netloc, f"{_HOST}:{port}"}
+        self._key = "" if public_url else secrets.token_urlsafe(16)
+        self._cookie = f"scenario-{port}"
+        self.address = f"{self.public_url}/" + (f"?key={self._key}" if self._key else "")
+        self._sessions: set[asyncio.Task[Any]] = set()
+
+    async def _make_app(self) -> web.Application:
+        app = await super()._make_app()
+        aiohttp_jinja2.get_env(app).globals["focus"] = _FOCUS
+        app.middlewares.append(self._refuse_foreign_pages)
+        app.on_response_prepare.append(_set_policy)
+        return app
+
+    async def on_startup(self, _: web.Application) -> None:
+        """Say nothing: who serves says where."""
+
+    @web.middleware
+    async def _refuse_foreign_pages(
+        self, request: web.Request, handler: _Handler
+    ) -> web.StreamResponse:
+        origin = request.headers.get("Origin", "" if request.path == "/ws" else self._origin)
+        if request.host not in self._hosts or origin != self._origin:
+            raise web.HTTPForbidden(text=f"the dashboard is at {self.public_url}/\n")
+        key = request.query.get("key", request.cookies.get(self._cookie, ""))
+        is_open = request.path.startswith("/static/") or not self._key
+        if not is_open and not secrets.compare_digest(key.encode(), self._key.encode()):
+            raise web.HTTPForbidden(text="open the address that `scenario tui --web` has printed\n")
+        response = await handler(request)
+        if request.path == "/":
+            response.set_cookie(self._cookie, self._key, httponly=True, samesite="Strict")
+        return response
+
+    async def handle_websocket(self, request: web.Request) -> web.WebSocketResponse:
+        """Run a dashboard for a page until either is left."""
+        session = asyncio.current_task()
+        assert session is not None
+        self._sessions.add(session)
+        try:
+            return await super().handle_websocket(request)
+        finally:
+            self._sessions.discard(session)
+
+    def serve_until_stopped(self, on_ready: Callable[[], None]) -> None:
+        """Serve until SIGINT or SIGTERM, then end all dashboards.
+
+        ``on_ready`` is called once pages can be opened. Raises ``OSError`` if the port is taken.
+        """
+        for name in _OTHER_TERMINAL:
+            os.environ.pop(name, None)
+        os.environ.update(_TERMINAL)
+        try:
+            asyncio.run(self._serve(on_ready))
+        finally:
+            children = psutil.Process().children(recursive=True)
+            for child in psutil.wait_procs(children, _PATIENCE)[1]:
+                child.kill()
+
+    async def _serve(self, on_ready: Callable[[], None]) -> None:
+        stopped, loop = asyncio.Event(), asyncio.get_running_loop()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, stopped.set)
+        runner = web.AppRunner(await self._make_app(), shutdown_timeout=_PATIENCE)
+        await runner.setup()
+        try:
+            await web.TCPSite(runner, _HOST, self.port).start()
+            on_ready()
+            await stopped.wait()
+        finally:
+            for session in self._sessions:
+                session.cancel()
+            if self._sessions:
+                await asyncio.wait(self._sessions, timeout=_PATIENCE)
+            await runner.cleanup()
+
+
+async def _set_policy(_: web.Request, response: web.StreamResponse) -> None:
+    response.headers["Content-Security-Policy"] = _POLICY
+    response.headers["X-Content-Type-Options"] = "nosniff"
