@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 _MAX_CAMPAIGNS: Final = 15
 _MOST_RUNS: Final = 5_000
-"""Runs of campaigns with failures that are judged, to tell news from known failures: 0.08 ms each."""
+"""Runs of campaigns with failures that are judged, to tell news from known ones: 0.08 ms each."""
 _OTHER_COLUMNS: Final = 18
 """Columns that age and gaps take in the list of campaigns."""
 

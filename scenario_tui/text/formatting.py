@@ -12,23 +12,13 @@ from typing import TYPE_CHECKING, Final, Literal
 from daemon.model.verdicts import Outcome, Verdict
 from grammars.text.terminal_text import printable, without_escapes
 from grammars.text.words import NOTHING, duration_text, format_quantity
-from scenario_tui.text.styles import BAD as BAD
-from scenario_tui.text.styles import BROKEN as BROKEN
-from scenario_tui.text.styles import BUSY as BUSY
-from scenario_tui.text.styles import DOORS as DOORS
-from scenario_tui.text.styles import FACT as FACT
-from scenario_tui.text.styles import GLYPHS as GLYPHS
-from scenario_tui.text.styles import GOOD as GOOD
-from scenario_tui.text.styles import QUIET as QUIET
-from scenario_tui.text.styles import SEVERITY as SEVERITY
-from scenario_tui.text.styles import UNSURE as UNSURE
+from scenario_tui.text.styles import GLYPHS
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from daemon.model.status import CampaignRow, DaemonOverview, RunRow
 
-DASHBOARD_STYLES: Final = {word: word for word in SEVERITY}
 _SEED_DIGITS: Final = 6
 SHOWN_LINES: Final = 40
 """Lines of a program's output that are shown unless more is asked for: the last ones."""
