@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from rich.segment import Segment
 from rich.style import Style
 from rich.text import Text
 
@@ -80,7 +79,7 @@ class Playback:
 
     @property
     def waypoints(self) -> int:
-        """How many waypoints the mission has."""
+        """The number of waypoints of the mission."""
         return len(self.trace.spec.mission.waypoints)
 
     def time_of(self, text: str) -> float:
@@ -259,12 +258,8 @@ def thin_scans(trace: Trace) -> tuple[tuple[Laser, ScanTrack], ...]:
     for laser, scans in zip(trace.spec.robot.lasers, trace.scans or (), strict=False):
         step = max(1, -(-laser.rays // RAYS))
         bearings = np.linspace(laser.angle_min, laser.angle_max, laser.rays)[::step]
-        fewer = replace(
-            laser,
-            rays=len(bearings),
-            angle_min=float(bearings[0]),
-            angle_max=float(bearings[-1]),
-        )
+        first, last = float(bearings[0]), float(bearings[-1])
+        fewer = replace(laser, rays=len(bearings), angle_min=first, angle_max=last)
         ranges = np.ascontiguousarray(scans.ranges[:, ::step])
         found.append((fewer, replace(scans, ranges=ranges)))
     return tuple(found)
@@ -359,14 +354,10 @@ def render_frame(
     rows = max(3, rows - (len(legend) - 1))
     codes, owners = draw_view(view, width, rows, zoom=zoom).cells()
     lines = [Text(headline(playback, time), style="bold"), timeline_bar(playback, time, width)]
-    lines += [
-        _segments_text(segments(codes[row], owners[row], STYLES, Style())) for row in range(rows)
-    ]
+    for row in range(rows):
+        parts = segments(codes[row], owners[row], STYLES, Style())
+        lines.append(Text.assemble(*((part.text, part.style or "") for part in parts)))
     lines += [*verdicts, *legend]
     for line in lines:
         line.truncate(width, overflow="ellipsis")
     return lines
-
-
-def _segments_text(parts: list[Segment]) -> Text:
-    return Text.assemble(*((segment.text, segment.style or "") for segment in parts))

@@ -1,4 +1,4 @@
-"""A map at one moment: what is to be seen, drawn over what stands still, as cells of a terminal."""
+"""A map at one moment as cells of a terminal: the view, drawn over the still parts."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ _LEAST_BODY: Final = 4.0
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What is to be seen: ``robot_pose`` is ``None`` before anything was heard of the robot.
+    """A moment of a run: ``robot_pose`` is ``None`` before anything was heard of the robot.
 
     ``returns`` of the laser, the ``plan`` and ``contacts`` are those of this moment; all points in
     the map frame [m]. ``spread`` is how sure the estimate is of its position: xx, xy and yy of the
@@ -74,12 +74,12 @@ class View:
 
     @property
     def where(self) -> Pose2:
-        """Where the robot is, or will start."""
+        """The pose of the robot, or of its start."""
         return self.robot_pose or self.mission.start
 
 
 def shapes_of(view: View, costmap: str | None = None) -> Iterator[PlanShape]:
-    """Yield the shapes of what moves or changes in a run, those painted over others later.
+    """Yield the shapes that move or change in a run, those painted over others later.
 
     ``costmap`` is the name of the one to show, empty for none, ``None`` for the first.
     """
@@ -105,7 +105,7 @@ def shapes_of(view: View, costmap: str | None = None) -> Iterator[PlanShape]:
 
 
 class MapFrame:
-    """A map at one moment: what moves, drawn over what stands still."""
+    """A map at one moment: moving shapes, drawn over the still parts."""
 
     def __init__(self, still: StillMap) -> None:
         self.still = still
@@ -119,7 +119,7 @@ class MapFrame:
 
     @property
     def layers(self) -> frozenset[Layer]:
-        """What is to be seen, for the legend."""
+        """The layers with something on the map, for the legend."""
         return frozenset(self._shown)
 
     def draw(self, shape: PlanShape) -> None:
@@ -205,7 +205,7 @@ class MapFrame:
         codes[plain] = walls.codes[plain]
         owners[plain] = Layer.WALL
         owners[lit] = Layer.LIT
-        for text in (*self._texts(owners), *self.still.edge):
+        for text in self._texts(owners):
             write_text(codes, owners, text.row, text.column, text.text, text.layer)
         for place, (sign, layer) in sorted(self._glyphs.items(), key=lambda item: item[1][1]):
             codes[place], owners[place] = ord(sign), layer
@@ -222,7 +222,7 @@ class MapFrame:
             for place, layer in self._waypoints.items()
             if (number := still.numbers.get(place))
         )
-        texts = _with_room(numbers, free)
+        texts = _with_room((*still.edge, *numbers), free)
         if self._measure is not None:
             words, layer, dots = self._measure
             box = box_of(dots)
@@ -240,10 +240,10 @@ class MapFrame:
 
 def _with_room(texts: Iterable[MapText | None], free: Mask) -> list[MapText]:
     """Return the texts whose cells are ``free`` (rows, columns); these are so no longer."""
-    found = [text for text in texts if text is not None and free[text.cells].all()]
-    for text in found:
+    fitting = [text for text in texts if text is not None and free[text.cells].all()]
+    for text in fitting:
         text.take_place(free)
-    return found
+    return fitting
 
 
 _GLYPHS: Final = {

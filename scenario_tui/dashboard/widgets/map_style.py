@@ -1,4 +1,4 @@
-"""How each thing on the map looks in a terminal, and the legend that says so."""
+"""Signs and styles of the map in a terminal, and the legend that explains them."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ WALLS: Final = "#7c818c"
 
 
 class Layer(IntEnum):
-    """What a cell shows, and its style: of several layers in a cell the last one counts."""
+    """Content and style of a cell: of several layers in a cell the last one counts."""
 
     WALL = 0
     COSTMAP = 1
@@ -119,7 +119,7 @@ _MAP_LINES: Final = 8
 
 @dataclass(frozen=True, slots=True)
 class MapSigns:
-    """What is on a map, for its legend.
+    """The signs on a map, for its legend.
 
     ``limit`` [m] is the clearance an oracle asks for, ``decisive`` the name of what decides.
     """

@@ -1,4 +1,4 @@
-"""What stands still on a map: walls as blocks, names, the bar of the scale, where x and y point.
+"""The still parts of a map: walls as blocks, names, the bar of the scale, the axes.
 
 Made once for a scene, a mission and a size; most of a map's work is here.
 """
@@ -80,7 +80,7 @@ class _SceneLines:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StillMap:
-    """What stands still on ``columns`` x ``rows`` cells; ``low`` are dots of braille.
+    """The still parts on ``columns`` x ``rows`` cells; ``low`` are dots of braille.
 
     ``numbers`` are those of waypoints by the cell of their sign.
     """
@@ -99,7 +99,7 @@ class StillMap:
 def still_map(
     scene: Scene, mission: Mission, columns: int, rows: int, zoom: int, middle: Point2 | None
 ) -> StillMap:
-    """Return what stands still: the whole map, or ``zoom`` times as large around ``middle`` [m]."""
+    """Return the still parts: all of them, or those around ``middle`` [m] ``zoom`` times larger."""
     lines = _scene_lines(scene)
     stops = np.array([(waypoint.x, waypoint.y) for waypoint in mission.waypoints])
     # The last row is that of the scale, which is to cover nothing.

@@ -30,7 +30,7 @@ class TopView(CellView):
     STYLES: ClassVar[Sequence[Style]] = STYLES
 
     signs: reactive[MapSigns] = reactive(MapSigns(), layout=False, repaint=False)
-    """What is on the map, for its legend."""
+    """The signs on the map, for its legend."""
 
     def __init__(self, *, id: str | None = None) -> None:
         super().__init__(id=id)
@@ -43,7 +43,7 @@ class TopView(CellView):
 
     @property
     def view(self) -> View | None:
-        """What is shown, if anything."""
+        """The view that is shown, if any."""
         return self._view
 
     def show(self, view: View | None) -> None:
