@@ -216,8 +216,8 @@ class CampaignsScreen(FilteredScreen["RunPage"], SteeringScreen["RunPage"]):
         front = row.id if row is not None and panel.display and self.has_class("-wide") else ""
         if front != self._front:
             self._front = front
-            self.ask()
-        elif row is not None and front:
+            self.dashboard.feed.look_at(self)
+        if row is not None and front:
             panel.show(row, self.dashboard.known, self.dashboard.clock())
 
     def on_data_table_row_selected(self) -> None:
