@@ -12,7 +12,7 @@ from typing import Annotated, Final
 
 from pydantic import Base64Bytes, Field
 
-from daemon.model.ranges import IdText, NonNegativeInt, ShortText
+from daemon.model.ranges import IdText, NonNegativeInt, Seconds, ShortText
 from daemon.model.spec import ENGINE_VERSION, LARGEST_TRACE, RunResult, RunSpec
 from daemon.model.status import Preparation
 
@@ -47,6 +47,8 @@ PART: Final = 256 * 2**10
 HIGHEST_PRIORITY: Final = 1000
 LONGEST_TROUBLE: Final = 2000
 """Characters."""
+MOST_PROGRESS: Final = 512
+"""Runs whose progress a worker tells: enough to know their speed."""
 
 WorkerId = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,99}$")]
 Sha256Text = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
@@ -176,6 +178,15 @@ class SteerRequest:
 
 
 @dataclass(frozen=True, slots=True)
+class RunProgress:
+    """Progress of a run: so many ``simulated`` seconds in ``elapsed`` seconds of wall time."""
+
+    run: IdText
+    simulated: Seconds
+    elapsed: Seconds
+
+
+@dataclass(frozen=True, slots=True)
 class WorkerInfo:
     """Who a worker is, sent with every request so that a new daemon knows it at once.
 
@@ -183,7 +194,7 @@ class WorkerInfo:
     ``preparation`` is what it does before runs that it has leased can start. ``era`` is that of its
     :class:`WelcomeReply`, empty before. ``notice`` is something people should know although it
     works. ``cpu``, ``memory`` and ``memory_total`` are as in
-    :class:`daemon.model.status.WorkerRow`.
+    :class:`daemon.model.status.WorkerRow`. ``progress`` is that of runs that have begun.
     """
 
     id: WorkerId
@@ -200,6 +211,7 @@ class WorkerInfo:
     cpu: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
     memory: NonNegativeInt = 0
     memory_total: NonNegativeInt = 0
+    progress: Annotated[tuple[RunProgress, ...], Field(max_length=MOST_PROGRESS)] = ()
 
 
 @dataclass(frozen=True, slots=True)

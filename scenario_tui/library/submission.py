@@ -137,7 +137,7 @@ def _forecast(submission: Submission, state: Path) -> Forecast | None:
             cells = (submission.cells[run.cell] for run in submission.runs)
             return ledger.forecast(
                 [
-                    PlannedRun(digest, c.scenario, c.sut.name, c.sut.repeatable)
+                    PlannedRun(digest, c.scenario, c.sut.name, c.limit, c.sut.repeatable)
                     for digest, c in zip(submission.digests, cells, strict=True)
                 ]
             )

@@ -19,7 +19,7 @@ from daemon.batch.ledger._retention import (
     sweep_traces,
 )
 from daemon.batch.ledger._strays import Removal, StrayFile, find_strays, remove_strays
-from daemon.batch.ledger._time_left import Forecast, PlannedRun, TimeLeft
+from daemon.batch.ledger._time_left import Forecast, PlannedRun, RunPace, TimeLeft
 from daemon.batch.ledger._verification import (
     ContentReport,
     VerificationProgress,
@@ -38,6 +38,7 @@ __all__ = [
     "PlannedRun",
     "Removal",
     "RetentionPolicy",
+    "RunPace",
     "StrayFile",
     "SweepResult",
     "TimeLeft",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sqlite3
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -32,6 +32,7 @@ from daemon.batch.ledger._searches import read_searches
 from daemon.batch.ledger._time_left import (
     Forecast,
     PlannedRun,
+    RunPace,
     TimeLeft,
     read_forecast,
     read_time_left,
@@ -197,9 +198,18 @@ class LedgerReader(CampaignSource):
         """Return what campaigns lack that wait for it, in words for people."""
         return tuple(map(hold_text, read_holds(self._db)))
 
-    def time_left(self, now: float, slots: int) -> TimeLeft:
-        """Return how long what waits and runs takes on so many slots."""
-        return read_time_left(self._db, now, slots)
+    def time_left(
+        self,
+        now: float,
+        slots: int,
+        paces: Mapping[str, RunPace],
+        preparing: Collection[str] = (),
+    ) -> TimeLeft:
+        """Return how long what waits and runs takes on so many slots.
+
+        ``paces`` are those of runs under way; workers that are ``preparing`` have begun no others.
+        """
+        return read_time_left(self._db, now, slots, paces, preparing)
 
     def _runs(self, query: RunQuery) -> RunPage:
         """Return one page; equal values keep the order of submission.

@@ -66,8 +66,8 @@ from grammars.text import codec
 
 _FRESH: Final = 1.0
 _REST: Final = 20.0
-"""Seconds for which an estimate of the time left holds, at least so many times what it took: what
-is left of 100,000 runs is counted in 0.3 s."""
+"""Seconds until the time left is estimated again, at least so many times what that took: what is
+left of 100,000 runs is counted in 0.3 s. It counts down meanwhile."""
 _MOST_TROUBLES: Final = 32
 """Said at a time: with hundreds of workers on one full disk nobody reads them all."""
 
@@ -100,7 +100,8 @@ class Handlers(SearchHandlers):
     def __post_init__(self) -> None:
         self._inputs = InputStore(self.paths, self.log)
         self._uploads = Uploads(self.paths, self.log, self._inputs)
-        self._estimate = (-math.inf, TimeLeft())
+        self._estimate, self._estimated_at = TimeLeft(), -math.inf
+        self._estimate_again_at = -math.inf
         self._started_at = time.time()
         self.clients = SearchClients()
         self.by_verb = {verb: VerbHandler(getattr(self, verb.name)) for verb in VERBS.values()}
@@ -146,13 +147,18 @@ class Handlers(SearchHandlers):
         )
 
     def _time_left(self, ledger: LedgerReader) -> TimeLeft:
-        until, left = self._estimate
         begun = time.monotonic()
-        if begun >= until:
-            left = ledger.time_left(time.time(), self.registry.slots())
-            now = time.monotonic()
-            self._estimate = (now + max(_FRESH, _REST * (now - begun)), left)
-        return left
+        if begun >= self._estimate_again_at:
+            waits = self.draining or bool(self.housekeeping.trouble)
+            self._estimate = ledger.time_left(
+                time.time(),
+                0 if waits else self.registry.slots(),
+                self.registry.paces(),
+                {row.id for row in self.registry.rows() if row.preparation is not None},
+            )
+            self._estimated_at = now = time.monotonic()
+            self._estimate_again_at = now + max(_FRESH, _REST * (now - begun))
+        return self._estimate.after(time.monotonic() - self._estimated_at)
 
     def _standing_troubles(self, ledger: LedgerReader) -> tuple[bool, tuple[Trouble, ...]]:
         """Whether the first trouble lets no run start; and all that runs or workers have."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from daemon.batch.errors import Refused
+from daemon.batch.ledger import RunPace
 from daemon.model.messages import LeaseRef, WorkerInfo
 from daemon.model.spec import install_hint, own_version, version_text
 from daemon.model.status import WorkerRow
@@ -143,6 +144,18 @@ class WorkerRegistry:
     def slots(self) -> int:
         """How many runs the workers can execute at a time that are here and have no trouble."""
         return sum(row.slots for row in self.rows() if not row.away and not row.trouble)
+
+    def paces(self) -> dict[str, RunPace]:
+        """Return the paces of runs under way, as their workers told and as far as they are now."""
+        with self._lock:
+            return {
+                one.run: RunPace(
+                    one.elapsed + self.clock.now - entry.heard,
+                    one.simulated / one.elapsed if one.elapsed > 0.0 else 0.0,
+                )
+                for entry in self._entries.values()
+                for one in entry.info.progress
+            }
 
     def notices(self) -> tuple[str, ...]:
         """Return what workers that are here want people to know."""

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 import time
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from typing import TYPE_CHECKING, Final, TypeAlias
 
 import zenoh
 
 from daemon.batch.run_process import Wanted
-from daemon.model.messages import JUDGED, LIVE
+from daemon.model.messages import JUDGED, LIVE, MOST_PROGRESS, RunProgress
 from daemon.model.status import LiveSnapshot
 from grammars.text import codec
 
@@ -60,6 +62,8 @@ class _WatchedRun:
     budget: LineBudget = field(default_factory=LineBudget)
     wanted: frozenset[Wanted] = frozenset()
     published_at: float = 0.0
+    began_at: float = field(default_factory=time.monotonic)
+    latest: bytes = b""
 
 
 @dataclass(slots=True)
@@ -95,6 +99,7 @@ class LivePublisher:
             watch.publishers[Wanted.JUDGEMENT].put(judged)
         if not live:
             return
+        watch.latest = live
         if Wanted.DETAILS in watch.wanted and watch.budget.allows(now):
             watch.budget.spend(len(live))
             watch.publishers[Wanted.DETAILS].put(live)
@@ -120,6 +125,16 @@ class LivePublisher:
             watch.wanted = wanted
             execution.watch(wanted)
         return watch
+
+    def progress(self) -> tuple[RunProgress, ...]:
+        """Return how far runs are, of the first :data:`MOST_PROGRESS`."""
+        now = time.monotonic()
+        found = []
+        for run, watch in islice(self._runs.items(), MOST_PROGRESS):
+            with suppress(ValueError):  # written by the process of a run
+                simulated = codec.from_json(LiveSnapshot, watch.latest).snapshot.time
+                found.append(RunProgress(run, max(0.0, simulated), now - watch.began_at))
+        return tuple(found)
 
     def forget(self, run: str) -> None:
         """Let go of a run that is over here."""

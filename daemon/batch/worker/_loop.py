@@ -329,6 +329,7 @@ class WorkerLoop:
             cpu=usage.cpu,
             memory=usage.memory,
             memory_total=usage.memory_total,
+            progress=self._live.progress(),
         )
 
     def _renew(self) -> None:

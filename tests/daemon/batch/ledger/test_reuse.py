@@ -109,9 +109,9 @@ def test_what_a_submission_would_reuse_and_take_is_known_before(ledger):
     receipt = ledger.book.submit(submission, NOW)
     assert sum(forecast.cached) == receipt.cached == 3
     assert list(forecast.cached) == [True, True, True, False, False, False]
-    assert set(forecast.seconds) == {3.0}
-    # The same is said of them once they wait.
-    assert ledger.reader.time_left(NOW, 1).all == pytest.approx(3 * 3.0)
+    assert forecast.seconds == (*(3.0,) * 5, None)  # of the other system nothing is known
+    # Nor of all of them, once they wait.
+    assert ledger.reader.time_left(NOW, 1, {}).all is None
 
 
 def test_nothing_is_said_of_how_long_the_first_runs_of_all_take(ledger):
@@ -127,7 +127,7 @@ def test_runs_of_systems_that_are_not_repeatable_are_not_reused(ledger):
 
 
 def planned(spec):
-    return PlannedRun(spec.digest, spec.scenario, spec.sut.name, spec.sut.repeatable)
+    return PlannedRun(spec.digest, spec.scenario, spec.sut.name, spec.limit, spec.sut.repeatable)
 
 
 def test_only_runs_without_a_result_are_executed(ledger):

@@ -186,6 +186,23 @@ def test_strange_traffic_does_not_stop_the_daemon(daemon, client):
     assert client.overview().workers == 0
 
 
+def test_the_speed_of_a_run_under_way_tells_how_long_it_takes_at_most(tmp_path):
+    # One of two slots is free: the worker asks for work each second, and says how far the run is.
+    with daemon_at(tmp_path / "state", slots=2) as part, part.client() as client:
+        client.submit(make_submission("c", 1, sleep=600.0))
+
+        def left():
+            row = client.campaign("c")
+            assert row is not None
+            return row.seconds_left
+
+        # It simulates a second in each, to its limit of 10 s; nothing else is known of it.
+        first = eventually(left)
+        assert 0.0 < first < 15.0
+        eventually(lambda: 0.0 < (left() or first) < first)
+        eventually(lambda: left() is None)
+
+
 def test_the_time_left_is_said_once_a_run_has_finished_and_not_of_what_is_paused(tmp_path):
     gate = tmp_path / "gate"
     held = (make_spec(n, until=str(gate)) for n in range(1, 4))
