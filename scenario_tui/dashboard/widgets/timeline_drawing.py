@@ -334,7 +334,7 @@ class TimelineDrawing:
         if whole is None:
             self._label(row, more, FAINT)
             return
-        start, end = (tick_text(time, scale.step) for time in (span.start, span.end))
+        start, end = (tick_text(time, scale.step / 10.0) for time in (span.start, span.end))
         stretch = f"{start}–{end} s of {whole:.1f} s"
         both = f"{stretch}  {more}"
         self._label(row, both if more and len(both) < self.gutter else stretch, CURSOR)

@@ -1,5 +1,7 @@
 """Every key of the replay, on a recorded run of ten seconds."""
 
+import re
+
 import pytest
 from textual.events import MouseScrollDown, MouseScrollUp
 
@@ -7,6 +9,7 @@ from scenario_tui.dashboard.playback import open_playback
 from scenario_tui.dashboard.screens.help import Help
 from scenario_tui.dashboard.screens.replay import ReplayScreen
 from scenario_tui.dashboard.screens.standalone import StandaloneApp
+from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.dashboard.widgets.top_view import TopView
 from tests.scenario_tui.dashboard.inline import screen_text
 from tests.scenario_tui.recorded import HIT, TURNED, record_run
@@ -148,3 +151,23 @@ async def test_it_fits_into_any_terminal(playback, size):
 def test_what_it_looks_like(snap_compare, playback):
     screen = ReplayScreen(playback, HIT, clock=Clock())
     assert snap_compare(StandaloneApp(screen), terminal_size=(80, 24))
+
+
+async def test_a_click_in_a_signal_goes_to_its_moment_and_keys_show_less_of_the_time(playback):
+    async with opened(playback, size=(160, 40)) as pilot:
+        await pilot.pause()
+        signals = pilot.app.screen.query_one(TimelineView)
+        start, end = 27, signals.size.width - 1
+        await pilot.click(signals, offset=((start + end) // 2, 4))
+        await pilot.pause()
+        assert pilot.app.screen.transport.time == pytest.approx(5.0, abs=0.2)
+        assert head(pilot).startswith("‖ 1x")
+        await pilot.press("right_parenthesis", "right_parenthesis")
+        await pilot.pause()
+        assert re.search(r"3.\d+–6.\d+ s of 10.0 s", shown(pilot))
+        await pilot.press("left_parenthesis")
+        await pilot.pause()
+        assert re.search(r"2.\d+–7.\d+ s of 10.0 s", shown(pilot))
+        await pilot.press("Z")
+        await pilot.pause()
+        assert "s of 10.0 s" not in shown(pilot).partition("\n")[2]
