@@ -60,7 +60,7 @@ class PlayingScreen(Screen[None]):
         Binding("left_parenthesis", "zoom_time(False)", "More time", key_display="(", show=False,
                 id="more-time", tooltip="A longer stretch of the time beside the signals"),
         Binding("right_parenthesis", "zoom_time(True)", "Less time", key_display=")", show=False,
-                id="less-time", tooltip="A shorter stretch of it, around the moment shown"),
+                id="less-time", tooltip="A shorter stretch of it, as by the wheel of the mouse"),
         Binding("e", "counting", "Every signal", show=False, id="every-signal",
                 tooltip="Also clocks and odometers, or without them"),
     ]  # fmt: skip

@@ -29,7 +29,7 @@ from scenario_tui.dashboard.widgets.timeline_drawing import (
 )
 from scenario_tui.text.formatting import keep_start
 
-ZOOM: Final = 0.5
+ZOOM: Final = 0.7
 """Share of the time that stays in view at each step nearer."""
 _SHORTEST: Final = 0.1
 """Seconds of the shortest stretch of time that is shown."""
@@ -145,7 +145,9 @@ class TimelineView(CellView):
         start, end = whole_span(self._timelines)
         length = max(length, _SHORTEST)
         first = min(max(time - share * length, start), end - length)
-        self._stretch = (first, first + length) if length < end - start else None
+        # As many steps back as there were steps nearer show all, also after rounding.
+        is_part = length < (end - start) * (1.0 - 1e-9)
+        self._stretch = (first, first + length) if is_part else None
         self._drawing = None
 
     def _draw_anew(self) -> None:

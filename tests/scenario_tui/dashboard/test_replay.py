@@ -164,10 +164,10 @@ async def test_a_click_in_a_signal_goes_to_its_moment_and_keys_show_less_of_the_
         assert head(pilot).startswith("‖ 1x")
         await pilot.press("right_parenthesis", "right_parenthesis")
         await pilot.pause()
-        assert re.search(r"3.\d+–6.\d+ s of 10.0 s", shown(pilot))
+        assert re.search(r"2.\d+–7.\d+ s of 10.0 s", shown(pilot))
         await pilot.press("left_parenthesis")
         await pilot.pause()
-        assert re.search(r"2.\d+–7.\d+ s of 10.0 s", shown(pilot))
+        assert re.search(r"1.\d+–8.\d+ s of 10.0 s", shown(pilot))
         await pilot.press("Z")
         await pilot.pause()
         assert "s of 10.0 s" not in shown(pilot).partition("\n")[2]

@@ -15,7 +15,7 @@ from daemon.model.spec import OracleText
 from scenario_tui.dashboard.playback import open_playback
 from scenario_tui.dashboard.run_timeline import RunTimeline
 from scenario_tui.dashboard.widgets.cell_view import Canvas, changed_spans
-from scenario_tui.dashboard.widgets.timeline import TimelineView, at_playhead, draw_frame
+from scenario_tui.dashboard.widgets.timeline import ZOOM, TimelineView, at_playhead, draw_frame
 from scenario_tui.dashboard.widgets.timeline_drawing import (
     CURSOR,
     TimelineDrawing,
@@ -346,7 +346,7 @@ async def test_the_wheel_shows_less_of_the_time_around_the_pointer_and_all_again
         before = view._drawing.span.moment(40)
         await wheel(pilot, view, events.MouseScrollUp, at, 3)
         assert view._drawing.span.moment(40) == pytest.approx(before)
-        assert view._drawing.span.end - view._drawing.span.start == pytest.approx(10.0 / 8.0)
+        assert view._drawing.span.end - view._drawing.span.start == pytest.approx(10.0 * ZOOM**3)
         assert re.match(r"\d\.\d+–\d\.\d+ s of 10\.0 s", axis(view))
         assert pilot.app.sought == []
         await wheel(pilot, view, events.MouseScrollDown, at, 3)
@@ -359,7 +359,8 @@ async def test_the_wheel_shows_less_of_the_time_around_the_pointer_and_all_again
 
 async def test_only_what_happens_in_a_stretch_is_drawn(playback):
     async with plots(playback.timeline) as (_, view):
-        view.zoom_time(nearer=True, around=0.0)  # 0 to 5 s: before anything went wrong
+        for _ in range(2):
+            view.zoom_time(nearer=True, around=0.0)  # 0 to 4.9 s: before anything went wrong
         lines = ["".join(map(chr, row)) for row in view._cells[0]]
         assert not set("✗░◇") & set("".join(lines))
         assert lines[-2].rstrip().endswith("1 w1")  # the leg goes on beyond the stretch
@@ -371,14 +372,14 @@ async def test_a_stretch_goes_along_with_the_playhead_that_was_in_it(playback):
     async with plots(playback.timeline) as (_, view):
         view.zoom_time(nearer=True)
         view.zoom_time(nearer=True)
-        assert view._stretch == (0.0, 2.5)
-        view.move(2.4)
-        assert view._stretch == (0.0, 2.5)
-        view.move(2.6)
-        assert view._stretch == pytest.approx((2.35, 4.85))
+        assert view._stretch == pytest.approx((0.0, 4.9))
+        view.move(4.8)
+        assert view._stretch == pytest.approx((0.0, 4.9))
+        view.move(5.0)
+        assert view._stretch == pytest.approx((4.51, 9.41))
         view.move(1.0)
-        assert view._stretch == pytest.approx((0.0, 2.5))
-        view.zoom_time(nearer=True, around=2.4)
+        assert view._stretch == pytest.approx((0.0, 4.9))
+        view.zoom_time(nearer=True, around=4.9)
         assert not view._stretch[0] <= 1.0
         looked = view._stretch
         view.move(1.1)  # somebody looks at another stretch: it stays
