@@ -54,11 +54,6 @@ class MapProjection:
         c, s = math.cos(self.turn), math.sin(self.turn)
         return ((c * right + s * up) / self.scale, (c * up - s * right) / self.scale)
 
-    def screen_way(self, off: Point2) -> Point2:
-        """Return a way on the map [m] as a way on the screen, in dots to the right and up."""
-        c, s = math.cos(self.turn), math.sin(self.turn)
-        return (self.scale * (c * off[0] - s * off[1]), self.scale * (s * off[0] + c * off[1]))
-
 
 def cell_of(x: float, y: float) -> tuple[int, int]:
     """Return the row and column of the cell that holds a dot, which is counted from its middle."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import ClassVar, Final
 
+import numpy as np
 from rich.style import Style
 from textual.events import MouseScrollDown, MouseScrollUp
 from textual.reactive import reactive
@@ -112,10 +113,9 @@ class TopView(CellView):
         if self._middle is None or self._projection is None:
             self._middle = here
         elif self._follows:
-            off = (here[0] - self._middle[0], here[1] - self._middle[1])
-            right, up = self._projection.screen_way(off)
-            free = 0.5 - _MARGIN
-            if abs(right) > 2 * free * self.size.width or abs(up) > 4 * free * self.size.height:
+            (away,) = self._projection.dots(np.array([here])) - self._projection.centre
+            size = np.array([2 * self.size.width, 4 * self.size.height])
+            if (np.abs(away) > (0.5 - _MARGIN) * size).any():
                 self._middle = here
 
     def cells(self, columns: int, rows: int) -> tuple[Codes, Codes] | None:
