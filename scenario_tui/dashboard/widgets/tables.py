@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Final, Literal, Self
+from typing import ClassVar, Final, Literal
 
 from rich.text import Text
 from textual.binding import Binding, BindingType
-from textual.geometry import Region
 from textual.message import Message
 from textual.widgets import DataTable, OptionList
 from textual.widgets.data_table import ColumnKey
@@ -76,9 +75,6 @@ class KeyedTable(DataTable[Text]):
         def __init__(self, step: int, *, far: bool = False) -> None:
             super().__init__()
             self.step, self.far = step, far
-
-    _filling = False
-    """Whether cells change just now."""
 
     def __init__(self, columns: Sequence[Column], *, id: str | None = None) -> None:
         super().__init__(cursor_type="row", id=id)
@@ -162,29 +158,11 @@ class KeyedTable(DataTable[Text]):
         if len(rows) < len(before):
             self.clear()
             before = ()
-        self._filling = True
         for place, (_, cells) in enumerate(rows[: len(before)]):
             self._change(place, before[place][1], cells)
         for place, (_, cells) in enumerate(rows[len(before) :], start=len(before)):
             self._append(place, cells)
-        self._filling = False
-        self.refresh()
         self._settle(key)
-
-    def refresh(
-        self,
-        *regions: Region,
-        repaint: bool = True,
-        layout: bool = False,
-        recompose: bool = False,
-    ) -> Self:
-        """Refresh what is shown; while rows are filled in, only once at their end.
-
-        Every cell would ask for it, which takes most of the time of another order.
-        """
-        if self._filling:
-            return self
-        return super().refresh(*regions, repaint=repaint, layout=layout, recompose=recompose)
 
     def _change(self, place: int, before: tuple[Text, ...], cells: tuple[Text, ...]) -> None:
         if before is cells:
