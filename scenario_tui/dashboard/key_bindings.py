@@ -73,7 +73,8 @@ def _place(kind: type[DOMNode]) -> str:
         return "everywhere"
     if not issubclass(kind, App | Screen):
         return "tables"
-    return {"base": "every screen", "steering": "every campaign"}.get(name, name)
+    places = {"base": "every screen", "steering": "every campaign", "filtering": "every table"}
+    return places.get(name, name)
 
 
 def check_config(config: Config) -> None:

@@ -73,8 +73,12 @@ def searched_text(row: CampaignRow, search: SearchRow) -> Text:
 
 def fail_style(row: CampaignRow, conclusion: Conclusion | None) -> str:
     """Return the style of failed runs: red as long as they may be news."""
-    is_known = conclusion is not None and conclusion.unexpected == 0 and conclusion.is_judged
-    return KNOWN if is_known or row.acknowledged else "fail"
+    return KNOWN if _is_fine(conclusion) or row.acknowledged else "fail"
+
+
+def _is_fine(conclusion: Conclusion | None) -> bool:
+    """Whether all that was judged is as expected, so that failures are known."""
+    return conclusion is not None and conclusion.word in ("pass", "running")
 
 
 def progress_text(row: CampaignRow, total: int, width: int) -> Text:
@@ -107,14 +111,13 @@ def margin_marks(conclusion: Conclusion | None, width: int) -> Text:
     Of more cells than ``width`` neighbours share a bar, that of the worst.
     """
     margins = conclusion.margins if conclusion is not None else ()
-    is_known = conclusion is not None and conclusion.unexpected == 0
     size = max(-(-len(margins) // width), 1)
     text = Text()
     for first in range(0, len(margins), size):
         shares = [share for share in margins[first : first + size] if share is not None]
         if shares:
             least = min(shares)
-            text.append(*Heat("fail" if least < 0 else "pass", least, is_known).mark())
+            text.append(*Heat("fail" if least < 0 else "pass", least, _is_fine(conclusion)).mark())
         else:
             text.append("·", style=QUIET)
     return text

@@ -70,6 +70,13 @@ def test_a_newer_campaign_hides_no_failure_until_somebody_acknowledges_it():
     assert "unexpected" not in shown
 
 
+def test_where_all_is_acknowledged_nothing_is_new():
+    seen = tuple(replace(row, acknowledged=True) for row in CAMPAIGNS)
+    shown = line(160, campaigns=seen)
+    assert "nothing new" in shown
+    assert "expected" not in shown
+
+
 def test_failures_are_red_as_long_as_they_may_be_news():
     def style(**known):
         shown = Known(True, at=NOW, overview=SMALL, campaigns=CAMPAIGNS, **known)
