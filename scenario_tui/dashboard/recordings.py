@@ -68,7 +68,10 @@ class Recordings:
         """
         if why := _why_never(row):
             return Missing(why)
-        key = self._wanted = _key(row)
+        key = _key(row)
+        if key != self._wanted:
+            self.look_again()  # whoever comes back to what is missing looks again
+            self._wanted = key
         if (known := self._find(key)) is not None:
             return known
         if key not in self._under_way:

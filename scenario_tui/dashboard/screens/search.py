@@ -78,7 +78,6 @@ class SearchScreen(SteeringScreen[SearchNews], MapActions, Parts):
         self._campaign = campaign
         self._shown: SearchTrials | None = None
         self._notable: tuple[NotableTrial, ...] = ()
-        self._stale = True
         self._reader = TrialReader()
         self._wanted_run = ""
 
@@ -101,9 +100,12 @@ class SearchScreen(SteeringScreen[SearchNews], MapActions, Parts):
                 yield RunMap().add_class("part", "in-map")
 
     def on_resize(self) -> None:
-        """Draw everything for the new size."""
-        self._stale = True
-        self.call_after_refresh(self._drawn_anew)
+        """Lay out lines and parameters for the new size."""
+        self.call_after_refresh(self.update_from_state)
+
+    def view_changed(self) -> None:
+        """Show what the part that came needs."""
+        self.update_from_state()
 
     @property
     def about(self) -> str:
@@ -127,10 +129,6 @@ class SearchScreen(SteeringScreen[SearchNews], MapActions, Parts):
             self._wanted_run = wanted
             self.ask()
 
-    def _drawn_anew(self) -> None:
-        self.update_from_state()
-        self._want_run()
-
     def campaign(self) -> CampaignRow | None:
         """Return the campaign that the search is."""
         return self.dashboard.known.campaign(self._campaign)
@@ -153,26 +151,24 @@ class SearchScreen(SteeringScreen[SearchNews], MapActions, Parts):
         return "  ".join(parts + (schedule_marks(campaign) if campaign is not None else []))
 
     def show(self, known: Known, news: SearchNews | None) -> None:
-        """Show the search once its runs are known, again only what is another one."""
-        search = news.search if news is not None else None
-        message = "" if search is not None else self._nothing(known)
+        """Show the search once its trials are known."""
+        message = "" if news is not None else self._nothing(known)
         show_message_or(self.query_one("#empty"), self.query_one("#searched"), message)
-        if search is None:
+        if news is None:
             return
-        if search is not self._shown or self._stale:
-            self._shown, self._stale = search, False
-            self._notable = tuple(notable_trials(search))
-            self._say(search)
+        if news.search is not self._shown:
+            self._shown = news.search
+            self._notable = tuple(notable_trials(news.search))
             table = self.query_one(KeyedTable)
             table.fill([_cells(one) for one in self._notable])
             if table.display and self.focused is None:
                 table.focus()
-            self.query_one(SearchCurveView).show(search_curve(search))
-            answer = Text("\n").join(answer_lines(search.row))
+            self.query_one(SearchCurveView).show(search_curve(news.search))
+            answer = Text("\n").join(answer_lines(news.search.row))
             self.query_one("#answer-text", Static).update(answer)
-            self._show_point()
-            self._want_run()
-        self._show_map(news.run if news is not None else None)
+        self._say(news.search)
+        self._show_front(news)
+        self._want_run()
 
     def _nothing(self, known: Known) -> str:
         if not known.connected:
@@ -182,6 +178,8 @@ class SearchScreen(SteeringScreen[SearchNews], MapActions, Parts):
 
     def _front(self) -> NotableTrial | None:
         """Return the run in front."""
+        if not self._notable:
+            return None
         key = self.query_one(KeyedTable).key
         return next((one for one in self._notable if one.key == key), None)
 
@@ -202,50 +200,43 @@ class SearchScreen(SteeringScreen[SearchNews], MapActions, Parts):
         said.truncate(max(self.size.width - len(tabs) - 4, 0), overflow="ellipsis", pad=True)
         self.query_one("#now", Static).update(said.append(f"  {tabs}", style=QUIET))
 
-    def _show_point(self) -> None:
-        """Show the parameters of the run in front."""
-        front, search = self._front(), self._shown
-        if front is None or search is None:
+    def _show_front(self, news: SearchNews) -> None:
+        """Show the parameters of the run in front, and the run from above."""
+        front, above = self._front(), self.query_one(RunMap)
+        if front is None:
+            above.show_run(self.dashboard, None)
+            above.explain("No run has a result yet.")
             return
+        run = news.run
+        is_front = run is not None and run.detail.row.id == front.trial.run
+        above.show_run(self.dashboard, run if is_front else None)
         width = (self.query_one("#parameters").size.width or self.size.width) - 2
         text = Text.assemble((front.what, "bold"), f"  {front.trial.label}\n", overflow="ellipsis")
-        text.append(parameters_text(search.row.task, front.trial.point, width))
+        text.append(parameters_text(news.search.row.task, front.trial.point, width))
         self.query_one("#parameters-text", Static).update(text)
-
-    def _show_map(self, run: RunNews | None) -> None:
-        """Show the run in front from above."""
-        front, above = self._front(), self.query_one(RunMap)
-        known = front is not None and run is not None and run.detail.row.id == front.trial.run
-        above.show_run(self.dashboard, run if known else None)
-        if front is None:
-            above.explain("No run has a result yet.")
 
     def on_data_table_row_highlighted(self) -> None:
         """Show the run the cursor came to."""
-        self._show_point()
-        self._want_run()
+        self.update_from_state()
 
     def on_data_table_row_selected(self) -> None:
         """Open the run under the cursor."""
         self.action_open()
 
-    def _looked_at(self) -> NotableTrial | None:
-        """Return the run in front; say so when there is none."""
-        front = self._front()
-        if front is None:
-            self.notify("no run of this search has a result yet")
-        return front
+    def why_not(self, action: str, *parameters: object) -> str:
+        """Return why an action is impossible now: most are about the run in front."""
+        if action in ("open", "rerun", "found") and self._front() is None:
+            return "No run of this search has a result yet."
+        return super().why_not(action, *parameters)
 
     def action_open(self) -> None:
         """Open the run in front."""
-        front = self._looked_at()
-        if front is not None:
+        if (front := self._front()) is not None:
             self.dashboard.open("run", front.trial.run)
 
     def action_rerun(self) -> None:
         """Copy the command that executes the run in front again."""
-        front = self._looked_at()
-        if front is not None:
+        if (front := self._front()) is not None:
             self.dashboard.copy(self._line("verify", front.trial.run))
 
     def action_runs(self) -> None:
@@ -255,13 +246,7 @@ class SearchScreen(SteeringScreen[SearchNews], MapActions, Parts):
     def action_found(self, step: int) -> None:
         """Bring the next run of the table to the front, or the one before."""
         table = self.query_one(KeyedTable)
-        if self._notable:
-            row = (table.cursor_row + step) % len(self._notable)
-            table.move_cursor(row=row, animate=False)
-
-    def view_changed(self) -> None:
-        """Draw everything for the part that came."""
-        self.on_resize()
+        table.move_cursor(row=(table.cursor_row + step) % len(self._notable), animate=False)
 
 
 def _cells(one: NotableTrial) -> Row:

@@ -121,6 +121,17 @@ def test_a_trace_that_cannot_be_had_is_tried_again_by_who_looks_again(
     assert known(recordings, row).end == 10.0
 
 
+def test_a_cursor_that_comes_back_to_what_is_missing_has_it_tried_again(fake, recordings, tmp_path):
+    path = record_run(tmp_path / "run.mcap")
+    row, data = row_of(fake, path), path.read_bytes()
+    path.unlink()
+    assert isinstance(known(recordings, row), Missing)
+    path.write_bytes(data)
+    assert isinstance(known(recordings, row), Missing)
+    known(recordings, replace(row, result=replace(row.result, verdicts=())))
+    assert known(recordings, row).end == 10.0
+
+
 def test_a_damaged_trace_says_what_is_wrong_with_it(fake, recordings, tmp_path):
     path = tmp_path / "broken.mcap"
     path.write_bytes(b"not a trace")

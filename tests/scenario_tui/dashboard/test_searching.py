@@ -24,7 +24,7 @@ from scenario_tui.dashboard.widgets.search_curve import (
 from scenario_tui.terminal.capabilities import TerminalLimits
 from scenario_tui.text.search_text import parameters_text, range_bar
 from tests.daemon.batch.harness import eventually
-from tests.scenario_tui.dashboard.driven import choose_from_palette, notices
+from tests.scenario_tui.dashboard.driven import choose_from_palette
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
 from tests.scenario_tui.dashboard.searching import (
     NEAREST,
@@ -177,8 +177,9 @@ async def test_a_search_before_its_first_result_and_one_that_could_not_go_on():
         await settle(pilot)
         await press(pilot, "enter")
         assert "▶ 0/60 explore  0 fail" in shown(pilot)
-        await press(pilot, "enter", "x", "n")
-        assert "no run of this search has a result yet" in notices(pilot)
+        await press(pilot, "x")
+        assert "No run of this search has a result yet" in shown(pilot)
+        await press(pilot, "escape")
         why = "campaign.yaml:3: there is no layer doors_moving"
         fake.found = (make_search((), "failed", note=why),)
         await settle(pilot)
