@@ -10,6 +10,7 @@ from rich.text import Text
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical, VerticalScroll
+from textual.widgets import OptionList
 
 from grammars.text.words import NOTHING
 from scenario_tui.dashboard.screens.base import show_message_or
@@ -178,9 +179,9 @@ class CampaignsScreen(FilteredScreen["RunPage"], SteeringScreen["RunPage"]):
         if not grid.display and grid.has_focus:
             self.query_one(KeyedTable).focus(scroll_visible=False)
 
-    def on_running_grid_opened(self, event: RunningGrid.Opened) -> None:
+    def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
         """Open a run under way."""
-        self.dashboard.open("run", event.run)
+        self.dashboard.open("run", event.option_id or "")
 
     def action_part(self) -> None:
         """Give the keys to the runs under way, or back to the table."""

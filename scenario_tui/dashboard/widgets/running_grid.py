@@ -1,4 +1,4 @@
-"""The runs under way, a line each: how far they are, and the least margin so far."""
+"""The runs under way of all campaigns: how far they are, and the least margin so far."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING, ClassVar, Final
 
 from rich.text import Text
 from textual.binding import Binding, BindingType
-from textual.message import Message
-from textual.widget import Widget
+from textual.widgets import OptionList
+from textual.widgets.option_list import Option
 
 from grammars.text.words import count_noun, duration_text
 from scenario_tui.dashboard.live_tracks import SILENT
+from scenario_tui.dashboard.widgets.static_text import same_text
 from scenario_tui.text.formatting import glyph_word, keep_end, run_label
 from scenario_tui.text.run_text import reached_text, worst_text
-from scenario_tui.text.styles import BUSY, QUIET, UNSURE
+from scenario_tui.text.styles import QUIET
 
 if TYPE_CHECKING:
     from daemon.model.spec import Snapshot
@@ -24,20 +25,15 @@ if TYPE_CHECKING:
     from scenario_tui.dashboard.live_tracks import Tracks
     from scenario_tui.dashboard.state import Known
 
-_CELL: Final = 76
-"""Columns of a run at least; more than one stand beside each other where there is room."""
+_BAR: Final = 6
 _LABEL: Final = 20
-"""Columns of its name at least; longer ones take what the cell has left, and keep their end."""
-_REST: Final = _CELL - _LABEL
-_BAR: Final = 12
+"""Columns of its name at least; longer ones take what the line has left, and keep their end."""
 _REACHED: Final = 23
 """Columns of how far a run is; what follows must not move while its time grows."""
-_SHORT_BAR: Final = 6
-"""Columns of every bar where what follows one does not fit otherwise."""
+_REST: Final = _BAR + _REACHED + 27
+"""Columns of everything behind the name."""
 _ROOM: Final = 4
 """Of the screen's rows, one of so many is for runs under way."""
-_FRAME: Final = 2
-"""Rows besides the runs: what they are, and the line below them."""
 _RUNNING_SHOWN: Final = 200
 """Running runs asked for at a time; there are rarely more slots."""
 _LOWEST: Final = 16
@@ -55,7 +51,7 @@ class RunningRun:
 
     @property
     def trouble(self) -> tuple[bool, float]:
-        """What orders runs, those in trouble first."""
+        """Sort key that puts runs in trouble first."""
         least = None if self.seen is None else self.seen.margin
         return least is None, 0.0 if least is None else least
 
@@ -72,20 +68,16 @@ def running_page(daemon: DaemonClient, known: Known, campaign: str = "") -> RunP
 
 
 def running_runs(
-    rows: Iterable[RunRow], tracks: Tracks, campaigns: Mapping[str, CampaignRow] | None = None
+    rows: Iterable[RunRow], tracks: Tracks, campaigns: Mapping[str, CampaignRow]
 ) -> list[RunningRun]:
-    """Return runs under way with what was heard of them; called with their campaign if
-    ``campaigns`` are given.
-    """
-    found = []
+    """Return runs under way with the last news of them, named with their campaign."""
+    runs = []
     for row in rows:
-        label, track = run_label(row), tracks.get(row.id)
-        if campaigns is not None:
-            known = campaigns.get(row.campaign)
-            label = f"{known.name if known else row.campaign} {label}"
+        campaign, track = campaigns.get(row.campaign), tracks.get(row.id)
+        label = f"{campaign.name if campaign else row.campaign} {run_label(row)}"
         seen, silence = (track.snapshot, tracks.silence(track)) if track else (None, 0.0)
-        found.append(RunningRun(row.id, label, seen, silence))
-    return found
+        runs.append(RunningRun(row.id, label, seen, silence))
+    return runs
 
 
 def more_to_come(campaigns: Iterable[CampaignRow]) -> bool:
@@ -93,40 +85,20 @@ def more_to_come(campaigns: Iterable[CampaignRow]) -> bool:
     return any(row.queued and not row.paused for row in campaigns)
 
 
-class RunningGrid(Widget, can_focus=True):
-    """Shows runs under way; of more than fit those with the least margin, in their order."""
+class RunningGrid(OptionList):
+    """List of runs under way; of more than fit those with the least margin, in their order."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("j", "step(1)", "Down", show=False, id="down", tooltip="Also the arrow"),
-        Binding("k", "step(-1)", "Up", show=False, id="up", tooltip="Also the arrow"),
-        Binding("down", "step(1)", "Next run", show=False, id="running-next",
-                tooltip="Of those under way"),
-        Binding("up", "step(-1)", "Run before", show=False, id="running-before",
-                tooltip="Of those under way"),
-        Binding("enter", "open", "Open", id="open", tooltip="The run, live"),
-    ]  # fmt: skip
-
-    class Opened(Message):
-        """Somebody wants to see a ``run``."""
-
-        def __init__(self, run: str) -> None:
-            super().__init__()
-            self.run = run
+        Binding("j", "cursor_down", "Down", show=False, id="down", tooltip="Also the arrow"),
+        Binding("k", "cursor_up", "Up", show=False, id="up", tooltip="Also the arrow"),
+        Binding("enter", "select", "Open", id="open", tooltip="The run, live"),
+    ]
 
     def __init__(self, *, id: str | None = None) -> None:
-        super().__init__(id=id)
+        super().__init__(id=id, compact=True)
         self.display = False
-        self._runs: tuple[RunningRun, ...] = ()
-        self._hidden = 0
-        self._rows = 0
-        self._chosen = ""
-        self._drawn = Text()
-
-    @property
-    def chosen(self) -> str:
-        """The run under the cursor, empty without any."""
-        runs = [one.run for one in self._runs]
-        return self._chosen if self._chosen in runs else next(iter(runs), "")
+        self._texts: tuple[Text, ...] = ()
+        self._kept = 0
 
     def show(self, runs: Sequence[RunningRun], *, more: bool = False) -> None:
         """Show the runs under way, or nothing without any.
@@ -134,109 +106,53 @@ class RunningGrid(Widget, can_focus=True):
         While ``more`` are to come the place of one that ends is kept: what is beside them must not
         jump whenever a slot is free for a moment.
         """
-        height = self.screen.size.height
-        lines = max(2, height // _ROOM)
-        across = self._across()
-        most = lines * across
-        # Who is in trouble must be in view; beyond that a run stays in its place.
+        height, width = self.screen.size.height, self.size.width or self.screen.size.width
+        most = max(2, height // _ROOM)
+        # A run in trouble must be in view; beyond that a run stays in its place.
         worst = {one.run for one in sorted(runs, key=lambda one: one.trouble)[:most]}
-        self._runs = tuple(one for one in runs if one.run in worst)
-        self._hidden = len(runs) - len(self._runs)
-        kept = min(self._rows, lines) if more else 0
-        self._rows = max(-(-len(self._runs) // across), kept)
-        self.display = self._rows > 0 and height >= _LOWEST
+        shown = [one for one in runs if one.run in worst]
+        self._kept = max(len(shown), min(self._kept, most) if more else 0)
+        self.display = self._kept > 0 and height >= _LOWEST
         if not self.display:
             return
-        self.styles.height = _FRAME + self._rows
-        drawn = self._draw()
-        if drawn != self._drawn:
-            self._drawn = drawn
-            self.refresh()
+        self.styles.height = 1 + self._kept
+        self._entitle(len(runs), len(runs) - len(shown))
+        longest = max((len(one.label) for one in shown), default=0)
+        names = max(_LABEL, min(longest, width - _REST))
+        self._fill([one.run for one in shown], [run_line(one, names) for one in shown])
 
-    def _across(self) -> int:
-        return max(1, (self.size.width or self.screen.size.width) // _CELL)
+    def _entitle(self, count: int, hidden: int) -> None:
+        title = f"{glyph_word('running')}  {count_noun(count, 'run')}, worst margin so far"
+        title += f", {hidden} more" if hidden else ""
+        title += "" if self.has_focus else "  tab to choose"
+        if title != self.border_title:
+            self.border_title = title
 
-    def _draw(self) -> Text:
-        count = len(self._runs) + self._hidden
-        text = Text(no_wrap=True, overflow="ellipsis")
-        text.append(glyph_word("running"), style="running")
-        text.append(f"  {count_noun(count, 'run')}, worst margin so far", style=QUIET)
-        if self._hidden:
-            text.append(f"  {self._hidden} more in the table", style=QUIET)
-        text.append("" if self.has_focus else "  tab to choose", style=QUIET)
-        across = self._across()
-        width = (self.size.width or self.screen.size.width) // across
-        names, bar = _fit_columns(self._runs, width)
-        chosen = self.chosen if self.has_focus else ""
-        for place, one in enumerate(self._runs):
-            text.append("\n" if place % across == 0 else "")
-            cell = run_line(one, names, bar)
-            cell.truncate(width - 1, overflow="ellipsis", pad=True)
-            if one.run == chosen:
-                cell.stylize("reverse")
-            text.append_text(cell).append(" ")
-        return text
-
-    def render(self) -> Text:
-        """Return the lines."""
-        return self._drawn
-
-    def _redraw(self) -> None:
-        self._drawn = self._draw()
-        self.refresh()
-
-    def on_focus(self) -> None:
-        """Show the cursor."""
-        self._redraw()
-
-    def on_blur(self) -> None:
-        """Hide the cursor."""
-        self._redraw()
-
-    def action_step(self, step: int) -> None:
-        """Move the cursor, as far as there are runs."""
-        runs = [one.run for one in self._runs]
-        if not runs:
+    def _fill(self, runs: Sequence[str], texts: Sequence[Text]) -> None:
+        """Show a line for each run; the cursor stays on its run."""
+        before, self._texts = self._texts, tuple(texts)
+        shown = [option.id for option in self.options]
+        if runs == shown:
+            for place, (old, new) in enumerate(zip(before, texts, strict=True)):
+                if not same_text(old, new):
+                    self.replace_option_prompt_at_index(place, new)
             return
-        place = runs.index(self.chosen) + step
-        if 0 <= place < len(runs):
-            self._chosen = runs[place]
-            self._redraw()
-
-    def action_open(self) -> None:
-        """Open the run under the cursor."""
-        if self.chosen:
-            self.post_message(self.Opened(self.chosen))
+        chosen = shown[self.highlighted] if self.highlighted is not None else ""
+        self.set_options([Option(text, run) for run, text in zip(runs, texts, strict=True)])
+        self.highlighted = runs.index(chosen) if chosen in runs else 0 if runs else None
 
 
-def _fit_columns(runs: Sequence[RunningRun], width: int) -> tuple[int, int]:
-    """Return the columns of names and of bars in cells of ``width``.
-
-    Whose margin is the least is worth more than a long bar, and that more than a long name.
+def run_line(one: RunningRun, names: int = _LABEL) -> Text:
+    """Return a run under way: its label in ``names`` columns, the share of its time limit that is
+    over, as a bar, how far it is, and its least margin so far.
     """
-    longest = max((len(one.label) for one in runs), default=0)
-    names = max(_LABEL, min(longest, width - _REST))
-
-    def too_long(bar: int) -> int:
-        return max((run_line(one, names, bar).cell_len for one in runs), default=0) - width + 1
-
-    if too_long(_BAR) <= 0:
-        return names, _BAR
-    return max(_LABEL, names - max(too_long(_SHORT_BAR), 0)), _SHORT_BAR
-
-
-def run_line(one: RunningRun, width: int = _LABEL, bar: int = _BAR) -> Text:
-    """Return a run under way: its label in ``width`` columns, ``bar`` columns of the time of its
-    limit that is over, how far it is, least margin so far.
-    """
-    text = Text(f"{keep_end(one.label, width)} ", no_wrap=True)
-    seen = one.seen
+    text, seen = Text(f"{keep_end(one.label, names)} "), one.seen
     if seen is None or seen.waiting:
         return text.append(reached_text(seen), style=QUIET)
     share = min(max(seen.time / seen.limit, 0.0), 1.0) if seen.limit > 0.0 else 1.0
-    done = round(share * bar)
-    text.append("━" * done, style=BUSY).append("─" * (bar - done), style=QUIET)
+    done = round(share * _BAR)
+    text.append("━" * done, style="running").append("─" * (_BAR - done), style=QUIET)
     text.append(f"  {reached_text(seen):<{_REACHED}}  ")
     if one.silence > SILENT:
-        text.append(f"last heard {duration_text(one.silence)} ago  ", style=UNSURE)
+        text.append(f"last heard {duration_text(one.silence)} ago  ", style="inconclusive")
     return text.append_text(worst_text(seen.margin, seen.unit, seen.oracle))
