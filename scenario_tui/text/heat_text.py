@@ -8,7 +8,7 @@ are far beyond the limit.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -24,8 +24,10 @@ from scenario_tui.text.formatting import (
     keep_start,
     margin,
     margin_share,
+    run_counts,
     run_word,
 )
+from scenario_tui.text.results import cell_margin
 from scenario_tui.text.styles import GLYPHS, KNOWN, NEWS, QUIET, SEVERITY
 
 if TYPE_CHECKING:
@@ -69,41 +71,36 @@ class Heat:
         return glyph, style
 
 
-def heats(cell: CellAssessment, results: CampaignResults) -> tuple[Heat, ...]:
-    """Return the runs of a cell, in order."""
-    marks = results.expectations
-    return tuple(_heat(row, marks.mark(row).kind == "known") for row in results.runs_of(cell))
+def heat_marks(cells: Sequence[CellAssessment], results: CampaignResults, width: int) -> Text:
+    """Return a mark for each run of some cells.
 
-
-def _heat(row: RunRow, known: bool) -> Heat:
-    judged = [one for one in row.verdicts if one.outcome is not Outcome.MEASURE]
-    shares = [share for one in judged if (share := margin_share(one)) is not None]
-    return Heat(run_word(row), min(shares, default=None), known)
-
-
-def heat_marks(runs: Sequence[Heat], width: int) -> Text:
-    """Return a mark for each run.
-
-    More than fit into ``width`` columns are summed: the number of runs for each verdict, with the
-    mark of the worst of them.
+    More than fit into ``width`` columns are summed: the number of runs for each verdict, and the
+    mark of the worst run.
     """
+    runs = [run for cell in cells for run in results.runs_of(cell)]
     if len(runs) <= width:
-        return Text.assemble(*(one.mark() for one in runs))
-    counts = Counter(one.word for one in runs)
+        return Text.assemble(*(_heat(run, results).mark() for run in runs))
+    counts = Counter(map(run_word, runs))
+    margins = (share for cell in cells if (share := cell_margin(cell)) is not None)
+    worst = next((word for word in ("fail", "pass") if word in counts), "")
+    is_known = all(results.expectations.mark_cell(cell).kind != "news" for cell in cells)
     parts = []
     for word in sorted(counts, key=SEVERITY.index):
-        worst = min((one for one in runs if one.word == word), key=_worst_first)
-        glyph, style = worst.mark()
+        share = min(margins, default=None) if word == worst else None
+        glyph, style = Heat(word, share, is_known).mark()
         # The bar of a pass has no verdict of its own beside a number.
-        sign = f"{GLYPHS[word]}{glyph}" if word == "pass" and glyph != GLYPHS[word] else glyph
+        sign = f"{GLYPHS[word]}{glyph}" if glyph != GLYPHS[word] else glyph
         parts.append(Text.assemble((sign, style), brief_count(counts[word])))
     text = Text(" ").join(parts)
     text.truncate(width, overflow="ellipsis")
     return text
 
 
-def _worst_first(one: Heat) -> tuple[bool, float]:
-    return one.known, 1.0 if one.share is None else one.share
+def _heat(run: RunRow, results: CampaignResults) -> Heat:
+    judged = (one for one in run.verdicts if one.outcome is not Outcome.MEASURE)
+    shares = (share for one in judged if (share := margin_share(one)) is not None)
+    is_known = results.expectations.mark(run).kind == "known"
+    return Heat(run_word(run), min(shares, default=None), is_known)
 
 
 def heat_lines(results: CampaignResults, width: int, height: int) -> list[Text]:
@@ -113,7 +110,7 @@ def heat_lines(results: CampaignResults, width: int, height: int) -> list[Text]:
     are not as expected. Scenarios and systems that do not fit share the last line and column, those
     as expected first. The last line explains the marks, where there is room for it.
 
-    It looks at every verdict of the campaign: make the lines anew when the results are others only.
+    It looks at every run of the campaign: make the lines anew only when the results are others.
     """
     cells = {(cell.scenario, cell.sut): cell for cell in results.assessment.cells}
     marks = results.expectations
@@ -126,30 +123,27 @@ def heat_lines(results: CampaignResults, width: int, height: int) -> list[Text]:
         max((width - label) // (_NARROWEST + _GAP), 1),
         {sut for _, sut in news},
     )
-    places = {
-        (row, column): [(s, u) for s in scenarios for u in suts if (s, u) in cells]
+    groups = {
+        (row, column): [cells[s, u] for s in scenarios for u in suts if (s, u) in cells]
         for row, scenarios in rows.items()
         for column, suts in columns.items()
     }
-    runs = {
-        place: tuple(one for cell in group for one in heats(cells[cell], results))
-        for place, group in places.items()
-    }
     # As narrow as the marks are: what belongs together is read together.
     room = (width - label) // max(len(columns), 1) - _GAP
-    longest = max(map(len, runs.values()), default=0) + 2
-    room = max(min(room, max(longest, *map(cell_len, columns), _NARROWEST)), 1)
+    longest = max((sum(len(cell.runs) for cell in group) for group in groups.values()), default=0)
+    room = max(min(room, max(longest + 2, *map(cell_len, columns), _NARROWEST)), 1)
     lines = [_line("", [Text(one, QUIET) for one in columns], label, room)]
     for row in rows:
         texts = []
         for column in columns:
-            text = heat_marks(runs[row, column], room - 2)
-            if news.intersection(places[row, column]):
+            group = groups[row, column]
+            text = heat_marks(group, results, room - 2)
+            if any((cell.scenario, cell.sut) in news for cell in group):
                 text.append(" !", style=NEWS)
             texts.append(text)
         lines.append(_line(row, texts, label, room))
     if len(lines) < height:
-        lines.append(heat_legend(one for group in runs.values() for one in group))
+        lines.append(heat_legend(results))
     return lines[:height]
 
 
@@ -165,15 +159,16 @@ def heat_cell(
     """
     if cell is None:
         return Text(NOTHING, style=QUIET)
-    runs, word = heats(cell, results), glyph_word(cell.word)
+    word = glyph_word(cell.word)
     mark = results.expectations.mark_cell(cell)
     letters = f" {mark.letter}" if mark.letter else ""
     is_known = mark.kind == "known"
     style = KNOWN if is_known and cell.word == "fail" else cell.word
-    text = heat_marks(runs, max(width - len(letters) - 1 - len(word), _FEWEST))
+    text = heat_marks([cell], results, max(width - len(letters) - 1 - len(word), _FEWEST))
     text.append(letters, style=mark.kind)
     text.append(f" {word}", style=style)
-    share = f" {sum(one.word == 'pass' for one in runs)}/{len(runs)}"
+    runs = results.runs_of(cell)
+    share = f" {sum(run.outcome is Outcome.PASS for run in runs)}/{len(runs)}"
     text.append(share if text.cell_len + len(share) <= width else "")
     text.truncate(width, overflow="ellipsis")
     oracle = leading_oracle(cell)
@@ -203,13 +198,16 @@ def _line(label: str, cells: Sequence[Text], width: int, room: int) -> Text:
     return text
 
 
-def heat_legend(runs: Iterable[Heat]) -> Text:
-    """Return the meaning of the marks of these runs."""
-    words = {one.word for one in runs}
+def heat_legend(results: CampaignResults) -> Text:
+    """Return the meaning of the marks of a campaign."""
+    words = run_counts(results.row)
     text = Text(no_wrap=True, overflow="ellipsis")
-    for word in (word for word in SEVERITY if word in words and word != "pass"):
+    for word in (word for word in words if word != "pass"):
         text.append(GLYPHS[word], style=word).append(f" {word}  ", style=QUIET)
     if "pass" in words:
         text.append(_BARS[0], style="inconclusive").append(" tight ", style=QUIET)
         text.append(_BARS[-1], style="pass").append(" clear pass  ", style=QUIET)
-    return text.append("! beside them: unexpected", style=QUIET)
+    text.append("! ", style=NEWS).append("beside them: unexpected", style=QUIET)
+    if results.expectations.known:
+        text.append("  a", style=KNOWN).append(" known", style=QUIET)
+    return text

@@ -17,7 +17,7 @@ from scenario_tui.dashboard.state import Known
 from scenario_tui.dashboard.widgets.cell_table import COMFORTABLE, CellTable
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.text.assessment_text import campaign_notes, cell_notes
-from scenario_tui.text.heat_text import heat_legend, heats
+from scenario_tui.text.heat_text import heat_legend
 from scenario_tui.text.results import NONE_JUDGED
 
 if TYPE_CHECKING:
@@ -95,8 +95,7 @@ class MatrixScreen(SteeringScreen[None]):
         self._shown = results
         self._arrange()
         self.query_one(CellTable).show(results)
-        runs = (run for cell in results.assessment.cells for run in heats(cell, results))
-        self.query_one("#legend", Static).update(heat_legend(runs))
+        self.query_one("#legend", Static).update(heat_legend(results))
         self._rest = campaign_notes(results)
         self._describe()
         if self.focused is None:
