@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Final, Literal
 
 if TYPE_CHECKING:
     from daemon.analysis.results import CampaignResults
-    from daemon.model.messages import RunQuery
     from daemon.model.search_answer import SearchRow
     from daemon.model.status import CampaignRow, DaemonOverview
+    from scenario_tui.dashboard.screens.filtering import Arrangement
     from scenario_tui.text.results import Conclusion
 
 CAMPAIGNS_SHOWN: Final = 500
@@ -19,10 +19,11 @@ CAMPAIGNS_SHOWN: Final = 500
 
 @dataclass(frozen=True, slots=True)
 class RunsView:
-    """How the runs of a place were looked at last: filter, order, page and the run in front."""
+    """Filter, order, page and the run in front with which the runs of a place were shown last."""
 
-    wanted: RunQuery
-    only: int = 0
+    arrangement: Arrangement
+    only: str = ""
+    offset: int = 0
     key: str = ""
 
 

@@ -408,7 +408,20 @@ class FakeDaemon(DaemonClient):
 
     def _workers(self, _):
         return (
-            WorkerRow("bench-1", "bench", 4711, "0.1.0", 2, 1, NOW - 3600.0, self.now - 2.0),
+            WorkerRow(
+                "bench-1",
+                "bench",
+                4711,
+                "0.1.0",
+                2,
+                1,
+                NOW - 3600.0,
+                self.now - 2.0,
+                cpu=0.45,
+                memory=1_300_000_000,
+                memory_total=16_000_000_000,
+                runs=(f"{CAMPAIGN}.7",),
+            ),
             WorkerRow(
                 "shed-1", "shed", 812, "0.1.0", 4, 0, NOW - 600.0, self.now - 1.0, away=self.away
             ),

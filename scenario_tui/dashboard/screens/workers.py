@@ -1,32 +1,42 @@
-"""Who executes runs: the workers of the daemon, and which of them are away."""
+"""The workers slot by slot: the run in each, how far it is, and the load of their machines."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from rich.text import Text
 from textual.app import ComposeResult
 
 from grammars.text.words import count_noun, duration_text
-from scenario_tui.dashboard.screens.base import BaseScreen, show_message_or
+from scenario_tui.dashboard.screens.base import show_message_or
+from scenario_tui.dashboard.screens.filtering import FilteredScreen
 from scenario_tui.dashboard.state import Known
+from scenario_tui.dashboard.widgets.running_grid import progress_bar, running_page
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
-from scenario_tui.text.formatting import age_text
+from scenario_tui.text.formatting import age_text, run_label
+from scenario_tui.text.run_text import reached_text
+from scenario_tui.text.styles import QUIET
 
 if TYPE_CHECKING:
     from daemon.model.status import WorkerRow
     from daemon.model.verbs import DaemonClient
+    from scenario_tui.dashboard.live_tracks import Tracks
 
 _COLUMNS: Final = (
-    Column("worker", 0),
-    Column("host", 16),
-    Column("busy", 9, right=True),
-    Column("here for", 12, right=True),
-    Column("last heard", 16, right=True),
-    Column("process", 8, from_width=90, right=True),
-    Column("version", 9, from_width=100),
+    Column("worker", 14),
+    Column("run", 0),
+    Column("progress", 20),
+    Column("CPU", 9),
+    Column("memory", 13, right=True),
+    Column("last heard", 10, right=True, from_width=100),
+    Column("here for", 13, right=True, from_width=116),
+    Column("host", 16, from_width=140),
+    Column("version", 9, from_width=150),
 )
+_BAR: Final = 4
 _NOBODY: Final = (
     "No worker is connected: nothing runs. In another terminal, here or elsewhere, type\n\n"
     "    scenario worker --connect tls/<this machine>:7447\n\n"
@@ -34,62 +44,107 @@ _NOBODY: Final = (
 )
 
 
-class WorkersScreen(BaseScreen["tuple[WorkerRow, ...]"]):
-    """The workers and how busy they are."""
+_KEYS: Final[Mapping[str, Callable[[WorkerRow], Any]]] = {
+    "worker": lambda row: row.id,
+    "CPU": lambda row: row.cpu,
+    "memory": lambda row: row.memory,
+    "last heard": lambda row: row.last_seen_at,
+    "here for": lambda row: -row.connected_at,
+}
 
-    IN_FOOTER = ("back", "submit", "palette", "help", "quit")
+
+@dataclass(frozen=True, slots=True)
+class WorkersNews:
+    """The workers, and the names of the runs under way by their id."""
+
+    workers: tuple[WorkerRow, ...]
+    runs: Mapping[str, str]
+
+
+class WorkersScreen(FilteredScreen[WorkersNews]):
+    """The slots of all workers: what they execute, how busy their machines are."""
+
+    IN_FOOTER = ("open", "back", "filter", "submit", "palette", "help", "quit")
+    SORTS: ClassVar = dict.fromkeys(_KEYS, True) | {"worker": False}
 
     def body(self) -> ComposeResult:
         """The table."""
+        yield self.filter_line()
         yield StaticText(id="empty")
         yield KeyedTable(_COLUMNS, id="workers")
 
-    def fetch(self, daemon: DaemonClient, known: Known) -> tuple[WorkerRow, ...]:
-        """Return the workers."""
-        return daemon.workers()
-
-    def pointless_keys(self) -> frozenset[str]:
-        """There is no more to a worker than its row."""
-        return super().pointless_keys() | {"open"}
+    def fetch(self, daemon: DaemonClient, known: Known) -> WorkersNews:
+        """Return the workers and what they execute."""
+        page = running_page(daemon, known)
+        return WorkersNews(daemon.workers(), {row.id: run_label(row) for row in page.rows})
 
     def trail(self) -> str:
         """Where we are, and the sum of it."""
-        rows = self.news or ()
+        rows = self.news.workers if self.news else ()
         here = [row for row in rows if not row.away]
         busy, slots = sum(row.busy for row in here), sum(row.slots for row in here)
         away = f", {len(rows) - len(here)} away" if len(here) < len(rows) else ""
         return f"workers ({len(here)}{away})  {busy} of {count_noun(slots, 'slot')} busy"
 
-    def show(self, known: Known, news: tuple[WorkerRow, ...] | None) -> None:
+    def show(self, known: Known, news: WorkersNews | None) -> None:
         """Fill the table."""
-        now = self.dashboard.clock()
-        table = self.query_one(KeyedTable)
-        rows = news or ()
-        trouble = known.overview.trouble.strip() if known.overview else ""
-        nobody = f"No run can start:\n\n{trouble}" if trouble else _NOBODY
-        # Beside those that stop everything: what keeps one worker, or some runs, from it.
-        troubles = known.overview.troubles if known.overview else ()
-        others = [one.words for one in troubles[bool(trouble) :]]
-        message = "" if (rows or news is None) and not trouble else nobody
-        busy = [f"{row.id}: {row.preparing}" for row in rows if row.preparing]
-        message = "\n\n".join(filter(None, (message, *busy, *(f"! {words}" for words in others))))
-        above = self.query_one("#empty")
-        above.set_class(bool(rows), "-above")
+        now, tracks = self.dashboard.clock(), self.dashboard.tracks
+        workers, labels = (news.workers, news.runs) if news else ((), {})
+        cells = [(one, row) for one in workers for row in slot_rows(one, labels, tracks, now)]
+        rows = self.arrangement.apply(cells, _KEYS)
+        above, table = self.query_one("#empty"), self.query_one(KeyedTable)
+        message = self._message(known, workers) if news else ""
+        message = message or ("" if rows or not news else self.no_match())
+        above.set_class(bool(workers), "-above")
         show_message_or(above, table, message)
         table.display = bool(rows)
-        table.fill([worker_cells(row, now) for row in rows])
+        table.fill(rows)
         if self.focused is None:
             table.focus()
 
+    def _message(self, known: Known, workers: tuple[WorkerRow, ...]) -> str:
+        """Return what keeps all workers, or some, from executing runs."""
+        trouble = known.overview.trouble.strip() if known.overview else ""
+        nobody = f"No run can start:\n\n{trouble}" if trouble else "" if workers else _NOBODY
+        # Beside those that stop everything: what keeps one worker, or some runs, from it.
+        troubles = known.overview.troubles if known.overview else ()
+        others = [f"! {one.words}" for one in troubles[bool(trouble) :]]
+        busy = [f"{row.id}: {row.preparing}" for row in workers if row.preparing]
+        return "\n\n".join(filter(None, (nobody, *busy, *others)))
 
-def worker_cells(row: WorkerRow, now: float) -> Row:
-    """Return a worker as a row of the table."""
-    return row.id, (
-        Text(row.id),
-        Text(row.host),
-        Text(f"{row.busy} of {row.slots}"),
-        Text(duration_text(now - row.connected_at)),
-        Text(("away, " if row.away else "") + age_text(row.last_seen_at, now)),
-        Text(str(row.pid)),
-        Text(row.version),
-    )
+    def rearranged(self) -> None:
+        """Show the workers as they are arranged now."""
+        self.show(self.dashboard.known, self.news)
+
+    def on_data_table_row_selected(self) -> None:
+        """Open the run in the slot."""
+        run = self.query_one(KeyedTable).key.rpartition(" ")[2]
+        if run:
+            self.dashboard.open("run", run)
+
+
+def slot_rows(
+    worker: WorkerRow, labels: Mapping[str, str], tracks: Tracks, now: float
+) -> Iterator[Row]:
+    """Yield a row for each run of a worker, then one for its idle slots.
+
+    ``labels`` name runs. The first row says what is true of the whole worker.
+    """
+    load, memory = "away" if worker.away else "", ""
+    if worker.memory_total and not worker.away:
+        load = f"{'█' * round(worker.cpu * _BAR):·<{_BAR}}{worker.cpu:>5.0%}"
+        memory = f"{worker.memory / 1e9:.1f} of {worker.memory_total / 1e9:.0f} GB"
+    heard, here = age_text(worker.last_seen_at, now), duration_text(now - worker.connected_at)
+    rest: tuple[str, ...] = (load, memory, heard, here, worker.host, worker.version)
+    for run in worker.runs:
+        track = tracks.get(run)
+        seen = track.snapshot if track else None
+        progress = progress_bar(seen).append(" ") if seen and not seen.waiting else Text()
+        progress.append(reached_text(seen, limit=False))
+        # The runs were asked for a moment earlier than the workers.
+        cells = (Text(worker.id), Text(labels.get(run, run)), progress, *map(Text, rest))
+        yield f"{worker.id} {run}", cells
+        rest = ("",) * len(rest)
+    if (idle := worker.slots - len(worker.runs)) > 0:
+        cells = (Text(worker.id), Text(f"{idle} idle", style=QUIET), Text(), *map(Text, rest))
+        yield f"{worker.id} ", cells

@@ -26,11 +26,11 @@ if TYPE_CHECKING:
     from scenario_tui.dashboard.state import Known
 
 _BAR: Final = 6
-_LABEL: Final = 20
+_LABEL: Final = 16
 """Columns of its name at least; longer ones take what the line has left, and keep their end."""
-_REACHED: Final = 23
+_REACHED: Final = 14
 """Columns of how far a run is; what follows must not move while its time grows."""
-_REST: Final = _BAR + _REACHED + 27
+_REST: Final = 1 + _BAR + 2 + _REACHED + 2 + 22
 """Columns of everything behind the name."""
 _ROOM: Final = 4
 """Of the screen's rows, one of so many is for runs under way."""
@@ -149,10 +149,15 @@ def run_line(one: RunningRun, names: int = _LABEL) -> Text:
     text, seen = Text(f"{keep_end(one.label, names)} "), one.seen
     if seen is None or seen.waiting:
         return text.append(reached_text(seen), style=QUIET)
-    share = min(max(seen.time / seen.limit, 0.0), 1.0) if seen.limit > 0.0 else 1.0
-    done = round(share * _BAR)
-    text.append("━" * done, style="running").append("─" * (_BAR - done), style=QUIET)
-    text.append(f"  {reached_text(seen):<{_REACHED}}  ")
+    text.append_text(progress_bar(seen))
+    text.append(f"  {reached_text(seen, limit=False):<{_REACHED}}  ")
     if one.silence > SILENT:
         text.append(f"last heard {duration_text(one.silence)} ago  ", style="inconclusive")
     return text.append_text(worst_text(seen.margin, seen.unit, seen.oracle))
+
+
+def progress_bar(seen: Snapshot) -> Text:
+    """Return the share of its time limit that is over for a run under way."""
+    share = min(max(seen.time / seen.limit, 0.0), 1.0) if seen.limit > 0.0 else 1.0
+    done = round(share * _BAR)
+    return Text.assemble(("━" * done, "running"), ("─" * (_BAR - done), QUIET))

@@ -182,7 +182,8 @@ class KeyedTable(DataTable[Text]):
             return  # a beginning is for the rows that are still to come
         # The scroll of another page would show its middle; where the cursor begins, the view does.
         beginning, self._from = self._from, ""
-        key, self._begin = self._begin or key, ""
+        # A table whose size is chosen before its rows come begins with them.
+        key, self._begin = self._begin or key, "" if self._rows else self._begin
         found = next((i for i, (name, _) in enumerate(self._rows) if name == key), 0)
         if beginning:
             found = 0 if beginning == "top" else max(0, len(self._rows) - 1)

@@ -45,6 +45,6 @@ async def test_a_verdict_changes_its_colour(monkeypatch):
         verdicts = pilot.app.query_one(VerdictList)
         for colour in ("red", "blue"):
             text = Text("calm", colour)
-            monkeypatch.setattr(tables, "verdict_text", lambda _, text=text, **__: text)
+            monkeypatch.setattr(tables, "verdict_text", lambda *_, text=text, **__: text)
             verdicts.show([VERDICT])
             assert str(verdicts.get_option_at_index(0).prompt.style) == colour

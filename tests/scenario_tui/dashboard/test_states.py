@@ -111,7 +111,7 @@ async def test_what_keeps_one_worker_from_working_is_readable_to_its_end():
         await press(pilot, "3")
         assert screen_text(pilot)[1].rstrip().endswith("…")  # cut, and looks like it
         assert "and so it ends" in " ".join(shown(pilot).split())
-        assert "last heard" in shown(pilot)  # and the table still has room
+        assert "progress" in shown(pilot)  # and the table still has room
 
 
 async def test_everything_paused_is_told_on_the_first_line():

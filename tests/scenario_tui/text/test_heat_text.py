@@ -42,12 +42,15 @@ def test_a_mark_says_the_verdict_and_its_colour_the_margin(run, mark):
     assert run.mark() == mark
 
 
-def test_more_repeats_than_fit_are_counted_with_the_worst_of_each_verdict():
-    runs = [Heat("pass", 0.9)] * 95 + [Heat("pass", 0.02), Heat("fail", -0.1), Heat("fail", -0.9)]
-    text = heat_marks(runs, 20)
-    assert text.plain == "✗2 ✓▁96"
-    assert str(text.spans[0].style) == "fail.far"
-    assert heat_marks(runs, len(runs)).plain == "█" * 95 + "▁✗✗"
+def test_more_repeats_than_fit_are_counted_with_the_mark_of_the_worst(results):
+    cells = {(cell.scenario, cell.sut): cell for cell in results.assessment.cells}
+    assert heat_marks([cells["S2", "a2s"]], results, 3).plain == "▃✗▃"
+    text = heat_marks([cells["S2", "a2s"]], results, 2)
+    assert text.plain == "✗…"
+    text = heat_marks([cell for cell in cells.values() if cell.sut == "a2s"], results, 8)
+    assert text.plain == "✗1 !1 ✓7"
+    assert str(text.spans[0].style) == "fail"
+    assert heat_marks([cells["S1", "pilot"], cells["S1", "a2s"]], results, 5).plain == "✓▂6"
 
 
 def test_scenarios_by_systems_with_a_mark_for_each_repeat(results):
@@ -59,7 +62,7 @@ def test_scenarios_by_systems_with_a_mark_for_each_repeat(results):
         ["S3", "▃▃▶", "▃▃!"],
     ]
     assert lines[4] == (
-        "✗ fail  ! lost  ▶ running  ▁ tight █ clear pass  ! beside them: unexpected"
+        "✗ fail  ! lost  ▶ running  ▁ tight █ clear pass  ! beside them: unexpected  a known"
     )
 
 
