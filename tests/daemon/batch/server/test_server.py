@@ -199,7 +199,7 @@ def test_the_speed_of_a_run_under_way_tells_how_long_it_takes_at_most(tmp_path):
         # It simulates a second in each, to its limit of 10 s; nothing else is known of it.
         first = eventually(left)
         assert 0.0 < first < 15.0
-        eventually(lambda: 0.0 < (left() or first) < first)
+        eventually(lambda: (now := left()) is None or now < first)
         eventually(lambda: left() is None)
 
 
