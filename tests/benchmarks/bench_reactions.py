@@ -101,9 +101,10 @@ def first_screen(state):
         beside = Reference(NUMPY[0], min(numpy))
         yield Measurement(
             "dashboard's first screen", min(walls), "s", beside, (at_most(0.4),),
-            f"median {statistics.median(walls):.2f} s, least CPU {min(used):.2f} s, "
+            f"median {statistics.median(walls):.2f} s, "
             f"campaigns in it after {min(filled):.2f} s",
         )  # fmt: skip
+        yield Measurement("  its CPU", min(used), "CPU s", None, (at_most(0.6),))
 
 
 def measure():
