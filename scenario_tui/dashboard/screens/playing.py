@@ -106,6 +106,7 @@ class PlayingScreen(Screen[None]):
             self.transport.go(time)
             self.transport.playing = False
             self.show_moment()
+            self.query_one(TimelineView).reveal()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Offer playing only where there is something to play."""
@@ -139,6 +140,7 @@ class PlayingScreen(Screen[None]):
         assert self.transport is not None
         change(self.transport)
         self.show_moment()
+        self.query_one(TimelineView).reveal()
 
     def action_next(self) -> None:
         """Go to the next moment an oracle was decided against, behind the last to the first."""

@@ -118,11 +118,20 @@ class TimelineView(CellView):
 
     def _put(self, time: float) -> None:
         """Put the playhead at a moment; a stretch of time that it leaves moves along."""
-        if self._stretch is not None:
+        was_in_view, self._time = self._is_in_view(), time
+        if was_in_view:
+            self.reveal()
+
+    def _is_in_view(self) -> bool:
+        return self._stretch is None or self._stretch[0] <= self._time <= self._stretch[1]
+
+    def reveal(self) -> None:
+        """Move the stretch of time that is shown to the playhead, unless that is in view."""
+        if self._stretch is not None and not self._is_in_view():
             start, end = self._stretch
-            if start <= self._time <= end and not start <= time <= end:
-                self._show_stretch(end - start, time, _MARGIN if time > end else 1.0 - _MARGIN)
-        self._time = time
+            share = _MARGIN if self._time > end else 1.0 - _MARGIN
+            self._show_stretch(end - start, self._time, share)
+            self.redraw()
 
     def zoom_time(self, nearer: bool, around: float | None = None) -> None:
         """Show less of the time or more; a moment [s], or the playhead, keeps its column."""

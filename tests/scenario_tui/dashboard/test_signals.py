@@ -384,6 +384,8 @@ async def test_a_stretch_goes_along_with_the_playhead_that_was_in_it(playback):
         looked = view._stretch
         view.move(1.1)  # somebody looks at another stretch: it stays
         assert view._stretch == looked
+        view.reveal()  # a key has moved the playhead
+        assert view._stretch[0] <= 1.1 <= view._stretch[1]
 
 
 async def test_a_run_that_begins_anew_is_shown_as_a_whole(playback):
