@@ -16,7 +16,6 @@ from daemon.model.assessments import (
     UnexpectedVerdict,
     group_errors,
 )
-from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome
 from grammars.text.words import count_noun
 from scenario_tui.text.formatting import (
@@ -33,6 +32,7 @@ from scenario_tui.text.styles import GLYPHS, QUIET, SEVERITY
 if TYPE_CHECKING:
     from daemon.analysis.results import CampaignResults
     from daemon.judging.assessment import Expectations
+    from daemon.model.status import RunRow
 
 BOUNDS: Final = "mean difference [one-sided 95 % bounds] over n repeats"
 _MANY: Final = 20
