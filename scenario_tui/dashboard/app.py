@@ -5,13 +5,15 @@ from __future__ import annotations
 import asyncio
 import logging
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, ClassVar, Final
 
 from textual import work
-from textual.binding import Binding, BindingType
+from textual.actions import parse
+from textual.app import SystemCommand
+from textual.binding import ActiveBinding, Binding, BindingType
 from textual.events import Event, Key
 from textual.message_pump import MessagePump
 from textual.screen import ModalScreen, Screen
@@ -24,7 +26,7 @@ from scenario_tui.dashboard.feed import Feed
 from scenario_tui.dashboard.screens.base import BaseScreen
 from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
 from scenario_tui.dashboard.screens.dialogs import Refusal
-from scenario_tui.dashboard.screens.help import ActionCommands, CampaignCommands, Help
+from scenario_tui.dashboard.screens.help import Help, our_bindings
 
 if TYPE_CHECKING:
     from daemon.model.verbs import ClientOpener
@@ -45,17 +47,16 @@ class Dashboard(BaseDashboard):
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (110, "-wide")]  # noqa: RUF012
     VERTICAL_BREAKPOINTS = [(0, "-short"), (16, "-tall")]  # noqa: RUF012
     COMMAND_PALETTE_BINDING = "colon"
-    COMMANDS = {ActionCommands, CampaignCommands}  # noqa: RUF012
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("1", "go('campaigns')", "Campaigns", show=False, id="campaigns", tooltip="All"),
         Binding("2", "go('runs')", "Runs", show=False, id="runs", tooltip="Of every campaign"),
         Binding("3", "go('workers')", "Workers", show=False, id="workers", tooltip="Who executes"),
-        Binding("s", "submit", "Submit", id="submit", tooltip="Choose, check, submit a campaign"),
         Binding("d", "launch", "Start daemon", show=False, id="launch",
                 tooltip="On this machine, when none answers"),
-        Binding(
-            "colon", "command_palette", "Go", id="palette", tooltip="Type what to do or where to go"
-        ),
+        Binding("s", "submit", "Submit", show=False, id="submit",
+                tooltip="Choose, check, submit a campaign"),
+        Binding("colon", "command_palette", "Go", show=False, id="palette",
+                tooltip="Type what to do or where to go"),
         Binding("question_mark,f1", "keys", "Help", id="help", tooltip="This list"),
         Binding("q", "quit", "Quit", id="quit", tooltip="Leave; all work goes on"),
         Binding(
@@ -144,10 +145,7 @@ class Dashboard(BaseDashboard):
 
     def action_submit(self) -> None:
         """Choose a campaign file and submit it."""
-        if why := self.why_not_steer():
-            self.push_screen(Refusal(why))
-        else:
-            self.open("submit")
+        self.open("submit")
 
     def action_go(self, place: str) -> None:
         """Go to one of the main screens from wherever we are."""
@@ -165,7 +163,24 @@ class Dashboard(BaseDashboard):
             gone = bool(known.problem) and not (known.connected or known.refused or self.launching)
             return gone and self.launch_daemon is not None
         ours = isinstance(self.screen, BaseScreen | ModalScreen)
-        return ours or action not in ("go", "keys", "command_palette", "submit")
+        if not ours and action in ("go", "keys", "command_palette", "submit"):
+            return False
+        front = self.screen
+        return None if isinstance(front, BaseScreen) and front.why_not(action, ()) else True
+
+    def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
+        """Yield what has a key on a screen; what is not in its line of keys is found by typing."""
+        for action, active in {one.binding.action: one for one in our_bindings(screen)}.items():
+            binding = active.binding
+            if action != "command_palette":
+                about = f"{self.get_key_display(binding)}  {binding.tooltip}"
+                do = partial(self.run_action, action, active.node)
+                yield SystemCommand(binding.description, about, do, binding.show)
+        about = "Choose other colours, until you leave"
+        yield SystemCommand("Theme", about, self.action_change_theme)
+        for row in self.known.campaigns:
+            show = partial(self.open_campaign, row.id)
+            yield SystemCommand(f"go to campaign {row.id}", "", show, discover=False)
 
     async def on_event(self, event: Event) -> None:
         """Let each key do all its work before the next one is looked at.
@@ -178,7 +193,8 @@ class Dashboard(BaseDashboard):
             return
         before = self.screen
         active = before.active_bindings.get(event.key)
-        if active is None or not await self.run_action(active.binding.action, active.node):
+        done = active is not None and await self._do(active)
+        if not done:
             await super().on_event(event)
         # What the key did may be a message on its way from what has the focus up to the screen.
         for node in (before.focused or before).ancestors_with_self:
@@ -186,6 +202,16 @@ class Dashboard(BaseDashboard):
                 await _settle(node)
         if self.screen is not before:
             await _settle(self.screen)
+
+    async def _do(self, active: ActiveBinding) -> bool:
+        """Do what a key is for; say why it is impossible in place of what it would open."""
+        front = self.screen
+        if not active.enabled and isinstance(front, BaseScreen):
+            _, action, parameters = parse(active.binding.action)
+            if why := front.why_not(action, parameters):
+                self.push_screen(Refusal(why))
+                return True
+        return await self.run_action(active.binding.action, active.node)
 
     def action_keys(self) -> None:
         """Show the keys of the screen in front."""

@@ -68,8 +68,6 @@ def _read_settings(path: Path, data: Mapping[str, Any]) -> dict[str, Any]:
     # Most people have no such file, and the dashboard is to be there at once.
     from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-    from grammars.text.documents import plain_message
-
     class Table(BaseModel):
         model_config = ConfigDict(
             extra="forbid", strict=True, alias_generator=lambda name: name.replace("_", "-")
@@ -90,8 +88,7 @@ def _read_settings(path: Path, data: Mapping[str, Any]) -> dict[str, Any]:
         problems = []
         for one in error.errors():
             place = ".".join(map(str, one["loc"]))
-            message = "is no setting" if one["type"] == "extra_forbidden" else plain_message(one)
-            problems.append(Finding(Where(str(path)), f"{place}: {message}"))
+            problems.append(Finding(Where(str(path)), f"{place}: {one['msg']}"))
         raise InputError(problems) from error
     keys = {
         name: keys if isinstance(keys, str) else ",".join(keys) for name, keys in file.keys.items()

@@ -1,4 +1,4 @@
-"""Every key of the dashboard by its id: what ``config.toml`` may map, and what help lists."""
+"""Every key of the dashboard by its id: those that ``config.toml`` may map."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ import pkgutil
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any, Final
+from typing import Final
 
 from textual.app import App
+from textual.binding import Binding
 from textual.dom import DOMNode
 from textual.keys import Keys, _character_to_key
 from textual.screen import Screen
@@ -17,14 +18,8 @@ import scenario_tui.dashboard
 from grammars.text.diagnostics import Finding, InputError, Where
 from scenario_tui.dashboard.app import Dashboard
 from scenario_tui.dashboard.config import Config
-from scenario_tui.dashboard.screens.help import (
-    binding_meaning,
-    our_classes,
-    own_bindings,
-)
 from scenario_tui.dashboard.themes import DARK, LIGHT
 
-_ROOMS: Final = ("screens", "widgets")
 _MODIFIERS: Final = frozenset({"ctrl", "shift", "alt", "meta", "super", "hyper"})
 
 
@@ -40,39 +35,33 @@ class KeyBinding:
 
 def list_key_bindings() -> tuple[KeyBinding, ...]:
     """Return all bindings that have an id, place by place."""
-    found = [
-        KeyBinding(binding.id, binding.key, _place(kind), binding_meaning(binding))
+    listed = [
+        KeyBinding(one.id, one.key, _place(kind), f"{one.description}: {one.tooltip}")
         for kind in classes_with_bindings()
-        for binding in own_bindings(kind)
-        if binding.id
+        for one in vars(kind)["BINDINGS"]
+        if isinstance(one, Binding) and one.id
     ]
-    return tuple(dict.fromkeys(found))
+    return tuple(dict.fromkeys(listed))
 
 
 def classes_with_bindings() -> tuple[type[DOMNode], ...]:
     """Return all screens and widgets of ours that bind keys, the dashboard first."""
-    found: dict[type[DOMNode], None] = dict.fromkeys(our_classes(Dashboard))
-    for room in _ROOMS:
-        package = import_module(f"{scenario_tui.dashboard.__name__}.{room}")
+    kinds: dict[type[DOMNode], None] = dict.fromkeys(Dashboard.__mro__)
+    for part in ("screens", "widgets"):
+        package = import_module(f"{scenario_tui.dashboard.__name__}.{part}")
         for module in pkgutil.iter_modules(package.__path__):
-            found |= dict.fromkeys(_bound(import_module(f"{package.__name__}.{module.name}")))
-    return tuple(found)
-
-
-def _bound(module: Any) -> Iterator[type[DOMNode]]:
-    # Found, not listed: a screen with keys that nobody listed could not be configured.
-    for kind in vars(module).values():
-        ours = isinstance(kind, type) and kind.__module__ == module.__name__
-        if ours and issubclass(kind, DOMNode) and "BINDINGS" in vars(kind):
-            yield kind
+            members = vars(import_module(f"{package.__name__}.{module.name}")).values()
+            kinds |= dict.fromkeys(one for one in members if isinstance(one, type))
+    ours = (kind for kind in kinds if kind.__module__.startswith(f"{scenario_tui.__name__}."))
+    return tuple(kind for kind in ours if issubclass(kind, DOMNode) and "BINDINGS" in vars(kind))
 
 
 def _place(kind: type[DOMNode]) -> str:
-    name = kind.__module__.rpartition(".")[2]
-    if issubclass(kind, App) and name != "replay":
+    if issubclass(kind, App):
         return "everywhere"
-    if not issubclass(kind, App | Screen):
+    if not issubclass(kind, Screen):
         return "tables"
+    name = kind.__module__.rpartition(".")[2]
     places = {"base": "every screen", "steering": "every campaign", "filtering": "every table"}
     return places.get(name, name)
 

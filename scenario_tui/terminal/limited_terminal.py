@@ -186,6 +186,7 @@ def _single(text: str) -> bool:
 class LimitedTerminalApp(App[None]):
     """An app that sends little, and that shows itself in what its terminal has."""
 
+    BINDING_GROUP_TITLE = "everywhere"
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding(
             "ctrl+l", "redraw", "Redraw", show=False, id="redraw", tooltip="Draw the screen again"

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import replace
-from typing import TYPE_CHECKING, ClassVar, Final, Generic, TypeVar, cast
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, ClassVar, Generic, TypeVar, cast
 
 from rich.text import Text
-from textual.app import ComposeResult, SystemCommand
-from textual.binding import ActiveBinding, Binding, BindingType
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
 from textual.screen import ModalScreen, Screen
 from textual.widget import Widget
 from textual.widgets import Static
 
-from scenario_tui.campaign_actions import KEYED
 from scenario_tui.dashboard.state import Known
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
 from scenario_tui.dashboard.widgets.static_text import StaticText
@@ -25,9 +23,6 @@ if TYPE_CHECKING:
     from scenario_tui.dashboard.base_app import BaseDashboard
 
 T = TypeVar("T")
-
-CHANGING_KEYS: Final = frozenset({"submit", *(action.command for action in KEYED)})
-"""Ids of the keys that change something at the daemon."""
 
 
 class BaseScreen(Screen[None], Generic[T]):
@@ -41,9 +36,6 @@ class BaseScreen(Screen[None], Generic[T]):
             tooltip="The command for what the cursor is on",
         ),
     ]  # fmt: skip
-
-    IN_FOOTER: ClassVar[tuple[str, ...]] = ()
-    """Ids of the keys at the bottom, in this order; without any, those that say so themselves."""
 
     def compose(self) -> ComposeResult:
         """Lay out the frame and the screen's own widgets in it."""
@@ -89,42 +81,6 @@ class BaseScreen(Screen[None], Generic[T]):
         found = (active.binding for active in self.active_bindings.values())
         return next((self.app.get_key_display(b) for b in found if b.id == id), "")
 
-    def disabled_keys(self) -> frozenset[str]:
-        """Return the ids of keys that may not be used now; pressed, they say why."""
-        return CHANGING_KEYS if self.dashboard.read_only else frozenset()
-
-    def pointless_keys(self) -> frozenset[str]:
-        """Return the ids of keys with nothing to do now, which are not offered."""
-        return frozenset()
-
-    @property
-    def active_bindings(self) -> dict[str, ActiveBinding]:
-        """The bindings as the footer and help show them."""
-        pointless, renamed = self.pointless_keys(), self._renamed
-        barred = self.disabled_keys() | pointless
-        # Footer, help and palette all read this: the order, the names, what is greyed out and what
-        # is left out are decided here, once.
-        found = {}
-        for key, active in super().active_bindings.items():
-            id, binding = active.binding.id or "", active.binding
-            if self.IN_FOOTER:
-                binding = replace(binding, show=id in self.IN_FOOTER)
-            if id in pointless:
-                binding = replace(binding, show=False)
-            if id in renamed:
-                binding = replace(binding, description=renamed[id])
-            enabled = active.enabled and id not in barred
-            found[key] = active._replace(binding=binding, enabled=enabled)
-        return dict(sorted(found.items(), key=lambda item: self._place(item[1].binding)))
-
-    def _place(self, binding: Binding) -> int:
-        order = self.IN_FOOTER
-        return order.index(binding.id) if binding.id in order else len(order)
-
-    def palette_commands(self) -> Iterable[SystemCommand]:
-        """Yield what can be done here beyond what has a key."""
-        return ()
-
     @property
     def dashboard(self) -> BaseDashboard:
         """The app, as what it is."""
@@ -132,8 +88,8 @@ class BaseScreen(Screen[None], Generic[T]):
 
     news: T | None = None
     _composed = False
-    _renamed: Mapping[str, str] = {}
-    """What keys are called just now, by their id."""
+    _enabled: Mapping[Binding, bool] = {}
+    """Which keys can do something, as they are shown."""
 
     def on_mount(self) -> None:
         """Ask for what this screen shows, show what is known already."""
@@ -166,6 +122,10 @@ class BaseScreen(Screen[None], Generic[T]):
         self.query_one("#trail", Static).update(self._trail())
         self.set_class(not known.connected and known.at > 0, "-stale")
         self.show(known, self.news)
+        enabled = {one.binding: one.enabled for one in self.active_bindings.values()}
+        if enabled != self._enabled:
+            self._enabled = enabled
+            self.refresh_bindings()
 
     def _trail(self) -> Text:
         text = Text(self.trail(), no_wrap=True)
@@ -193,9 +153,17 @@ class BaseScreen(Screen[None], Generic[T]):
         """Copy the command line about what the cursor is on."""
         self.dashboard.copy(self.cursor_command())
 
+    def why_not(self, action: str, parameters: tuple[object, ...]) -> str:
+        """Return why an action is impossible now, empty if it is possible."""
+        return (
+            self.dashboard.why_not_steer() if action == "submit" and self.dashboard.known.at else ""
+        )
+
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Hide the way back where there is none."""
-        return not (action == "back" and self.app.screen_stack[0] is self)
+        """Make the keys of impossible actions grey; hide the way back where there is none."""
+        if action == "back" and self.app.screen_stack[0] is self:
+            return False
+        return None if self.why_not(action, parameters) else True
 
 
 def show_message_or(widget: Widget, table: Widget, message: str) -> None:

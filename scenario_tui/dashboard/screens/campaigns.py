@@ -15,7 +15,7 @@ from textual.widgets import OptionList
 from grammars.text.words import NOTHING
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.filtering import FilteredScreen
-from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks
+from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks, steering_keys
 from scenario_tui.dashboard.state import CAMPAIGNS_SHOWN, Known
 from scenario_tui.dashboard.widgets.running_grid import (
     RunningGrid,
@@ -87,11 +87,13 @@ _OTHERS: Final = (
 class CampaignsScreen(FilteredScreen["RunPage"], SteeringScreen["RunPage"]):
     """All campaigns; wide terminals show the one under the cursor beside the table."""
 
-    IN_FOOTER = ("open", "matrix", "submit", "pause", "cancel", "retry", "palette", "help", "quit")
     SORTS: ClassVar = {
         "submitted": True, "campaign": False, "judged": False, "done": False, "✗ fail": True,
     }  # fmt: skip
     BINDINGS: ClassVar[list[BindingType]] = [
+        *steering_keys("pause", "resume", "cancel", "retry"),
+        Binding("s", "app.submit", "Submit", id="submit",
+                tooltip="Choose, check, submit a campaign"),
         Binding("m", "matrix", "Matrix", id="matrix", tooltip="The campaign judged, cell by cell"),
         Binding("tab,v", "part", "Under way", show=False, id="view",
                 tooltip="To the runs under way, and back to the table"),

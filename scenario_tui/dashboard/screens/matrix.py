@@ -12,7 +12,7 @@ from textual.widgets import Static
 
 from daemon.model.status import CampaignRow
 from scenario_tui.dashboard.screens.base import show_message_or
-from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks
+from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks, steering_keys
 from scenario_tui.dashboard.state import Known
 from scenario_tui.dashboard.widgets.cell_table import COMFORTABLE, CellTable
 from scenario_tui.dashboard.widgets.static_text import StaticText
@@ -28,8 +28,8 @@ class MatrixScreen(SteeringScreen[None]):
     """The matrix of a campaign; below it, or beside it, the cell under the cursor in words."""
 
     AUTO_FOCUS = "CellTable"
-    IN_FOOTER = ("open", "back", "next-unexpected", "all-runs", "retry", "palette", "help", "quit")
     BINDINGS: ClassVar[list[BindingType]] = [
+        *steering_keys("retry"),
         Binding("n", "next(1)", "Next !", id="next-unexpected",
                 tooltip="The next cell that is not as expected"),
         Binding("N", "next(-1)", "Previous !", show=False, id="previous-unexpected",

@@ -57,10 +57,6 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
 
     AUTO_FOCUS = "VerdictList"
     VIEWS = ("verdicts", "signals", "map", "log")
-    IN_FOOTER = (
-        "back", "view", "replay-play", "next-failure", "zoom", "compare", "help", "quit",
-    )  # fmt: skip
-
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("space", "play", "Play", id="replay-play", tooltip="Or pause, or once more"),
         Binding("space", "stay", "Stay", id="replay-play", tooltip="At this moment of the run"),

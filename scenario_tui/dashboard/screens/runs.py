@@ -21,7 +21,7 @@ from scenario_tui.dashboard.run_watch import RunNews
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.filtering import FilteredScreen
 from scenario_tui.dashboard.screens.run_panel import RunPanel
-from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks
+from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks, steering_keys
 from scenario_tui.dashboard.state import Known, RunsView
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
@@ -73,11 +73,9 @@ class RunsNews:
 class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
     """Runs in a table; wide terminals show the one under the cursor beside it."""
 
-    IN_FOOTER = (
-        "open", "back", "filter", "only", "matrix", "retry", "palette", "help", "quit",
-    )  # fmt: skip
     SORTS: ClassVar = dict.fromkeys(_SORTS, False) | {"progress": True, "wall": True}
     BINDINGS: ClassVar[list[BindingType]] = [
+        *steering_keys("retry"),
         Binding("f", "only", "Only", id="only", tooltip="Of one verdict or state, the next one"),
         Binding("m", "matrix", "Matrix", id="matrix", tooltip="The campaign judged, cell by cell"),
         Binding("right_square_bracket", "page(1)", "Next page", show=False, id="next-page",

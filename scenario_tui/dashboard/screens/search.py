@@ -58,9 +58,6 @@ class SearchScreen(SteeringScreen[SearchNews], MapActions, Parts):
     """A search by its id; one of its runs is in front: its parameters, its map, its replay."""
 
     VIEWS: ClassVar = ("found", "values", "answer", "map", "curve")
-    IN_FOOTER = (
-        "open", "back", "view", "next-found", "rerun", "all-runs", "help", "quit",
-    )  # fmt: skip
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("enter", "open", "Open", id="open",
                 tooltip="The run in front, at the moment that decided it"),

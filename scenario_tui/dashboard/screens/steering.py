@@ -15,9 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
-from textual.actions import parse
 from textual.binding import Binding, BindingType
-from textual.events import Key
 from textual.screen import ModalScreen
 
 from daemon.batch.paths import StatePaths
@@ -174,17 +172,22 @@ _STEERING: Final[Mapping[str, _Steering]] = {
 }
 
 
+def steering_keys(*shown: str) -> list[BindingType]:
+    """Return the keys of all actions; those of the names ``shown`` stand in the line of keys."""
+    return [
+        Binding(
+            one.action.key, f"steer('{name}')", one.action.name, show=name in shown,
+            id=one.action.command, tooltip=one.action.tooltip,
+        )
+        for name, one in _STEERING.items()
+    ]  # fmt: skip
+
+
 class SteeringScreen(BaseScreen[T]):
     """A screen about a campaign that can be steered from it."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        *(
-            Binding(
-                one.action.key, f"steer('{name}')", one.action.name, show=False,
-                id=one.action.command, tooltip=one.action.tooltip,
-            )
-            for name, one in _STEERING.items()
-        ),
+        *steering_keys(),
         Binding(
             "o", "report", "Report", show=False, id="report",
             tooltip="Write it as a page with figures",
@@ -205,11 +208,11 @@ class SteeringScreen(BaseScreen[T]):
     def _line(self, command: str, *arguments: str) -> str:
         return self.dashboard.command_lines.daemon_line(command, *arguments)
 
-    def why_not(self, action: str, *parameters: object) -> str:
-        """Return why an action is impossible now, empty if it is possible; its key is grey."""
+    def why_not(self, action: str, parameters: tuple[object, ...]) -> str:
+        """Return why an action is impossible now, empty if it is possible."""
         # Before anything is known, nothing is known to be missing.
         if action not in ("steer", "report", "matrix") or not self.dashboard.known.at:
-            return ""
+            return super().why_not(action, parameters)
         if action == "steer" and (why := self.dashboard.why_not_steer()):
             return why
         row = self.campaign()
@@ -222,35 +225,12 @@ class SteeringScreen(BaseScreen[T]):
         return f"{row.id} is a search: nothing was expected of its runs." if row.search else ""
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Make impossible keys grey; of pausing and resuming, which have one key, hide one."""
+        """Hide one of pausing and resuming, which have one key."""
         if action == "steer" and parameters[0] in ("pause", "resume"):
             row = self.campaign() if self._composed else None
             if (row is not None and row.paused) != (parameters[0] == "resume"):
                 return False
-        if self.why_not(action, *parameters):
-            return None
         return super().check_action(action, parameters)
-
-    def on_key(self, event: Key) -> None:
-        """Say why a grey key does nothing, in a dialog that takes what is typed behind it."""
-        active = self.active_bindings.get(event.key)
-        # What was typed before a dialog opened may arrive here afterwards, and is for the dialog.
-        if active is not None and not active.enabled and self.is_current:
-            _, action, parameters = parse(active.binding.action)
-            if why := self.why_not(action, *parameters):
-                event.stop()
-                self.app.push_screen(Refusal(why))
-
-    def update_from_state(self) -> None:
-        """Bring everything up to date, also which keys do something."""
-        super().update_from_state()
-        if self._composed and self.app.is_running:
-            enabled = {one.binding: one.enabled for one in self.active_bindings.values()}
-            if enabled != self._enabled:
-                self._enabled = enabled
-                self.refresh_bindings()
-
-    _enabled: Mapping[Binding, bool] = {}
 
     def _row(self) -> CampaignRow | None:
         """Return the campaign, or refuse what was asked for before anything is known."""

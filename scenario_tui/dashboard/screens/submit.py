@@ -47,7 +47,6 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
     """Choose a campaign file by typing parts of its name; it is checked while you look."""
 
     AUTO_FOCUS = "#wanted"
-    IN_FOOTER = ("submit-file", "next-file", "previous-file", "fresh", "back", "help")
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("enter", "submit_file", "Submit", id="submit-file", priority=True,
                 tooltip="Hand the campaign to the daemon"),

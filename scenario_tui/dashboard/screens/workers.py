@@ -64,7 +64,6 @@ class WorkersNews:
 class WorkersScreen(FilteredScreen[WorkersNews]):
     """The slots of all workers: what they execute, how busy their machines are."""
 
-    IN_FOOTER = ("open", "back", "filter", "submit", "palette", "help", "quit")
     SORTS: ClassVar = dict.fromkeys(_KEYS, True) | {"worker": False}
 
     def body(self) -> ComposeResult:

@@ -27,6 +27,7 @@ COMFORTABLE: Final = 36
 class CellTable(DataTable[Text]):
     """Scenarios by systems under test, with a cursor on one cell."""
 
+    BINDING_GROUP_TITLE = "in the list"
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("h", "cursor_left", "Left", show=False, id="left", tooltip="Also the arrow"),
         Binding("j", "cursor_down", "Down", show=False, id="down", tooltip="Also the arrow"),

@@ -94,7 +94,7 @@ ARROWS: Final = "→↗↑↖←↙↓↘"
 """One for each eighth of a turn to the left."""
 AHEAD, REACHED, ESTIMATE, CONTACT, TOUCHING, DECISION = "◆", "◇", "+", "✱", "×", "●"
 FAILURE: Final = GLYPHS["fail"]
-_SIGNS: Final = (
+SIGNS: Final = (
     (Layer.HEADING, "↑", "robot"),
     (Layer.FAILURE, FAILURE, "decides"),
     (Layer.DECISION, DECISION, "decides"),
@@ -112,6 +112,7 @@ _SIGNS: Final = (
     (Layer.DOOR, "⠒⠒", "door"),
     (Layer.MOVER, "⠶", "mover"),
 )
+"""Signs of the map with their meanings, those first that nobody guesses."""
 _GAP: Final = 3
 _MAP_LINES: Final = 8
 """Lines of a screen for each line of a legend."""
@@ -157,7 +158,7 @@ def _entries(signs: Collection[MapSigns]) -> Iterator[Text]:
     limits = sorted({one.limit for one in signs if one.limit is not None})
     asked = " / ".join(format_quantity(limit, "m") for limit in limits)
     decisive = " / ".join(sorted({one.decisive for one in signs if one.decisive}))
-    for layer, sign, words in _SIGNS:
+    for layer, sign, words in SIGNS:
         if layer in shown:
             before = f"{decisive} " if layer in (Layer.FAILURE, Layer.DECISION) else ""
             after = f" {asked}" if layer is Layer.NEAR_TRAIL else ""

@@ -88,6 +88,7 @@ def more_to_come(campaigns: Iterable[CampaignRow]) -> bool:
 class RunningGrid(OptionList):
     """List of runs under way; of more than fit those with the least margin, in their order."""
 
+    BINDING_GROUP_TITLE = "in the list"
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("j", "cursor_down", "Down", show=False, id="down", tooltip="Also the arrow"),
         Binding("k", "cursor_up", "Up", show=False, id="up", tooltip="Also the arrow"),

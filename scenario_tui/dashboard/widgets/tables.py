@@ -58,6 +58,7 @@ class KeyedTable(DataTable[Text]):
     # filling it anew for 1.8 s, of 50,000 rows for 6.6 and 7.9 s (measured, Textual 8.2); other
     # words in a cell that is there take 12 to 17 us.
 
+    BINDING_GROUP_TITLE = "in the list"
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("j", "cursor_down", "Down", show=False, id="down", tooltip="Also the arrow"),
         Binding("k", "cursor_up", "Up", show=False, id="up", tooltip="Also the arrow"),
@@ -245,6 +246,7 @@ class VerdictList(OptionList, inherit_bindings=False):
 
     # Without the keys of option lists: Home and End are for the clock of the replay.
 
+    BINDING_GROUP_TITLE = "in the list"
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("down,j", "cursor_down", "Next verdict", show=False, id="verdict-next",
                 tooltip="Go to when it was decided"),
