@@ -166,7 +166,7 @@ class Dashboard(BaseDashboard):
         if not ours and action in ("go", "keys", "command_palette", "submit"):
             return False
         front = self.screen
-        return None if isinstance(front, BaseScreen) and front.why_not(action, ()) else True
+        return None if isinstance(front, BaseScreen) and front.why_not(action) else True
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
         """Yield what has a key on a screen; what is not in its line of keys is found by typing."""
@@ -208,7 +208,7 @@ class Dashboard(BaseDashboard):
         front = self.screen
         if not active.enabled and isinstance(front, BaseScreen):
             _, action, parameters = parse(active.binding.action)
-            if why := front.why_not(action, parameters):
+            if why := front.why_not(action, *parameters):
                 self.push_screen(Refusal(why))
                 return True
         return await self.run_action(active.binding.action, active.node)

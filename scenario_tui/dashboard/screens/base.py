@@ -153,7 +153,7 @@ class BaseScreen(Screen[None], Generic[T]):
         """Copy the command line about what the cursor is on."""
         self.dashboard.copy(self.cursor_command())
 
-    def why_not(self, action: str, parameters: tuple[object, ...]) -> str:
+    def why_not(self, action: str, *parameters: object) -> str:
         """Return why an action is impossible now, empty if it is possible."""
         return (
             self.dashboard.why_not_steer() if action == "submit" and self.dashboard.known.at else ""
@@ -163,7 +163,7 @@ class BaseScreen(Screen[None], Generic[T]):
         """Make the keys of impossible actions grey; hide the way back where there is none."""
         if action == "back" and self.app.screen_stack[0] is self:
             return False
-        return None if self.why_not(action, parameters) else True
+        return None if self.why_not(action, *parameters) else True
 
 
 def show_message_or(widget: Widget, table: Widget, message: str) -> None:

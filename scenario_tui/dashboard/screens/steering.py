@@ -208,11 +208,11 @@ class SteeringScreen(BaseScreen[T]):
     def _line(self, command: str, *arguments: str) -> str:
         return self.dashboard.command_lines.daemon_line(command, *arguments)
 
-    def why_not(self, action: str, parameters: tuple[object, ...]) -> str:
+    def why_not(self, action: str, *parameters: object) -> str:
         """Return why an action is impossible now, empty if it is possible."""
         # Before anything is known, nothing is known to be missing.
         if action not in ("steer", "report", "matrix") or not self.dashboard.known.at:
-            return super().why_not(action, parameters)
+            return super().why_not(action, *parameters)
         if action == "steer" and (why := self.dashboard.why_not_steer()):
             return why
         row = self.campaign()

@@ -22,8 +22,8 @@ from tests.scenario_tui.dashboard.searching import SearchingDaemon
 SHARED_MEANINGS = {
     "take what the cursor is on": ("open", "submit-file", "verdict-moment"),
     "one step back": ("back", "leave"),
-    "down": ("down", "next-file", "verdict-next", "running-next"),
-    "up": ("up", "previous-file", "verdict-before", "running-before"),
+    "down": ("down", "next-file", "verdict-next"),
+    "up": ("up", "previous-file", "verdict-before"),
     "to the first": ("top", "start"),
     "to the last": ("bottom", "end"),
     "next page": ("next-page", "signals-on"),
