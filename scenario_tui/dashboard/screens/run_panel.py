@@ -29,6 +29,7 @@ from scenario_tui.text.run_text import NO_MARKS, run_text
 if TYPE_CHECKING:
     from daemon.judging.assessment import Expectations
     from scenario_tui.dashboard.base_app import BaseDashboard
+    from scenario_tui.dashboard.playback import Playback
 
 
 class RunMap(Vertical):
@@ -36,6 +37,7 @@ class RunMap(Vertical):
 
     def __init__(self) -> None:
         super().__init__(id="above")
+        self._still: tuple[Playback, float] | None = None
 
     def compose(self) -> ComposeResult:
         """Lay out map, legend, and what is said instead of them."""
@@ -48,20 +50,30 @@ class RunMap(Vertical):
         """Show another view, or nothing."""
         self.query_one(TopView).show(view)
 
-    def show_run(self, dashboard: BaseDashboard, news: RunNews | None) -> None:
-        """Show a run as the dashboard knows it: live, or at the moment that decided it."""
-        why, view = "", None
+    def show_run(self, dashboard: BaseDashboard, news: RunNews | None, oracle: str = "") -> None:
+        """Show a run as the dashboard knows it: live, or at the moment that decided it.
+
+        With ``oracle`` at the moment that decided that one.
+        """
+        why, view, still = "", None, None
         if news is not None and news.detail.row.settled:
             recording = dashboard.recordings.get(news.detail.row)
             if isinstance(recording, Missing | Reading):
                 why = recording.why
             else:
-                moment = decisive_moment(recording, marks_of(dashboard, news.detail.row))
-                view = recording.view(recording.end if moment is None else moment)
+                verdict = next((v for v in recording.verdicts if v.oracle == oracle), None)
+                marks = marks_of(dashboard, news.detail.row)
+                moment = verdict.moment if verdict else decisive_moment(recording, marks)
+                time = recording.end if moment is None else moment
+                still = (recording, time)
+                if still == self._still:
+                    return  # nothing moves, and to draw it takes some milliseconds
+                view = recording.view(time, verdict=verdict)
         elif news is not None:
             live = LiveRun()
             live.hear(news, track_of(dashboard, news.detail))
             view = live.view(math.inf)
+        self._still = still
         self.show(view)
         self.explain(why)
 

@@ -185,7 +185,7 @@ class SearchScreen(SteeringScreen[SearchNews], MapActions, Parts):
         row, explored = search.row, search.explored
         word, failed = search_word(row), sum(one.fails for one in explored)
         settled = sum(one.outcome is not None for one in explored)
-        said = Text(GLYPHS[word], style=word)
+        said = Text.assemble((GLYPHS[word], word))
         said.append(f" {settled}/{row.task.runs} {row.phase}")
         said.append(f"  {failed} fail", style="fail" if failed else QUIET)
         best = smallest_margin(explored)
@@ -206,7 +206,8 @@ class SearchScreen(SteeringScreen[SearchNews], MapActions, Parts):
             return
         run = news.run
         is_front = run is not None and run.detail.row.id == front.trial.run
-        above.show_run(self.dashboard, run if is_front else None)
+        value = front.trial.value
+        above.show_run(self.dashboard, run if is_front else None, value.oracle if value else "")
         width = (self.query_one("#parameters").size.width or self.size.width) - 2
         text = Text.assemble((front.what, "bold"), f"  {front.trial.label}\n", overflow="ellipsis")
         text.append(parameters_text(news.search.row.task, front.trial.point, width))
