@@ -19,7 +19,7 @@ from scenario_tui.dashboard.run_log import RunLog
 from scenario_tui.dashboard.run_timeline import (
     RunTimeline,
     clearance_along,
-    decided_moments,
+    failure_moments,
     heard_timeline,
     live_timeline,
 )
@@ -64,7 +64,7 @@ class LiveRun:
     @property
     def moments(self) -> Sequence[FailureMoment]:
         """The moments at which it failed by its oracles so far."""
-        return decided_moments(self._judgement) if self._judgement is not None else ()
+        return failure_moments(self._judgement.verdicts) if self._judgement is not None else ()
 
     @property
     def judgement(self) -> LiveJudgement | None:

@@ -23,8 +23,13 @@ from grammars.model.robot import Laser
 from grammars.text.diagnostics import did_you_mean
 from grammars.text.words import count_noun
 from scenario_tui.dashboard.run_log import RunLog, recorded_log
-from scenario_tui.dashboard.run_timeline import RunTimeline, clearance_along, recorded_timeline
-from scenario_tui.dashboard.transport import FLASH, FailureMoment
+from scenario_tui.dashboard.run_timeline import (
+    RunTimeline,
+    clearance_along,
+    failure_moments,
+    recorded_timeline,
+)
+from scenario_tui.dashboard.transport import FLASH
 from scenario_tui.dashboard.widgets.cell_view import segments
 from scenario_tui.dashboard.widgets.map_frame import View, draw_view
 from scenario_tui.dashboard.widgets.map_style import STYLES, MapSigns, legend_height, legend_lines
@@ -67,9 +72,7 @@ class Playback:
         spec = trace.spec
         self.label = label or f"{spec.scenario}/{spec.sut.name}/{spec.repeat}"
         self.start, self.end = float(way.time[0]), float(way.time[-1])
-        against = (v for v in verdicts if v.outcome is Outcome.FAIL and v.evidence.time is not None)
-        found = {FailureMoment(float(v.evidence.time or 0.0), v.oracle) for v in against}
-        self.moments = tuple(sorted(found, key=lambda m: (m.time, m.oracle)))
+        self.moments = failure_moments(verdicts)
         state = StackState()
         # Once, and not for every frame: a tree reports each of its ticks.
         self._stack_lines = [state.line]

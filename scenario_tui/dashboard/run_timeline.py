@@ -13,7 +13,7 @@ import numpy as np
 from daemon.judging.signals import Signal, received_signal
 from daemon.model.live_judgement import DoorMotion, LiveJudgement
 from daemon.model.spec import RunSpec
-from daemon.model.verdicts import Outcome
+from daemon.model.verdicts import Outcome, Verdict
 from grammars.model.geometry import Floats
 from scenario_tui.dashboard.live_tracks import HeardMoment
 from scenario_tui.dashboard.transport import FailureMoment
@@ -82,7 +82,7 @@ def live_timeline(judgement: LiveJudgement, spec: RunSpec) -> RunTimeline:
         judgement.doors,
         judgement.reached,
         waypoint_names(spec),
-        tuple(moment.time for moment in decided_moments(judgement)),
+        tuple(moment.time for moment in failure_moments(judgement.verdicts)),
         _horizon(judgement.time),
     )
 
@@ -133,13 +133,11 @@ def waypoint_names(spec: RunSpec) -> tuple[str, ...]:
     return tuple(waypoint.id for waypoint in spec.mission.waypoints)
 
 
-def decided_moments(judgement: LiveJudgement) -> list[FailureMoment]:
-    """Return when the run failed by its oracles so far, by time."""
-    failed = [verdict for verdict in judgement.verdicts if verdict.outcome is Outcome.FAIL]
-    moments = [
-        FailureMoment(v.evidence.time, v.oracle) for v in failed if v.evidence.time is not None
-    ]
-    return sorted(moments, key=lambda moment: (moment.time, moment.oracle))
+def failure_moments(verdicts: Iterable[Verdict]) -> tuple[FailureMoment, ...]:
+    """Return the moments at which a run failed by its oracles, by time."""
+    failed = ((v.evidence.time, v.oracle) for v in verdicts if v.outcome is Outcome.FAIL)
+    decided = sorted((time, oracle) for time, oracle in failed if time is not None)
+    return tuple(FailureMoment(time, oracle) for time, oracle in decided)
 
 
 def clearance_along(

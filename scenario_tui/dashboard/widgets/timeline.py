@@ -174,7 +174,7 @@ class TimelineView(CellView):
 
     def on_mouse_down(self, event: events.MouseDown) -> None:
         """Seek the moment, and begin a drag."""
-        if event.button == 1 and self._drawing and self._column(event) >= 0:
+        if event.button == 1 and self._drawing and self._column(event) >= self._drawing.gutter:
             self.capture_mouse()
             self._seek(event)
 
@@ -207,9 +207,8 @@ class TimelineView(CellView):
                 self.post_message(self.Seek(time))
 
     def _column(self, event: events.MouseEvent) -> int:
-        """Return the column of the plot that the pointer is in, negative beside the plot."""
-        gutter = self._drawing.gutter if self._drawing is not None else 0
-        return event.get_content_offset_capture(self).x - gutter
+        """Return the column that the pointer is in."""
+        return event.get_content_offset_capture(self).x
 
     def cells(self, columns: int, rows: int) -> tuple[Codes, Codes] | None:
         """Return the drawing with values and a line at the playhead."""

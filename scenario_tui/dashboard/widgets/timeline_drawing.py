@@ -184,11 +184,11 @@ class TimelineDrawing:
         return len(self.signals) - len(self.heights)
 
     def moment(self, column: int) -> float:
-        """Return the moment [s] of a column of the plots; that of the first ``✗`` in it, if any."""
+        """Return the moment [s] of a column; that of the first ``✗`` in it, if any."""
         decided = (time for timeline in self.timelines for time in timeline.decided)
-        span = self.span
-        here = (t for t in decided if span.meets(t, t) and span.column(t) == column)
-        return next(here, span.moment(column))
+        span, place = self.span, column - self.gutter
+        here = (t for t in decided if span.meets(t, t) and span.column(t) == place)
+        return next(here, span.moment(place))
 
     def others(self, signal: Signal) -> list[Signal]:
         """Return the signals of that name in the other timelines."""
