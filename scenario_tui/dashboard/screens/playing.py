@@ -159,7 +159,7 @@ class PlayingScreen(Screen[None]):
         if moment is None:
             self.notify("no oracle was decided against")
         else:
-            self.go(moment.time)
+            self.show_failure(moment)
 
     def action_signals(self, step: int) -> None:
         """Show signals further down or up."""
@@ -172,6 +172,10 @@ class PlayingScreen(Screen[None]):
     def action_zoom_time(self, nearer: bool) -> None:
         """Show less of the time beside the signals, or more."""
         self.query_one(TimelineView).zoom_time(nearer)
+
+    def show_failure(self, moment: FailureMoment) -> None:
+        """Go to a moment at which an oracle was decided against."""
+        self.go(moment.time)
 
     def on_timeline_view_seek(self, event: TimelineView.Seek) -> None:
         """Go to the moment somebody pointed at."""

@@ -301,6 +301,11 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
             self.set_focus(None)
         self.update_from_state()
 
+    def show_failure(self, moment: FailureMoment) -> None:
+        """Go to a moment at which an oracle was decided against, and to its verdict."""
+        self.query_one(VerdictList).choose(moment.oracle)
+        super().show_failure(moment)
+
     @on(OptionList.OptionHighlighted)
     @on(OptionList.OptionSelected)
     def _go_to_chosen(self, event: OptionList.OptionMessage) -> None:

@@ -298,6 +298,10 @@ class VerdictList(OptionList, inherit_bindings=False):
         if chosen is not None:
             self.scroll_to(y=scrolled, animate=False)
 
+    def choose(self, oracle: str) -> None:
+        """Highlight the verdict of an oracle."""
+        self.highlighted = [verdict.oracle for verdict in self._verdicts].index(oracle)
+
     def chosen(self) -> Verdict | None:
         """Return the highlighted verdict."""
         if self.highlighted is None or self.highlighted >= len(self._verdicts):

@@ -13,6 +13,7 @@ from daemon.trace import read_trace
 from scenario_tui.dashboard.live_tracks import Tracks
 from scenario_tui.dashboard.screens.compare import CompareScreen
 from scenario_tui.dashboard.screens.run import RunScreen
+from scenario_tui.dashboard.widgets.tables import VerdictList
 from scenario_tui.dashboard.widgets.top_view import TopView
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
 from tests.scenario_tui.fake import CAMPAIGN, WAITING, FakeDaemon, make_live, make_result
@@ -118,6 +119,7 @@ async def test_a_verdict_chosen_puts_everything_at_its_moment(trace):
         assert "0.9 rad/s" in shown(pilot)
         await press(pilot, "N", "tab")
         assert now(pilot) == HIT
+        assert pilot.app.screen.query_one(VerdictList).chosen().oracle == "no-contact"
         assert "✱" in shown(pilot)
 
 
