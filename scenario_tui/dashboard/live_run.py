@@ -30,7 +30,6 @@ from scenario_tui.text.styles import QUIET, UNSURE
 
 if TYPE_CHECKING:
     from daemon.model.live_judgement import LiveJudgement
-    from daemon.model.status import RunDetail
     from daemon.model.verdicts import Verdict
     from scenario_tui.dashboard.run_watch import RunNews
 
@@ -85,25 +84,23 @@ class LiveRun:
         """The number of waypoints of its mission."""
         return len(self._news.detail.spec.mission.waypoints) if self._news is not None else 0
 
-    def hear(self, news: RunNews, track: Track | None) -> bool:
-        """Take in what was heard of it; return whether its signals are others than before."""
+    def hear(self, news: RunNews, track: Track | None) -> None:
+        """Take in what was heard of it; nothing is heard of a run that is over."""
         unfinished = not news.detail.row.settled
         self._news = news
         if track is not None or unfinished:
             self.track = track
         judgement = self.judgement
         if judgement is not None and judgement.signals:
-            if judgement is self._judgement:
-                return False
-            self._judgement = judgement
-            self.timeline = live_timeline(judgement, news.detail.spec)
-            return True
-        if not unfinished:
-            return False
-        # Before the first one, and where none comes any more, snapshots tell something, too.
-        before, self._judgement = self.timeline, None
-        self.timeline = heard_timeline(track.heard_of, news.detail.spec) if track else None
-        return self.timeline is not None and (before is None or before.end != self.timeline.end)
+            if judgement is not self._judgement:
+                self._judgement = judgement
+                self.timeline = live_timeline(judgement, news.detail.spec)
+        elif unfinished:
+            # Before the first one, and where none comes any more, snapshots tell something, too.
+            self._judgement = None
+            heard = heard_timeline(track.heard_of, news.detail.spec) if track else None
+            if heard is None or self.timeline is None or heard.end != self.timeline.end:
+                self.timeline = heard
 
     def view(
         self, time: float, *, window: float = FLASH, verdict: Verdict | None = None
@@ -127,11 +124,6 @@ class LiveRun:
         """Return how many waypoints were done at ``time``."""
         return bisect_right(self.timeline.reached, time) if self.timeline is not None else 0
 
-    def stack_line(self, time: float) -> str:
-        """Return what the stack reported of itself last, nothing of an earlier moment."""
-        now = time >= self.end and self.track is not None
-        return self.track.snapshot.stack if now and self.track is not None else ""
-
     def why_untold(self, waited: float) -> str:
         """Return why there are no signals (yet), to somebody who ``waited`` that long [s]."""
         state = self._news.detail.row.state if self._news is not None else RunState.QUEUED
@@ -146,11 +138,6 @@ class LiveRun:
         if waited > _PATIENCE:
             return "Its worker tells no signals: they are drawn when the run is over."
         return "Signals and verdicts so far come in a moment."
-
-
-def is_running(detail: RunDetail) -> bool:
-    """Whether the run is under way."""
-    return detail.row.state is RunState.RUNNING
 
 
 def still_view(scene: Scene, spec: RunSpec) -> View:

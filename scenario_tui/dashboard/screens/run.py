@@ -13,12 +13,13 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.widgets import ContentSwitcher, OptionList, Static
 
+from daemon.model.run_state import RunState
 from daemon.model.status import CampaignRow, RunDetail
 from daemon.model.verbs import DaemonClient
-from daemon.model.verdicts import Verdict
-from scenario_tui.dashboard.live_run import LiveRun, is_running, live_text
+from scenario_tui.dashboard.live_run import LiveRun, live_text
 from scenario_tui.dashboard.recordings import Missing, Reading
 from scenario_tui.dashboard.run_log import log_text
+from scenario_tui.dashboard.run_timeline import RunTimeline
 from scenario_tui.dashboard.run_watch import RunNews
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.maps import MapActions
@@ -71,7 +72,7 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
         self._run_id = run
         self._run: Playback | LiveRun = LiveRun()
         self._digest = ""
-        self._verdicts: Sequence[Verdict] = ()
+        self._drawn: RunTimeline | None = None
         self._logged: object = None
         self._since = 0.0
 
@@ -153,7 +154,7 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
         why = self._take(news)
         self._show_words(news.detail)
         if isinstance(self._run, LiveRun):
-            self._show_live(self._run, news, why)
+            self._show_live(self._run, news.detail, why)
         self._say(news.detail)
 
     def _take(self, news: RunNews) -> str:
@@ -170,23 +171,23 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
             if recording is not self._run:
                 self._open(recording)
             return ""
+        if isinstance(self._run, LiveRun):
+            self._run.hear(news, track_of(self.dashboard, news.detail))
         return recording.why
 
     def _show_words(self, detail: RunDetail) -> None:
         """Show verdicts once there are any, and the log."""
         live = self._run if isinstance(self._run, LiveRun) else LiveRun()
-        result, judgement = detail.row.result, live.judgement
-        so_far = result is None
-        self._verdicts = judgement.verdicts if so_far and judgement else detail.row.verdicts
-        judged = not so_far or bool(self._verdicts)
+        judgement, so_far = live.judgement, detail.row.result is None
+        verdicts = judgement.verdicts if so_far and judgement else detail.row.verdicts
+        judged = not so_far or bool(verdicts)
         told = self.query_one(ContentSwitcher)
         if judged and told.current != "decided":
             self.call_after_refresh(self.view_changed)
         told.current = "decided" if judged else "words"
         if judged:
-            self.query_one(VerdictList).show(
-                self._verdicts, marks_of(self.dashboard, detail.row), so_far=so_far
-            )
+            marks = marks_of(self.dashboard, detail.row)
+            self.query_one(VerdictList).show(verdicts, marks, so_far=so_far)
         else:
             snapshot = live.track.snapshot if live.track else None
             self.query_one("#run-text", Static).update(run_text(detail, snapshot))
@@ -195,7 +196,7 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
             return
         if self._logged is None:
             # What is going on for a run that runs, why it failed for one that is over.
-            self.show_view(self.VIEWS.index("map") if is_running(detail) else 0)
+            self.show_view(self.VIEWS.index("map") if _is_running(detail) else 0)
             self._since = self.dashboard.clock()
         self._logged = logged
         self.query_one("#log-text", Static).update(log_text(detail, self._run.log))
@@ -204,22 +205,22 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
         if grows != log.is_anchored:
             log.anchor(grows)
 
-    def _show_live(self, live: LiveRun, news: RunNews, why: str) -> None:
+    def _show_live(self, live: LiveRun, detail: RunDetail, why: str) -> None:
         """Show map and signals as they are now, or ``why`` there are none."""
         above, signals = self.query_one(RunMap), self.query_one(TimelineView)
-        grown = live.hear(news, track_of(self.dashboard, news.detail))
         above.explain(why)
         # Where the words are not beside the map, the first line has no room for all of it.
         waiting = live.track.snapshot.waiting if live.track else ""
         above.note("" if self.has_class("-wide") else waiting)
-        if grown and live.timeline is not None:
+        if live.timeline is not None and live.timeline is not self._drawn:
+            self._drawn = live.timeline
             self._follow(live)
             signals.show((live.timeline,))
         reason = live.why_untold(self.dashboard.clock() - self._since)
         untold = "" if live.timeline else reason
         show_message_or(self.query_one("#untold"), signals, why or untold)
         self.set_class(bool(untold) and not why, "-untold")
-        soon = is_running(news.detail) and live.judgement is None
+        soon = _is_running(detail) and live.judgement is None
         self.query_one("#signs").display = not (why or untold)
         # As text: what a system waits for may have brackets, which are markup otherwise.
         self.query_one("#signs", Static).update(Text(reason if soon else SIGNS))
@@ -236,7 +237,7 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
     def _open(self, recording: Playback) -> None:
         """Show a recording that was read, at the moment that tells most."""
         # Who watched it to its end stays there, and who went back in it stays at that moment.
-        before, watched = self.transport, getattr(self._run, "timeline", None) is not None
+        before, watched = self.transport, self._run.timeline is not None
         self._run = recording
         self.query_one(RunMap).explain("")
         self.query_one(RunMap).note("")
@@ -269,10 +270,12 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
             silence, wide = self.dashboard.tracks.silence(track), self.has_class("-wide")
             said.append_text(live_text(track, silence, wide=wide))
         elif transport is not None:
-            live = isinstance(run, LiveRun)
-            said.append(f"  {clock_line(transport)}", style=UNSURE if live else "")
+            if isinstance(run, LiveRun):
+                style, more = UNSURE, f"{self.key('end')} follows again"
+            else:
+                style, more = "", run.stack_line(transport.time)
+            said.append(f"  {clock_line(transport)}", style=style)
             said.append(f"  {run.reached(transport.time)}/{run.waypoints} wp")
-            more = f"{self.key('end')} follows again" if live else run.stack_line(transport.time)
             said.append(f"  {more}" if more else "", style=QUIET)
         tabs = self.tabs()
         said.truncate(max(self.size.width - len(tabs) - 4, 0), overflow="ellipsis", pad=True)
@@ -352,3 +355,7 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
         from scenario_tui.dashboard.screens.compare import mark_or_compare
 
         mark_or_compare(self.dashboard, self._run_id)
+
+
+def _is_running(detail: RunDetail) -> bool:
+    return detail.row.state is RunState.RUNNING
