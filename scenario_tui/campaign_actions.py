@@ -103,8 +103,6 @@ DELETE: Final = CampaignAction(
     "Delete",
     "Remove a finished campaign with results and traces, after a question",
 )
-KEYED: Final = (PAUSE, CANCEL, RETRY, ACKNOWLEDGE, PRIORITY, DELETE)
-"""Those with a key, in the order the keys are listed."""
 
 
 def deletion_text(deleted: Sequence[DeletedCampaign], *, dry: bool = False) -> str:

@@ -10,8 +10,9 @@ from textual.widgets import Footer
 class KeyFooter(Footer):
     """The keys of a screen.
 
-    Screens tell of their keys whenever the focus moves, three times before the first one is there;
-    each time textual replaces every key by a new widget and lays out the whole screen.
+    Screens tell of their keys whenever the focus moves, five times before the first one is there;
+    each time textual replaces every key by a new widget and lays out the whole screen. Measured:
+    0.70 CPU s to the first screen instead of 0.45, 110 to 160 ms for a tab instead of 50.
     """
 
     _shown: object = None

@@ -105,7 +105,7 @@ async def walk_through_the_dashboard(trace, folder):
         assert_harmless(dashboard.clipboard.encode())
         dashboard.say(f"done{POISON}", f"scenario{POISON}")
         dashboard.problem(f"refused{POISON}")
-        await press(pilot, "colon")
+        await press(pilot, "colon", *"campaign")
         look(pilot)
         await press(pilot, "escape", "s")
         look(pilot, SubmitScreen)
