@@ -106,9 +106,9 @@ class MatrixScreen(SteeringScreen[None]):
         self._arrange()
 
     def _arrange(self) -> None:
-        # Beside it they take two fifths; only from -wide on is there room for that at all.
+        # Beside it they take two fifths; only -wide screens have room for that at all.
         suts = {cell.sut for cell in self._shown.assessment.cells} if self._shown else ()
-        self.set_class(len(suts) * COMFORTABLE > self.size.width * 3 // 5, "-stacked")
+        self.set_class(len(suts) * COMFORTABLE <= self.size.width * 3 // 5, "-beside")
 
     def _nothing(self, results: CampaignResults | None) -> str:
         if results is not None:
