@@ -24,7 +24,6 @@ from scenario_tui.text.formatting import (
     keep_start,
     margin,
     margin_share,
-    run_counts,
     run_word,
 )
 from scenario_tui.text.results import cell_margin
@@ -144,6 +143,7 @@ def heat_lines(results: CampaignResults, width: int, height: int) -> list[Text]:
         lines.append(_line(row, texts, label, room))
     if len(lines) < height:
         lines.append(heat_legend(results))
+        lines[-1].truncate(width, overflow="ellipsis")
     return lines[:height]
 
 
@@ -199,15 +199,12 @@ def _line(label: str, cells: Sequence[Text], width: int, room: int) -> Text:
 
 
 def heat_legend(results: CampaignResults) -> Text:
-    """Return the meaning of the marks of a campaign."""
-    words = run_counts(results.row)
+    """Return the meaning of the marks that stand for themselves nowhere else."""
     text = Text(no_wrap=True, overflow="ellipsis")
-    for word in (word for word in words if word != "pass"):
-        text.append(GLYPHS[word], style=word).append(f" {word}  ", style=QUIET)
-    if "pass" in words:
+    if results.row.passed:
         text.append(_BARS[0], style="inconclusive").append(" tight ", style=QUIET)
         text.append(_BARS[-1], style="pass").append(" clear pass  ", style=QUIET)
-    text.append("! ", style=NEWS).append("beside them: unexpected", style=QUIET)
+    text.append("!", style=NEWS).append(" unexpected", style=QUIET)
     if results.expectations.known:
         text.append("  a", style=KNOWN).append(" known", style=QUIET)
     return text

@@ -129,21 +129,23 @@ def slot_rows(
 
     ``labels`` name runs. The first row says what is true of the whole worker.
     """
-    load, memory = "away" if worker.away else "", ""
+    load, memory = Text("away" if worker.away else "", style="inconclusive"), ""
     if worker.memory_total and not worker.away:
-        load = f"{'█' * round(worker.cpu * _BAR):·<{_BAR}}{worker.cpu:>5.0%}"
+        done = round(worker.cpu * _BAR)
+        load = Text.assemble(("█" * done, "running"), ("·" * (_BAR - done), QUIET))
+        load.append(f"{worker.cpu:>5.0%}")
         memory = f"{worker.memory / 1e9:.1f} of {worker.memory_total / 1e9:.0f} GB"
     heard, here = age_text(worker.last_seen_at, now), duration_text(now - worker.connected_at)
-    rest: tuple[str, ...] = (load, memory, heard, here, worker.host, worker.version)
+    rest = (load, *map(Text, (memory, heard, here, worker.host, worker.version)))
     for run in worker.runs:
         track = tracks.get(run)
         seen = track.snapshot if track else None
         progress = progress_bar(seen).append(" ") if seen and not seen.waiting else Text()
         progress.append(reached_text(seen, limit=False))
         # The runs were asked for a moment earlier than the workers.
-        cells = (Text(worker.id), Text(labels.get(run, run)), progress, *map(Text, rest))
+        cells = (Text(worker.id), Text(labels.get(run, run)), progress, *rest)
         yield f"{worker.id} {run}", cells
-        rest = ("",) * len(rest)
+        rest = (Text(),) * len(rest)
     if (idle := worker.slots - len(worker.runs)) > 0:
-        cells = (Text(worker.id), Text(f"{idle} idle", style=QUIET), Text(), *map(Text, rest))
+        cells = (Text(worker.id), Text(f"{idle} idle", style=QUIET), Text(), *rest)
         yield f"{worker.id} ", cells

@@ -56,15 +56,15 @@ class RunningRun:
         return least is None, 0.0 if least is None else least
 
 
-def running_page(daemon: DaemonClient, known: Known, campaign: str = "") -> RunPage:
-    """Return the runs under way of a campaign, of all if it is empty."""
+def running_page(daemon: DaemonClient, known: Known) -> RunPage:
+    """Return the runs under way of all campaigns."""
     # The first screen does not wait for what only answers need.
     from daemon.model.run_state import RunState
     from daemon.model.status import RunPage
 
     if known.overview is None or not known.overview.running:
         return RunPage((), 0)
-    return daemon.runs(campaign, state=str(RunState.RUNNING), limit=_RUNNING_SHOWN)
+    return daemon.runs(state=str(RunState.RUNNING), limit=_RUNNING_SHOWN)
 
 
 def running_runs(

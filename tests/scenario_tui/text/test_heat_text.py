@@ -61,9 +61,7 @@ def test_scenarios_by_systems_with_a_mark_for_each_repeat(results):
         ["S2", "✗✗✗", "▃✗▃", "!"],
         ["S3", "▃▃▶", "▃▃!"],
     ]
-    assert lines[4] == (
-        "✗ fail  ! lost  ▶ running  ▁ tight █ clear pass  ! beside them: unexpected  a known"
-    )
+    assert lines[4] == "▁ tight █ clear pass  ! unexpected  a known"
 
 
 def test_what_does_not_fit_is_summed_and_the_unexpected_stays(results):
@@ -86,4 +84,4 @@ def test_no_line_is_wider_or_more_than_there_is_room_for(results):
     for width, height in ((12, 2), (20, 3), (40, 8), (120, 30)):
         lines = heat_lines(results, width, height)
         assert len(lines) <= height
-        assert all(line.cell_len <= width for line in lines[:4])
+        assert all(line.cell_len <= width for line in lines)
