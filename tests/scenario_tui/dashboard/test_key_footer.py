@@ -1,5 +1,7 @@
 """The line of keys is made anew when it says something else, and only then."""
 
+from textual.widgets._footer import FooterKey
+
 from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
 from tests.scenario_tui.dashboard.driven import SteeredDaemon, until
@@ -23,6 +25,25 @@ async def test_the_line_of_keys_is_made_when_it_says_something_else(monkeypatch)
         # The key that pauses resumes then: another name, and so another line.
         await press(pilot, "P")
         await until(pilot, lambda: len(made) > 1)
+
+
+async def test_keys_that_become_grey_keep_their_widgets():
+    async with make_dashboard(SteeredDaemon()).run_test(size=(80, 24)) as pilot:
+        await settle(pilot)
+        footer = pilot.app.screen.query_one(KeyFooter)
+        await until(pilot, lambda: footer.query(FooterKey))
+        keys = list(footer.query(FooterKey))
+
+        def grey():
+            return {key.description for key in keys if key.has_class("-disabled")}
+
+        assert "Pause" not in grey()
+        # The second campaign is finished.
+        await press(pilot, "j")
+        await until(pilot, lambda: "Pause" in grey())
+        assert list(footer.query(FooterKey)) == keys
+        await press(pilot, "k")
+        await until(pilot, lambda: "Pause" not in grey())
 
 
 async def test_keys_that_come_back_while_the_line_is_made_are_shown(monkeypatch):
