@@ -20,7 +20,6 @@ from grammars.text.words import NOTHING
 from scenario_tui.text.assessment_text import leading_oracle
 from scenario_tui.text.formatting import (
     brief_count,
-    glyph_word,
     keep_start,
     margin,
     margin_share,
@@ -147,11 +146,7 @@ def heat_lines(results: CampaignResults, width: int, height: int) -> list[Text]:
     return lines[:height]
 
 
-def heat_cell(
-    cell: CellAssessment | None,
-    results: CampaignResults,
-    width: int,
-) -> Text:
+def heat_cell(cell: CellAssessment | None, results: CampaignResults, width: int) -> Text:
     """Return a cell of the matrix in two lines of at most ``width`` columns.
 
     The first line has the marks, ``!`` for news, the letters of known failures, the verdict and how
@@ -159,11 +154,11 @@ def heat_cell(
     """
     if cell is None:
         return Text(NOTHING, style=QUIET)
-    word = glyph_word(cell.word)
-    mark = results.expectations.mark_cell(cell)
+    # The marks are the glyphs of this word.
+    word, mark = cell.word, results.expectations.mark_cell(cell)
     letters = f" {mark.letter}" if mark.letter else ""
     is_known = mark.kind == "known"
-    style = KNOWN if is_known and cell.word == "fail" else cell.word
+    style = KNOWN if is_known and word == "fail" else word
     text = heat_marks([cell], results, max(width - len(letters) - 1 - len(word), _FEWEST))
     text.append(letters, style=mark.kind)
     text.append(f" {word}", style=style)
