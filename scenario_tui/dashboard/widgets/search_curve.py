@@ -12,7 +12,7 @@ import numpy.typing as npt
 from rich.style import Style
 
 from daemon.model.search import SearchTask
-from daemon.model.trials import Trial, smallest_so_far
+from daemon.model.trials import smallest_so_far
 from daemon.model.verdicts import Outcome
 from grammars.model.geometry import Floats
 from grammars.text.words import format_quantity
@@ -75,16 +75,12 @@ def search_curve(search: SearchTrials) -> SearchCurve:
         np.array([one.fails for one in trials], dtype=np.bool_)[known],
         np.array(smallest_so_far(explored)),
         tuple(
-            (at, _sign(one))
+            (at, GLYPHS["inconclusive" if one.outcome is Outcome.INCONCLUSIVE else "error"])
             for at, one in enumerate(trials)
             if one.outcome is not None and not known[at]
         ),
         tuple((at, phase) for phase, at in phases.items() if at),
     )
-
-
-def _sign(trial: Trial) -> str:
-    return GLYPHS["inconclusive" if trial.outcome is Outcome.INCONCLUSIVE else "error"]
 
 
 def _room(task: SearchTask, known: int, running: bool) -> int:
@@ -110,8 +106,11 @@ def value_limits(curve: SearchCurve) -> tuple[float, float]:
     return low - room, high + room
 
 
-class _Graph:
-    """The cells of a graph with its margins at the left and its runs below."""
+class SearchGraph:
+    """The cells of a graph with its margins at the left and its runs below.
+
+    ``codes`` are code points and ``owners`` styles (rows, columns).
+    """
 
     def __init__(self, curve: SearchCurve, columns: int, rows: int) -> None:
         self.codes: Codes = np.full((rows, columns), ord(" "), dtype=np.int32)
@@ -161,9 +160,8 @@ class _Graph:
         """Draw every run as a dot, larger while there is room; of failures the worst by sign."""
         curve, canvas = self._curve, self._canvas
         x, y = self._across(curve.at), self._down(curve.value)
-        dots = np.column_stack([x, y])
-        canvas.points(dots[~curve.fails], _RUN)
-        canvas.points(dots[curve.fails], _FAIL)
+        for layer, those in ((_RUN, ~curve.fails), (_FAIL, curve.fails)):
+            canvas.points(np.column_stack([x[those], y[those]]), layer)
         if curve.room <= canvas.width:
             for at in np.flatnonzero(~curve.fails).tolist():
                 canvas.glyph(x[at], y[at], "•", _RUN)
@@ -207,14 +205,6 @@ class _Graph:
         write_text(self.codes, self.owners, row, column, text, owner)
 
 
-def draw_search_curve(curve: SearchCurve, columns: int, rows: int) -> tuple[Codes, Codes] | None:
-    """Return the graph as code points and styles (rows, columns), nothing where it has no room."""
-    if columns < 20 or rows < 3:
-        return None
-    graph = _Graph(curve, columns, rows)
-    return graph.codes, graph.owners
-
-
 class SearchCurveView(CellView):
     """Draws a :class:`SearchCurve`."""
 
@@ -230,5 +220,8 @@ class SearchCurveView(CellView):
         self.redraw()
 
     def cells(self, columns: int, rows: int) -> tuple[Codes, Codes] | None:
-        """Return the graph as cells."""
-        return None if self._curve is None else draw_search_curve(self._curve, columns, rows)
+        """Return the graph as cells, nothing where it has no room."""
+        if self._curve is None or columns < 20 or rows < 3:
+            return None
+        graph = SearchGraph(self._curve, columns, rows)
+        return graph.codes, graph.owners
