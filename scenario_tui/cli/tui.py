@@ -70,6 +70,10 @@ def tui(
         return None
     refuse_typed(context, ("write", "port", "public_url"), "this is for --web")
     served = _SERVED in os.environ
+    if served:
+        from daemon.supervision.child import die_with_parent
+
+        die_with_parent(os.getppid())
     why = "" if served else why_no_screen()
     with nullcontext() if why or served else _connecting_screen():
         from scenario_tui.dashboard.app import run_dashboard
