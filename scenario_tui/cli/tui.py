@@ -77,7 +77,7 @@ def tui(
     why = "" if served else why_no_screen()
     with nullcontext() if why or served else _connecting_screen():
         from scenario_tui.dashboard.app import run_dashboard
-        from scenario_tui.dashboard.background import CommandLines
+        from scenario_tui.dashboard.commands import CommandLines
 
         config = _read_config()
         if why:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import threading
+import time
 import warnings
 from collections.abc import Callable, Iterable
 from functools import partial
 from importlib import import_module
-from typing import TYPE_CHECKING, ClassVar, Final
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, Final, TypeVar
 
 from textual import work
 from textual.actions import parse
@@ -18,18 +21,29 @@ from textual.events import Event, Key
 from textual.message_pump import MessagePump
 from textual.screen import ModalScreen, Screen
 
+from daemon.batch.errors import DaemonError
+from grammars.text.diagnostics import InputError
+from grammars.text.terminal_text import printable
 from grammars.text.words import count_noun
-from scenario_tui.dashboard.background import CommandLines
-from scenario_tui.dashboard.base_app import BaseDashboard
+from scenario_tui.dashboard.children import Children, load_modules
+from scenario_tui.dashboard.commands import CommandLines, CommandRunner, run_command
 from scenario_tui.dashboard.config import Config
-from scenario_tui.dashboard.feed import Feed
+from scenario_tui.dashboard.feed import Action, Feed
+from scenario_tui.dashboard.live_tracks import Tracks
+from scenario_tui.dashboard.recordings import Recordings
 from scenario_tui.dashboard.screens.base import BaseScreen
 from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
 from scenario_tui.dashboard.screens.dialogs import Refusal
 from scenario_tui.dashboard.screens.help import Help, our_bindings
+from scenario_tui.dashboard.state import Known, RunsView
+from scenario_tui.dashboard.themes import ThemedApp
+from scenario_tui.terminal.capabilities import copy_to_tmux
 
 if TYPE_CHECKING:
     from daemon.model.verbs import ClientOpener
+    from scenario_tui.library.submission import CheckedFile
+
+T = TypeVar("T")
 
 FRAMES: Final = 10
 """How often a second the screen takes over what the feed has found, live maps included."""
@@ -37,7 +51,28 @@ _READY: Final = 0.5
 """Seconds after the first answer until other screens are loaded: it is shown before."""
 
 
-class Dashboard(BaseDashboard):
+_READING: Final = (
+    "scenario_tui.dashboard.playback",
+    "daemon.judging.oracles",
+    "daemon.judging.live",
+)
+"""Modules that read traces and sample their signals."""
+_PLACES: Final = {
+    "matrix": ("matrix", "MatrixScreen"),
+    "runs": ("runs", "RunsScreen"),
+    "search": ("search", "SearchScreen"),
+    "run": ("run", "RunScreen"),
+    "workers": ("workers", "WorkersScreen"),
+    "submit": ("submit", "SubmitScreen"),
+}
+"""The module and the class of every screen but the first.
+
+By name: screens open each other in circles, and what most of them need loads longer than the first
+screen.
+"""
+
+
+class Dashboard(ThemedApp):
     """Campaigns, their runs, one run, the workers; fed by a :class:`Feed`."""
 
     TITLE = "scenario"
@@ -65,7 +100,37 @@ class Dashboard(BaseDashboard):
         ),
     ]  # fmt: skip
 
-    _answered = False
+    def __init__(
+        self,
+        feed: Feed,
+        *,
+        clock: Callable[[], float] = time.time,
+        config: Config | None = None,
+        command_lines: CommandLines | None = None,
+        run_command: CommandRunner = run_command,
+        launch_daemon: Callable[[], str] | None = None,
+        child_processes: Children | None = None,
+    ) -> None:
+        super().__init__()
+        self.feed = feed
+        self.run_command = run_command
+        self.child_processes = child_processes or Children()
+        self.command_lines = command_lines or CommandLines()
+        self.config = config or Config()
+        self.read_only = self.config.read_only
+        self.submitted: tuple[Path, ...] = ()
+        self.submitted_campaign = ""
+        self.running_jobs: set[str] = set()
+        self.run_views: dict[tuple[str, str, str], RunsView] = {}
+        self.launch_daemon = launch_daemon
+        self.launching = self.launched = False
+        self.marked_run = ""
+        self.clock = clock
+        self.known = Known()
+        self.tracks = Tracks()
+        self.recordings = Recordings(feed.connect, self.child_processes)
+        self._is_answered = False
+        self._shown_at = 0.0
 
     def get_default_screen(self) -> Screen[None]:
         """Begin with the campaigns."""
@@ -98,7 +163,7 @@ class Dashboard(BaseDashboard):
         """See to it that a daemon answers, where one may be started on this machine."""
         if self.launch_daemon is not None:
             self.launching = True
-            self.background_tasks.start(self.launch_daemon, self._launched, self._not_launched)
+            self.start_task(self.launch_daemon, self._launched, self._not_launched)
 
     def _launched(self, said: str) -> None:
         self.launching, self.launched = False, bool(said)
@@ -119,22 +184,21 @@ class Dashboard(BaseDashboard):
     def update_state(self) -> None:
         """Take over what is new and bring the screen in front up to date."""
         news = self.feed.take_news()
-        self.background_tasks.deliver()
         for live in news.lives:
             self.tracks.add(live)
         for notice in news.notices:
             self.notify(notice.text, severity=notice.severity, markup=False)
         if news.known is not None:
-            if not self._answered:
-                self._answered = True
+            if not self._is_answered:
+                self._is_answered = True
                 self.set_timer(_READY, self._load_screens)
             self.known = news.known
             if isinstance(news.front, BaseScreen):
                 news.front.news = news.fetched
         now = self.clock()
         # Ages grow even when nothing is new.
-        if news.known is not None or news.lives or now - self._said >= 1.0:
-            self._said = now
+        if news.known is not None or news.lives or now - self._shown_at >= 1.0:
+            self._shown_at = now
             self._update_front_screen()
 
     def _update_front_screen(self) -> None:
@@ -217,6 +281,96 @@ class Dashboard(BaseDashboard):
         """Show the keys of the screen in front."""
         self.push_screen(Help(self.screen))
 
+    def check_file(
+        self, path: Path, *, submit: bool = False, fresh: bool = False, state: Path | None = None
+    ) -> CheckedFile:
+        """Examine a campaign file in the child process; not for the thread that draws."""
+        # It knows the daemon's records, which load longer than the first screen.
+        from scenario_tui.library.submission import check_file
+
+        return self.child_processes.run(check_file, path, submit=submit, fresh=fresh, state=state)
+
+    def prepare_playback(self) -> None:
+        """Have what reads traces there: somebody is about to open a run."""
+        load = partial(self.child_processes.run, load_modules, *_READING)
+        self.start_task(load, bool, self.problem)
+
+    def open(self, place: str, *about: str) -> None:
+        """Show a screen: its name, and the ids of what it shows."""
+        module, name = _PLACES[place]
+        kind = getattr(import_module(f"scenario_tui.dashboard.screens.{module}"), name)
+        self.push_screen(kind(*about))
+
+    def open_campaign(self, campaign: str) -> None:
+        """Show what a campaign is about: a search, or runs."""
+        row = self.known.campaign(campaign)
+        self.open("search" if row is not None and row.search else "runs", campaign)
+
+    def why_not_steer(self) -> str:
+        """Return why nothing can be changed from here, empty if it can."""
+        # Only what people see here is barred: who may do what, the daemon decides by their key.
+        if self.read_only:
+            return "read-only: nothing is changed from this dashboard"
+        return "" if self.known.connected else "no daemon answers: nothing was done"
+
+    def steer(self, action: Action, command: str) -> None:
+        """Have the daemon do something; its outcome is shown with the command for the same."""
+        if why := self.why_not_steer():
+            self.problem(why)
+        else:
+            self.feed.enqueue_action(lambda daemon: f"{action(daemon)}\nsame as: {command}")
+
+    def say(self, text: str, command: str) -> None:
+        """Say something, and what to type to do the same."""
+        self.notify(f"{text}\nsame as: {command}", markup=False)
+
+    def problem(self, text: str) -> None:
+        """Say that something cannot be done, and why."""
+        self.notify(text, severity="error", markup=False)
+
+    def copy(self, command: str) -> None:
+        """Put a command line into the clipboard of the terminal, also over SSH (OSC 52)."""
+        # A line end in it, from a name, would run what stands before it where it is pasted.
+        command = printable(" ".join(command.splitlines()))
+        # tmux ignores OSC 52 of programs inside of it, and is told itself.
+        self.copy_to_clipboard(command)
+        self.start_task(partial(copy_to_tmux, command), bool, self.problem)
+        self.notify(f"copied: {command}", markup=False)
+
+    def remember(self, file: Path, campaign: str) -> None:
+        """Note that a file was submitted as ``campaign``: it is offered first the next time, and
+        the cursor goes to the campaign once that is on the list.
+        """
+        self.submitted_campaign = campaign
+        self.submitted = tuple(dict.fromkeys((file, *self.submitted)))
+
+    def start_task(
+        self, work: Callable[[], T], then: Callable[[T], object], otherwise: Callable[[str], object]
+    ) -> None:
+        """Have ``work`` done by a thread; ``then`` takes what it returns, in Textual's thread.
+
+        ``otherwise`` takes the reason when the work cannot be done. Any other error is a bug, and
+        ends the dashboard.
+        """
+        # Not a worker of Textual: leaving would wait for it.
+        task = partial(self._run_task, work, then, otherwise)
+        threading.Thread(target=task, name="task", daemon=True).start()
+
+    def _run_task(
+        self, work: Callable[[], T], then: Callable[[T], object], otherwise: Callable[[str], object]
+    ) -> None:
+        try:
+            result = work()
+        except (InputError, DaemonError) as error:
+            self.call_later(otherwise, str(error))
+        except OSError as error:
+            where = f": {error.filename}" if error.filename else ""
+            self.call_later(otherwise, f"{error.strerror or error}{where}")
+        except Exception as error:
+            self.call_later(_raise, error)
+        else:
+            self.call_later(then, result)
+
     def farewell(self) -> str:
         """Say what goes on without the dashboard."""
         overview = self.known.overview
@@ -232,6 +386,10 @@ class Dashboard(BaseDashboard):
                 f"Stop the daemon with: {self.command_lines.daemon_line('daemon', '--stop')}"
             )
         return "\n".join(said)
+
+
+def _raise(error: Exception) -> None:
+    raise error
 
 
 async def _settle(node: MessagePump) -> None:

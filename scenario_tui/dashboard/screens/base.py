@@ -20,7 +20,7 @@ from scenario_tui.text.styles import GLYPHS, UNSURE
 
 if TYPE_CHECKING:
     from daemon.model.verbs import DaemonClient
-    from scenario_tui.dashboard.base_app import BaseDashboard
+    from scenario_tui.dashboard.app import Dashboard
 
 T = TypeVar("T")
 
@@ -82,9 +82,9 @@ class BaseScreen(Screen[None], Generic[T]):
         return next((self.app.get_key_display(b) for b in found if b.id == id), "")
 
     @property
-    def dashboard(self) -> BaseDashboard:
+    def dashboard(self) -> Dashboard:
         """The app, as what it is."""
-        return cast("BaseDashboard", self.app)
+        return cast("Dashboard", self.app)
 
     news: T | None = None
     _composed = False

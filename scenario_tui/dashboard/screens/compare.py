@@ -31,7 +31,7 @@ from scenario_tui.text.comparison_text import comparison_text
 from scenario_tui.text.styles import QUIET
 
 if TYPE_CHECKING:
-    from scenario_tui.dashboard.base_app import BaseDashboard
+    from scenario_tui.dashboard.app import Dashboard
 
 _BY: dict[Alignment, str] = {"time": "by simulated time", "mission": "by waypoints done"}
 
@@ -161,7 +161,7 @@ class CompareScreen(StandaloneScreen, Parts, MapActions, PlayingScreen):
         self._meet(then)
 
 
-def mark_or_compare(dashboard: BaseDashboard, run: str) -> None:
+def mark_or_compare(dashboard: Dashboard, run: str) -> None:
     """Mark a run, or compare it with the one that is marked."""
     marked = dashboard.marked_run
     if not marked or marked == run:
@@ -174,7 +174,7 @@ def mark_or_compare(dashboard: BaseDashboard, run: str) -> None:
     dashboard.run_worker(lambda: _open(dashboard, marked, run), thread=True, group="compare")
 
 
-def _open(dashboard: BaseDashboard, first: str, second: str) -> None:
+def _open(dashboard: Dashboard, first: str, second: str) -> None:
     """Read two runs outside the thread that draws, then show them."""
     try:
         both = [_playback(dashboard, run) for run in (first, second)]
@@ -185,7 +185,7 @@ def _open(dashboard: BaseDashboard, first: str, second: str) -> None:
     dashboard.call_from_thread(dashboard.push_screen, screen)
 
 
-def _playback(dashboard: BaseDashboard, run: str) -> Playback:
+def _playback(dashboard: Dashboard, run: str) -> Playback:
     with dashboard.feed.connect() as daemon:
         row = daemon.run(run).row
     recording = dashboard.recordings.read(row)

@@ -28,7 +28,7 @@ from scenario_tui.text.run_text import NO_MARKS, run_text
 
 if TYPE_CHECKING:
     from daemon.judging.assessment import Expectations
-    from scenario_tui.dashboard.base_app import BaseDashboard
+    from scenario_tui.dashboard.app import Dashboard
     from scenario_tui.dashboard.playback import Playback
 
 
@@ -50,7 +50,7 @@ class RunMap(Vertical):
         """Show another view, or nothing."""
         self.query_one(TopView).show(view)
 
-    def show_run(self, dashboard: BaseDashboard, news: RunNews | None, oracle: str = "") -> None:
+    def show_run(self, dashboard: Dashboard, news: RunNews | None, oracle: str = "") -> None:
         """Show a run as the dashboard knows it: live, or at the moment that decided it.
 
         With ``oracle`` at the moment that decided that one.
@@ -98,7 +98,7 @@ class RunPanel(Vertical):
             yield StaticText(id="run-text")
         yield RunMap()
 
-    def show(self, dashboard: BaseDashboard, news: RunNews | None) -> None:
+    def show(self, dashboard: Dashboard, news: RunNews | None) -> None:
         """Show a run as the dashboard knows it, or nothing."""
         words, above = self.query_one("#run-text", Static), self.query_one(RunMap)
         if news is None:
@@ -110,19 +110,19 @@ class RunPanel(Vertical):
         above.show_run(dashboard, news)
 
 
-def track_of(dashboard: BaseDashboard, detail: RunDetail) -> Track | None:
+def track_of(dashboard: Dashboard, detail: RunDetail) -> Track | None:
     """Return what was heard of a run that is running."""
     running = detail.row.state is RunState.RUNNING
     return dashboard.tracks.get(detail.row.id) if running else None
 
 
-def expectations_of(dashboard: BaseDashboard, row: RunRow) -> Expectations | None:
+def expectations_of(dashboard: Dashboard, row: RunRow) -> Expectations | None:
     """Return what marks a run and its verdicts, once its campaign is judged."""
     conclusion = dashboard.known.conclusions.get(row.campaign)
     return None if conclusion is None else conclusion.expectations
 
 
-def marks_of(dashboard: BaseDashboard, row: RunRow) -> Mapping[str, Mark]:
+def marks_of(dashboard: Dashboard, row: RunRow) -> Mapping[str, Mark]:
     """Return the marks of the verdicts of a run, by the oracle's name."""
     expectations = expectations_of(dashboard, row)
     return NO_MARKS if expectations is None else expectations.mark_verdicts(row)

@@ -37,7 +37,7 @@ from scenario_tui.dashboard.screens.dialogs import Menu, MenuChoice, Prompt, Que
 if TYPE_CHECKING:
     from daemon.model.status import CampaignRow
     from daemon.model.verbs import DaemonClient
-    from scenario_tui.dashboard.background import CommandAnswer
+    from scenario_tui.dashboard.commands import CommandAnswer
 
 CommandLine = Callable[..., str]
 """Quotes a command about the daemon of this dashboard."""
@@ -308,7 +308,7 @@ class SteeringScreen(BaseScreen[T]):
             dashboard.running_jobs.discard(doing)
             dashboard.problem(why)
 
-        dashboard.background_tasks.start(partial(dashboard.run_command, arguments), done, failed)
+        dashboard.start_task(partial(dashboard.run_command, arguments), done, failed)
 
 
 def has_display(environ: Mapping[str, str]) -> bool:

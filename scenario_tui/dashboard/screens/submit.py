@@ -86,7 +86,7 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
         """Look for files."""
         self._list.can_focus = False
         super().on_mount()
-        self.dashboard.background_tasks.start(
+        self.dashboard.start_task(
             partial(find_files, self._here, is_campaign), self._list_files, self.dashboard.problem
         )
 
@@ -192,7 +192,7 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
             self._busy = True
             self._say()
             # The file may have changed since it was checked: what is handed over is read anew.
-            self.dashboard.background_tasks.start(
+            self.dashboard.start_task(
                 partial(self.dashboard.check_file, path, submit=True, fresh=self._fresh),
                 partial(self._hand_over, path),
                 self._refuse,

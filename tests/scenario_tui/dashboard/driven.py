@@ -11,7 +11,7 @@ from pathlib import Path
 from textual.command import Command, CommandList
 from textual.widgets import Input
 
-from scenario_tui.dashboard.background import CommandAnswer, CommandLines
+from scenario_tui.dashboard.commands import CommandAnswer, CommandLines
 from scenario_tui.dashboard.config import Config
 from tests.daemon.batch.harness import DEADLINE
 from tests.scenario_tui.dashboard.inline import press, settle

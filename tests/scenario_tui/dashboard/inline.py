@@ -8,7 +8,6 @@ from typing import TypeVar
 
 from daemon.batch.errors import DaemonError
 from scenario_tui.dashboard.app import Dashboard
-from scenario_tui.dashboard.background import BackgroundTasks
 from scenario_tui.dashboard.campaign_assessor import CampaignAssessor
 from scenario_tui.dashboard.feed import Feed
 from scenario_tui.dashboard.live_tracks import Tracks
@@ -44,24 +43,27 @@ class InlineFeed(Feed):
         return super().take_news()
 
 
-class CountedTasks(BackgroundTasks):
-    """Knows how many of its tasks are under way, but for ``commands``: those end when told to."""
+class CountedTasks:
+    """Starts tasks of a dashboard and counts those under way, except ``scenario`` commands.
 
-    def __init__(self, commands):
-        super().__init__()
-        self._commands = commands
+    A command ends when its test lets it.
+    """
+
+    def __init__(self, dashboard):
+        self._start = dashboard.start_task
+        self._commands = dashboard.run_command
         self.under_way = 0
 
-    def start(self, work, then, otherwise):
+    def __call__(self, work, then, otherwise):
         if isinstance(work, partial) and work.func is self._commands:
-            super().start(work, then, otherwise)
+            self._start(work, then, otherwise)
         else:
             self.under_way += 1
-            super().start(work, partial(self._pass_on, then), partial(self._pass_on, otherwise))
+            self._start(work, partial(self._pass_on, then), partial(self._pass_on, otherwise))
 
-    def _pass_on(self, take, found):
+    def _pass_on(self, take, result):
         self.under_way -= 1
-        take(found)
+        take(result)
 
 
 class InlineChildren:
@@ -77,7 +79,7 @@ class InlineChildren:
 def make_dashboard(fake, **settings):
     settings.setdefault("child_processes", InlineChildren())
     dashboard = Dashboard(InlineFeed(fake), clock=lambda: fake.now, **settings)
-    dashboard.background_tasks = CountedTasks(dashboard.run_command)
+    dashboard.start_task = CountedTasks(dashboard)
     # What was told once would have been heard of long ago on a busy machine.
     dashboard.tracks = Tracks(clock=lambda: fake.now)
     # On a busy machine what a test reads would be gone before.
@@ -93,7 +95,7 @@ async def settle(pilot):
     """
     app = pilot.app
     assert isinstance(app, Dashboard)
-    assert isinstance(app.background_tasks, CountedTasks)
+    assert isinstance(app.start_task, CountedTasks)
     deadline, looks = time.monotonic() + DEADLINE, 0
     while looks < 2:
         assert time.monotonic() < deadline, "a background task is not done"
@@ -101,7 +103,7 @@ async def settle(pilot):
         app.update_state()
         await until_idle(app)
         looks += 1
-        if app.background_tasks.under_way or app.recordings.busy:
+        if app.start_task.under_way or app.recordings.busy:
             looks = 0
             await asyncio.sleep(0.002)
 

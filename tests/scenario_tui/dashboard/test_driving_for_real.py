@@ -11,7 +11,7 @@ from daemon.batch.client import Client
 from daemon.batch.errors import DaemonError
 from grammars.text.codec import from_plain
 from scenario_tui.dashboard.app import Dashboard
-from scenario_tui.dashboard.background import run_command
+from scenario_tui.dashboard.commands import run_command
 from scenario_tui.dashboard.feed import Feed
 from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
 from scenario_tui.dashboard.screens.submit import SubmitScreen

@@ -1,76 +1,24 @@
-"""Work outside of the thread that draws: in other threads, or by ``scenario`` commands."""
+"""Commands of ``scenario``: their lines, for people to type, and those the dashboard runs."""
 
 from __future__ import annotations
 
 import json
 import os
 import subprocess
-import threading
-from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
-from typing import Any, Final, TypeAlias, TypeVar
+from typing import Any, Final, TypeAlias
 
 from daemon.batch.errors import DaemonError
 from daemon.model.execution import python_command
-from grammars.text.diagnostics import InputError
 from grammars.text.words import command_line
 
-T = TypeVar("T")
-
-Problem = Callable[[str], None]
 _ERROR: Final = "scenario/error/1"
 _PROGRAM: Final = "from scenario_tui.cli import main; main()"
 CommandAnswer: TypeAlias = Mapping[str, Any]
 CommandRunner: TypeAlias = Callable[[tuple[str, ...]], CommandAnswer]
 """Runs ``scenario`` with arguments and ``--json``; returns the object it wrote."""
-
-
-class BackgroundTasks:
-    """Runs tasks in threads of their own; :meth:`deliver` passes on what came of them."""
-
-    def __init__(self) -> None:
-        self._done: deque[Callable[[], None]] = deque()
-
-    def start(self, work: Callable[[], T], then: Callable[[T], None], otherwise: Problem) -> None:
-        """Have ``work`` done by another thread; ``then`` takes what it returns.
-
-        ``otherwise`` is told why it could not be done. Both are called by :meth:`deliver`.
-        """
-        # Nobody waits for a task who leaves the dashboard.
-        task = partial(self._run, work, then, otherwise)
-        threading.Thread(target=task, name="background task", daemon=True).start()
-
-    def deliver(self) -> bool:
-        """Pass on what was done since; return whether there was something.
-
-        A bug in a task is raised here, where it is seen.
-        """
-        # Only those: what they start may be done at once, and the screen has to be drawn, too.
-        waiting = len(self._done)
-        for _ in range(waiting):
-            self._done.popleft()()
-        return waiting > 0
-
-    def _run(self, work: Callable[[], T], then: Callable[[T], None], otherwise: Problem) -> None:
-        try:
-            found = work()
-        except (InputError, DaemonError) as error:
-            self._done.append(partial(otherwise, str(error)))
-        except OSError as error:
-            where = f": {error.filename}" if error.filename else ""
-            self._done.append(partial(otherwise, f"{error.strerror or error}{where}"))
-        except Exception as error:
-            # Nobody sees what a thread dies of.
-            self._done.append(partial(_raise, error))
-        else:
-            self._done.append(partial(then, found))
-
-
-def _raise(error: Exception) -> None:
-    raise error
 
 
 @dataclass(frozen=True, slots=True)
