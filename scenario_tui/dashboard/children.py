@@ -19,6 +19,7 @@ from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from importlib import import_module
 from multiprocessing.connection import wait
+from types import ModuleType
 from typing import Final, ParamSpec, TypeVar
 
 from daemon.batch.errors import DaemonError
@@ -96,14 +97,17 @@ def _terminal_spared() -> Iterator[None]:
     """Have processes start as they do outside of a dashboard.
 
     Textual puts a stream without a file in the place of standard error, and modules are not to be
-    imported from the folder somebody works in.
+    imported from the folder somebody works in. A child runs the script of its parent first, unless
+    there is none: one that calls ``main()`` unguarded would open a dashboard in the child.
     """
-    safe = os.environ.get("PYTHONSAFEPATH")
+    safe, main = os.environ.get("PYTHONSAFEPATH"), sys.modules["__main__"]
     os.environ["PYTHONSAFEPATH"] = "1"
+    sys.modules["__main__"] = ModuleType("__main__")
     try:
         with contextlib.redirect_stderr(sys.__stderr__):
             yield
     finally:
+        sys.modules["__main__"] = main
         if safe is None:
             del os.environ["PYTHONSAFEPATH"]
         else:

@@ -19,7 +19,7 @@ from textual.widgets import Input, OptionList
 
 from daemon.batch.errors import DaemonError
 from daemon.batch.paths import StatePaths
-from daemon.model.status import WorkerRow
+from daemon.model.status import SubmissionReceipt, WorkerRow
 from daemon.model.verbs import DaemonClient
 from grammars.text.diagnostics import Finding, Severity, Where
 from grammars.text.words import count_noun
@@ -66,6 +66,7 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
         self._checked: dict[Path, tuple[float, CheckedFile]] = {}
         self._state: Path | None = None
         self._fresh = self._busy = False
+        self._refused = ""
         self._slots = 0
         self._pausing: Timer | None = None
         self._line = Input(placeholder="parts of the name", id="wanted", compact=True)
@@ -124,8 +125,9 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
         own = [path for path in dict.fromkeys((*used, *near)) if path != demo]
         self._files = {_DEMO: demo} | {relative_name(path, self._here): path for path in own}
         self._narrow()
-        # Somebody with campaigns of their own means the newest of them.
-        self._list.highlighted = min(1, len(own))
+        # Somebody with campaigns of their own means the newest of them, unless they typed a name.
+        if not self._line.value:
+            self._list.highlighted = min(1, len(own))
 
     def on_input_changed(self) -> None:
         """Narrow the files down to what is typed."""
@@ -148,6 +150,7 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
 
     def on_option_list_option_highlighted(self) -> None:
         """Check the file the cursor came to, once it rests there."""
+        self._refused = ""
         self._say()
         if self._pausing is not None:
             self._pausing.stop()
@@ -181,6 +184,8 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
             checked = self._checked[path][1]
             text = _checked_text(checked, self._here)
             append_plan(text, checked, relative_name(path, self._here), self._slots, self._fresh)
+        if self._refused:
+            text.append(f"\n\n{self._refused}", "fail")
         text.append("\n\n")
         text.append_text(same_as(self.command()))
         self._about.update(text)
@@ -189,35 +194,45 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
         """Submit the file, unless something is wrong with it."""
         path = self._chosen()
         if path is not None and not self._busy:
-            self._busy = True
+            self._busy, self._refused = True, ""
             self._say()
-            # The file may have changed since it was checked: what is handed over is read anew.
             self.dashboard.start_task(
-                partial(self.dashboard.check_file, path, submit=True, fresh=self._fresh),
-                partial(self._hand_over, path),
+                partial(self._submit, path, self._fresh),
+                partial(self._leave_with, path, self.command()),
                 self._refuse,
             )
 
-    def _hand_over(self, path: Path, checked: CheckedFile) -> None:
-        submission = checked.submission
-        if submission is None:
+    def _submit(self, path: Path, fresh: bool) -> tuple[CheckedFile, SubmissionReceipt | None]:
+        """Read a file anew, which may have changed, and hand it over; in a thread of its own.
+
+        A daemon under load may take longer than the feed waits for its answers.
+        """
+        checked = self.dashboard.check_file(path, submit=True, fresh=fresh)
+        if checked.submission is None:
+            return checked, None
+        with self.dashboard.feed.connect() as daemon:
+            return checked, daemon.submit(checked.submission)
+
+    def _leave_with(
+        self, path: Path, command: str, handed_over: tuple[CheckedFile, SubmissionReceipt | None]
+    ) -> None:
+        """Go back to the campaigns once the daemon has this one; stay where it has not."""
+        checked, receipt = handed_over
+        if receipt is None:
             self._checked[path] = 0.0, checked
             wrong = [one for one in checked.findings if one.severity is Severity.ERROR]
             self._refuse(str(wrong[0]))
             return
-
-        def submit(daemon: DaemonClient) -> str:
-            return receipt_text(daemon.submit(submission))
-
         self._busy = False
-        self.dashboard.remember(path, submission.campaign)
-        self.dashboard.steer(submit, self.command())
+        self.dashboard.remember(path, receipt.campaign)
+        self.dashboard.say(receipt_text(receipt), command)
         if self.is_current:
             self.app.pop_screen()
 
     def _refuse(self, why: str) -> None:
         self._busy = False
-        self.dashboard.problem(f"not submitted: {why.splitlines()[0]}")
+        self._refused = f"not submitted: {why.splitlines()[0]}"
+        self.dashboard.problem(self._refused)
         self._say()
 
     def action_move(self, step: int) -> None:

@@ -101,16 +101,18 @@ from scenario_tui.dashboard.children import Children
 class Captured:
     def fileno(self): return -1
 
-if __name__ == "__main__":
-    sys.stderr = Captured()  # as Textual does it
-    children = Children()
-    print(children.run(os.getpid), flush=True)
-    time.sleep(600)
+sys.stderr = Captured()  # as Textual does it
+children = Children()
+print(children.run(os.getpid), flush=True)
+time.sleep(600)
 """
 
 
 def test_a_child_ends_with_a_dashboard_that_is_killed(tmp_path):
-    """Started as Textual and people's folders have it: no stream, and modules with usual names."""
+    """Started as Textual and people's folders have it: no stream, and modules with usual names.
+
+    The script has no guard, as a short one that opens the dashboard: the child does not run it.
+    """
     (tmp_path / "random.py").write_text("raise SystemExit('not this one')\n")
     script = tmp_path / "scripts" / "dashboard.py"
     script.parent.mkdir()
@@ -144,12 +146,11 @@ def test_nothing_that_judges_is_loaded_to_look_at_a_run(trace, tmp_path):
         "import scenario_tui.dashboard.app, scenario_tui.dashboard.screens.run\n"
         "from scenario_tui.dashboard.children import Children\n"
         "from scenario_tui.dashboard.playback import read_playback\n"
-        "if __name__ == '__main__':\n"
-        "    children = Children()\n"
-        "    playback = children.run(read_playback, Path(sys.argv[1]), ())\n"
-        "    playback.view(playback.end)\n"
-        "    children.close()\n"
-        "    print({'numba', 'llvmlite', 'scipy', 'shapely', 'pymunk'} & sys.modules.keys())\n"
+        "children = Children()\n"
+        "playback = children.run(read_playback, Path(sys.argv[1]), ())\n"
+        "playback.view(playback.end)\n"
+        "children.close()\n"
+        "print({'numba', 'llvmlite', 'scipy', 'shapely', 'pymunk'} & sys.modules.keys())\n"
     )
     done = subprocess.run(
         [sys.executable, script, str(trace)], capture_output=True, text=True, check=True

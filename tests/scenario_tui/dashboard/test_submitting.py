@@ -5,7 +5,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from textual.widgets import Input, Static
+from textual.widgets import Input, OptionList, Static
 
 from scenario_tui.campaign_files import find_files, fuzzy_matches, is_campaign
 from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
@@ -118,6 +118,29 @@ async def test_what_is_wrong_is_said_with_its_line_and_not_submitted(fake, folde
         await press(pilot, "escape")
         assert isinstance(pilot.app.screen, CampaignsScreen)
     assert not fake.told("submit")
+
+
+async def test_a_submission_that_the_daemon_did_not_take_stays_with_its_reason(fake, folder):
+    async with make_dashboard(fake).run_test(size=(80, 24)) as pilot:
+        await opened_at(pilot, "demo/camp")
+        fake.reachable = False
+        await pilot.press("enter")
+        await until(pilot, lambda: "not submitted: no daemon answers" in about(pilot))
+        assert isinstance(pilot.app.screen, SubmitScreen)
+        fake.reachable = True
+        await pilot.press("enter")
+        await until(pilot, lambda: fake.told("submit"))
+        await settle(pilot)
+        assert isinstance(pilot.app.screen, CampaignsScreen)
+
+
+async def test_a_name_typed_before_the_files_are_listed_chooses_the_first_that_fits(fake, folder):
+    async with make_dashboard(fake).run_test(size=(80, 24)) as pilot:
+        await settle(pilot)
+        await pilot.press("s", *"camp")
+        await until(pilot, lambda: "scenario submit" in about(pilot) and "✓" in about(pilot))
+        screen = pilot.app.screen
+        assert screen.query_one(OptionList).highlighted == 0
 
 
 async def test_somebody_new_is_offered_the_demo(fake, folder, monkeypatch):
