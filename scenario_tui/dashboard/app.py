@@ -293,7 +293,7 @@ class Dashboard(ThemedApp):
     def prepare_playback(self) -> None:
         """Have what reads traces there: somebody is about to open a run."""
         load = partial(self.child_processes.run, load_modules, *_READING)
-        self.start_task(load, bool, self.problem)
+        self.start_task(load, _nothing, self.problem)
 
     def open(self, place: str, *about: str) -> None:
         """Show a screen: its name, and the ids of what it shows."""
@@ -334,7 +334,7 @@ class Dashboard(ThemedApp):
         command = printable(" ".join(command.splitlines()))
         # tmux ignores OSC 52 of programs inside of it, and is told itself.
         self.copy_to_clipboard(command)
-        self.start_task(partial(copy_to_tmux, command), bool, self.problem)
+        self.start_task(partial(copy_to_tmux, command), _nothing, self.problem)
         self.notify(f"copied: {command}", markup=False)
 
     def remember(self, file: Path, campaign: str) -> None:
@@ -386,6 +386,10 @@ class Dashboard(ThemedApp):
                 f"Stop the daemon with: {self.command_lines.daemon_line('daemon', '--stop')}"
             )
         return "\n".join(said)
+
+
+def _nothing(_: object) -> None:
+    """Do nothing with a result: textual asks for the signature, which ``bool`` lacks."""
 
 
 def _raise(error: Exception) -> None:

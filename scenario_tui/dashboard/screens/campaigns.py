@@ -51,11 +51,11 @@ _COLUMNS: Final = (
     Column("campaign", 0),
     Column("judged", 17),
     Column("done", _PROGRESS, right=True),
-    Column("outcomes", _OUTCOMES),
+    Column("outcomes", _OUTCOMES, from_width=60),
     Column("✗ fail", 6, right=True, from_width=90),
     Column("known", 6, right=True, from_width=90),
     Column("worst margins", _MARGINS, from_width=100),
-    Column("submitted", 10, right=True),
+    Column("submitted", 10, right=True, from_width=50),
 )
 _KEYS: Final[dict[str, Callable[[CampaignRow], Any]]] = {
     "submitted": lambda row: row.submitted_at,

@@ -10,7 +10,6 @@ from rich.text import Text
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical, VerticalScroll
-from textual.screen import Screen
 from textual.widgets import Static
 
 from daemon.batch.errors import DaemonError
@@ -170,19 +169,17 @@ def mark_or_compare(dashboard: Dashboard, run: str) -> None:
         dashboard.notify(said, markup=False)
         return
     dashboard.marked_run = ""
-    dashboard.notify(f"reading {marked} and {run}", markup=False, timeout=2)
-    dashboard.run_worker(lambda: _open(dashboard, marked, run), thread=True, group="compare")
+    dashboard.notify(f"reading {marked} and {run}", markup=False)
+    front = dashboard.screen
 
+    def show(both: list[Playback]) -> None:
+        # Whoever went on meanwhile wants to see something else.
+        if dashboard.screen is front:
+            dashboard.push_screen(CompareScreen(*both))
 
-def _open(dashboard: Dashboard, first: str, second: str) -> None:
-    """Read two runs outside the thread that draws, then show them."""
-    try:
-        both = [_playback(dashboard, run) for run in (first, second)]
-    except DaemonError as error:
-        dashboard.call_from_thread(dashboard.problem, str(error))
-        return
-    screen: Screen[None] = CompareScreen(both[0], both[1])
-    dashboard.call_from_thread(dashboard.push_screen, screen)
+    dashboard.start_task(
+        lambda: [_playback(dashboard, one) for one in (marked, run)], show, dashboard.problem
+    )
 
 
 def _playback(dashboard: Dashboard, run: str) -> Playback:

@@ -57,8 +57,8 @@ _COLUMNS: Final = (
     Column("worker", 14, from_width=100),
     Column("wall", 9, right=True, from_width=120),
 )
-_CAMPAIGN: Final = Column("campaign", 14)
-"""Stands behind the run where runs of all campaigns are shown."""
+_CAMPAIGN: Final = (14, 24)
+"""Cells of the column behind the run where runs of all campaigns are shown, by the longest id."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,8 +123,13 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
         yield self.filter_line()
         yield StaticText(id="empty")
         with Horizontal(id="split"):
-            columns = (_COLUMNS[0], _CAMPAIGN, *_COLUMNS[1:])
-            yield KeyedTable(_COLUMNS if self._campaign else columns, id="runs")
+            columns: tuple[Column, ...] = _COLUMNS
+            if not self._campaign:
+                least, most = _CAMPAIGN
+                longest = max((len(row.id) for row in self.dashboard.known.campaigns), default=0)
+                named = Column("campaign", min(max(longest, least), most))
+                columns = (_COLUMNS[0], named, *_COLUMNS[1:])
+            yield KeyedTable(columns, id="runs")
             side = Vertical(id="side")
             side.border_title = "run "
             with side:

@@ -23,14 +23,15 @@ Row = tuple[str, tuple[Text, ...]]
 
 
 _LEAST: Final = 12
-"""Cells that the column of width 0 gets at least; the last columns give way to it."""
+"""Cells that the column of width 0 gets at least; other columns give way to it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
     """A column of ``width`` cells, shown from ``from_width`` cells of the table on.
 
-    Exactly one column of a table has the width 0 and takes the rest. A cell that is too long loses
+    Exactly one column of a table has the width 0 and takes the rest. Columns with a ``from_width``
+    give way to its cells, up to half of the table: people type ids. A cell that is too long loses
     its middle: names and ids often differ at their end only.
     """
 
@@ -81,6 +82,8 @@ class KeyedTable(DataTable[Text]):
         super().__init__(cursor_type="row", id=id)
         self._all = tuple(columns)
         self._widths: dict[int, int] = {}
+        self._flexible = [column.width for column in self._all].index(0)
+        self._longest = _LEAST
         self._order = ("", False)
         self._rows: tuple[Row, ...] = ()
         self._from: Literal["", "top", "bottom"] = ""
@@ -151,6 +154,9 @@ class KeyedTable(DataTable[Text]):
     def fill(self, rows: Sequence[Row]) -> None:
         """Show these rows; unchanged cells are not touched, the cursor stays on its row."""
         rows, before, key = tuple(rows), self._rows, self.key
+        # It grows only: rows that are filtered away do not move the columns.
+        names = (cells[self._flexible].cell_len for _, cells in rows)
+        self._longest = max(self._longest, *names, 0)
         # Columns that come or go, after a resize, leave no cell where it was.
         if self._layout():
             self._refill(rows)
@@ -200,11 +206,18 @@ class KeyedTable(DataTable[Text]):
 
     def _layout(self) -> bool:
         """Choose columns and widths; return whether they are others than before."""
+        flexible = self._flexible
         # Besides the columns there is the scroll bar.
         room = (self.size.width or self.app.size.width) - 1
         shown = [i for i, column in enumerate(self._all) if column.from_width <= room + 1]
-        while len(shown) > 1 and self._rest(shown, room) < _LEAST:
-            shown.pop()
+        least = max(_LEAST, min(self._longest, room // 2))
+        while (rest := self._rest(shown, room)) < least:
+            others = [
+                i for i in shown if self._all[i].from_width or (i != flexible and rest < _LEAST)
+            ]
+            if not others:
+                break
+            shown.remove(max(others, key=lambda i: (self._all[i].from_width, i)))
         rest = max(self._rest(shown, room), 1)
         widths = {i: self._all[i].width or rest for i in shown}
         changed, self._widths = widths != self._widths, widths
