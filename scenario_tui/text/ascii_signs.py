@@ -14,8 +14,8 @@ _DENSITY: Final = " ..::::##"
 """A sign for each number of dots in a braille cell."""
 # One character for each: more would shift the rest of the line.
 _SIGNS: Final = str.maketrans(
-    "✓✗‼…▶▸›»‖◆◇✱●○■□•·–—−∞×°±µσΔ≤≥≠’‘“”⌫⏎↵⇥←→↑↓↗↖↙↘▲▼△▽◀▪╱",
-    "+xE~>>>>=*oX@o#o*.---Ixo+usD<>#''\"\"<&&><>^v/\\/\\^v^v<#/",
+    "✓✗‼∅…▶▸›»‖◆◇✱●○■□•·–—−∞×°±µσΔ≤≥≠’‘“”⌫⏎↵⇥←→↑↓↗↖↙↘▲▼△▽◀▪╱",
+    "+xEL~>>>>=*oX@o#o*.---Ixo+usD<>#''\"\"<&&><>^v/\\/\\^v^v<#/",
 )
 _LINES: Final = {
     **dict.fromkeys(map(ord, "─━╌╍┄┅┈┉═╴╶╸╺"), "-"),

@@ -61,7 +61,7 @@ _TERMINAL: Final = {
 _WORDS: Final = (
     ("fail", "✗", BAD, "bold"),
     ("error", "‼", BROKEN, "bold"),
-    ("lost", "!", BROKEN, "bold"),
+    ("lost", "∅", BROKEN, "bold"),
     ("inconclusive", "?", UNSURE, ""),
     ("running", "▶", BUSY, ""),
     ("queued", "…", QUIET, ""),

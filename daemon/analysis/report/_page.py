@@ -53,7 +53,7 @@ _MOST_KINDS: Final = 4
 """Machines, or sets of versions, that are told; of more their number."""
 GLYPHS: Final = {
     "pass": "✓", "fail": "✗", "inconclusive": "?", "error": "‼", "measure": "·",
-    "lost": "!", "cancelled": "-", "queued": "…", "running": "▶", "done": "?",
+    "lost": "∅", "cancelled": "-", "queued": "…", "running": "▶", "done": "?",
 }  # fmt: skip
 
 

@@ -16,7 +16,7 @@ from scenario_tui.dashboard.state import Known
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.status_line import StatusLine
-from scenario_tui.text.styles import GLYPHS, UNSURE
+from scenario_tui.text.styles import UNSURE
 
 if TYPE_CHECKING:
     from daemon.model.verbs import DaemonClient
@@ -136,7 +136,7 @@ class BaseScreen(Screen[None], Generic[T]):
             text.append(f"  {key} starts a daemon on this machine", style="bold")
         if overview is not None and overview.troubles:
             why = " ".join(overview.troubles[0].words.split())
-            text.append(f"  {GLYPHS['lost']} {why}", style="lost")
+            text.append(f"  ! {why}", style="lost")
         return text
 
     def ask(self) -> None:

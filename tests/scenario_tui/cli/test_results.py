@@ -14,7 +14,7 @@ def test_status_names_daemon_counts_and_campaigns(scenario):
     assert "up 1 h 00 min" in said.out
     assert "1 worker with 6 slots" in said.out
     assert "✗ 2 fail" in said.out
-    assert "! 1 lost" in said.out
+    assert "∅ 1 lost" in said.out
     assert CAMPAIGN in said.out
     assert "8/10" in said.out
     assert "4 min ago" in said.out
@@ -44,11 +44,11 @@ def test_results_show_the_matrix_what_is_unexpected_and_where_traces_lie(scenari
     said = scenario("results", CAMPAIGN)
     assert said.code == 0
     cell = next(line for line in said.out.splitlines() if line.startswith("S2"))
-    assert "✗ fail 0/5 ✗✗▶…! !  no-contact −0.12 m at 512.2 s" in cell
+    assert "✗ fail 0/5 ✗✗▶…∅ !  no-contact −0.12 m at 512.2 s" in cell
     assert "1 unexpected:" in said.out
     assert "pilot S2 no-contact  −0.12 m  at 512.2 s  door-1  front left corner" in said.out
     assert f"(2 of 5 fail)  → {CAMPAIGN}.6" in said.out
-    assert "! lost  S2/pilot/4  worker bench-1 went away" in said.out
+    assert "∅ lost  S2/pilot/4  worker bench-1 went away" in said.out
     assert "not as expected" in said.out
     assert "traces in state/traces" in said.out
     assert "scenario tui" in said.out

@@ -208,7 +208,7 @@ RESULTS = {
     "retrying": ("… queued 0/2", "none judged; 4 queued"),
     "cancelled": ("4 runs", "- cancelled 0/2", "nothing to compare; 4 runs cancelled",
                   "4 runs cancelled"),
-    "lost": ("! lost 0/2", "4 not executed", "nothing to compare; 4 runs lost"),
+    "lost": ("∅ lost 0/2", "4 not executed", "nothing to compare; 4 runs lost"),
     "half": ("2 of 4 runs finished", "… queued 0/2", "nothing to compare; 2 runs queued",
              "so far fine; 2 queued"),
 }  # fmt: skip
@@ -229,7 +229,7 @@ SHOWN = {
     "retrying": ("… queued", "the stack crashed", "will be judged by"),
     "cancelled": ("- cancelled", "was cancelled before it ended", "was to be judged by",
                   "scenario retry cancelled-1"),
-    "lost": ("! lost", "the stack crashed", "was to be judged by", "scenario retry lost-1"),
+    "lost": ("∅ lost", "the stack crashed", "was to be judged by", "scenario retry lost-1"),
 }  # fmt: skip
 
 
@@ -263,7 +263,7 @@ WAITED = {
     "running": "4 runs left after 0 s, ▶ none judged",
     "retrying": "4 runs left after 0 s, … none judged",
     "cancelled": "cancelled-1: - cancelled",
-    "lost": "lost-1: ! not all judged",
+    "lost": "lost-1: ∅ not all judged",
     "half": "2 runs left after 0 s, ▶ so far fine",
 }
 
@@ -319,5 +319,5 @@ def test_status_says_what_is_paused_and_what_waits(say):
     check(
         said, "queued", "paused-1 (paused) 0/4 … 4 queued", "running-1 0/4 ▶ 1 running … 3 queued"
     )
-    check(said, "lost", "lost-1 4/4 ! 4 lost")
+    check(said, "lost", "lost-1 4/4 ∅ 4 lost")
     check(said, "cancelled", "cancelled-1 0/4 - 4 cancelled")

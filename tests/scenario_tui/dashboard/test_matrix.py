@@ -49,7 +49,7 @@ async def test_m_shows_the_campaign_judged(judged):
         "a known: violated at the closed door",
         "▁ tight █ clear pass",
         "1 not executed",
-        "! lost  S3/a2s/2  worker bench-1 went away",
+        "∅ lost  S3/a2s/2  worker bench-1 went away",
         "a2s detour  ✓ pass +0 s",
         f"scenario results {CAMPAIGN}",
     ):

@@ -30,17 +30,17 @@ def line(width, **known):
 def test_with_room_everything_is_said_in_words():
     assert line(180) == (
         "✓ connected  ✗ first: 3 unexpected, 2 known  11 verdicts of 14 runs, 12.5 runs/min, "
-        "1 min 35 s left  ✗ 2 fail  ! 1 lost  ? 1 inconclusive  ✓ 8 pass  ▶ 1 running  … 1 queued"
+        "1 min 35 s left  ✗ 2 fail  ∅ 1 lost  ? 1 inconclusive  ✓ 8 pass  ▶ 1 running  … 1 queued"
     )
 
 
 @pytest.mark.parametrize(
     ("overview", "width", "expected"),
     [
-        (SMALL, 118, "11/14 verdicts, 1 min left  ✗2 fail !1 lost ?1 ✓8 ▶1 …1"),
-        (SMALL, 78, "11/14, 1 min left  ✗2 fail !1 lost ?1 ▶1 …1"),
+        (SMALL, 118, "11/14 verdicts, 1 min left  ✗2 fail ∅1 lost ?1 ✓8 ▶1 …1"),
+        (SMALL, 78, "11/14, 1 min left  ✗2 fail ∅1 lost ?1 ▶1 …1"),
         (SMALL, 38, "11/14, 1 mi…"),
-        (LARGE, 78, "82k/97k, 2 h left  ✗1,200 fail ‼2 err !7 lost ?33 ▶…"),
+        (LARGE, 78, "82k/97k, 2 h left  ✗1,200 fail ‼2 err ∅7 lost ?33 ▶…"),
     ],
 )
 def test_where_it_is_narrow_words_go_before_numbers(overview, width, expected):

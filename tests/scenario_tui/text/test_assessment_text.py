@@ -102,7 +102,7 @@ def test_a_cell_says_running_when_one_of_its_runs_runs_and_others_wait():
         ((record(0, "done", Outcome.FAIL), record(1, "queued")), False, "✗ 1 unexpected"),
         ((record(0, "done", Outcome.PASS), record(1, "cancelled")), True, "- cancelled"),
         ((record(0, "cancelled"), record(1, "cancelled")), True, "- cancelled"),
-        ((record(0, "lost"), record(1, "queued")), False, "! not all judged"),
+        ((record(0, "lost"), record(1, "queued")), False, "∅ not all judged"),
         ((record(0, "done", Outcome.INCONCLUSIVE),), True, "? undecided"),
     ],
 )
@@ -168,7 +168,7 @@ def test_an_error_is_told_once_and_not_for_each_oracle():
         ({"state": RunState.QUEUED, "reason": "it broke"}, ("it broke", "will be judged by")),
         ({"state": RunState.RUNNING}, ("▶ running", "starting")),
         ({"state": RunState.CANCELLED}, ("was cancelled before it ended", "was to be judged by")),
-        ({"state": RunState.LOST}, ("! lost", "no attempt left a result", "was to be judged by")),
+        ({"state": RunState.LOST}, ("∅ lost", "no attempt left a result", "was to be judged by")),
         ({"state": RunState.LOST, "reason": "it broke"}, ("it broke", "was to be judged by")),
     ],
 )  # fmt: skip

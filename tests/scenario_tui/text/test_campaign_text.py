@@ -79,7 +79,7 @@ def test_the_last_failures_stand_with_their_sentence_news_first():
     lines = [line.plain for line in failure_lines(results, 60)]
     assert lines[0].split() == ["✗", "S2/pilot/1", "!"]
     assert lines[1] == "  no-contact: −0.12 m at 512.2 s, door-1, front left corner"
-    assert lines[4].split() == ["!", "S2/pilot/4"]
+    assert lines[4].split() == ["∅", "S2/pilot/4"]
     assert lines[5] == "  worker bench-1 went away"
     assert all(line.cell_len <= 20 for line in failure_lines(results, 20))
 

@@ -48,7 +48,7 @@ def test_more_repeats_than_fit_are_counted_with_the_mark_of_the_worst(results):
     text = heat_marks([cells["S2", "a2s"]], results, 2)
     assert text.plain == "✗…"
     text = heat_marks([cell for cell in cells.values() if cell.sut == "a2s"], results, 8)
-    assert text.plain == "✗1 !1 ✓7"
+    assert text.plain == "✗1 ∅1 ✓7"
     assert str(text.spans[0].style) == "fail"
     assert heat_marks([cells["S1", "pilot"], cells["S1", "a2s"]], results, 5).plain == "✓▂6"
 
@@ -59,14 +59,14 @@ def test_scenarios_by_systems_with_a_mark_for_each_repeat(results):
         ["pilot", "a2s"],
         ["S1", "▂▂▂", "▂▂▃"],
         ["S2", "✗✗✗", "▃✗▃", "!"],
-        ["S3", "▃▃▶", "▃▃!"],
+        ["S3", "▃▃▶", "▃▃∅"],
     ]
     assert lines[4] == "▁ tight █ clear pass  ! unexpected  a known"
 
 
 def test_what_does_not_fit_is_summed_and_the_unexpected_stays(results):
     lines = plain(heat_lines(results, 24, 3))
-    assert lines == ["        all 2", "S2      ✗✗✗▃✗▃ !", "2 more  ▂▂▂▂▂▃▃▃▶▃▃!"]
+    assert lines == ["        all 2", "S2      ✗✗✗▃✗▃ !", "2 more  ▂▂▂▂▂▃▃▃▶▃▃∅"]
     rows = tuple(
         make_row(i, scenario=f"S{i}", sut="pilot", repeat=0, outcome=Outcome.PASS)
         for i in range(30)
