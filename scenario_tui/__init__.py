@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from scenario_tui.library.checking import check
     from scenario_tui.library.job import Job
     from scenario_tui.library.results import Cell, Results, Run, results
-    from scenario_tui.library.trace import Signal, Trace
+    from scenario_tui.library.signal import Signal
+    from scenario_tui.library.trace import Trace
 else:
     _HOMES = {
         "daemon.batch.errors": ("DaemonError",),
@@ -36,7 +37,8 @@ else:
         "scenario_tui.library.checking": ("check",),
         "scenario_tui.library.job": ("Job",),
         "scenario_tui.library.results": ("Cell", "Results", "Run", "results"),
-        "scenario_tui.library.trace": ("Signal", "Trace"),
+        "scenario_tui.library.signal": ("Signal",),
+        "scenario_tui.library.trace": ("Trace",),
     }
 
     def __getattr__(name):

@@ -20,14 +20,14 @@ from daemon.judging.oracles import (
     trace_problems,
 )
 from daemon.judging.run_log import run_log
-from daemon.judging.signals import Signal, merge_spans, thin_signal
+from daemon.judging.signals import RunSignal, merge_spans, thin_signal
 from daemon.model.live_judgement import (
     DoorMotion,
-    Limit,
     LimitSide,
     LiveJudgement,
     LiveSignal,
     LogLine,
+    SignalLimit,
 )
 from daemon.model.verdicts import Outcome, Verdict, deciding_verdict
 from daemon.trace import JointTrack, Trace
@@ -83,7 +83,7 @@ def least_margin(so_far: Sequence[Verdict]) -> Verdict | None:
     )
 
 
-def sample_run_signals(sampler: SignalSampler) -> tuple[Signal, ...]:
+def sample_run_signals(sampler: SignalSampler) -> tuple[RunSignal, ...]:
     """Sample the usual signals and all that the run's oracles read, each once.
 
     A usual signal is left out if no oracle reads it and nothing of it is known.
@@ -99,7 +99,7 @@ def sample_run_signals(sampler: SignalSampler) -> tuple[Signal, ...]:
         unit = _USUAL.get(name) or ("bool" if kind is None else kind.unit)
         readers = [o for o in oracles if name in {render(read) for read in o.signals}]
         signals.append(
-            Signal(
+            RunSignal(
                 name, unit, sampler.time_base.time, values, values,
                 limits_of(name, (limit for o in readers for limit in o.limits)),
                 merge_spans(span for o in readers for span in o.against),
@@ -109,7 +109,7 @@ def sample_run_signals(sampler: SignalSampler) -> tuple[Signal, ...]:
     return tuple(signals)
 
 
-def limits_of(signal: str, compared: Iterable[ComparedLimit]) -> tuple[Limit, ...]:
+def limits_of(signal: str, compared: Iterable[ComparedLimit]) -> tuple[SignalLimit, ...]:
     """Return the limits of one signal among those of oracles, ascending, each once."""
     sides: dict[float, set[LimitSide]] = {}
     for one in compared:
@@ -119,7 +119,7 @@ def limits_of(signal: str, compared: Iterable[ComparedLimit]) -> tuple[Limit, ..
     for value in sorted(sides):
         meant = sides[value] - {""}
         # Two oracles that want opposite things: neither side is free.
-        limits.append(Limit(value, meant.pop() if len(meant) == 1 else ""))
+        limits.append(SignalLimit(value, meant.pop() if len(meant) == 1 else ""))
     return tuple(limits)
 
 

@@ -8,7 +8,7 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from daemon.model.live_judgement import Limit, LiveSignal
+from daemon.model.live_judgement import LiveSignal, SignalLimit
 from daemon.model.ranges import LARGEST_VALUE
 from grammars.model.geometry import Floats
 
@@ -21,7 +21,7 @@ _DIGITS: Final = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Signal:
+class RunSignal:
     """A signal over simulated time, known from the first to the last of its moments.
 
     ``low`` and ``high`` (n,) are its least and greatest value from each moment of ``time`` (n,) [s]
@@ -36,7 +36,7 @@ class Signal:
     time: Floats
     low: Floats
     high: Floats
-    limits: tuple[Limit, ...] = ()
+    limits: tuple[SignalLimit, ...] = ()
     against: tuple[TimeSpan, ...] = ()
     readers: tuple[str, ...] = ()
 
@@ -59,7 +59,7 @@ def merge_spans(stretches: Iterable[TimeSpan], gap: float = 0.0) -> tuple[TimeSp
     return tuple(merged)
 
 
-def thin_signal(signal: Signal, start: float, end: float, columns: int) -> LiveSignal:
+def thin_signal(signal: RunSignal, start: float, end: float, columns: int) -> LiveSignal:
     """Return the least and the greatest value in each of ``columns`` equal parts of the time.
 
     A part without a sample holds the last value before it, as between two samples; values keep four
@@ -92,12 +92,12 @@ def _rounded(values: Floats) -> tuple[float | None, ...]:
     )
 
 
-def received_signal(thinned: LiveSignal) -> Signal:
+def received_signal(thinned: LiveSignal) -> RunSignal:
     """Return the signal that :func:`thin_signal` thinned; its last part ends at its last moment."""
     low, high = (
         np.array([*parts, parts[-1]], dtype=np.float64) for parts in (thinned.low, thinned.high)
     )
-    return Signal(
+    return RunSignal(
         thinned.name, thinned.unit, np.linspace(thinned.start, thinned.end, len(low)), low, high,
         thinned.limits, thinned.against, thinned.readers,
     )  # fmt: skip

@@ -30,7 +30,7 @@ _SignalParts = Annotated[tuple[SignalValue | None, ...], Field(max_length=_MOST_
 
 
 @dataclass(frozen=True, slots=True)
-class Limit:
+class SignalLimit:
     """A value [SI] that oracles compare a signal with.
 
     ``side`` is where the signal speaks against them, empty where no single sample does, or where
@@ -56,7 +56,7 @@ class LiveSignal:
     end: Moment
     low: _SignalParts
     high: _SignalParts
-    limits: Annotated[tuple[Limit, ...], Field(max_length=_MOST_ENTRIES)] = ()
+    limits: Annotated[tuple[SignalLimit, ...], Field(max_length=_MOST_ENTRIES)] = ()
     against: tuple[tuple[Moment, Moment], ...] = ()
     readers: tuple[str, ...] = ()
 

@@ -21,7 +21,8 @@ from scenario_tui.text.formatting import glyph_word, moment_text
 if TYPE_CHECKING:
     from rich.text import Text
 
-    from scenario_tui.library.trace import Signal, Trace
+    from scenario_tui.library.signal import Signal
+    from scenario_tui.library.trace import Trace
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from daemon.model.spec import RunSpec
 from grammars.model.scene import Scene
 from grammars.text.words import duration_text
 from scenario_tui.dashboard.live_tracks import SILENT, Track
-from scenario_tui.dashboard.run_log import RunLog
+from scenario_tui.dashboard.run_log import LogExcerpt
 from scenario_tui.dashboard.run_timeline import (
     RunTimeline,
     clearance_along,
@@ -71,13 +71,13 @@ class LiveRun:
         return self.track.judgement if self.track is not None else None
 
     @property
-    def log(self) -> RunLog | None:
+    def log(self) -> LogExcerpt | None:
         """The end of its log, ``None`` before the first judgement."""
         judgement = self.judgement
         if judgement is None:
             return None
         lines = ((line.time, line.source, line.text) for line in judgement.log)
-        return RunLog(tuple(lines), judgement.log_before)
+        return LogExcerpt(tuple(lines), judgement.log_before)
 
     @property
     def waypoints(self) -> int:

@@ -22,7 +22,7 @@ from grammars.model.geometry import Floats, Point2, Pose2
 from grammars.model.robot import Laser
 from grammars.text.diagnostics import did_you_mean
 from grammars.text.words import count_noun
-from scenario_tui.dashboard.run_log import RunLog, recorded_log
+from scenario_tui.dashboard.run_log import LogExcerpt, recorded_log
 from scenario_tui.dashboard.run_timeline import (
     RunTimeline,
     clearance_along,
@@ -212,9 +212,9 @@ class Playback:
         return believed @ _pose_at(odometry, _last(odometry.time, taken, 0)).inverse()
 
     @cached_property
-    def log(self) -> RunLog:
+    def log(self) -> LogExcerpt:
         """What was said, decided and done, by time."""
-        return recorded_log(self)
+        return recorded_log(self.trace, self.moments, self.timeline.doors or (), self.outputs)
 
     @cached_property
     def timeline(self) -> RunTimeline:

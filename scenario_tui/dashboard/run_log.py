@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, TypeAlias
 
@@ -17,7 +17,9 @@ from scenario_tui.text.run_text import append_facts
 from scenario_tui.text.styles import QUIET, UNSURE
 
 if TYPE_CHECKING:
-    from scenario_tui.dashboard.playback import Playback
+    from daemon.model.live_judgement import DoorMotion
+    from daemon.trace import Trace
+    from scenario_tui.dashboard.transport import FailureMoment
 
 _LINES: Final = 5000
 """Lines of the log laid out at once; `scenario show --log --all` prints all."""
@@ -27,7 +29,7 @@ Line: TypeAlias = tuple[float, str, str]
 
 
 @dataclass(frozen=True, slots=True)
-class RunLog:
+class LogExcerpt:
     """Lines by time, ``before`` and ``after`` them further ones that are left out.
 
     ``problems`` say why a trace is not to be trusted; ``outputs`` is what external systems printed,
@@ -41,23 +43,25 @@ class RunLog:
     outputs: Mapping[str, str] = field(default_factory=dict)
 
 
-def recorded_log(playback: Playback, limit: int = _LINES) -> RunLog:
-    """Return the log of a recorded run, at most ``limit`` lines of it."""
+def recorded_log(
+    trace: Trace,
+    moments: Iterable[FailureMoment],
+    doors: Iterable[DoorMotion],
+    outputs: Mapping[str, str],
+) -> LogExcerpt:
+    """Return the log of a recorded run, at most :data:`_LINES` lines of it."""
     # Loaded when a trace is there to be read.
     from daemon.judging.run_log import run_log
 
-    said = ((line.time, line.source, line.text) for line in run_log(playback.trace))
-    decided = ((m.time, "oracle", f"✗ {m.oracle} decided against") for m in playback.moments)
-    doors = (
-        (event.time, event.joint, "opens" if event.opens else "is shut")
-        for event in playback.timeline.doors or ()
-    )
-    lines = tuple(heapq.merge(said, decided, doors, key=lambda line: line[0]))
-    after = max(len(lines) - limit, 0)
-    return RunLog(lines[:limit], 0, after, tuple(playback.trace.problems), playback.outputs)
+    said = ((line.time, line.source, line.text) for line in run_log(trace))
+    decided = ((m.time, "oracle", f"✗ {m.oracle} decided against") for m in moments)
+    moved = ((event.time, event.joint, "opens" if event.opens else "is shut") for event in doors)
+    lines = tuple(heapq.merge(said, decided, moved, key=lambda line: line[0]))
+    after = max(len(lines) - _LINES, 0)
+    return LogExcerpt(lines[:_LINES], 0, after, tuple(trace.problems), outputs)
 
 
-def log_text(detail: RunDetail, log: RunLog | None) -> Text:
+def log_text(detail: RunDetail, log: LogExcerpt | None) -> Text:
     """Return everything there is to read about a run; ``None`` before anything was heard of it."""
     text = Text()
     for note in _notes(detail.row.reason, detail.row.result):
@@ -74,7 +78,7 @@ def log_text(detail: RunDetail, log: RunLog | None) -> Text:
     return text
 
 
-def _append_log(text: Text, log: RunLog) -> None:
+def _append_log(text: Text, log: LogExcerpt) -> None:
     if log.problems:
         text.append("not to be trusted: ", style=UNSURE).append("; ".join(log.problems) + "\n")
     text.append("\n")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
-from daemon.judging.signals import Signal, received_signal
+from daemon.judging.signals import RunSignal, received_signal
 from daemon.model.live_judgement import DoorMotion, LiveJudgement
 from daemon.model.spec import RunSpec
 from daemon.model.verdicts import Outcome, Verdict
@@ -44,7 +44,7 @@ class RunTimeline:
 
     start: float
     end: float
-    signals: tuple[Signal, ...]
+    signals: tuple[RunSignal, ...]
     doors: tuple[DoorMotion, ...] | None
     reached: tuple[float, ...]
     waypoints: tuple[str, ...]
@@ -98,7 +98,7 @@ def heard_timeline(moments: Sequence[HeardMoment], spec: RunSpec) -> RunTimeline
     speed = np.hypot(np.diff(x), np.diff(y)) / np.diff(time)
     error = np.array([_estimate_error(one) for one in moments])
     signals = [
-        Signal(name, unit, time, values, values)
+        RunSignal(name, unit, time, values, values)
         for name, unit, values in (
             ("loc.error", "m", error),
             ("speed", "m/s", np.append(speed, speed[-1])),
@@ -141,7 +141,7 @@ def failure_moments(verdicts: Iterable[Verdict]) -> tuple[FailureMoment, ...]:
 
 
 def clearance_along(
-    signals: Iterable[Signal], times: Sequence[float] | Floats
+    signals: Iterable[RunSignal], times: Sequence[float] | Floats
 ) -> tuple[tuple[float, ...], float | None]:
     """Return the clearance at moments ``times`` [s], NaN where unknown, and its limit [m].
 

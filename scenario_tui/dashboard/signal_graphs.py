@@ -9,7 +9,7 @@ from rich.style import Style
 from rich.text import Text
 
 from daemon.judging.live import reached_moments
-from daemon.judging.signals import Signal
+from daemon.judging.signals import RunSignal
 from daemon.trace import Trace
 from scenario_tui.dashboard.run_timeline import RunTimeline, waypoint_names
 from scenario_tui.dashboard.widgets.cell_view import segments
@@ -27,7 +27,12 @@ AXES: Final = 2
 
 
 def draw_signals(
-    trace: Trace, signals: Sequence[Signal], width: int, rows: int, *, marks: Sequence[float] = ()
+    trace: Trace,
+    signals: Sequence[RunSignal],
+    width: int,
+    rows: int,
+    *,
+    marks: Sequence[float] = (),
 ) -> list[Text]:
     """Return signals one above the other, with upright lines at ``marks`` [s].
 

@@ -6,44 +6,14 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from daemon.judging import signals
 from grammars.text.diagnostics import InputError, Where, raise_all
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from daemon.judging.oracles import SignalSampler
     from daemon.model.verdicts import Verdict
     from daemon.trace import Trace as RecordedTrace
     from grammars import oracle as language
-
-
-class Signal(signals.Signal):
-    """A signal over simulated time.
-
-    ``time`` [s] and ``value`` [``unit``] are arrays of the shape (n,); values are NaN where the
-    signal is not known. What is true or false has the unit ``bool`` and the values 1 and 0.
-    """
-
-    @property
-    def value(self) -> NDArray[np.float64]:
-        """Every recorded value, (n,)."""
-        return self.low
-
-    def _repr_svg_(self) -> str:
-        from daemon.analysis.charts import LINE, draw_charts, layer, quantity, standalone_svg
-
-        columns = {"time": self.time.tolist(), "value": self.value.tolist()}
-        ends = [float(self.time[0]), float(self.time[-1])]
-        over_time = {
-            "x": quantity("time", "time [s]", domain=ends),
-            "y": quantity("value", f"{self.name} [{self.unit}]"),
-        }
-        curve = layer("line", columns, over_time, color=LINE, strokeWidth=1.2)
-        size = {"width": 720, "height": 180, "background": "var(--paper)"}
-        (drawing,) = draw_charts([curve | size], processes=1)
-        return standalone_svg(drawing)
+    from scenario_tui.library.signal import Signal
 
 
 class Trace:
@@ -100,6 +70,7 @@ class Trace:
         """
         from daemon.judging.live import limits_of
         from grammars.oracle import kind_of
+        from scenario_tui.library.signal import Signal
 
         oracle, signal = _parse_signal(name)
         self._refuse_unknown(oracle)

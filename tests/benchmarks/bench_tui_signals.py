@@ -9,7 +9,7 @@ import math
 import statistics
 import time
 
-from daemon.model.live_judgement import DoorMotion, Limit, LiveJudgement, LiveSignal
+from daemon.model.live_judgement import DoorMotion, LiveJudgement, LiveSignal, SignalLimit
 from scenario_tui.dashboard.run_timeline import live_timeline
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.terminal.limited_terminal import LimitedTerminalApp
@@ -23,7 +23,7 @@ FRAMES, PARTS, SIGNALS, DOORS = 40, 200, 8, 8
 def judgement(now):
     """Return what a run is judged by at ``now`` [s]."""
     along = [now * part / PARTS for part in range(PARTS)]
-    signals, limits = [], (Limit(0.2, "above"),)
+    signals, limits = [], (SignalLimit(0.2, "above"),)
     for index in range(SIGNALS):
         low = tuple(0.1 + abs(math.sin(t / (7.0 + index))) for t in along)
         high = tuple(value + 0.02 for value in low)

@@ -11,10 +11,10 @@ from daemon.batch.errors import Refused, Unreachable
 from daemon.model.assessments import AssessmentRules, RepeatPolicy
 from daemon.model.live_judgement import (
     DoorMotion,
-    Limit,
     LiveJudgement,
     LiveSignal,
     LogLine,
+    SignalLimit,
 )
 from daemon.model.messages import (
     Count,
@@ -209,9 +209,9 @@ def make_judgement(index=7, time=60.0, *, contact=False):
     speed = [0.5 if t < 55.0 else 0.0 for t in along]
     signals = (
         _live_signal("loc.error", "m", time, error),
-        _live_signal("clearance", "m", time, near, (Limit(0.05, "below"),), ("clear",)),
+        _live_signal("clearance", "m", time, near, (SignalLimit(0.05, "below"),), ("clear",)),
         _live_signal("speed", "m/s", time, speed),
-        _live_signal("elapsed", "s", time, along, (Limit(1200.0),), ("reached",)),
+        _live_signal("elapsed", "s", time, along, (SignalLimit(1200.0),), ("reached",)),
     )
     clear = Verdict("clear", "always(clearance >= 0.05 m)", Outcome.PASS, 0.06, 0.06, "m",
                     Evidence(nearest, 0.11, 0.05, "door-1"))  # fmt: skip

@@ -16,7 +16,7 @@ from grammars.model.robot import Robot
 from grammars.model.scene import Scene
 from scenario_tui.dashboard.widgets.block_cells import Mask, area_dots, ring_edges
 from scenario_tui.dashboard.widgets.cell_view import BLANK, Canvas, Codes, write_text
-from scenario_tui.dashboard.widgets.map_names import MapText, Place, place_beside
+from scenario_tui.dashboard.widgets.map_names import MapLabel, Place, place_beside
 from scenario_tui.dashboard.widgets.map_projection import cell_of
 from scenario_tui.dashboard.widgets.map_style import (
     AHEAD,
@@ -211,7 +211,7 @@ class MapFrame:
             codes[place], owners[place] = ord(sign), layer
         return codes, owners
 
-    def _texts(self, owners: Codes) -> list[MapText]:
+    def _texts(self, owners: Codes) -> list[MapLabel]:
         """Return the texts that have room, those that matter most first."""
         still, walls = self.still, self.still.walls.dots > 0
         free = np.ones(owners.shape, dtype=np.bool_)
@@ -238,7 +238,7 @@ class MapFrame:
         return texts
 
 
-def _with_room(texts: Iterable[MapText | None], free: Mask) -> list[MapText]:
+def _with_room(texts: Iterable[MapLabel | None], free: Mask) -> list[MapLabel]:
     """Return the texts whose cells are ``free`` (rows, columns); these are so no longer."""
     fitting = [text for text in texts if text is not None and free[text.cells].all()]
     for text in fitting:

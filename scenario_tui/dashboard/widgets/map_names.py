@@ -17,7 +17,7 @@ Box = tuple[int, int, int, int]
 
 
 @dataclass(frozen=True, slots=True)
-class MapText:
+class MapLabel:
     """A text from the cell at ``row`` and ``column`` on."""
 
     row: int
@@ -35,7 +35,7 @@ class MapText:
         free[self.row, max(self.column - 1, 0) : self.column + len(self.text) + 1] = False
 
 
-def place_inside(text: str, layer: int, rings: Sequence[Floats], free: Mask) -> MapText | None:
+def place_inside(text: str, layer: int, rings: Sequence[Floats], free: Mask) -> MapLabel | None:
     """Return a text within an area, as near to its middle as there is room.
 
     ``rings`` (n, 2) are in cells from the upper left corner; ``free`` (rows, columns) are cells
@@ -55,10 +55,10 @@ def place_inside(text: str, layer: int, rings: Sequence[Floats], free: Mask) -> 
     # A cell is twice as high as wide.
     far = np.abs(2.0 * (at[:, 0] - row)) + np.abs(at[:, 1] + (width - 1) / 2 - column)
     best, first = at[far.argmin()].tolist()
-    return MapText(best, first + 1, text, layer)
+    return MapLabel(best, first + 1, text, layer)
 
 
-def place_beside(text: str, layer: int, box: Box, free: Mask, gap: int = 1) -> MapText | None:
+def place_beside(text: str, layer: int, box: Box, free: Mask, gap: int = 1) -> MapLabel | None:
     """Return a text beside a ``box``: to the right, to the left, at most two rows above or below.
 
     It has ``gap`` cells on either side that are ``free`` (rows, columns), too.
@@ -76,5 +76,5 @@ def place_beside(text: str, layer: int, box: Box, free: Mask, gap: int = 1) -> M
     for row, column in spots:
         is_inside = 0 <= row < rows and 0 <= column <= columns - width
         if is_inside and free[row, max(column - gap, 0) : column + width + gap].all():
-            return MapText(row, column, text, layer)
+            return MapLabel(row, column, text, layer)
     return None

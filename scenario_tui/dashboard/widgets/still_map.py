@@ -29,7 +29,7 @@ from scenario_tui.dashboard.widgets.block_cells import (
 from scenario_tui.dashboard.widgets.cell_view import Canvas
 from scenario_tui.dashboard.widgets.map_names import (
     Box,
-    MapText,
+    MapLabel,
     Place,
     place_beside,
     place_inside,
@@ -90,9 +90,9 @@ class StillMap:
     projection: MapProjection
     walls: BlockLayer
     low: Canvas
-    numbers: Mapping[Place, MapText]
-    names: tuple[MapText, ...]
-    edge: tuple[MapText, ...]
+    numbers: Mapping[Place, MapLabel]
+    names: tuple[MapLabel, ...]
+    edge: tuple[MapLabel, ...]
 
 
 @lru_cache(maxsize=16)
@@ -117,7 +117,7 @@ def still_map(
     for text in edge:
         text.take_place(free)
     numbers = _numbers(projection.dots(stops), free, walls.dots > 0)
-    names: tuple[MapText, ...] = ()
+    names: tuple[MapLabel, ...] = ()
     if has_names:
         sweeps = Canvas(columns, rows, 1)
         swept = _in_dots(lines.sweeps, projection)
@@ -175,7 +175,7 @@ def _wall_mask(lines: _SceneLines, projection: MapProjection, columns: int, rows
     return mask
 
 
-def _numbers(dots: Floats, free: Mask, walls: Mask) -> dict[Place, MapText]:
+def _numbers(dots: Floats, free: Mask, walls: Mask) -> dict[Place, MapLabel]:
     """Return the numbers of waypoints (n, 2) by the cells of their signs, those in one together.
 
     Signs and numbers are no longer ``free``. A number covers a wall only without any other place.
@@ -197,7 +197,7 @@ def _numbers(dots: Floats, free: Mask, walls: Mask) -> dict[Place, MapText]:
     return numbers
 
 
-def _names(lines: _SceneLines, projection: MapProjection, free: Mask) -> Iterator[MapText]:
+def _names(lines: _SceneLines, projection: MapProjection, free: Mask) -> Iterator[MapLabel]:
     """Yield the names of doors, which have far fewer places to stand, then those of spaces."""
     for shape in lines.doors:
         dots = np.vstack([projection.dots(np.asarray(part)) for part in shape.parts])
@@ -221,16 +221,16 @@ def box_of(dots: Floats) -> Box:
     return left, top, right, bottom
 
 
-def _scale_and_axes(projection: MapProjection, columns: int, rows: int) -> Iterator[MapText]:
+def _scale_and_axes(projection: MapProjection, columns: int, rows: int) -> Iterator[MapLabel]:
     """Yield the bar of a round length at the lower left, and the axes of a turned map."""
     cells_a_metre = projection.scale / 2.0
     length = round_step(_BAR_SHARE * columns / cells_a_metre)
     # From the middle of its first cell to that of its last.
     bar = f"├{'─' * (round(length * cells_a_metre) - 1)}┤ {length:g} m"
-    yield MapText(rows - 1, 0, bar, Layer.SCALE)
+    yield MapLabel(rows - 1, 0, bar, Layer.SCALE)
     if projection.turn != 0.0:
         x, y = (
             ARROWS[round((projection.turn + way) / (math.pi / 4)) % 8] for way in (0.0, math.pi / 2)
         )
         axes = f"x{x} y{y}"
-        yield MapText(rows - 1, columns - len(axes), axes, Layer.SCALE)
+        yield MapLabel(rows - 1, columns - len(axes), axes, Layer.SCALE)

@@ -11,7 +11,7 @@ from rich.style import Style
 from textual import events
 from textual.message import Message
 
-from daemon.judging.signals import Signal, TimeSpan
+from daemon.judging.signals import RunSignal, TimeSpan
 from grammars.text.words import NOTHING, format_quantity
 from scenario_tui.dashboard.run_timeline import RunTimeline
 from scenario_tui.dashboard.widgets.cell_view import CellView, Codes, write_text
@@ -81,7 +81,7 @@ class TimelineView(CellView):
         return bool(self._timelines)
 
     @property
-    def signals(self) -> tuple[Signal, ...]:
+    def signals(self) -> tuple[RunSignal, ...]:
         """The signals to see: those the chosen oracle reads, those any oracle reads, the others."""
         visible = [
             signal
@@ -250,7 +250,7 @@ def draw_frame(
     return codes, owners
 
 
-def at_playhead(signal: Signal, time: float) -> str:
+def at_playhead(signal: RunSignal, time: float) -> str:
     """Return the value at a moment, for people: ``0.123 m``, ``yes``, ``0.1–0.3 m``, ``∞ m``."""
     least, most = signal.at(time)
     if math.isnan(least):
@@ -279,7 +279,9 @@ def _brief(value: float, unit: str = "") -> str:
     return format_quantity(float(f"{value:.2g}"), unit)
 
 
-def _words(signal: Signal, values: Sequence[str], width: int, height: int) -> list[tuple[str, int]]:
+def _words(
+    signal: RunSignal, values: Sequence[str], width: int, height: int
+) -> list[tuple[str, int]]:
     """Return the lines beside a signal: its name, values, limits, and from where to where."""
     text = " ┊ ".join(values)
     if height == 1:

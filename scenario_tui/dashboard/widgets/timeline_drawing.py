@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from rich.style import Style
 
-from daemon.judging.signals import Signal, TimeSpan
+from daemon.judging.signals import RunSignal, TimeSpan
 from daemon.model.live_judgement import DoorMotion
 from grammars.model.geometry import Floats
 from grammars.text.words import format_quantity
@@ -79,7 +79,7 @@ def whole_span(timelines: Sequence[RunTimeline]) -> TimeSpan:
     return min(one.start for one in timelines), max(ends)
 
 
-def ranges(signal: Signal, start: float, end: float, count: int) -> tuple[Floats, Floats]:
+def ranges(signal: RunSignal, start: float, end: float, count: int) -> tuple[Floats, Floats]:
     """Return the least and greatest value of a signal in each of ``count`` parts of a time.
 
     The first value of a part is also the last of the one before, so that the curve has no gaps; a
@@ -103,7 +103,7 @@ def ranges(signal: Signal, start: float, end: float, count: int) -> tuple[Floats
     return low, high
 
 
-def fit_heights(signals: Sequence[Signal], rows: int) -> list[int]:
+def fit_heights(signals: Sequence[RunSignal], rows: int) -> list[int]:
     """Return how many rows each signal gets, for as many of the first ones as ``rows`` hold."""
     heights: list[int] = []
     smallest = 2 if rows < _LITTLE else _LEAST
@@ -120,7 +120,7 @@ def fit_heights(signals: Sequence[Signal], rows: int) -> list[int]:
     return heights
 
 
-def _scale_of(signal: Signal, curves: Sequence[tuple[Floats, Floats]], rows: int) -> AxisScale:
+def _scale_of(signal: RunSignal, curves: Sequence[tuple[Floats, Floats]], rows: int) -> AxisScale:
     """Return the scale of the values that are drawn, with the limits in view."""
     limits = [limit.value for limit in signal.limits]
     values = np.concatenate([part[np.isfinite(part)] for curve in curves for part in curve])
@@ -141,7 +141,7 @@ class TimelineDrawing:
     def __init__(
         self,
         timelines: Sequence[RunTimeline],
-        signals: Sequence[Signal],
+        signals: Sequence[RunSignal],
         columns: int,
         rows: int,
         stretch: TimeSpan | None = None,
@@ -190,11 +190,11 @@ class TimelineDrawing:
         here = (t for t in decided if span.meets(t, t) and span.column(t) == place)
         return next(here, span.moment(place))
 
-    def others(self, signal: Signal) -> list[Signal]:
+    def others(self, signal: RunSignal) -> list[RunSignal]:
         """Return the signals of that name in the other timelines."""
         return [s for one in self.timelines[1:] for s in one.signals if s.name == signal.name]
 
-    def _draw(self, signal: Signal, others: Sequence[Signal], top: int, height: int) -> None:
+    def _draw(self, signal: RunSignal, others: Sequence[RunSignal], top: int, height: int) -> None:
         if signal.unit == "bool":
             self._flag(signal, others, top)
             return
@@ -219,7 +219,7 @@ class TimelineDrawing:
         if self.ticks:
             self._scale(signal, scale, top, height)
 
-    def _scale(self, signal: Signal, scale: AxisScale, top: int, height: int) -> None:
+    def _scale(self, signal: RunSignal, scale: AxisScale, top: int, height: int) -> None:
         """Write round numbers beside the curve, and every limit where it is."""
         axis = self.gutter - 1
         self.codes[top : top + height, axis] = ord("│")
@@ -237,7 +237,7 @@ class TimelineDrawing:
             width = self.ticks - 1
             self._write(row, axis - width, f"{text[:width]:>{width}}┤", owner)
 
-    def _flag(self, signal: Signal, others: Sequence[Signal], top: int) -> None:
+    def _flag(self, signal: RunSignal, others: Sequence[RunSignal], top: int) -> None:
         """Draw what is true or false as one row: a block where it is true."""
         span = self.span
         _, high = ranges(signal, span.start, span.end, span.columns)
@@ -250,7 +250,7 @@ class TimelineDrawing:
             codes[differ], owners[differ] = ord("▒"), OTHER
         self._put(signal, top, codes[None, :], owners[None, :])
 
-    def _put(self, signal: Signal, top: int, codes: Codes, owners: Codes) -> None:
+    def _put(self, signal: RunSignal, top: int, codes: Codes, owners: Codes) -> None:
         """Put a signal in its place, and mark where the run spoke against an oracle."""
         for start, end in signal.against:
             if not self.span.meets(start, end):

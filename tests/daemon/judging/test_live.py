@@ -14,11 +14,11 @@ from daemon.judging.live import (
     sample_run_signals,
 )
 from daemon.judging.oracles import DOOR_CLEARANCE, SignalSampler, judge
-from daemon.judging.signals import Signal, merge_spans, received_signal, thin_signal
+from daemon.judging.signals import RunSignal, merge_spans, received_signal, thin_signal
 from daemon.model.live_judgement import (
-    Limit,
     LiveJudgement,
     LiveSignal,
+    SignalLimit,
     pack_judgement,
     unpack_judgement,
 )
@@ -75,7 +75,7 @@ def test_signals_and_verdicts_so_far():
     assert judgement.time == 4.5
     assert names(judgement) == ["loc.error", "clearance", "clearance(doors)", "speed", "contact"]
     error = judgement.signals[0]
-    assert (error.limits, error.readers) == ((Limit(0.3, "above"),), ("accuracy",))
+    assert (error.limits, error.readers) == ((SignalLimit(0.3, "above"),), ("accuracy",))
     assert error.against == ((pytest.approx(4.0), pytest.approx(4.5)),)
     assert len(error.low) <= MOST_COLUMNS
     assert max(value for value in error.high if value is not None) == pytest.approx(0.4)
@@ -155,7 +155,11 @@ def test_a_limit_has_the_side_on_which_a_signal_speaks_against_oracles():
             ("speed", 0.5, ""), ("speed", 1.0, "above"), ("speed", 1.0, "below"),
         )
     ]  # fmt: skip
-    assert limits_of("speed", compared) == (Limit(0.2, "below"), Limit(0.5, "above"), Limit(1.0))
+    assert limits_of("speed", compared) == (
+        SignalLimit(0.2, "below"),
+        SignalLimit(0.5, "above"),
+        SignalLimit(1.0),
+    )
 
 
 def test_doors_open_when_they_leave_how_they_are_drawn():
@@ -174,8 +178,10 @@ def test_a_thinned_signal_keeps_its_extremes_and_says_what_is_not_known():
     values = np.sin(time)
     values[777] = 5.123456
     values[:100] = np.nan
-    thin = thin_signal(Signal("it", "m", time, values, values, (Limit(0.5),)), 0.0, 10.0, 50)
-    assert (len(thin.low), len(thin.high), thin.limits) == (50, 50, (Limit(0.5),))
+    thin = thin_signal(
+        RunSignal("it", "m", time, values, values, (SignalLimit(0.5),)), 0.0, 10.0, 50
+    )
+    assert (len(thin.low), len(thin.high), thin.limits) == (50, 50, (SignalLimit(0.5),))
     assert thin.low[:5] == (None,) * 5
     assert thin.high[38] == 5.123
     assert thin.low[38] is not None
@@ -184,7 +190,7 @@ def test_a_thinned_signal_keeps_its_extremes_and_says_what_is_not_known():
 
 def test_a_thinned_signal_is_received_with_its_parts_until_its_end():
     values = np.array([np.nan, 3.0, 4.0, 5.0])
-    signal = Signal("it", "m", np.arange(4.0), values, values, (Limit(0.5, "below"),))
+    signal = RunSignal("it", "m", np.arange(4.0), values, values, (SignalLimit(0.5, "below"),))
     received = received_signal(thin_signal(signal, 0.0, 4.0, 2))
     assert received.time.tolist() == [0.0, 2.0, 4.0]
     assert [received.at(t) for t in (1.0, 3.0, 4.0)] == [(3.0, 3.0), (4.0, 5.0), (4.0, 5.0)]
@@ -193,7 +199,7 @@ def test_a_thinned_signal_is_received_with_its_parts_until_its_end():
 
 def test_a_part_without_samples_holds_the_value_before_it():
     values = np.array([2.0, 3.0, 4.0])
-    signal = Signal("it", "m", np.array([0.0, 1.0, 9.0]), values, values)
+    signal = RunSignal("it", "m", np.array([0.0, 1.0, 9.0]), values, values)
     thin = thin_signal(signal, 0.0, 10.0, 10)
     assert thin.low == thin.high == (2.0, *(3.0,) * 8, 4.0)
 
@@ -201,9 +207,9 @@ def test_a_part_without_samples_holds_the_value_before_it():
 def test_a_thinned_signal_has_no_more_stretches_than_parts():
     time = np.arange(0.0, 100.0, 0.05)
     against = tuple((float(at), float(at) + 0.05) for at in time[::2])
-    thin = thin_signal(Signal("it", "bool", time, time, time, (), against), 0.0, 100.0, 20)
+    thin = thin_signal(RunSignal("it", "bool", time, time, time, (), against), 0.0, 100.0, 20)
     assert thin.against == ((0.0, pytest.approx(99.95)),)
-    few = Signal("it", "bool", time, time, time, (), ((1.0, 2.0), (50.0, 60.0)))
+    few = RunSignal("it", "bool", time, time, time, (), ((1.0, 2.0), (50.0, 60.0)))
     assert thin_signal(few, 0.0, 100.0, 20).against == few.against
 
 

@@ -9,10 +9,10 @@ import pytest
 from daemon.batch.client import read_snapshot
 from daemon.model.live_judgement import (
     DoorMotion,
-    Limit,
     LiveJudgement,
     LiveSignal,
     LogLine,
+    SignalLimit,
     pack_judgement,
     unpack_judgement,
 )
@@ -28,7 +28,7 @@ SNAPSHOT = LiveSnapshot(
 )
 VERDICT = Verdict("clear", "always(clearance >= 0 m)", Outcome.PASS, 0.1, 0.1, "m", Evidence(1.0))
 SPEED = LiveSignal(
-    "speed", "m/s", 0.0, 2.0, (0.0, None), (1e30, None), (Limit(0.5, "above"),), ((0.0, 1.0),)
+    "speed", "m/s", 0.0, 2.0, (0.0, None), (1e30, None), (SignalLimit(0.5, "above"),), ((0.0, 1.0),)
 )
 JUDGEMENT = LiveJudgement(
     "c.0",
@@ -41,7 +41,7 @@ JUDGEMENT = LiveJudgement(
             2.0,
             (0.0, None),
             (1e30, None),
-            (Limit(0.5, "above"),),
+            (SignalLimit(0.5, "above"),),
             ((0.0, 1.0),),
         ),
     ),

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daemon.judging.signals import Signal
+from daemon.judging.signals import RunSignal
 from daemon.trace import read_trace
 from scenario_tui.cli import invoke
 from scenario_tui.dashboard.signal_graphs import draw_signals
@@ -74,7 +74,7 @@ def test_limits_and_the_mission_are_drawn_with_the_signals(trace, capsys):
 def test_any_signal_can_be_drawn(trace, values):
     read = read_trace(Path(trace))
     value = np.array(values)
-    signal = Signal("x", "1", np.arange(float(len(values))), value, value)
+    signal = RunSignal("x", "1", np.arange(float(len(values))), value, value)
     drawn = [line.plain for line in draw_signals(read, [signal], 40, 6, marks=(0.0,))]
     assert max(map(len, drawn)) <= 40
     assert len(drawn) == 6

@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from daemon.analysis.rejudge import RejudgedTrace
-from daemon.judging.signals import Signal
+from daemon.judging.signals import RunSignal
 from daemon.model.live_judgement import DoorMotion
 from daemon.model.spec import SutReference
 from daemon.model.verdicts import Evidence, Outcome, Verdict
@@ -29,7 +29,7 @@ from tests.scenario_tui.recorded import HIT, make_run, record_run
 
 def timeline(end, reached):
     time = np.array([0.0, end])
-    signal = Signal("speed", "m/s", time, time, time, against=((0.0, end),))
+    signal = RunSignal("speed", "m/s", time, time, time, against=((0.0, end),))
     doors = (DoorMotion(end, "door", opens=True),)
     return RunTimeline(0.0, end, (signal,), doors, reached, ("a", "b", "c"), (end,))
 

@@ -9,8 +9,8 @@ import pytest
 from textual import events
 
 from daemon.judging.oracles import DOOR_CLEARANCE, SignalSampler, oracle_timeline
-from daemon.judging.signals import Signal
-from daemon.model.live_judgement import DoorMotion, Limit
+from daemon.judging.signals import RunSignal
+from daemon.model.live_judgement import DoorMotion, SignalLimit
 from daemon.model.spec import OracleText
 from scenario_tui.dashboard.playback import open_playback
 from scenario_tui.dashboard.run_timeline import RunTimeline
@@ -48,7 +48,7 @@ def test_the_usual_signals_come_first_then_those_oracles_read(playback):
     names = [signal.name for signal in playback.timeline.signals]
     assert names == ["loc.error", "clearance", DOOR_CLEARANCE, "speed", "speed.angular", "contact"]
     signals = {signal.name: signal for signal in playback.timeline.signals}
-    assert signals["speed"].limits == (Limit(0.6, "above"),)
+    assert signals["speed"].limits == (SignalLimit(0.6, "above"),)
     assert signals["speed"].against == ()
     assert signals["speed.angular"].against == (
         (pytest.approx(TURNED), pytest.approx(TURNED + 0.05)),
@@ -93,7 +93,7 @@ def test_until_counts_before_its_release_only(playback):
 def test_a_spike_of_one_sample_is_seen_however_long_the_run():
     values = np.zeros(100_000)
     values[77_777] = 5.0
-    signal = Signal("it", "m", np.linspace(0.0, 1.0, 100_000), values, values)
+    signal = RunSignal("it", "m", np.linspace(0.0, 1.0, 100_000), values, values)
     _, high = ranges(signal, 0.0, 1.0, 60)
     assert (high.max(), np.count_nonzero(high == 5.0)) == (5.0, 1)
 
@@ -150,7 +150,7 @@ def test_limits_are_marked_with_the_side_that_is_asked_for(playback):
 def test_a_limit_far_away_is_named_at_the_edge(playback):
     signal = playback.timeline.signals[1]
     assert signal.name == "clearance"
-    far = replace(signal, limits=(Limit(20.0, "above"),))
+    far = replace(signal, limits=(SignalLimit(20.0, "above"),))
     lines = drawn_of(replace(playback.timeline, signals=(far,)))
     assert "↑20┤" in lines[0]
 
@@ -194,7 +194,7 @@ def test_a_door_that_closes_first_was_open_before(playback):
 
 def test_a_thinned_signal_says_what_it_knows_of_a_moment():
     time = np.array([0.0, 1.0])
-    signal = Signal("it", "m", time, np.array([0.1, 0.2]), np.array([0.3, 0.2]))
+    signal = RunSignal("it", "m", time, np.array([0.1, 0.2]), np.array([0.3, 0.2]))
     assert [at_playhead(signal, t) for t in (0.5, 1.5)] == ["0.1–0.3 m", "0.2 m"]
     low, high = ranges(signal, 0.0, 2.0, 2)
     assert (low[0], high[0]) == (0.1, 0.3)
@@ -203,7 +203,7 @@ def test_a_thinned_signal_says_what_it_knows_of_a_moment():
 def test_an_end_of_a_range_has_no_more_digits_than_the_other():
     time = np.array([0.0, 1.0, 2.0])
     least, most = np.array([0.0000986, 0.03, -0.00276]), np.array([0.0063, 1.9, 1.19])
-    signal = Signal("it", "m", time, least, most)
+    signal = RunSignal("it", "m", time, least, most)
     shown = [at_playhead(signal, t) for t in (0.5, 1.5, 2.5)]
     assert shown == ["0.0001–0.0063 m", "0.03–1.9 m", "0–1.2 m"]
 
@@ -237,7 +237,7 @@ def test_what_does_not_fit_is_counted(playback):
 
 def test_values_at_the_cursor_are_those_of_the_last_sample():
     values = np.array([1.0, 0.0])
-    signal = Signal("it", "bool", np.array([1.0, 2.0]), values, values)
+    signal = RunSignal("it", "bool", np.array([1.0, 2.0]), values, values)
     assert [at_playhead(signal, t) for t in (0.5, 1.0, 1.9, 9.0)] == ["–", "yes", "yes", "no"]
 
 
@@ -253,7 +253,7 @@ def test_only_changed_parts_of_rows_are_drawn_again():
 
 def test_a_long_name_is_written_on_two_lines_cut_between_its_words():
     time = np.array([0.0, 10.0])
-    signal = Signal("clearance(0.35 m, 0.20 m)", "m", time, time, time)
+    signal = RunSignal("clearance(0.35 m, 0.20 m)", "m", time, time, time)
     timeline = RunTimeline(0.0, 10.0, (signal,), None, (), (), ())
     lines = drawn_of(timeline, 72, 8)
     assert lines[0].startswith("clearance(0.35 m, ")
@@ -263,7 +263,7 @@ def test_a_long_name_is_written_on_two_lines_cut_between_its_words():
 def test_the_names_of_common_signals_are_whole_beside_the_map_of_a_terminal_of_120():
     time = np.array([0.0, 10.0])
     names = ("clearance(doors)", "clearance(0.55 m)", "mission.distance")
-    signals = tuple(Signal(name, "m", time, time, time) for name in names)
+    signals = tuple(RunSignal(name, "m", time, time, time) for name in names)
     lines = drawn_of(RunTimeline(0.0, 10.0, signals, None, (), (), ()), 72, 14)
     assert [name for name in names if any(line.startswith(f"{name} ") for line in lines)] == [
         *names
