@@ -113,7 +113,8 @@ def _serve(target: DaemonTarget, port: int, public_url: str, *, may_write: bool)
     load_extra("textual_serve.server", "web", "a dashboard in the browser", "--web")
     from scenario_tui.dashboard.web import DashboardServer
 
-    _read_config()  # what is wrong with it is said here, not in each page
+    config = _read_config()  # what is wrong with it is said here, not in each page
+    may_write = may_write and not config.read_only
     if public_url and not re.fullmatch(r"https?://[^/?#\s]+(/[^?#\s]*)?", public_url):
         message = f"{public_url!r} is no address of a page, as https://lab.example/scenario"
         raise typer.BadParameter(message, param_hint="--public-url")

@@ -57,6 +57,9 @@ _READING: Final = (
     "daemon.judging.live",
 )
 """Modules that read traces and sample their signals."""
+_CHANGES: Final = ("launch", "report", "steer", "submit")
+"""Actions that change something on the machine of the daemon or on that of the dashboard."""
+_UNREACHABLE: Final = "no daemon answers: nothing was done"
 _PLACES: Final = {
     "matrix": ("matrix", "MatrixScreen"),
     "runs": ("runs", "RunsScreen"),
@@ -225,12 +228,12 @@ class Dashboard(ThemedApp):
         if action == "launch":
             known = self.known
             gone = bool(known.problem) and not (known.connected or known.refused or self.launching)
-            return gone and self.launch_daemon is not None
+            if not gone or (self.launch_daemon is None and not self.read_only):
+                return False
         ours = isinstance(self.screen, BaseScreen | ModalScreen)
         if not ours and action in ("go", "keys", "command_palette", "submit"):
             return False
-        front = self.screen
-        return None if isinstance(front, BaseScreen) and front.why_not(action) else True
+        return None if self.why_not(action) else True
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
         """Yield what has a key on a screen; what is not in its line of keys is found by typing."""
@@ -306,19 +309,22 @@ class Dashboard(ThemedApp):
         row = self.known.campaign(campaign)
         self.open("search" if row is not None and row.search else "runs", campaign)
 
-    def why_not_steer(self) -> str:
-        """Return why nothing can be changed from here, empty if it can."""
+    def why_not(self, action: str) -> str:
+        """Return why an action is impossible now on every screen, empty if it is possible."""
         # Only what people see here is barred: who may do what, the daemon decides by their key.
-        if self.read_only:
+        if self.read_only and action in _CHANGES:
             return "read-only: nothing is changed from this dashboard"
-        return "" if self.known.connected else "no daemon answers: nothing was done"
+        # Before anything is known, nothing is known to be missing.
+        if action in ("submit", "steer") and self.known.at and not self.known.connected:
+            return _UNREACHABLE
+        return ""
 
     def steer(self, action: Action, command: str) -> None:
         """Have the daemon do something; its outcome is shown with the command for the same."""
-        if why := self.why_not_steer():
-            self.problem(why)
-        else:
+        if self.known.connected:
             self.feed.enqueue_action(lambda daemon: f"{action(daemon)}\nsame as: {command}")
+        else:
+            self.problem(_UNREACHABLE)
 
     def say(self, text: str, command: str) -> None:
         """Say something, and what to type to do the same."""

@@ -77,8 +77,8 @@ class BaseScreen(Screen[None], Generic[T]):
         return self.command()
 
     def key(self, id: str) -> str:
-        """Return the key of a binding as it is shown, as the user has it."""
-        found = (active.binding for active in self.active_bindings.values())
+        """Return the key of a binding, as the user has it; empty if it can do nothing now."""
+        found = (active.binding for active in self.active_bindings.values() if active.enabled)
         return next((self.app.get_key_display(b) for b in found if b.id == id), "")
 
     @property
@@ -155,9 +155,7 @@ class BaseScreen(Screen[None], Generic[T]):
 
     def why_not(self, action: str, *parameters: object) -> str:
         """Return why an action is impossible now, empty if it is possible."""
-        return (
-            self.dashboard.why_not_steer() if action == "submit" and self.dashboard.known.at else ""
-        )
+        return self.dashboard.why_not(action)
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Make the keys of impossible actions grey; hide the way back where there is none."""

@@ -64,7 +64,7 @@ _KEYS: Final[dict[str, Callable[[CampaignRow], Any]]] = {
     "✗ fail": lambda row: row.failed,
 }
 _NOTHING: Final = (
-    "No campaigns yet. {submit} chooses one, or type in another terminal\n\n"
+    "No campaigns yet. {submit} in another terminal\n\n"
     "    scenario new my-tests\n"
     "    {line}\n\n"
     "or, to see a short one without the daemon,\n\n"
@@ -196,7 +196,10 @@ class CampaignsScreen(FilteredScreen["RunPage"], SteeringScreen["RunPage"]):
         lines = self.dashboard.command_lines
         if known.connected:
             line = lines.daemon_line("submit", "my-tests/campaign.yaml")
-            return _NOTHING.format(submit=self.key("submit"), line=line)
+            key = self.key("submit")
+            return _NOTHING.format(
+                submit=f"{key} chooses one, or type" if key else "Type", line=line
+            )
         if known.refused:
             return f"{known.problem}\n\n{_OTHERS}"
         if self.dashboard.launching and known.problem:

@@ -246,7 +246,8 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
             keys = (("filter", "change the text"), ("only", "show others"), ("back", "back"))
             ways = "      ".join(f"{self.key(id)}  {words}" for id, words in keys)
             return f"No run matches.\n\n    {ways}"
-        return f"No runs yet. {self.key('submit')} chooses a campaign"
+        key = self.key("submit")
+        return f"No runs yet. {key} chooses a campaign" if key else "No runs yet."
 
     def on_data_table_row_highlighted(self) -> None:
         """Ask for the run the cursor came to."""

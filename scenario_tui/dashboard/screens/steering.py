@@ -210,10 +210,9 @@ class SteeringScreen(BaseScreen[T]):
 
     def why_not(self, action: str, *parameters: object) -> str:
         """Return why an action is impossible now, empty if it is possible."""
+        why = super().why_not(action, *parameters)
         # Before anything is known, nothing is known to be missing.
-        if action not in ("steer", "report", "matrix") or not self.dashboard.known.at:
-            return super().why_not(action, *parameters)
-        if action == "steer" and (why := self.dashboard.why_not_steer()):
+        if why or action not in ("steer", "report", "matrix") or not self.dashboard.known.at:
             return why
         row = self.campaign()
         if row is None:

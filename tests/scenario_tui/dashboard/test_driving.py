@@ -179,7 +179,7 @@ REFUSALS = {
     "empty": dict.fromkeys(("P", "c", "r", "number_sign", "o", "m"), "no campaign here"),
     "elsewhere": {"o": "are not on this machine"},
     "unreachable": dict.fromkeys(("P", "c", "r", "number_sign", "s"), "no daemon answers"),
-    "read-only": dict.fromkeys(("P", "c", "r", "number_sign", "s"), "read-only"),
+    "read-only": dict.fromkeys((*"PcrADos", "number_sign"), "read-only"),
 }
 """What cannot be done, and the words of the reason of each key."""
 
@@ -209,6 +209,23 @@ async def test_a_key_that_can_do_nothing_says_why_and_takes_what_is_typed_behind
         fake.reachable = True
         await settle(pilot)
     assert not {"steer", "cancel", "retry", "delete"} & {call[0] for call in fake.calls}
+
+
+@pytest.mark.parametrize("reachable", [True, False])
+async def test_who_only_looks_is_offered_nothing_that_changes_anything(fake, reachable):
+    fake.reachable = reachable
+    async with opened(fake, config=configured(read_only=True)) as pilot:
+        await settle(pilot)
+        assert "starts" not in shown(pilot)
+        if not reachable:
+            await press(pilot, "d")
+            assert "read-only" in shown(pilot)
+            await press(pilot, "escape")
+        await pilot.press("colon")
+        commands = pilot.app.get_system_commands(pilot.app.screen_stack[-2])
+        steered = {binding.description for binding in steering.steering_keys()}
+        offered = {command.title for command in commands}
+        assert offered.isdisjoint({"Start daemon", "Submit", "Report", *steered})
 
 
 @pytest.mark.parametrize(
