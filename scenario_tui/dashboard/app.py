@@ -93,9 +93,9 @@ class Dashboard(ThemedApp):
                 tooltip="On this machine, when none answers"),
         Binding("s", "submit", "Submit", show=False, id="submit",
                 tooltip="Choose, check, submit a campaign"),
-        Binding("colon", "command_palette", "Go", show=False, id="palette",
+        Binding("colon", "command_palette", "Go", id="palette",
                 tooltip="Type what to do or where to go"),
-        Binding("question_mark,f1", "keys", "Help", id="help", tooltip="This list"),
+        Binding("question_mark,f1", "keys", "Help", id="help", tooltip="Keys and signs"),
         Binding("q", "quit", "Quit", id="quit", tooltip="Leave; all work goes on"),
         Binding(
             "ctrl+c", "quit", "Quit", show=False, priority=True, id="quit-at-once",
@@ -237,7 +237,8 @@ class Dashboard(ThemedApp):
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
         """Yield what has a key on a screen; what is not in its line of keys is found by typing."""
-        for action, active in {one.binding.action: one for one in our_bindings(screen)}.items():
+        bindings = reversed(our_bindings(screen))  # of several keys the first is shown
+        for action, active in {one.binding.action: one for one in bindings}.items():
             binding = active.binding
             if action != "command_palette":
                 about = f"{self.get_key_display(binding)}  {binding.tooltip}"

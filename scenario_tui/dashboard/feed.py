@@ -170,6 +170,10 @@ class Feed:
                     self.step(daemon)
                     self._breathe(daemon)
                     self._wake.wait(REFRESH - _BREATH)
+            except DaemonError as error:
+                # At once: to close the connection to a daemon that hangs takes ten seconds.
+                self._lose(error)
+                raise
             finally:
                 leaving.set()
                 # A question about a large campaign may still wait for a daemon that is gone.

@@ -91,10 +91,12 @@ class CampaignsScreen(FilteredScreen["RunPage"], SteeringScreen["RunPage"]):
         "submitted": True, "campaign": False, "judged": False, "done": False, "✗ fail": True,
     }  # fmt: skip
     BINDINGS: ClassVar[list[BindingType]] = [
-        *steering_keys("pause", "resume", "cancel", "retry"),
+        # Only from the filter, which says so itself: the line of keys has no room for it.
+        Binding("escape", "back", "Back", show=False, id="back", tooltip="Clear the filter"),
         Binding("s", "app.submit", "Submit", id="submit",
                 tooltip="Choose, check, submit a campaign"),
         Binding("m", "matrix", "Matrix", id="matrix", tooltip="The campaign judged, cell by cell"),
+        *steering_keys("acknowledge"),
         Binding("tab,v", "part", "Under way", show=False, id="view",
                 tooltip="To the runs under way, and back to the table"),
     ]  # fmt: skip
@@ -128,7 +130,10 @@ class CampaignsScreen(FilteredScreen["RunPage"], SteeringScreen["RunPage"]):
         known, row = self.dashboard.known, self.campaign()
         count = known.overview.campaigns if known.overview else len(known.campaigns)
         more = f", the newest {CAMPAIGNS_SHOWN} shown" if count > CAMPAIGNS_SHOWN else ""
-        return "  ".join((f"campaigns ({count}{more})", *(schedule_marks(row) if row else ())))
+        parts = [f"campaigns ({count}{more})"]
+        if self.arrangement.text:
+            parts.append(f"/{self.arrangement.text}  {self.key('back')} clears it")
+        return "  ".join((*parts, *(schedule_marks(row) if row else ())))
 
     def campaign(self) -> CampaignRow | None:
         """Return the campaign under the cursor."""

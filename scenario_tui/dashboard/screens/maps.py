@@ -15,7 +15,8 @@ class MapActions(Screen[None]):
     """A screen with a :class:`TopView`, or several, that all do the same."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("z", "zoom", "Zoom", id="zoom", tooltip="Nearer to the robot, then all of it"),
+        Binding("z", "zoom", "Zoom", show=False, id="zoom",
+                tooltip="Nearer to the robot, then all of it"),
         Binding("Z", "fit", "Fit", show=False, id="fit",
                 tooltip="All of the map and of the time again"),
         Binding("F", "follow", "Follow", show=False, id="follow",

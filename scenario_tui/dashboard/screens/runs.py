@@ -51,11 +51,11 @@ _ONLY: Final = ("", *(word for word in SEVERITY if word != "measure"))
 _COLUMNS: Final = (
     Column("run", 0),
     Column("verdict", 16),
-    Column("margin", 9, right=True),
-    Column("decided by", 14),
+    Column("margin", 10, right=True),
+    Column("decided by", 12),
     Column("progress", 13, right=True),
     Column("worker", 14, from_width=100),
-    Column("wall", 9, right=True, from_width=120),
+    Column("wall", 11, right=True, from_width=120),
 )
 _CAMPAIGN: Final = (14, 24)
 """Cells of the column behind the run where runs of all campaigns are shown, by the longest id."""

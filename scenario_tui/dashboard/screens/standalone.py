@@ -15,7 +15,7 @@ class StandaloneScreen(Screen[None]):
     """A screen that has the keys of its own which the dashboard has otherwise."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("question_mark,f1", "keys", "Help", id="help", tooltip="This list"),
+        Binding("question_mark,f1", "keys", "Help", id="help", tooltip="Keys and signs"),
         Binding("escape", "leave", "Back", id="leave", tooltip="To where this came from"),
     ]
 

@@ -5,6 +5,7 @@ import weakref
 
 import psutil
 import pytest
+import zenoh
 
 from daemon.batch import bus
 from daemon.batch.client import Client
@@ -127,6 +128,15 @@ def test_closing_twice_and_with_open_subscriptions_is_fine(tmp_path):
         client.events(lambda _: None)
         client.close()
         client.close()
+
+
+def test_a_daemon_that_hangs_does_not_make_closing_fail():
+    class Hanging:
+        def close(self):
+            raise zenoh.ZError("close operation timed out!")
+
+    client = Client(Hanging(), "tcp/127.0.0.1:7447", 3.0, None)
+    client.close()
 
 
 def test_subscriptions_that_were_closed_are_not_kept(tmp_path):

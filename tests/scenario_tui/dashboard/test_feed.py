@@ -2,6 +2,7 @@
 
 import threading
 import time
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import pytest
@@ -10,7 +11,7 @@ from daemon.batch.errors import Unreachable
 from daemon.model.status import ChangeEvent
 from scenario_tui.dashboard import feed as feed_module
 from scenario_tui.dashboard.feed import Feed
-from tests.daemon.batch.harness import eventually
+from tests.daemon.batch.harness import DEADLINE, eventually
 from tests.scenario_tui.fake import CAMPAIGN, make_live
 
 
@@ -21,6 +22,29 @@ def feed(fake, monkeypatch):
     feed = Feed(fake.open, clock=lambda: fake.now)
     yield feed
     feed.close()
+
+
+def test_a_daemon_that_hangs_is_told_before_its_connection_is_closed(feed, fake, monkeypatch):
+    closing, go_on = threading.Event(), threading.Event()
+
+    @contextmanager
+    def hanging():
+        with fake.open() as daemon:
+            try:
+                yield daemon
+            finally:
+                closing.set()
+                go_on.wait()
+
+    monkeypatch.setattr(feed, "connect", hanging)
+    feed.start()
+    eventually(lambda: (known := feed.take_news().known) is not None and known.connected)
+    fake.reachable = False
+    assert closing.wait(DEADLINE)
+    known = feed.take_news().known
+    go_on.set()
+    assert known is not None
+    assert not known.connected
 
 
 @dataclass

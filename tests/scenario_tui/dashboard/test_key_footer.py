@@ -1,5 +1,8 @@
 """The line of keys is made anew when it says something else, and only then."""
 
+from dataclasses import replace
+
+import pytest
 from textual.widgets._footer import FooterKey
 
 from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
@@ -22,13 +25,19 @@ async def test_the_line_of_keys_is_made_when_it_says_something_else(monkeypatch)
         await settle(pilot)
         await until(pilot, lambda: "Quit" in screen_text(pilot)[-1])
         assert made == ["CampaignsScreen"]
-        # The key that pauses resumes then: another name, and so another line.
-        await press(pilot, "P")
+        # A filter is left by a key, which is one more in the line.
+        await press(pilot, "slash", "n", "enter")
         await until(pilot, lambda: len(made) > 1)
 
 
+class OneAcknowledged(SteeredDaemon):
+    def _campaign_rows(self):
+        first, second, *others = super()._campaign_rows()
+        return (first, replace(second, acknowledged=True), *others)
+
+
 async def test_keys_that_become_grey_keep_their_widgets():
-    async with make_dashboard(SteeredDaemon()).run_test(size=(80, 24)) as pilot:
+    async with make_dashboard(OneAcknowledged()).run_test(size=(80, 24)) as pilot:
         await settle(pilot)
         footer = pilot.app.screen.query_one(KeyFooter)
         await until(pilot, lambda: footer.query(FooterKey))
@@ -37,13 +46,12 @@ async def test_keys_that_become_grey_keep_their_widgets():
         def grey():
             return {key.description for key in keys if key.has_class("-disabled")}
 
-        assert "Pause" not in grey()
-        # The second campaign is finished.
+        assert "Acknowledge" not in grey()
         await press(pilot, "j")
-        await until(pilot, lambda: "Pause" in grey())
+        await until(pilot, lambda: "Acknowledge" in grey())
         assert list(footer.query(FooterKey)) == keys
         await press(pilot, "k")
-        await until(pilot, lambda: "Pause" not in grey())
+        await until(pilot, lambda: "Acknowledge" not in grey())
 
 
 async def test_keys_that_come_back_while_the_line_is_made_are_shown(monkeypatch):
@@ -73,3 +81,11 @@ async def test_keys_that_come_back_while_the_line_is_made_are_shown(monkeypatch)
         await until_idle(pilot.app)
         assert "Matrix" in screen_text(pilot)[-1]
         assert "Cancel" not in screen_text(pilot)[-1]
+
+
+@pytest.mark.parametrize("keys", [(), ("enter",), ("enter", "enter"), ("m",), ("3",), ("2",)])
+async def test_the_line_fits_80_columns_and_leads_to_help_and_palette(keys):
+    async with make_dashboard(SteeredDaemon()).run_test(size=(80, 24)) as pilot:
+        await settle(pilot)
+        await press(pilot, *keys)
+        await until(pilot, lambda: screen_text(pilot)[-1].endswith(": Go  ? Help  q Quit"))
