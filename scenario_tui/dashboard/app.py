@@ -123,6 +123,7 @@ class Dashboard(ThemedApp):
         self.read_only = self.config.read_only
         self.submitted: tuple[Path, ...] = ()
         self.submitted_campaign = ""
+        self.submitting = ""
         self.running_jobs: set[str] = set()
         self.run_views: dict[tuple[str, str, str], RunsView] = {}
         self.launch_daemon = launch_daemon
@@ -386,6 +387,7 @@ class Dashboard(ThemedApp):
             waiting = overview.queued + overview.running
             runs = count_noun(waiting, "unfinished run")
             said.append(f"the daemon goes on with {runs}" if waiting else "no run is waiting")
+        said += [f"the submission of {self.submitting} was cut off"] if self.submitting else []
         said += [f"a process of its own goes on {doing}" for doing in sorted(self.running_jobs)]
         said = [f"{'; '.join(said)}. Back with: {self.command_lines.daemon_line('tui')}"]
         if self.launched and self.known.connected:

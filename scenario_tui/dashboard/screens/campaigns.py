@@ -55,7 +55,7 @@ _COLUMNS: Final = (
     Column("✗ fail", 6, right=True, from_width=90),
     Column("known", 6, right=True, from_width=90),
     Column("worst margins", _MARGINS, from_width=100),
-    Column("submitted", 10, right=True, from_width=50),
+    Column("submitted", 11, right=True, from_width=50),
 )
 _KEYS: Final[dict[str, Callable[[CampaignRow], Any]]] = {
     "submitted": lambda row: row.submitted_at,

@@ -195,6 +195,7 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
         path = self._chosen()
         if path is not None and not self._busy:
             self._busy, self._refused = True, ""
+            self.dashboard.submitting = relative_name(path, self._here)
             self._say()
             self.dashboard.start_task(
                 partial(self._submit, path, self._fresh),
@@ -223,14 +224,14 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
             wrong = [one for one in checked.findings if one.severity is Severity.ERROR]
             self._refuse(str(wrong[0]))
             return
-        self._busy = False
+        self._busy, self.dashboard.submitting = False, ""
         self.dashboard.remember(path, receipt.campaign)
         self.dashboard.say(receipt_text(receipt), command)
         if self.is_current:
             self.app.pop_screen()
 
     def _refuse(self, why: str) -> None:
-        self._busy = False
+        self._busy, self.dashboard.submitting = False, ""
         self._refused = f"not submitted: {why.splitlines()[0]}"
         self.dashboard.problem(self._refused)
         self._say()

@@ -99,7 +99,7 @@ def _standing(state: Known) -> Iterator[_Part]:
     # Where nothing is judged the counts say all; nothing is as expected before all is judged.
     if worst is not None and worst[1].is_judged and not (judging and worst[1].word == "pass"):
         yield _worst(worst)
-    if worst is None and any(row.acknowledged for row in state.campaigns):
+    if worst is None and not judging and any(row.acknowledged for row in state.campaigns):
         yield _part(QUIET, "nothing new")
     if judging:
         yield _part(QUIET, f"… judging {count_noun(judging, 'campaign')}", "… judging")

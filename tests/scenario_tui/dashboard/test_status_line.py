@@ -77,6 +77,13 @@ def test_where_all_is_acknowledged_nothing_is_new():
     assert "expected" not in shown
 
 
+def test_nothing_is_new_only_once_all_is_judged():
+    first, old = CAMPAIGNS
+    shown = line(160, campaigns=(replace(first, acknowledged=True), old), conclusions={})
+    assert "… judging" in shown
+    assert "nothing new" not in shown
+
+
 def test_failures_are_red_as_long_as_they_may_be_news():
     def style(**known):
         shown = Known(True, at=NOW, overview=SMALL, campaigns=CAMPAIGNS, **known)

@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import threading
 from pathlib import Path
 
 import pytest
@@ -132,6 +133,20 @@ async def test_a_submission_that_the_daemon_did_not_take_stays_with_its_reason(f
         await until(pilot, lambda: fake.told("submit"))
         await settle(pilot)
         assert isinstance(pilot.app.screen, CampaignsScreen)
+
+
+async def test_who_leaves_is_told_of_a_submission_that_was_cut_off(fake, folder, monkeypatch):
+    async with make_dashboard(fake).run_test(size=(80, 24)) as pilot:
+        await opened_at(pilot, "demo/camp")
+        check, go_on = pilot.app.check_file, threading.Event()
+        monkeypatch.setattr(
+            pilot.app, "check_file", lambda *one, **more: go_on.wait() and check(*one, **more)
+        )
+        await pilot.press("enter")
+        assert "the submission of demo/campaign.yaml was cut off" in pilot.app.farewell()
+        go_on.set()
+        await until(pilot, lambda: ": 15 runs" in notices(pilot))
+        assert "cut off" not in pilot.app.farewell()
 
 
 async def test_a_name_typed_before_the_files_are_listed_chooses_the_first_that_fits(fake, folder):
