@@ -30,6 +30,7 @@ from scenario_tui.text.styles import QUIET, UNSURE
 
 if TYPE_CHECKING:
     from daemon.model.live_judgement import LiveJudgement
+    from daemon.model.spec import Snapshot
     from daemon.model.verdicts import Verdict
     from scenario_tui.dashboard.run_watch import RunNews
 
@@ -69,6 +70,11 @@ class LiveRun:
     def judgement(self) -> LiveJudgement | None:
         """The judgement of the run if it ended now."""
         return self.track.judgement if self.track is not None else None
+
+    @property
+    def snapshot(self) -> Snapshot | None:
+        """The last snapshot heard of it."""
+        return self.track.snapshot if self.track is not None else None
 
     @property
     def log(self) -> LogExcerpt | None:

@@ -70,11 +70,16 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
     def __init__(self, run: str) -> None:
         super().__init__()
         self._run_id = run
-        self._run: Playback | LiveRun = LiveRun()
+        self._live = LiveRun()
+        self._recording: Playback | None = None
         self._digest = ""
         self._drawn: RunTimeline | None = None
         self._logged: object = None
         self._since = 0.0
+
+    @property
+    def _run(self) -> Playback | LiveRun:
+        return self._recording or self._live
 
     def body(self) -> ComposeResult:
         """Words on the left; map and signals on the right, or one of them alone."""
@@ -153,8 +158,7 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
         self.dashboard.tracks.forget_ended((news.detail.row,))
         why = self._take(news)
         self._show_words(news.detail)
-        if isinstance(self._run, LiveRun):
-            self._show_live(self._run, news.detail, why)
+        self._show_run(news.detail, why)
         self._say(news.detail)
 
     def _take(self, news: RunNews) -> str:
@@ -163,34 +167,31 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
         digest = row.result.trace.sha256 if row.settled and row.result is not None else ""
         if self._digest not in ("", digest):
             # It is executed again, or was in the meantime.
-            self._run, self.transport, self._since = LiveRun(), None, self.dashboard.clock()
+            self._live, self._recording, self._drawn = LiveRun(), None, None
+            self.transport, self._since = None, self.dashboard.clock()
             self.refresh_bindings()
         self._digest = digest
         recording = self.dashboard.recordings.get(row) if row.settled else Reading()
         if not isinstance(recording, Missing | Reading):
-            if recording is not self._run:
-                self._open(recording)
+            self._recording = recording
             return ""
-        if isinstance(self._run, LiveRun):
-            self._run.hear(news, track_of(self.dashboard, news.detail))
-        return recording.why
+        self._live.hear(news, track_of(self.dashboard, news.detail))
+        return recording.why if self._recording is None else ""
 
     def _show_words(self, detail: RunDetail) -> None:
         """Show verdicts once there are any, and the log."""
-        live = self._run if isinstance(self._run, LiveRun) else LiveRun()
-        judgement, so_far = live.judgement, detail.row.result is None
+        judgement, so_far = self._live.judgement, detail.row.result is None
         verdicts = judgement.verdicts if so_far and judgement else detail.row.verdicts
         judged = not so_far or bool(verdicts)
-        told = self.query_one(ContentSwitcher)
-        if judged and told.current != "decided":
+        words = self.query_one(ContentSwitcher)
+        if judged and words.current != "decided":
             self.call_after_refresh(self.view_changed)
-        told.current = "decided" if judged else "words"
+        words.current = "decided" if judged else "words"
         if judged:
             marks = marks_of(self.dashboard, detail.row)
             self.query_one(VerdictList).show(verdicts, marks, so_far=so_far)
         else:
-            snapshot = live.track.snapshot if live.track else None
-            self.query_one("#run-text", Static).update(run_text(detail, snapshot))
+            self.query_one("#run-text", Static).update(run_text(detail, self._live.snapshot))
         logged = (detail, self._run, judgement)
         if self._logged == logged:
             return
@@ -205,53 +206,45 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
         if grows != log.is_anchored:
             log.anchor(grows)
 
-    def _show_live(self, live: LiveRun, detail: RunDetail, why: str) -> None:
-        """Show map and signals as they are now, or ``why`` there are none."""
+    def _show_run(self, detail: RunDetail, why: str) -> None:
+        """Show map and signals, or ``why`` there are none."""
         above, signals = self.query_one(RunMap), self.query_one(TimelineView)
+        live, timeline, snapshot = self._recording is None, self._run.timeline, self._live.snapshot
         above.explain(why)
         # Where the words are not beside the map, the first line has no room for all of it.
-        waiting = live.track.snapshot.waiting if live.track else ""
-        above.note("" if self.has_class("-wide") else waiting)
-        if live.timeline is not None and live.timeline is not self._drawn:
-            self._drawn = live.timeline
-            self._follow(live)
-            signals.show((live.timeline,))
-        reason = live.why_untold(self.dashboard.clock() - self._since)
-        untold = "" if live.timeline else reason
+        above.note(snapshot.waiting if live and snapshot and not self.has_class("-wide") else "")
+        reason = self._live.why_untold(self.dashboard.clock() - self._since) if live else ""
+        untold = "" if timeline else reason
         show_message_or(self.query_one("#untold"), signals, why or untold)
         self.set_class(bool(untold) and not why, "-untold")
-        soon = _is_running(detail) and live.judgement is None
         self.query_one("#signs").display = not (why or untold)
         # As text: what a system waits for may have brackets, which are markup otherwise.
+        soon = live and _is_running(detail) and self._live.judgement is None
         self.query_one("#signs", Static).update(Text(reason if soon else SIGNS))
-        if not why:
+        if timeline is not None and timeline is not self._drawn:
+            self._drawn = timeline
+            signals.show((timeline,))
+            self._follow()
+        elif live and not why:
             self.show_moment()
 
-    def _follow(self, live: LiveRun) -> None:
-        """Have the moment shown go along with the run, unless somebody went back."""
-        if not isinstance(self.transport, LiveTransport):
-            self.transport = LiveTransport(live.start, live.end, live.end)
-            self.refresh_bindings()
-        self.transport.grow(live.start, live.end)
+    def _follow(self) -> None:
+        """Have the moment shown go along with the run, unless somebody went back.
 
-    def _open(self, recording: Playback) -> None:
-        """Show a recording that was read, at the moment that tells most."""
-        # Who watched it to its end stays there, and who went back in it stays at that moment.
-        before, watched = self.transport, self._run.timeline is not None
-        self._run = recording
-        self.query_one(RunMap).explain("")
-        self.query_one(RunMap).note("")
-        self.remove_class("-untold")
-        signals, signs = self.query_one(TimelineView), self.query_one("#signs", Static)
-        show_message_or(self.query_one("#untold"), signals, "")
-        signs.update(SIGNS)
-        signs.display = True
-        signals.show((recording.timeline,))
-        if before is not None and not follows(before):
-            now = recording.within(before.time)
-        else:
-            now = recording.end if watched else self._telling_moment(recording)
-        self.begin(ReplayTransport(recording.start, recording.end, now, playing=False))
+        A recording opens where it was watched, otherwise at the moment that tells most.
+        """
+        run, before = self._run, self.transport
+        if self._recording is not None:
+            now = self._telling_moment(self._recording)
+            if before is not None:
+                now = run.end if follows(before) else self._recording.within(before.time)
+            self.begin(ReplayTransport(run.start, run.end, now, playing=False))
+            return
+        if not isinstance(before, LiveTransport):
+            self.transport = before = LiveTransport(run.start, run.end, run.end)
+            self.refresh_bindings()
+        before.grow(run.start, run.end)
+        self.show_moment()
 
     def _telling_moment(self, recording: Playback) -> float:
         """Return the moment [s] that decided, or that was nearest to deciding."""
@@ -265,15 +258,14 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
         """Say when it is and which part of the screen this is."""
         run, transport = self._run, self.transport
         said = marked_word(detail.row, expectations_of(self.dashboard, detail.row))
-        track = run.track if isinstance(run, LiveRun) else None
+        track = self._live.track if self._recording is None else None
         if track is not None and (transport is None or follows(transport)):
             silence, wide = self.dashboard.tracks.silence(track), self.has_class("-wide")
             said.append_text(live_text(track, silence, wide=wide))
         elif transport is not None:
-            if isinstance(run, LiveRun):
-                style, more = UNSURE, f"{self.key('end')} follows again"
-            else:
-                style, more = "", run.stack_line(transport.time)
+            style, more = UNSURE, f"{self.key('end')} follows again"
+            if self._recording is not None:
+                style, more = "", self._recording.stack_line(transport.time)
             said.append(f"  {clock_line(transport)}", style=style)
             said.append(f"  {run.reached(transport.time)}/{run.waypoints} wp")
             said.append(f"  {more}" if more else "", style=QUIET)
@@ -318,7 +310,7 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
             return
         self.query_one(TimelineView).lead(chosen.oracle)
         # The list of a run that goes on changes by itself: only Enter stops the clock there.
-        asked = not isinstance(self._run, LiveRun) or isinstance(event, OptionList.OptionSelected)
+        asked = self._recording is not None or isinstance(event, OptionList.OptionSelected)
         if chosen.moment is not None and asked:
             self.go(chosen.moment)
 
@@ -332,7 +324,7 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
 
     def action_replay(self) -> None:
         """Play the recorded run, the map alone, once its trace is read."""
-        if isinstance(self._run, LiveRun) or self.transport is None:
+        if self._recording is None or self.transport is None:
             self.notify(self._why_not(), markup=False)
             return
         from scenario_tui.dashboard.screens.replay import ReplayScreen
@@ -340,7 +332,7 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
         self.transport.playing = False
         at, end = self.transport.time, self.transport.end
         # A finished run opens at its end, where there is nothing left to play.
-        self.app.push_screen(ReplayScreen(self._run, at if at < end else None))
+        self.app.push_screen(ReplayScreen(self._recording, at if at < end else None))
 
     def _why_not(self) -> str:
         """Return why the run cannot be played."""
