@@ -168,10 +168,6 @@ class CampaignsScreen(FilteredScreen["RunPage"], SteeringScreen["RunPage"]):
             made = self._made[row.id] = (source, campaign_cells(*source))
         return made[1]
 
-    def rearranged(self) -> None:
-        """Show the campaigns as they are arranged now."""
-        self.update_from_state()
-
     def _severity(self, row: CampaignRow) -> int:
         """Return how soon a campaign must be looked at."""
         conclusion = self.dashboard.known.conclusions.get(row.id)

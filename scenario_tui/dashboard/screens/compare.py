@@ -123,11 +123,8 @@ class CompareScreen(StandaloneScreen, Parts, MapActions, PlayingScreen):
         if transport is None or not self.is_attached or not self.app.is_running:
             return
         times = (transport.time, self._clock.to_second(transport.time))
-        tabs = self.tabs()
-        said = f"{clock_line(transport)}  {_BY[self.by]}"
-        room = self.size.width - len(tabs) - 4
-        line = Text(f"{said[:room]:<{max(room, 0)}}  {tabs}", no_wrap=True, overflow="ellipsis")
-        self.query_one("#status", Static).update(line)
+        line = Text(f"{clock_line(transport)}  {_BY[self.by]}")
+        self.query_one("#status", Static).update(self.with_tabs(line))
         for side, playback, at in zip(
             ("first", "second"), (self.first, self.second), times, strict=True
         ):

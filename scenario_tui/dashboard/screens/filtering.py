@@ -70,7 +70,7 @@ class FilteredScreen(BaseScreen[T]):
 
     def rearranged(self) -> None:
         """Show the rows as they are arranged now."""
-        raise NotImplementedError
+        self.update_from_state()
 
     def filter_line(self) -> Input:
         """Return the line to type in, hidden while it is empty."""
@@ -95,7 +95,7 @@ class FilteredScreen(BaseScreen[T]):
     def rearrange(self, **changes: Any) -> None:
         """Change the arrangement and begin at the first row."""
         self.arrangement = replace(self.arrangement, **changes)
-        self.query_one(KeyedTable).from_top()
+        self.query_one(KeyedTable).begin_at(0)
         self._mark_order()
         self.rearranged()
 

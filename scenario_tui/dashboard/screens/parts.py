@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import ClassVar
 
+from rich.text import Text
 from textual.binding import Binding, BindingType
 from textual.screen import Screen
+
+from scenario_tui.text.styles import QUIET
 
 
 class Parts(Screen[None]):
@@ -47,11 +50,17 @@ class Parts(Screen[None]):
     def view_changed(self) -> None:
         """Give the part that came the keys, if it takes any."""
 
-    def tabs(self) -> str:
-        """Return the parts of the screen, the one shown in brackets; empty where all are."""
-        if self.has_class("-wide"):
-            return ""
-        return "".join(f"[{name}]" if name == self.part else f" {name} " for name in self.VIEWS)
+    def with_tabs(self, line: Text) -> Text:
+        """Return a line as wide as the screen: at its end the parts, the one shown in brackets.
+
+        Where all are shown the line has no parts, and where there is little room one.
+        """
+        names = () if self.has_class("-wide") else self.VIEWS
+        tabs = "".join(f"[{name}]" if name == self.part else f" {name} " for name in names)
+        if len(tabs) > self.size.width // 2:
+            tabs = f"[{self.part}]"
+        line.truncate(max(self.size.width - len(tabs) - 4, 0), overflow="ellipsis", pad=True)
+        return line.append(f"  {tabs}", style=QUIET)
 
     def action_view(self, step: int) -> None:
         """Show the next part of the screen, or the one before."""

@@ -269,9 +269,7 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
             said.append(f"  {clock_line(transport)}", style=style)
             said.append(f"  {run.reached(transport.time)}/{run.waypoints} wp")
             said.append(f"  {more}" if more else "", style=QUIET)
-        tabs = self.tabs()
-        said.truncate(max(self.size.width - len(tabs) - 4, 0), overflow="ellipsis", pad=True)
-        self.query_one("#now", Static).update(said.append(f"  {tabs}", style=QUIET))
+        self.query_one("#now", Static).update(self.with_tabs(said))
 
     def show_moment(self, window: float = FLASH) -> None:
         """Show map and signals at the moment."""

@@ -78,10 +78,6 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
         *steering_keys("retry"),
         Binding("f", "only", "Only", id="only", tooltip="Of one verdict or state, the next one"),
         Binding("m", "matrix", "Matrix", id="matrix", tooltip="The campaign judged, cell by cell"),
-        Binding("right_square_bracket", "page(1)", "Next page", show=False, id="next-page",
-                tooltip="The runs after these"),
-        Binding("left_square_bracket", "page(-1)", "Page before", show=False,
-                id="previous-page", tooltip="The runs before these"),
         Binding("C", "compare", "Compare", show=False, id="compare",
                 tooltip="Mark a run, then another one to see both side by side"),
     ]  # fmt: skip
@@ -269,7 +265,7 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
         """Show the page that begins with this run."""
         self._offset = offset
         self._remember()
-        self.query_one(KeyedTable).from_top()
+        self.query_one(KeyedTable).begin_at(0)
         self.ask()
 
     def action_only(self) -> None:
@@ -304,14 +300,7 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
         self._turn_to(offset)
         # Up to the page before, or to the very end: the cursor goes on from the bottom.
         if (event.step > 0) == event.far:
-            self.query_one(KeyedTable).from_bottom()
-
-    def action_page(self, step: int) -> None:
-        """Turn the page."""
-        page = self._page()
-        offset = self._offset + step * PAGE
-        if page is not None and 0 <= offset < page.total:
-            self._turn_to(offset)
+            self.query_one(KeyedTable).begin_at(-1)
 
 
 def run_cells(row: RunRow, track: Track | None, mark: Mark | None) -> Row:

@@ -8,7 +8,7 @@ from typing import ClassVar, Final
 from rich.text import Text
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.containers import Horizontal, Vertical, VerticalScroll
+from textual.containers import Container, Vertical, VerticalScroll
 from textual.widgets import Static
 
 from daemon.model.status import CampaignRow
@@ -42,8 +42,6 @@ _COLUMNS: Final = (
     Column("decided by", 0),
     Column("run", 6, right=True),
 )
-_TABS: Final = 66
-"""Columns from which on all parts of the screen are named."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +80,7 @@ class SearchScreen(SteeringScreen[SearchNews], MapActions, Parts):
         """Curve and table on the left; parameters and map on the right, or below."""
         yield StaticText(id="now")
         yield StaticText(id="empty")
-        with Horizontal(id="searched"):
+        with Container(id="searched"):
             with Vertical(id="course", classes="part in-found in-answer in-curve"):
                 yield SearchCurveView(id="curve").add_class("part", "in-curve")
                 yield StaticText(LEGEND, id="curve-legend").add_class("part", "in-curve")
@@ -193,9 +191,7 @@ class SearchScreen(SteeringScreen[SearchNews], MapActions, Parts):
             said.append(f"  best {margin(best.value.margin, best.value.unit)}")
         after = len(search.trials) - len(explored)
         said.append(f"  and {count_noun(after, 'run')} after" if after else "", style=QUIET)
-        tabs = self.tabs() if self.size.width >= _TABS else f"[{self.part}]"
-        said.truncate(max(self.size.width - len(tabs) - 4, 0), overflow="ellipsis", pad=True)
-        self.query_one("#now", Static).update(said.append(f"  {tabs}", style=QUIET))
+        self.query_one("#now", Static).update(self.with_tabs(said))
 
     def _show_front(self, news: SearchNews) -> None:
         """Show the parameters of the run in front, and the run from above."""

@@ -111,10 +111,6 @@ class WorkersScreen(FilteredScreen[WorkersNews]):
         busy = [f"{row.id}: {row.preparing}" for row in workers if row.preparing]
         return "\n\n".join(filter(None, (nobody, *busy, *others)))
 
-    def rearranged(self) -> None:
-        """Show the workers as they are arranged now."""
-        self.show(self.dashboard.known, self.news)
-
     def on_data_table_row_selected(self) -> None:
         """Open the run in the slot."""
         run = self.query_one(KeyedTable).key.rpartition(" ")[2]

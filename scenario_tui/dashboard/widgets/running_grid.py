@@ -8,12 +8,10 @@ from typing import TYPE_CHECKING, ClassVar, Final
 
 from rich.text import Text
 from textual.binding import Binding, BindingType
-from textual.widgets import OptionList
-from textual.widgets.option_list import Option
 
 from grammars.text.words import count_noun, duration_text
 from scenario_tui.dashboard.live_tracks import SILENT
-from scenario_tui.dashboard.widgets.static_text import same_text
+from scenario_tui.dashboard.widgets.tables import KeyedList
 from scenario_tui.text.formatting import glyph_word, keep_end, run_label
 from scenario_tui.text.run_text import reached_text, worst_text
 from scenario_tui.text.styles import QUIET
@@ -85,7 +83,7 @@ def more_to_come(campaigns: Iterable[CampaignRow]) -> bool:
     return any(row.queued and not row.paused for row in campaigns)
 
 
-class RunningGrid(OptionList):
+class RunningGrid(KeyedList):
     """List of runs under way; of more than fit those with the least margin, in their order."""
 
     BINDING_GROUP_TITLE = "in the list"
@@ -96,9 +94,8 @@ class RunningGrid(OptionList):
     ]
 
     def __init__(self, *, id: str | None = None) -> None:
-        super().__init__(id=id, compact=True)
+        super().__init__(id=id)
         self.display = False
-        self._texts: tuple[Text, ...] = ()
         self._kept = 0
 
     def show(self, runs: Sequence[RunningRun], *, more: bool = False) -> None:
@@ -120,7 +117,7 @@ class RunningGrid(OptionList):
         self._entitle(len(runs), len(runs) - len(shown))
         longest = max((len(one.label) for one in shown), default=0)
         names = max(_LABEL, min(longest, width - _REST))
-        self._fill([one.run for one in shown], [run_line(one, names) for one in shown])
+        self.fill({one.run: run_line(one, names) for one in shown})
 
     def _entitle(self, count: int, hidden: int) -> None:
         title = f"{glyph_word('running')}  {count_noun(count, 'run')}, worst margin so far"
@@ -128,19 +125,6 @@ class RunningGrid(OptionList):
         title += "" if self.has_focus else "  tab to choose"
         if title != self.border_title:
             self.border_title = title
-
-    def _fill(self, runs: Sequence[str], texts: Sequence[Text]) -> None:
-        """Show a line for each run; the cursor stays on its run."""
-        before, self._texts = self._texts, tuple(texts)
-        shown = [option.id for option in self.options]
-        if runs == shown:
-            for place, (old, new) in enumerate(zip(before, texts, strict=True)):
-                if not same_text(old, new):
-                    self.replace_option_prompt_at_index(place, new)
-            return
-        chosen = shown[self.highlighted] if self.highlighted is not None else ""
-        self.set_options([Option(text, run) for run, text in zip(runs, texts, strict=True)])
-        self.highlighted = runs.index(chosen) if chosen in runs else 0 if runs else None
 
 
 def run_line(one: RunningRun, names: int = _LABEL) -> Text:

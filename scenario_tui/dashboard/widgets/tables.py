@@ -86,25 +86,19 @@ class KeyedTable(DataTable[Text]):
         self._longest = _LEAST
         self._order = ("", False)
         self._rows: tuple[Row, ...] = ()
-        self._from: Literal["", "top", "bottom"] = ""
-        self._begin = ""
+        self._begin: str | Literal[0, -1] = ""
 
     @property
     def key(self) -> str:
         """The key of the row under the cursor, empty when there is none."""
         return self._rows[self.cursor_row][0] if 0 <= self.cursor_row < len(self._rows) else ""
 
-    def from_top(self) -> None:
-        """Begin at the first row with what is filled in next: it is about something else."""
-        self._from = "top"
+    def begin_at(self, row: str | Literal[0, -1]) -> None:
+        """Begin at the row with this key, if any, with the next rows filled in.
 
-    def begin_at(self, key: str) -> None:
-        """Begin at the row with this key, when there is one."""
-        self._begin = key
-
-    def from_bottom(self) -> None:
-        """Begin at the last row with what is filled in next."""
-        self._from = "bottom"
+        They begin at the first or the last one where they are about something else.
+        """
+        self._begin = row
 
     def show_order(self, title: str, *, descending: bool) -> None:
         """Mark the column by which the rows are sorted; without a ``title`` none is marked."""
@@ -176,28 +170,28 @@ class KeyedTable(DataTable[Text]):
             return
         for index in self._widths:
             if not same_text(before[index], cells[index]):
-                self.update_cell(str(place), str(index), self._cell(index, cells))
+                self.update_cell(str(place), str(index), self._fitted(index, cells[index]))
 
     def _append(self, place: int, cells: tuple[Text, ...]) -> None:
         # Named by their place: another page is then other words in the same rows, and drawing it
         # costs a tenth of making rows anew.
-        self.add_row(*(self._cell(i, cells) for i in self._widths), key=str(place))
+        self.add_row(*(self._fitted(i, cells[i]) for i in self._widths), key=str(place))
 
     def _settle(self, key: str) -> None:
         """Put the cursor on the row of a key, on the first one if there is none."""
         if not self._rows:
             return  # a beginning is for the rows that are still to come
-        # The scroll of another page would show its middle; where the cursor begins, the view does.
-        beginning, self._from = self._from, ""
-        # A table whose size is chosen before its rows come begins with them.
-        key, self._begin = self._begin or key, "" if self._rows else self._begin
-        found = next((i for i, (name, _) in enumerate(self._rows) if name == key), 0)
-        if beginning:
-            found = 0 if beginning == "top" else max(0, len(self._rows) - 1)
-        if found != self.cursor_row:
-            self.move_cursor(row=found, animate=False, scroll=False)
-        if beginning:
-            self.scroll_to(y=found, animate=False, immediate=True)
+        begin, self._begin = self._begin, ""
+        if isinstance(begin, int):
+            place = begin % len(self._rows)
+        else:
+            names = [name for name, _ in self._rows]
+            place = names.index(begin or key) if (begin or key) in names else 0
+        if place != self.cursor_row:
+            self.move_cursor(row=place, animate=False, scroll=False)
+        if isinstance(begin, int):
+            # The scroll of another page would show its middle.
+            self.scroll_to(y=place, animate=False, immediate=True)
 
     def on_resize(self) -> None:
         """Choose the columns that fit."""
@@ -228,7 +222,7 @@ class KeyedTable(DataTable[Text]):
         return room - sum(self._all[i].width + 2 * self.cell_padding for i in shown)
 
     def _refill(self, rows: tuple[Row, ...]) -> None:
-        key, scroll, anew = self.key, self.scroll_y, bool(self._from)
+        key, scroll, anew = self.key, self.scroll_y, isinstance(self._begin, int)
         self.clear(columns=True)
         for index, width in self._widths.items():
             self.add_column(self._label(index), width=width, key=str(index))
@@ -244,9 +238,6 @@ class KeyedTable(DataTable[Text]):
         sign = ("▼" if descending else "▲") if column.title == sorted_by else ""
         return self._fitted(index, Text(sign + column.title))
 
-    def _cell(self, index: int, cells: tuple[Text, ...]) -> Text:
-        return self._fitted(index, cells[index])
-
     def _fitted(self, index: int, text: Text) -> Text:
         text = keep_ends(text, self._widths[index]).copy()
         text.no_wrap, text.overflow = True, "ellipsis"
@@ -254,7 +245,34 @@ class KeyedTable(DataTable[Text]):
         return text
 
 
-class VerdictList(OptionList, inherit_bindings=False):
+class KeyedList(OptionList):
+    """A list of texts with keys."""
+
+    def __init__(self, *, id: str | None = None) -> None:
+        super().__init__(id=id, compact=True)
+        self._texts: dict[str, Text] = {}
+
+    def fill(self, texts: Mapping[str, Text]) -> None:
+        """Show a text for each key; the cursor stays on its key, otherwise it is on the first."""
+        previous, self._texts = self._texts, dict(texts)
+        keys = list(texts)
+        if keys == list(previous):
+            # In place: a list filled anew every second would jump under the cursor.
+            for key, text in texts.items():
+                if not same_text(text, previous[key]):
+                    self.replace_option_prompt(key, text)
+            return
+        cursor, scroll = self.highlighted_option, self.scroll_y
+        # Lines that take the place of others are nobody's choice.
+        with self.prevent(*([OptionList.OptionHighlighted] if cursor else [])):
+            self.set_options([Option(text, key) for key, text in texts.items()])
+            stays = cursor is not None and cursor.id in keys
+            self.highlighted = keys.index(cursor.id) if stays else 0 if keys else None
+        if cursor is not None:
+            self.scroll_to(y=scroll, animate=False)
+
+
+class VerdictList(KeyedList, inherit_bindings=False):
     """Verdicts in some lines each; the highlighted one is what the rest of the screen is about."""
 
     # Without the keys of option lists: Home and End are for the clock of the replay.
@@ -270,9 +288,8 @@ class VerdictList(OptionList, inherit_bindings=False):
     ]  # fmt: skip
 
     def __init__(self, *, id: str | None = None) -> None:
-        super().__init__(id=id, compact=True)
-        self._verdicts: tuple[Verdict, ...] = ()
-        self._texts: tuple[Text, ...] = ()
+        super().__init__(id=id)
+        self._verdicts: dict[str, Verdict] = {}
 
     def show(
         self,
@@ -288,35 +305,19 @@ class VerdictList(OptionList, inherit_bindings=False):
         ordered = by_severity(verdicts, marks)
         if so_far:  # an undecided oracle waits for something: there is nothing to look at yet
             ordered.sort(key=lambda verdict: verdict.outcome is Outcome.INCONCLUSIVE)
-        texts = [
-            verdict_text(verdict, marks.get(verdict.oracle, NO_MARK), so_far=so_far)
-            for verdict in ordered
-        ]
-        before, shown, chosen = self._verdicts, self._texts, self.chosen()
-        self._verdicts, self._texts = tuple(ordered), tuple(texts)
-        names = [verdict.oracle for verdict in ordered]
-        if names == [verdict.oracle for verdict in before]:
-            # In place: a list filled anew every second would jump under the cursor.
-            for place, (text, previous) in enumerate(zip(texts, shown, strict=True)):
-                if not same_text(text, previous):
-                    self.replace_option_prompt_at_index(place, text)
-            return
-        scrolled = self.scroll_y
-        kept = names.index(chosen.oracle) if chosen and chosen.oracle in names else 0
-        # Verdicts that take the place of others are nobody's choice: the clock stays.
-        with self.prevent(*([OptionList.OptionHighlighted] if chosen else [])):
-            self.clear_options()
-            self.add_options([Option(text) for text in texts])
-            self.highlighted = kept if names else None
-        if chosen is not None:
-            self.scroll_to(y=scrolled, animate=False)
+        self._verdicts = {verdict.oracle: verdict for verdict in ordered}
+        self.fill(
+            {
+                oracle: verdict_text(verdict, marks.get(oracle, NO_MARK), so_far=so_far)
+                for oracle, verdict in self._verdicts.items()
+            }
+        )
 
     def choose(self, oracle: str) -> None:
         """Highlight the verdict of an oracle."""
-        self.highlighted = [verdict.oracle for verdict in self._verdicts].index(oracle)
+        self.highlighted = self.get_option_index(oracle)
 
     def chosen(self) -> Verdict | None:
         """Return the highlighted verdict."""
-        if self.highlighted is None or self.highlighted >= len(self._verdicts):
-            return None
-        return self._verdicts[self.highlighted]
+        option = self.highlighted_option
+        return self._verdicts[option.id] if option is not None and option.id else None

@@ -26,8 +26,6 @@ SHARED_MEANINGS = {
     "up": ("up", "previous-file", "verdict-before"),
     "to the first": ("top", "start"),
     "to the last": ("bottom", "end"),
-    "next page": ("next-page", "signals-on"),
-    "page before": ("previous-page", "signals-back"),
     "next to look at": ("next-unexpected", "next-failure", "next-found"),
     "the one before to look at": ("previous-unexpected", "previous-failure", "previous-found"),
 }
