@@ -57,7 +57,7 @@ class Recordings:
 
     @property
     def busy(self) -> bool:
-        """Whether a recording is being brought or read."""
+        """True while a recording is brought or read."""
         return bool(self._under_way)
 
     def get(self, row: RunRow) -> Playback | Missing | Reading:

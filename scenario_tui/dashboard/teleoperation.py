@@ -24,7 +24,7 @@ _REPEATED: Final = 0.25
 
 
 class Teleoperation:
-    """What the keys command; two of them, one per axis, drive a curve."""
+    """The command of the keys held; two of them, one per axis, drive a curve."""
 
     def __init__(self, drive: Drive, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock

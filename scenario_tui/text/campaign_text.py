@@ -77,7 +77,7 @@ def fail_style(row: CampaignRow, conclusion: Conclusion | None) -> str:
 
 
 def _is_fine(conclusion: Conclusion | None) -> bool:
-    """Whether all that was judged is as expected, so that failures are known."""
+    """Return whether all that was judged is as expected, so that failures are known."""
     return conclusion is not None and conclusion.word in ("pass", "running")
 
 

@@ -49,7 +49,7 @@ class Conclusion:
 
     @property
     def is_judged(self) -> bool:
-        """Whether its runs say anything about its expectations; cancelled ones say nothing."""
+        """True if its runs say anything about its expectations; cancelled ones say nothing."""
         return self.text != NONE_JUDGED and self.word != "cancelled"
 
 

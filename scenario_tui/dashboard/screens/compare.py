@@ -162,8 +162,8 @@ def mark_or_compare(dashboard: Dashboard, run: str) -> None:
     marked = dashboard.marked_run
     if not marked or marked == run:
         dashboard.marked_run = "" if marked == run else run
-        said = f"{run} is marked no more" if marked else f"marked {run}: now mark another run"
-        dashboard.notify(said, markup=False)
+        message = f"{run} is marked no more" if marked else f"marked {run}: now mark another run"
+        dashboard.notify(message, markup=False)
         return
     dashboard.marked_run = ""
     dashboard.notify(f"reading {marked} and {run}", markup=False)

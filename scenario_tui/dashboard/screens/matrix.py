@@ -72,7 +72,7 @@ class MatrixScreen(SteeringScreen[None]):
         return self._line("results", self._campaign, "--filter", runs)
 
     def trail(self) -> str:
-        """Where we are, how it stands, how far it is."""
+        """Return the campaign, how it stands, and how far it is."""
         parts = [f"campaigns › {self._campaign} › matrix"]
         row = self.campaign()
         conclusion = self.dashboard.known.conclusions.get(self._campaign)

@@ -123,10 +123,10 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
 
     def cursor_command(self) -> str:
         """Return what to type for the moment of the verdict under the cursor."""
-        chosen = self.query_one(VerdictList).chosen()
-        if chosen is None:
+        verdict = self.query_one(VerdictList).chosen()
+        if verdict is None:
             return self.command()
-        return self._line("replay", self._run_id, "--frame", chosen.oracle)
+        return self._line("replay", self._run_id, "--frame", verdict.oracle)
 
     def campaign(self) -> CampaignRow | None:
         """Return the campaign the run is part of."""
@@ -143,7 +143,7 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
         self.action_play()
 
     def trail(self) -> str:
-        """Where we are."""
+        """Return the campaign and the run."""
         label = run_label(self.news.detail.row) if self.news is not None else self._run_id
         return f"campaigns › {self.about} › {label}"
 
@@ -257,27 +257,27 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
     def _say(self, detail: RunDetail) -> None:
         """Say when it is and which part of the screen this is."""
         run, transport = self._run, self.transport
-        said = marked_word(detail.row, expectations_of(self.dashboard, detail.row))
+        line = marked_word(detail.row, expectations_of(self.dashboard, detail.row))
         track = self._live.track if self._recording is None else None
         if track is not None and (transport is None or follows(transport)):
             silence, wide = self.dashboard.tracks.silence(track), self.has_class("-wide")
-            said.append_text(live_text(track, silence, wide=wide))
+            line.append_text(live_text(track, silence, wide=wide))
         elif transport is not None:
             style, more = UNSURE, f"{self.key('end')} follows again"
             if self._recording is not None:
                 style, more = "", self._recording.stack_line(transport.time)
-            said.append(f"  {clock_line(transport)}", style=style)
-            said.append(f"  {run.reached(transport.time)}/{run.waypoints} wp")
-            said.append(f"  {more}" if more else "", style=QUIET)
-        self.query_one("#now", Static).update(self.with_tabs(said))
+            line.append(f"  {clock_line(transport)}", style=style)
+            line.append(f"  {run.reached(transport.time)}/{run.waypoints} wp")
+            line.append(f"  {more}" if more else "", style=QUIET)
+        self.query_one("#now", Static).update(self.with_tabs(line))
 
     def show_moment(self, window: float = FLASH) -> None:
         """Show map and signals at the moment."""
         if not self.is_attached or not self.app.is_running or self.news is None:
             return
         time = math.inf if self.transport is None else self.transport.time
-        chosen = self.query_one(VerdictList).chosen()
-        verdict = chosen if chosen is not None and chosen.moment == time else None
+        verdict = self.query_one(VerdictList).chosen()
+        verdict = verdict if verdict is not None and verdict.moment == time else None
         self.query_one(RunMap).show(self._run.view(time, window=window, verdict=verdict))
         if self.transport is not None:
             self.query_one(TimelineView).move(time)
@@ -285,11 +285,11 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
 
     def view_changed(self) -> None:
         """Give the keys to what is shown."""
-        wanted = {"verdicts": "#decided", "log": "#log"}.get(self.part)
-        if wanted is None and self.has_class("-wide"):
-            wanted = "#decided"  # in view as well, and the only part of these that takes keys
-        if wanted is not None:
-            self.query_one(wanted).focus(scroll_visible=False)
+        target = {"verdicts": "#decided", "log": "#log"}.get(self.part)
+        if target is None and self.has_class("-wide"):
+            target = "#decided"  # in view as well, and the only part of these that takes keys
+        if target is not None:
+            self.query_one(target).focus(scroll_visible=False)
         else:
             self.set_focus(None)
         self.update_from_state()
@@ -303,14 +303,14 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
     @on(OptionList.OptionSelected)
     def _go_to_chosen(self, event: OptionList.OptionMessage) -> None:
         """Go to when the chosen oracle was decided; Enter goes back there."""
-        chosen = self.query_one(VerdictList).chosen()
-        if chosen is None:
+        verdict = self.query_one(VerdictList).chosen()
+        if verdict is None:
             return
-        self.query_one(TimelineView).lead(chosen.oracle)
+        self.query_one(TimelineView).lead(verdict.oracle)
         # The list of a run that goes on changes by itself: only Enter stops the clock there.
-        asked = self._recording is not None or isinstance(event, OptionList.OptionSelected)
-        if chosen.moment is not None and asked:
-            self.go(chosen.moment)
+        is_asked = self._recording is not None or isinstance(event, OptionList.OptionSelected)
+        if verdict.moment is not None and is_asked:
+            self.go(verdict.moment)
 
     def action_view(self, step: int) -> None:
         """Show the next part of the screen; where all are in view, give the log the keys."""

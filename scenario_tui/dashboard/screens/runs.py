@@ -63,9 +63,9 @@ _CAMPAIGN: Final = (14, 24)
 
 @dataclass(frozen=True, slots=True)
 class RunsNews:
-    """The page of runs that was ``wanted``, and the run in front where it is seen."""
+    """A page of runs with the ``query`` for it, and the run in front where it is seen."""
 
-    wanted: RunQuery
+    query: RunQuery
     page: RunPage
     run: RunNews | None
 
@@ -95,7 +95,7 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
         return self._campaign, self._scenario, self._sut
 
     @property
-    def _wanted(self) -> RunQuery:
+    def _query(self) -> RunQuery:
         """The page of runs to show."""
         order, only = self.arrangement, self._only
         return RunQuery(
@@ -154,20 +154,20 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
 
     def fetch(self, daemon: DaemonClient, known: Known) -> RunsNews:
         """Return the page; in wide terminals also the run under the cursor."""
-        wanted, run = self._wanted, self._wanted_run
-        page = daemon.runs(**asdict(wanted))
-        return RunsNews(wanted, page, self.dashboard.feed.watch.look(daemon, run) if run else None)
+        query, run = self._query, self._wanted_run
+        page = daemon.runs(**asdict(query))
+        return RunsNews(query, page, self.dashboard.feed.watch.look(daemon, run) if run else None)
 
     def _want_run(self) -> None:
         """Ask for the run under the cursor, if it is seen."""
         beside = self.query_one("#side").display and self.has_class("-wide")
-        wanted = self.query_one(KeyedTable).key if beside else ""
-        if wanted != self._wanted_run:
-            self._wanted_run = wanted
+        run = self.query_one(KeyedTable).key if beside else ""
+        if run != self._wanted_run:
+            self._wanted_run = run
             self.ask()
 
     def trail(self) -> str:
-        """Where we are, which page, sorted and filtered how."""
+        """Return the place, the page, its order and filters."""
         order, page = self.arrangement, self._page()
         parts = [f"campaigns › {self._campaign}" if self._campaign else "all runs"]
         if self._scenario:
@@ -189,10 +189,10 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
 
     def command(self) -> str:
         """Return what to type for the runs of the campaign, the same ones where that can be."""
-        row, wanted = self.campaign(), self._wanted
+        row, query = self.campaign(), self._query
         if row is None or not self._campaign:
             return self.dashboard.command_lines.daemon_line("status")
-        narrowed = [("--outcome", wanted.outcome), ("--filter", wanted.text)]
+        narrowed = [("--outcome", query.outcome), ("--filter", query.text)]
         options = [word for option in narrowed if option[1] for word in option]
         return self.dashboard.command_lines.daemon_line("results", row.id, *(options or ["--runs"]))
 
@@ -208,7 +208,7 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
 
     def _page(self) -> RunPage | None:
         news = self.news
-        return news.page if news is not None and news.wanted == self._wanted else None
+        return news.page if news is not None and news.query == self._query else None
 
     def show(self, known: Known, news: RunsNews | None) -> None:
         """Fill the table with the page, once it is the one wanted."""
@@ -271,8 +271,8 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
     def action_only(self) -> None:
         """Show runs of the next verdict or state only that there are any of."""
         known = self.dashboard.known
-        counted = known.campaign(self._campaign) if self._campaign else known.overview
-        counts = run_counts(counted) if counted is not None else {}
+        row = known.campaign(self._campaign) if self._campaign else known.overview
+        counts = run_counts(row) if row is not None else {}
         here = _ONLY.index(self._only) + 1
         ahead = (*_ONLY[here:], *_ONLY[:here])
         self._only = next(word for word in ahead if not word or not counts or word in counts)

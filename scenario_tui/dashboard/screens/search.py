@@ -117,11 +117,11 @@ class SearchScreen(SteeringScreen[SearchNews], MapActions, Parts):
 
     def _want_run(self) -> None:
         """Ask for the run in front, if its map is seen."""
-        seen = self.has_class("-wide") or self.part == "map"
+        is_seen = self.has_class("-wide") or self.part == "map"
         front = self._front()
-        wanted = front.trial.run if front is not None and seen else ""
-        if wanted != self._wanted_run:
-            self._wanted_run = wanted
+        run = front.trial.run if front is not None and is_seen else ""
+        if run != self._wanted_run:
+            self._wanted_run = run
             self.ask()
 
     def campaign(self) -> CampaignRow | None:
@@ -138,7 +138,7 @@ class SearchScreen(SteeringScreen[SearchNews], MapActions, Parts):
         return self.command() if front is None else self._line("show", front.trial.run)
 
     def trail(self) -> str:
-        """Where we are, and what is going on."""
+        """Return the campaign, its question and its phase."""
         parts = [f"campaigns › {self._campaign} › search"]
         row, campaign = self.dashboard.known.searches.get(self._campaign), self.campaign()
         if row is not None:
@@ -183,15 +183,15 @@ class SearchScreen(SteeringScreen[SearchNews], MapActions, Parts):
         row, explored = search.row, search.explored
         word, failed = search_word(row), sum(one.fails for one in explored)
         settled = sum(one.outcome is not None for one in explored)
-        said = Text.assemble((GLYPHS[word], word))
-        said.append(f" {settled}/{row.task.runs} {row.phase}")
-        said.append(f"  {failed} fail", style="fail" if failed else QUIET)
+        line = Text.assemble((GLYPHS[word], word))
+        line.append(f" {settled}/{row.task.runs} {row.phase}")
+        line.append(f"  {failed} fail", style="fail" if failed else QUIET)
         best = smallest_margin(explored)
         if best is not None and best.value is not None:
-            said.append(f"  best {margin(best.value.margin, best.value.unit)}")
+            line.append(f"  best {margin(best.value.margin, best.value.unit)}")
         after = len(search.trials) - len(explored)
-        said.append(f"  and {count_noun(after, 'run')} after" if after else "", style=QUIET)
-        self.query_one("#now", Static).update(self.with_tabs(said))
+        line.append(f"  and {count_noun(after, 'run')} after" if after else "", style=QUIET)
+        self.query_one("#now", Static).update(self.with_tabs(line))
 
     def _show_front(self, news: SearchNews) -> None:
         """Show the parameters of the run in front, and the run from above."""

@@ -78,7 +78,7 @@ class WorkersScreen(FilteredScreen[WorkersNews]):
         return WorkersNews(daemon.workers(), {row.id: run_label(row) for row in page.rows})
 
     def trail(self) -> str:
-        """Where we are, and the sum of it."""
+        """Return the sum of workers and slots."""
         rows = self.news.workers if self.news else ()
         here = [row for row in rows if not row.away]
         busy, slots = sum(row.busy for row in here), sum(row.slots for row in here)

@@ -72,8 +72,8 @@ class CellTable(DataTable[Text]):
 
     def go_to(self, scenario: str, sut: str) -> None:
         """Move the cursor to a cell, to the first one if there is no such cell."""
-        found = scenario in self._labels and sut in self._titles
-        place = (self._labels.index(scenario), self._titles.index(sut)) if found else (0, 0)
+        is_here = scenario in self._labels and sut in self._titles
+        place = (self._labels.index(scenario), self._titles.index(sut)) if is_here else (0, 0)
         self.move_cursor(row=place[0], column=place[1], animate=False)
 
     def go_to_news(self, step: int) -> bool:
@@ -85,10 +85,10 @@ class CellTable(DataTable[Text]):
         row, column = self.cursor_coordinate
         here = row * len(self._titles) + column
         ahead = [places[(here + step * i) % len(places)] for i in range(1, len(places) + 1)]
-        found = [place for place in ahead if place in self._news]
-        if found:
-            self.go_to(*found[0])
-        return bool(found)
+        news = [place for place in ahead if place in self._news]
+        if news:
+            self.go_to(*news[0])
+        return bool(news)
 
     def on_resize(self) -> None:
         """Make the cells as wide as there is room."""

@@ -44,13 +44,13 @@ class RunningRun:
 
     run: str
     label: str
-    seen: Snapshot | None = None
+    snapshot: Snapshot | None = None
     silence: float = 0.0
 
     @property
     def trouble(self) -> tuple[bool, float]:
         """Sort key that puts runs in trouble first."""
-        least = None if self.seen is None else self.seen.margin
+        least = None if self.snapshot is None else self.snapshot.margin
         return least is None, 0.0 if least is None else least
 
 
@@ -73,13 +73,13 @@ def running_runs(
     for row in rows:
         campaign, track = campaigns.get(row.campaign), tracks.get(row.id)
         label = f"{campaign.name if campaign else row.campaign} {run_label(row)}"
-        seen, silence = (track.snapshot, tracks.silence(track)) if track else (None, 0.0)
-        runs.append(RunningRun(row.id, label, seen, silence))
+        snapshot, silence = (track.snapshot, tracks.silence(track)) if track else (None, 0.0)
+        runs.append(RunningRun(row.id, label, snapshot, silence))
     return runs
 
 
 def more_to_come(campaigns: Iterable[CampaignRow]) -> bool:
-    """Whether others will run when those under way are over."""
+    """Return whether others will run when those under way are over."""
     return any(row.queued and not row.paused for row in campaigns)
 
 
@@ -131,18 +131,18 @@ def run_line(one: RunningRun, names: int = _LABEL) -> Text:
     """Return a run under way: its label in ``names`` columns, the share of its time limit that is
     over, as a bar, how far it is, and its least margin so far.
     """
-    text, seen = Text(f"{keep_end(one.label, names)} "), one.seen
-    if seen is None or seen.waiting:
-        return text.append(reached_text(seen), style=QUIET)
-    text.append_text(progress_bar(seen))
-    text.append(f"  {reached_text(seen, limit=False):<{_REACHED}}  ")
+    text, snapshot = Text(f"{keep_end(one.label, names)} "), one.snapshot
+    if snapshot is None or snapshot.waiting:
+        return text.append(reached_text(snapshot), style=QUIET)
+    text.append_text(progress_bar(snapshot))
+    text.append(f"  {reached_text(snapshot, limit=False):<{_REACHED}}  ")
     if one.silence > SILENT:
         text.append(f"last heard {duration_text(one.silence)} ago  ", style="inconclusive")
-    return text.append_text(worst_text(seen.margin, seen.unit, seen.oracle))
+    return text.append_text(worst_text(snapshot.margin, snapshot.unit, snapshot.oracle))
 
 
-def progress_bar(seen: Snapshot) -> Text:
+def progress_bar(snapshot: Snapshot) -> Text:
     """Return the share of its time limit that is over for a run under way."""
-    share = min(max(seen.time / seen.limit, 0.0), 1.0) if seen.limit > 0.0 else 1.0
+    share = min(max(snapshot.time / snapshot.limit, 0.0), 1.0) if snapshot.limit > 0.0 else 1.0
     done = round(share * _BAR)
     return Text.assemble(("━" * done, "running"), ("─" * (_BAR - done), QUIET))

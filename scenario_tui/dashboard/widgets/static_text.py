@@ -29,7 +29,7 @@ def _with_spans_only(text: Text) -> Text:
 
 
 def same_text(new: Text, shown: Text) -> bool:
-    """Whether two texts look the same; rich compares all but the style below that of the parts."""
+    """Return whether two texts look the same; rich compares all except their base styles."""
     return new == shown and new.style == shown.style
 
 

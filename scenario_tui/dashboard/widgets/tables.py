@@ -203,23 +203,23 @@ class KeyedTable(DataTable[Text]):
         flexible = self._flexible
         # Besides the columns there is the scroll bar.
         room = (self.size.width or self.app.size.width) - 1
-        shown = [i for i, column in enumerate(self._all) if column.from_width <= room + 1]
+        fitting = [i for i, column in enumerate(self._all) if column.from_width <= room + 1]
         least = max(_LEAST, min(self._longest, room // 2))
-        while (rest := self._rest(shown, room)) < least:
+        while (rest := self._rest(fitting, room)) < least:
             others = [
-                i for i in shown if self._all[i].from_width or (i != flexible and rest < _LEAST)
+                i for i in fitting if self._all[i].from_width or (i != flexible and rest < _LEAST)
             ]
             if not others:
                 break
-            shown.remove(max(others, key=lambda i: (self._all[i].from_width, i)))
-        rest = max(self._rest(shown, room), 1)
-        widths = {i: self._all[i].width or rest for i in shown}
+            fitting.remove(max(others, key=lambda i: (self._all[i].from_width, i)))
+        rest = max(self._rest(fitting, room), 1)
+        widths = {i: self._all[i].width or rest for i in fitting}
         changed, self._widths = widths != self._widths, widths
         return changed
 
-    def _rest(self, shown: Sequence[int], room: int) -> int:
+    def _rest(self, columns: Sequence[int], room: int) -> int:
         """Return the cells of ``room`` that columns of a fixed width leave."""
-        return room - sum(self._all[i].width + 2 * self.cell_padding for i in shown)
+        return room - sum(self._all[i].width + 2 * self.cell_padding for i in columns)
 
     def _refill(self, rows: tuple[Row, ...]) -> None:
         key, scroll, anew = self.key, self.scroll_y, isinstance(self._begin, int)
@@ -266,8 +266,8 @@ class KeyedList(OptionList):
         # Lines that take the place of others are nobody's choice.
         with self.prevent(*([OptionList.OptionHighlighted] if cursor else [])):
             self.set_options([Option(text, key) for key, text in texts.items()])
-            stays = cursor is not None and cursor.id in keys
-            self.highlighted = keys.index(cursor.id) if stays else 0 if keys else None
+            row = keys.index(cursor.id) if cursor and cursor.id in keys else 0
+            self.highlighted = row if keys else None
         if cursor is not None:
             self.scroll_to(y=scroll, animate=False)
 

@@ -15,7 +15,7 @@ VERDICT = Verdict("calm", "speed <= 1 m/s", Outcome.PASS, 1.0, 1.0, "m/s", Evide
 
 class Tables(App):
     def compose(self):
-        yield KeyedTable((Column("phase", 10),))
+        yield KeyedTable((Column("phase", 0),))
         yield CellTable()
         yield VerdictList()
 
