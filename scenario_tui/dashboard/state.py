@@ -22,7 +22,6 @@ class RunsView:
     """Filter, order, page and the run in front with which the runs of a place were shown last."""
 
     arrangement: Arrangement
-    only: str = ""
     offset: int = 0
     key: str = ""
 

@@ -28,7 +28,6 @@ from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
 from scenario_tui.text.formatting import (
     glyph_word,
     margin,
-    run_counts,
     run_label,
     run_word,
     time_text,
@@ -46,8 +45,6 @@ _SORTS: Final = {
     "progress": "simulated", "wall": "wall", "scenario": "scenario",
 }  # fmt: skip
 """The daemon's names of orders by what they are called here; columns have these titles."""
-_ONLY: Final = ("", *(word for word in SEVERITY if word != "measure"))
-"""Verdicts and states of which the runs are shown only; all for an empty one."""
 _COLUMNS: Final = (
     Column("run", 0),
     Column("verdict", 16),
@@ -76,7 +73,6 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
     SORTS: ClassVar = dict.fromkeys(_SORTS, False) | {"progress": True, "wall": True}
     BINDINGS: ClassVar[list[BindingType]] = [
         *steering_keys("retry"),
-        Binding("f", "only", "Only", id="only", tooltip="Of one verdict or state, the next one"),
         Binding("m", "matrix", "Matrix", id="matrix", tooltip="The campaign judged, cell by cell"),
         Binding("C", "compare", "Compare", show=False, id="compare",
                 tooltip="Mark a run, then another one to see both side by side"),
@@ -87,8 +83,7 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
         self._campaign, self._scenario, self._sut = campaign, scenario, sut
         # Of one campaign in the order of its file; of all, what was submitted last is looked for.
         self.arrangement = replace(self.arrangement, descending=not campaign)
-        self._only, self._offset = "", 0
-        self._wanted_run = ""
+        self._offset, self._wanted_run = 0, ""
 
     @property
     def _here(self) -> tuple[str, str, str]:
@@ -96,15 +91,16 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
 
     @property
     def _query(self) -> RunQuery:
-        """The page of runs to show."""
-        order, only = self.arrangement, self._only
+        """The page of runs to show: a verdict or a state in the filter is one, not a text."""
+        order, words = self.arrangement, self.arrangement.text.split()
+        only = next((word for word in words if word in SEVERITY), "")
         return RunQuery(
             self._campaign,
             offset=self._offset,
             limit=PAGE,
             scenario=self._scenario,
             sut=self._sut,
-            text=order.text,
+            text=" ".join(word for word in words if word != only),
             sort=_SORTS[order.sort],
             descending=order.descending,
             state=only if only in tuple(RunState) else "",
@@ -115,7 +111,7 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
         """Filter line, table, and the run beside it."""
         view = self.dashboard.run_views.get(self._here)
         if view is not None:
-            self.arrangement, self._only, self._offset = view.arrangement, view.only, view.offset
+            self.arrangement, self._offset = view.arrangement, view.offset
         yield self.filter_line()
         yield StaticText(id="empty")
         with Horizontal(id="split"):
@@ -144,8 +140,7 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
     def _remember(self, key: str = "") -> None:
         """Remember how these runs are looked at, with the run in front if there is one yet."""
         # At once and not when the screen goes: what comes in its place asks before.
-        view = RunsView(self.arrangement, self._only, self._offset, key)
-        self.dashboard.run_views[self._here] = view
+        self.dashboard.run_views[self._here] = RunsView(self.arrangement, self._offset, key)
 
     @property
     def about(self) -> str:
@@ -177,8 +172,6 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
             parts.append(f"{first}-{self._offset + len(page.rows)} of {page.total}")
         if order.sort != "run":
             parts.append(f"by {order.sort} {'▼' if order.descending else '▲'}")
-        if self._only:
-            parts.append(f"only {self._only}")
         if order.text:
             parts.append(f"/{order.text}")
         if self.dashboard.marked_run:
@@ -238,10 +231,8 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
         return key, cells if self._campaign else named
 
     def _nothing(self) -> str:
-        if self._only or self.arrangement.text:
-            keys = (("filter", "change the text"), ("only", "show others"), ("back", "back"))
-            ways = "      ".join(f"{self.key(id)}  {words}" for id, words in keys)
-            return f"No run matches.\n\n    {ways}"
+        if self.arrangement.text:
+            return self.no_match()
         key = self.key("submit")
         return f"No runs yet. {key} chooses a campaign" if key else "No runs yet."
 
@@ -267,16 +258,6 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
         self._remember()
         self.query_one(KeyedTable).begin_at(0)
         self.ask()
-
-    def action_only(self) -> None:
-        """Show runs of the next verdict or state only that there are any of."""
-        known = self.dashboard.known
-        row = known.campaign(self._campaign) if self._campaign else known.overview
-        counts = run_counts(row) if row is not None else {}
-        here = _ONLY.index(self._only) + 1
-        ahead = (*_ONLY[here:], *_ONLY[:here])
-        self._only = next(word for word in ahead if not word or not counts or word in counts)
-        self.rearranged()
 
     def action_compare(self) -> None:
         """Mark the run under the cursor, or compare it with the one that is marked."""
