@@ -17,12 +17,7 @@ from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.filtering import FilteredScreen
 from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks, steering_keys
 from scenario_tui.dashboard.state import CAMPAIGNS_SHOWN, Known
-from scenario_tui.dashboard.widgets.running_grid import (
-    RunningGrid,
-    more_to_come,
-    running_page,
-    running_runs,
-)
+from scenario_tui.dashboard.widgets.running_grid import RunningGrid, running_page, running_runs
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
 from scenario_tui.text.campaign_text import (
@@ -178,7 +173,7 @@ class CampaignsScreen(FilteredScreen["RunPage"], SteeringScreen["RunPage"]):
         campaigns = {row.id: row for row in known.campaigns}
         runs = running_runs(page.rows, self.dashboard.tracks, campaigns)
         grid = self.query_one(RunningGrid)
-        grid.show(runs, more=more_to_come(known.campaigns))
+        grid.show(runs, more=any(row.queued and not row.paused for row in known.campaigns))
         if not grid.display and grid.has_focus:
             self.query_one(KeyedTable).focus(scroll_visible=False)
 
@@ -235,12 +230,10 @@ class CampaignsScreen(FilteredScreen["RunPage"], SteeringScreen["RunPage"]):
 class CampaignPanel(VerticalScroll, can_focus=False):
     """The campaign under the cursor: its matrix, last failures and history."""
 
+    BORDER_TITLE = "campaign "
+
     _judged: tuple[CampaignResults | None, int, Text] = (None, 0, Text())
     """Results, the width they were drawn for, and the drawn lines."""
-
-    def on_mount(self) -> None:
-        """Give it a title."""
-        self.border_title = "campaign "
 
     def compose(self) -> ComposeResult:
         """Lay out the text."""

@@ -39,6 +39,7 @@ from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import VerdictList
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.dashboard.widgets.timeline_drawing import LEGEND as SIGNS
+from scenario_tui.dashboard.widgets.top_view import TopView
 from scenario_tui.text.formatting import run_label
 from scenario_tui.text.run_text import by_severity, marked_word, run_text
 from scenario_tui.text.styles import QUIET, UNSURE
@@ -278,7 +279,7 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
         time = math.inf if self.transport is None else self.transport.time
         verdict = self.query_one(VerdictList).chosen()
         verdict = verdict if verdict is not None and verdict.moment == time else None
-        self.query_one(RunMap).show(self._run.view(time, window=window, verdict=verdict))
+        self.query_one(TopView).show(self._run.view(time, window=window, verdict=verdict))
         if self.transport is not None:
             self.query_one(TimelineView).move(time)
         self._say(self.news.detail)

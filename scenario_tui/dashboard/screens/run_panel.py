@@ -20,7 +20,6 @@ from scenario_tui.dashboard.recordings import Missing, Reading
 from scenario_tui.dashboard.run_watch import RunNews
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.playing import decisive_moment
-from scenario_tui.dashboard.widgets.map_frame import View
 from scenario_tui.dashboard.widgets.map_legend import MapLegend
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.top_view import TopView
@@ -46,10 +45,6 @@ class RunMap(Vertical):
         yield TopView(id="map")
         yield MapLegend()
 
-    def show(self, view: View | None) -> None:
-        """Show another view, or nothing."""
-        self.query_one(TopView).show(view)
-
     def show_run(self, dashboard: Dashboard, news: RunNews | None, oracle: str = "") -> None:
         """Show a run as the dashboard knows it: live, or at the moment that decided it.
 
@@ -74,7 +69,7 @@ class RunMap(Vertical):
             live.hear(news, track_of(dashboard, news.detail))
             view = live.view(math.inf)
         self._still = still
-        self.show(view)
+        self.query_one(TopView).show(view)
         self.explain(why)
 
     def explain(self, why: str) -> None:
@@ -91,6 +86,8 @@ class RunMap(Vertical):
 
 class RunPanel(Vertical):
     """Words and map of one run, one above the other: beside the table of runs."""
+
+    BORDER_TITLE = "run "
 
     def compose(self) -> ComposeResult:
         """Lay out words and map."""

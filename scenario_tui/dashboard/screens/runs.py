@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar, Final
 from rich.text import Text
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.containers import Horizontal, Vertical
+from textual.containers import Horizontal
 from textual.widgets import Input
 
 from daemon.model.messages import RunQuery
@@ -109,29 +109,21 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
 
     def body(self) -> ComposeResult:
         """Filter line, table, and the run beside it."""
-        view = self.dashboard.run_views.get(self._here)
-        if view is not None:
+        columns: tuple[Column, ...] = _COLUMNS
+        if not self._campaign:
+            least, most = _CAMPAIGN
+            longest = max((len(row.id) for row in self.dashboard.known.campaigns), default=0)
+            named = Column("campaign", min(max(longest, least), most))
+            columns = (_COLUMNS[0], named, *_COLUMNS[1:])
+        table = KeyedTable(columns, id="runs")
+        if (view := self.dashboard.run_views.get(self._here)) is not None:
             self.arrangement, self._offset = view.arrangement, view.offset
+            table.begin_at(view.key)
         yield self.filter_line()
         yield StaticText(id="empty")
         with Horizontal(id="split"):
-            columns: tuple[Column, ...] = _COLUMNS
-            if not self._campaign:
-                least, most = _CAMPAIGN
-                longest = max((len(row.id) for row in self.dashboard.known.campaigns), default=0)
-                named = Column("campaign", min(max(longest, least), most))
-                columns = (_COLUMNS[0], named, *_COLUMNS[1:])
-            yield KeyedTable(columns, id="runs")
-            side = Vertical(id="side")
-            side.border_title = "run "
-            with side:
-                yield RunPanel(id="panel")
-
-    def on_mount(self) -> None:
-        """Begin at the run that was in front last."""
-        view = self.dashboard.run_views.get(self._here)
-        if view is not None:
-            self.query_one(KeyedTable).begin_at(view.key)
+            yield table
+            yield RunPanel(id="side")
 
     def on_screen_resume(self) -> None:
         """Make ready for a run to be opened, once the runs are shown."""

@@ -78,11 +78,6 @@ def running_runs(
     return runs
 
 
-def more_to_come(campaigns: Iterable[CampaignRow]) -> bool:
-    """Return whether others will run when those under way are over."""
-    return any(row.queued and not row.paused for row in campaigns)
-
-
 class RunningGrid(KeyedList):
     """List of runs under way; of more than fit those with the least margin, in their order."""
 
