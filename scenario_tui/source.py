@@ -95,7 +95,9 @@ class DaemonTarget:
 
     def command(self, *words: object) -> str:
         """Return a command about this daemon for people to type, quoted for a shell."""
-        return command_line(*words, *self.words)
+        # A negative number is no option only behind a bare --, where no options can follow.
+        last = ("--", words[-1]) if re.fullmatch(r"-\d+", str(words[-1])) else ()
+        return command_line(*(words[:-1] if last else words), *self.words, *last)
 
     @property
     def may_come_back(self) -> bool:

@@ -77,7 +77,6 @@ def tui(
     why = "" if served else why_no_screen()
     with nullcontext() if why or served else _connecting_screen():
         from scenario_tui.dashboard.app import run_dashboard
-        from scenario_tui.dashboard.commands import CommandLines
 
         config = _read_config()
         if why:
@@ -86,9 +85,8 @@ def tui(
             )
         # The option can only take rights away: who forbade changes in the file meant it.
         config = replace(config, read_only=config.read_only or read_only)
-        lines = CommandLines(target.connect, target.state)
         launch = None if target.named or config.read_only else partial(_launch_daemon, target)
-        code, farewell = run_dashboard(target.open, config, lines, launch)
+        code, farewell = run_dashboard(target, config, launch)
     if code:
         return ExitCode.BUG
     if not served:

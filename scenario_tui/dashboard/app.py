@@ -26,7 +26,7 @@ from grammars.text.diagnostics import InputError
 from grammars.text.terminal_text import printable
 from grammars.text.words import count_noun
 from scenario_tui.dashboard.children import Children, load_modules
-from scenario_tui.dashboard.commands import CommandLines, CommandRunner, run_command
+from scenario_tui.dashboard.commands import CommandRunner, run_command
 from scenario_tui.dashboard.config import Config
 from scenario_tui.dashboard.feed import Action, Feed
 from scenario_tui.dashboard.live_tracks import Tracks
@@ -37,14 +37,15 @@ from scenario_tui.dashboard.screens.dialogs import Refusal
 from scenario_tui.dashboard.screens.help import Help, our_bindings
 from scenario_tui.dashboard.state import Known, RunsView
 from scenario_tui.dashboard.themes import ThemedApp
-from scenario_tui.terminal.capabilities import copy_to_tmux
+from scenario_tui.source import DaemonTarget
 
 if TYPE_CHECKING:
-    from daemon.model.verbs import ClientOpener
     from scenario_tui.library.submission import CheckedFile
 
 T = TypeVar("T")
 
+HERE: Final = DaemonTarget()
+"""The daemon of this machine."""
 FRAMES: Final = 10
 """How often a second the screen takes over what the feed has found, live maps included."""
 _READY: Final = 0.5
@@ -60,19 +61,6 @@ _READING: Final = (
 _CHANGES: Final = ("launch", "report", "steer", "submit")
 """Actions that change something on the machine of the daemon or on that of the dashboard."""
 _UNREACHABLE: Final = "no daemon answers: nothing was done"
-_PLACES: Final = {
-    "matrix": ("matrix", "MatrixScreen"),
-    "runs": ("runs", "RunsScreen"),
-    "search": ("search", "SearchScreen"),
-    "run": ("run", "RunScreen"),
-    "workers": ("workers", "WorkersScreen"),
-    "submit": ("submit", "SubmitScreen"),
-}
-"""The module and the class of every screen but the first.
-
-By name: screens open each other in circles, and what most of them need loads longer than the first
-screen.
-"""
 
 
 class Dashboard(ThemedApp):
@@ -109,7 +97,7 @@ class Dashboard(ThemedApp):
         *,
         clock: Callable[[], float] = time.time,
         config: Config | None = None,
-        command_lines: CommandLines | None = None,
+        target: DaemonTarget = HERE,
         run_command: CommandRunner = run_command,
         launch_daemon: Callable[[], str] | None = None,
         child_processes: Children | None = None,
@@ -118,7 +106,7 @@ class Dashboard(ThemedApp):
         self.feed = feed
         self.run_command = run_command
         self.child_processes = child_processes or Children()
-        self.command_lines = command_lines or CommandLines()
+        self.target = target
         self.config = config or Config()
         self.read_only = self.config.read_only
         self.submitted: tuple[Path, ...] = ()
@@ -167,18 +155,17 @@ class Dashboard(ThemedApp):
         """See to it that a daemon answers, where one may be started on this machine."""
         if self.launch_daemon is not None:
             self.launching = True
-            self.start_task(self.launch_daemon, self._launched, self._not_launched)
+            self.start_task(self.launch_daemon, self._end_launch, self._fail_launch)
 
-    def _launched(self, said: str) -> None:
-        self.launching, self.launched = False, bool(said)
-        if said:
-            self.notify(said, markup=False)
+    def _end_launch(self, message: str) -> None:
+        self.launching, self.launched = False, bool(message)
+        if message:
+            self.notify(message, markup=False)
         self._update_front_screen()
 
-    def _not_launched(self, why: str) -> None:
-        self.launching = False
+    def _fail_launch(self, why: str) -> None:
         self.problem(why)
-        self._update_front_screen()
+        self._end_launch("")
 
     def on_unmount(self) -> None:
         """Stop asking, and what is done for nobody any more."""
@@ -197,7 +184,7 @@ class Dashboard(ThemedApp):
                 self._is_answered = True
                 self.set_timer(_READY, self._load_screens)
             self.known = news.known
-            if isinstance(news.front, BaseScreen):
+            if news.front is not None:
                 news.front.news = news.fetched
         now = self.clock()
         # Ages grow even when nothing is new.
@@ -228,8 +215,9 @@ class Dashboard(ThemedApp):
         """Leave replays alone, which have keys of their own; keys never reach below dialogs."""
         if action == "launch":
             known = self.known
-            gone = bool(known.problem) and not (known.connected or known.refused or self.launching)
-            if not gone or (self.launch_daemon is None and not self.read_only):
+            is_away = bool(known.problem) and not (known.connected or known.refused)
+            can_launch = self.launch_daemon is not None or self.read_only
+            if not is_away or self.launching or not can_launch:
                 return False
         ours = isinstance(self.screen, BaseScreen | ModalScreen)
         if not ours and action in ("go", "keys", "command_palette", "submit"):
@@ -301,10 +289,10 @@ class Dashboard(ThemedApp):
         self.start_task(load, _nothing, self.problem)
 
     def open(self, place: str, *about: str) -> None:
-        """Show a screen: its name, and the ids of what it shows."""
-        module, name = _PLACES[place]
-        kind = getattr(import_module(f"scenario_tui.dashboard.screens.{module}"), name)
-        self.push_screen(kind(*about))
+        """Show a screen by the name of its module, with the ids of its contents."""
+        # Screens open each other in circles, and most of them load longer than the first one.
+        module = import_module(f"scenario_tui.dashboard.screens.{place}")
+        self.push_screen(getattr(module, f"{place.capitalize()}Screen")(*about))
 
     def open_campaign(self, campaign: str) -> None:
         """Show what a campaign is about: a search, or runs."""
@@ -340,9 +328,7 @@ class Dashboard(ThemedApp):
         """Put a command line into the clipboard of the terminal, also over SSH (OSC 52)."""
         # A line end in it, from a name, would run what stands before it where it is pasted.
         command = printable(" ".join(command.splitlines()))
-        # tmux ignores OSC 52 of programs inside of it, and is told itself.
         self.copy_to_clipboard(command)
-        self.start_task(partial(copy_to_tmux, command), _nothing, self.problem)
         self.notify(f"copied: {command}", markup=False)
 
     def remember(self, file: Path, campaign: str) -> None:
@@ -382,19 +368,18 @@ class Dashboard(ThemedApp):
     def farewell(self) -> str:
         """Say what goes on without the dashboard."""
         overview = self.known.overview
-        said = ["Left the dashboard"]
+        parts = ["Left the dashboard"]
         if overview is not None and self.known.connected:
             waiting = overview.queued + overview.running
             runs = count_noun(waiting, "unfinished run")
-            said.append(f"the daemon goes on with {runs}" if waiting else "no run is waiting")
-        said += [f"the submission of {self.submitting} was cut off"] if self.submitting else []
-        said += [f"a process of its own goes on {doing}" for doing in sorted(self.running_jobs)]
-        said = [f"{'; '.join(said)}. Back with: {self.command_lines.daemon_line('tui')}"]
+            parts.append(f"the daemon goes on with {runs}" if waiting else "no run is waiting")
+        if self.submitting:
+            parts.append(f"the submission of {self.submitting} was cut off")
+        parts += [f"a process of its own goes on {doing}" for doing in sorted(self.running_jobs)]
+        lines = [f"{'; '.join(parts)}. Back with: {self.target.command('tui')}"]
         if self.launched and self.known.connected:
-            said.append(
-                f"Stop the daemon with: {self.command_lines.daemon_line('daemon', '--stop')}"
-            )
-        return "\n".join(said)
+            lines.append(f"Stop the daemon with: {self.target.command('daemon', '--stop')}")
+        return "\n".join(lines)
 
 
 def _nothing(_: object) -> None:
@@ -413,18 +398,13 @@ async def _settle(node: MessagePump) -> None:
 
 
 def run_dashboard(
-    open_daemon: ClientOpener,
-    config: Config,
-    command_lines: CommandLines,
-    launch_daemon: Callable[[], str] | None,
+    target: DaemonTarget, config: Config, launch_daemon: Callable[[], str] | None
 ) -> tuple[int, str]:
     """Show the dashboard until somebody leaves it; return exit code and parting words.
 
     ``launch_daemon`` sees to it that a daemon answers, and returns what to say if it started one.
     """
-    app = Dashboard(
-        Feed(open_daemon), config=config, command_lines=command_lines, launch_daemon=launch_daemon
-    )
+    app = Dashboard(Feed(target.open), config=config, target=target, launch_daemon=launch_daemon)
     # The screen is drawn on standard error: a warning printed there would tear it.
     logging.getLogger().addHandler(logging.NullHandler())
     with warnings.catch_warnings():

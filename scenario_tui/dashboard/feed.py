@@ -7,7 +7,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final, Protocol, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeVar
 
 from daemon.batch.errors import DaemonError, Unreachable
 from scenario_tui.dashboard.campaign_assessor import CampaignAssessor
@@ -19,6 +19,7 @@ from scenario_tui.dashboard.state import CAMPAIGNS_SHOWN, Known, Notice
 if TYPE_CHECKING:
     from daemon.model.status import CampaignRow, ChangeEvent
     from daemon.model.verbs import ClientOpener, DaemonClient
+    from scenario_tui.dashboard.screens.base import BaseScreen
 
 T = TypeVar("T")
 
@@ -38,26 +39,15 @@ _ASSESS_EVERY: Final = 0.1
 Action: TypeAlias = "Callable[[DaemonClient], str]"
 
 
-class Front(Protocol):
-    """The screen in front, as the feed sees it."""
-
-    @property
-    def about(self) -> str:
-        """The campaign that the screen is about, which is judged before all others."""
-
-    def fetch(self, daemon: DaemonClient, known: Known) -> object:
-        """Ask the daemon for what the screen shows beyond ``known``; by the feed's thread."""
-
-
 @dataclass(frozen=True, slots=True)
 class News:
-    """What is new: the state if it changed, telemetry and notices.
+    """News since the last look: the state if it changed, telemetry and notices.
 
-    ``fetched`` is what ``front`` has asked for.
+    ``fetched`` is the answer to the screen ``front``.
     """
 
     known: Known | None
-    front: Front | None
+    front: BaseScreen[Any] | None
     fetched: object
     lives: list[LiveNews]
     notices: list[Notice]
@@ -82,9 +72,9 @@ class Feed:
         # After a lost connection the old assessing thread may still be at work beside the new one.
         self._assessing = threading.Lock()
         self._clock = clock
-        self._front: Front | None = None
+        self._front: BaseScreen[Any] | None = None
         self._known = Known()
-        self._fetched: tuple[Front | None, object] = (None, None)
+        self._fetched: tuple[BaseScreen[Any] | None, object] = (None, None)
         self._changed = False
         # Appending to a deque needs no lock. Measured for one message: 0.6 us this way, 20 us by
         # Textual's post_message, 54 us by its call_from_thread.
@@ -96,7 +86,7 @@ class Feed:
         self._searches = KnownSearches()
         self.watch = RunWatch(self._lives, self._note_problem)
         self._closing = False
-        self.on_answer: Callable[[], object] = _nobody_waits
+        self.on_answer: Callable[[], object] = bool
         self._failure: Exception | None = None
         self._thread = threading.Thread(target=self._run, name="feed", daemon=True)
 
@@ -111,7 +101,7 @@ class Feed:
         if self._thread.is_alive():
             self._thread.join(timeout=5.0)
 
-    def look_at(self, front: Front) -> None:
+    def look_at(self, front: BaseScreen[Any]) -> None:
         """Fetch at once for the screen in front, or anew because it wants something else."""
         self._front = front
         self._hurry()
@@ -183,9 +173,9 @@ class Feed:
 
     def _breathe(self, daemon: DaemonClient) -> None:
         """Let some time pass between two looks; only what people wait for is answered at once."""
-        begun = now = time.monotonic()
+        start = now = time.monotonic()
         # A key that is held asks without a pause: all else must not wait for its end.
-        while now < begun + REFRESH and self._asked.wait(max(0.0, begun + _BREATH - now)):
+        while now < start + REFRESH and self._asked.wait(max(0.0, start + _BREATH - now)):
             if self._closing:
                 return
             # The last of several keys says what is wanted.
@@ -279,12 +269,9 @@ class Feed:
 
     def _act(self, daemon: DaemonClient, action: Action) -> None:
         try:
-            said = action(daemon)
+            self._notices.append(Notice(action(daemon)))
         except DaemonError as error:
             self._note_problem(str(error))
-        else:
-            if said:
-                self._notices.append(Notice(said))
 
     def _note_problem(self, text: str) -> None:
         self._notices.append(Notice(text, "error"))
@@ -304,10 +291,6 @@ def _campaigns(daemon: DaemonClient, about: str) -> tuple[CampaignRow, ...]:
     if about and about not in listed and (row := daemon.campaign(about)):
         listed[about] = row
     return tuple(listed.values())
-
-
-def _nobody_waits() -> None:
-    """What is new is taken when somebody looks."""
 
 
 def _drain(waiting: deque[T]) -> list[T]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -20,25 +19,27 @@ class FailureMoment:
     oracle: str
 
 
-def next_moment(moments: Sequence[FailureMoment], time: float) -> FailureMoment | None:
-    """Return the first of some moments, ordered by time, after ``time`` [s]."""
-    return next((m for m in moments if m.time > time + 1e-6), None)
-
-
-def previous_moment(moments: Sequence[FailureMoment], time: float) -> FailureMoment | None:
-    """Return the last of some moments, ordered by time, before ``time`` [s]."""
-    return next((m for m in reversed(moments) if m.time < time - 1e-6), None)
+def next_speed(speed: float, step: int) -> float:
+    """Return the next higher speed, or with a negative ``step`` the next lower one."""
+    further = [one for one in SPEEDS if (one - speed) * step > 0.0]
+    return further[0 if step > 0 else -1] if further else speed
 
 
 @dataclass(slots=True)
 class ReplayTransport:
-    """The moment shown, ``time`` [s], between ``start`` and ``end``."""
+    """The moment shown, ``time`` [s], between ``start`` and ``end``.
+
+    A run that goes on is ``live``: it is shown at its end while the transport ``follows``. It stays
+    at a moment that somebody goes back to, and follows again at the end.
+    """
 
     start: float
     end: float
     time: float
     speed: float = 1.0
     playing: bool = True
+    live: bool = False
+    follows: bool = False
 
     def advance(self, seconds: float) -> float:
         """Go on by ``seconds`` of the clock on the wall, stop at the end; return how far [s]."""
@@ -53,54 +54,21 @@ class ReplayTransport:
     def go(self, time: float) -> None:
         """Go to a moment, or the nearest there is."""
         self.time = min(max(time, self.start), self.end)
-
-    def toggle(self) -> None:
-        """Pause, go on, or begin anew at the end."""
-        if not self.playing and self.time >= self.end:
-            self.time = self.start
-        self.playing = not self.playing
-
-    def faster(self) -> None:
-        """Take the next higher speed."""
-        self.speed = next((s for s in SPEEDS if s > self.speed), SPEEDS[-1])
-
-    def slower(self) -> None:
-        """Take the next lower speed."""
-        self.speed = next((s for s in reversed(SPEEDS) if s < self.speed), SPEEDS[0])
-
-
-@dataclass(slots=True)
-class LiveTransport(ReplayTransport):
-    """The moment shown of a run that goes on: its last one while it ``follows``.
-
-    It stays at a moment that somebody goes back to, and follows again at the end.
-    """
-
-    playing: bool = False
-    follows: bool = True
+        self.follows = self.live and self.time >= self.end
 
     def grow(self, start: float, end: float) -> None:
-        """Take in that the run is known from ``start`` to ``end`` [s]."""
+        """Take in that a live run is known from ``start`` to ``end`` [s]."""
         # A run that begins anew, with another attempt, is another one.
         self.follows = self.follows or end < self.end
         self.start, self.end = start, end
         if self.follows:
             self.time = end
 
-    def go(self, time: float) -> None:
-        """Go to a moment, or the nearest there is."""
-        # Not super(): a dataclass with slots is another class than the one written here.
-        ReplayTransport.go(self, time)
-        self.follows = self.time >= self.end
-
     def toggle(self) -> None:
-        """Stay at this moment, or play on from where it stays."""
+        """Pause or go on, from the start at the end; stay at this moment of a run followed."""
         if self.follows:
             self.follows = False
-        else:
-            self.playing = not self.playing
-
-
-def follows(transport: ReplayTransport | None) -> bool:
-    """Return whether the moment shown goes along with a run that goes on."""
-    return isinstance(transport, LiveTransport) and transport.follows
+            return
+        if not (self.playing or self.live) and self.time >= self.end:
+            self.time = self.start
+        self.playing = not self.playing

@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import re
 import sys
+import threading
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -22,7 +23,7 @@ from textual.driver import Driver
 from textual.filter import LineFilter, Monochrome
 
 from grammars.text.terminal_text import printable, unfiltered
-from scenario_tui.terminal.capabilities import TerminalLimits
+from scenario_tui.terminal.capabilities import TerminalLimits, copy_to_tmux
 from scenario_tui.terminal.filters import AsciiGlyphs, PrintableText, ReducedColours
 from scenario_tui.terminal.printable_console import PrintableConsole
 
@@ -229,7 +230,10 @@ class LimitedTerminalApp(App[None]):
 
     def copy_to_clipboard(self, text: str) -> None:
         """Put text into the clipboard (OSC 52), without what would act where it is pasted."""
-        super().copy_to_clipboard(printable(text))
+        text = printable(text)
+        super().copy_to_clipboard(text)
+        # tmux ignores what programs inside of it ask the terminal for: it is asked itself.
+        threading.Thread(target=copy_to_tmux, args=(text,), daemon=True).start()
 
     def get_key_display(self, binding: Binding) -> str:
         """Name keys in words where there are no signs for them."""

@@ -70,7 +70,7 @@ class BaseScreen(Screen[None], Generic[T]):
 
     def command(self) -> str:
         """Return what to type to be told the same."""
-        return self.dashboard.command_lines.daemon_line("status")
+        return self.dashboard.target.command("status")
 
     def cursor_command(self) -> str:
         """Return what to type about what the cursor is on."""

@@ -189,9 +189,9 @@ class CampaignsScreen(FilteredScreen["RunPage"], SteeringScreen["RunPage"]):
         self.set_focus(grid if there else table, scroll_visible=False)
 
     def _nothing(self, known: Known) -> str:
-        lines = self.dashboard.command_lines
+        target = self.dashboard.target
         if known.connected:
-            line = lines.daemon_line("submit", "my-tests/campaign.yaml")
+            line = target.command("submit", "my-tests/campaign.yaml")
             key = self.key("submit")
             return _NOTHING.format(
                 submit=f"{key} chooses one, or type" if key else "Type", line=line
@@ -201,7 +201,7 @@ class CampaignsScreen(FilteredScreen["RunPage"], SteeringScreen["RunPage"]):
         if self.dashboard.launching and known.problem:
             return _LAUNCHING
         # A daemon is started where its state is, never at an address.
-        line = replace(lines, connect="").daemon_line("daemon")
+        line = replace(target, connect="").command("daemon")
         launch = f"{self.key('launch')} starts one. " if self.key("launch") else ""
         return _NOBODY.format(launch=launch, line=line) if known.problem else ""
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import ClassVar, Final
 
 from rich.text import Text
@@ -19,18 +18,19 @@ from scenario_tui.dashboard.live_tracks import Tracks
 from scenario_tui.dashboard.screens.maps import MapActions
 from scenario_tui.dashboard.screens.standalone import StandaloneScreen
 from scenario_tui.dashboard.teleoperation import Axis, Teleoperation
+from scenario_tui.dashboard.transport import next_speed
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
 from scenario_tui.dashboard.widgets.map_legend import MapLegend
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.top_view import TopView
-from scenario_tui.terminal.capabilities import copy_to_tmux
 from scenario_tui.text.styles import BAD, QUIET, UNSURE
 
 FRAMES: Final = 10
 """How often a second the view is drawn."""
 COMMANDS: Final = 20
 """How often a second a key that is held commands: more often than the timeout of any drive."""
-SPEEDS: Final = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+FASTEST: Final = 100.0
+"""Times as fast as the clock on the wall that a stack may be served at most."""
 SOURCE: Final = "keys"
 """Whose commands those of this screen are."""
 
@@ -142,10 +142,8 @@ class LiveScreen(StandaloneScreen, MapActions):
 
     def action_faster(self, step: int) -> None:
         """Go at the next speed, or the one before."""
-        speed = self._simulation.status.speed
-        further = [s for s in SPEEDS if (s > speed if step > 0 else s < speed)]
-        if further:
-            self._simulation.set_speed(further[0] if step > 0 else further[-1])
+        speed = next_speed(self._simulation.status.speed, step)
+        self._simulation.set_speed(min(speed, FASTEST))
 
     def action_reset(self) -> None:
         """Begin anew."""
@@ -165,8 +163,6 @@ class LiveScreen(StandaloneScreen, MapActions):
     def action_copy(self) -> None:
         """Put what is to be typed elsewhere into the clipboard."""
         self.app.copy_to_clipboard(self._to_type)
-        # tmux ignores what programs inside of it ask the terminal for, and is told itself.
-        self.run_worker(partial(copy_to_tmux, self._to_type), thread=True)
         self.notify(f"copied: {self._to_type}", markup=False)
 
 

@@ -11,13 +11,7 @@ from textual.screen import Screen
 
 from daemon.model.assessments import Mark
 from daemon.model.verdicts import Outcome
-from scenario_tui.dashboard.transport import (
-    FLASH,
-    FailureMoment,
-    ReplayTransport,
-    next_moment,
-    previous_moment,
-)
+from scenario_tui.dashboard.transport import FLASH, FailureMoment, ReplayTransport, next_speed
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.text.run_text import NO_MARKS, by_severity
 
@@ -26,7 +20,7 @@ if TYPE_CHECKING:
 
 FRAMES: Final = 10
 """How often a second the view is drawn while it plays."""
-_NEEDS_RUN: Final = ("play", "scrub", "edge", "faster", "slower", "next", "previous")
+_NEEDS_RUN: Final = ("play", "scrub", "edge", "speed", "failure")
 
 
 class PlayingScreen(Screen[None]):
@@ -45,13 +39,13 @@ class PlayingScreen(Screen[None]):
                 tooltip="Ten seconds on"),
         Binding("home", "edge(False)", "Start", show=False, id="start", tooltip="To the start"),
         Binding("end", "edge(True)", "End", show=False, id="end", tooltip="To the end"),
-        Binding("plus,equals_sign", "faster", "Faster", key_display="+", show=False, id="faster",
+        Binding("plus,equals_sign", "speed(1)", "Faster", key_display="+", show=False, id="faster",
                 tooltip="Up to 1000x"),
-        Binding("minus", "slower", "Slower", key_display="-", show=False, id="slower",
+        Binding("minus", "speed(-1)", "Slower", key_display="-", show=False, id="slower",
                 tooltip="Down to 0.1x"),
-        Binding("n", "next", "Next ✗", id="next-failure",
+        Binding("n", "failure(1)", "Next ✗", id="next-failure",
                 tooltip="To when the next oracle was decided against"),
-        Binding("N", "previous", "Previous ✗", show=False, id="previous-failure",
+        Binding("N", "failure(-1)", "Previous ✗", show=False, id="previous-failure",
                 tooltip="The one before"),
         Binding("right_square_bracket", "signals(1)", "More signals", show=False, id="signals-on",
                 tooltip="Signals further down"),
@@ -127,39 +121,29 @@ class PlayingScreen(Screen[None]):
         """Go to the start or the end."""
         self._change(lambda transport: transport.go(transport.end if end else transport.start))
 
-    def action_faster(self) -> None:
-        """Play faster."""
-        self._change(lambda transport: transport.faster())
-
-    def action_slower(self) -> None:
-        """Play slower."""
-        self._change(lambda transport: transport.slower())
+    def action_speed(self, step: int) -> None:
+        """Play faster, or slower."""
+        # Without a transport no key gets here.
+        assert self.transport is not None
+        self.transport.speed = next_speed(self.transport.speed, step)
+        self.show_moment()
 
     def _change(self, change: Callable[[ReplayTransport], None]) -> None:
-        # Without a transport no key gets here.
         assert self.transport is not None
         change(self.transport)
         self.show_moment()
         self.query_one(TimelineView).reveal()
 
-    def action_next(self) -> None:
-        """Go to the next moment an oracle was decided against, behind the last to the first."""
+    def action_failure(self, step: int) -> None:
+        """Go to the next moment an oracle was decided against, or the one before, in a circle."""
         # A finished run opens at its end: behind that the first moment is what is looked for.
         assert self.transport is not None
-        moments = self.moments()
-        self._jump(next_moment(moments, self.transport.time) or next(iter(moments), None))
-
-    def action_previous(self) -> None:
-        """Go to the moment before an oracle was decided against, before the first to the last."""
-        assert self.transport is not None
-        moments = self.moments()
-        self._jump(previous_moment(moments, self.transport.time) or next(reversed(moments), None))
-
-    def _jump(self, moment: FailureMoment | None) -> None:
-        if moment is None:
-            self.notify("no oracle was decided against")
+        moments, time = self.moments(), self.transport.time
+        further = [one for one in moments if (one.time - time) * step > 1e-6] or moments
+        if further:
+            self.show_failure(further[0 if step > 0 else -1])
         else:
-            self.show_failure(moment)
+            self.notify("no oracle was decided against")
 
     def action_signals(self, step: int) -> None:
         """Show signals further down or up."""

@@ -28,13 +28,7 @@ from scenario_tui.dashboard.screens.playing import PlayingScreen, clock_line, de
 from scenario_tui.dashboard.screens.run_panel import RunMap, expectations_of, marks_of, track_of
 from scenario_tui.dashboard.screens.steering import SteeringScreen
 from scenario_tui.dashboard.state import Known
-from scenario_tui.dashboard.transport import (
-    FLASH,
-    FailureMoment,
-    LiveTransport,
-    ReplayTransport,
-    follows,
-)
+from scenario_tui.dashboard.transport import FLASH, FailureMoment, ReplayTransport
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import VerdictList
 from scenario_tui.dashboard.widgets.timeline import TimelineView
@@ -135,7 +129,8 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """One key plays a run, and stays where it is in one that is followed."""
-        if action in ("play", "stay") and follows(self.transport) != (action == "stay"):
+        follows = self.transport is not None and self.transport.follows
+        if action in ("play", "stay") and follows != (action == "stay"):
             return False
         return super().check_action(action, parameters)
 
@@ -238,11 +233,13 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
         if self._recording is not None:
             now = self._telling_moment(self._recording)
             if before is not None:
-                now = run.end if follows(before) else self._recording.within(before.time)
+                now = run.end if before.follows else self._recording.within(before.time)
             self.begin(ReplayTransport(run.start, run.end, now, playing=False))
             return
-        if not isinstance(before, LiveTransport):
-            self.transport = before = LiveTransport(run.start, run.end, run.end)
+        if before is None or not before.live:
+            self.transport = before = ReplayTransport(
+                run.start, run.end, run.end, playing=False, live=True, follows=True
+            )
             self.refresh_bindings()
         before.grow(run.start, run.end)
         self.show_moment()
@@ -260,7 +257,7 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
         run, transport = self._run, self.transport
         line = marked_word(detail.row, expectations_of(self.dashboard, detail.row))
         track = self._live.track if self._recording is None else None
-        if track is not None and (transport is None or follows(transport)):
+        if track is not None and (transport is None or transport.follows):
             silence, wide = self.dashboard.tracks.silence(track), self.has_class("-wide")
             line.append_text(live_text(track, silence, wide=wide))
         elif transport is not None:

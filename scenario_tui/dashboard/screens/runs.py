@@ -176,10 +176,10 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
         """Return what to type for the runs of the campaign, the same ones where that can be."""
         row, query = self.campaign(), self._query
         if row is None or not self._campaign:
-            return self.dashboard.command_lines.daemon_line("status")
+            return self.dashboard.target.command("status")
         narrowed = [("--outcome", query.outcome), ("--filter", query.text)]
         options = [word for option in narrowed if option[1] for word in option]
-        return self.dashboard.command_lines.daemon_line("results", row.id, *(options or ["--runs"]))
+        return self.dashboard.target.command("results", row.id, *(options or ["--runs"]))
 
     def cursor_command(self) -> str:
         """Return what to type about the run under the cursor."""

@@ -206,7 +206,7 @@ class SteeringScreen(BaseScreen[T]):
         return self._line("search" if row.search else "results", row.id)
 
     def _line(self, command: str, *arguments: str) -> str:
-        return self.dashboard.command_lines.daemon_line(command, *arguments)
+        return self.dashboard.target.command(command, *arguments)
 
     def why_not(self, action: str, *parameters: object) -> str:
         """Return why an action is impossible now, empty if it is possible."""
@@ -286,10 +286,11 @@ class SteeringScreen(BaseScreen[T]):
         overview = dashboard.known.overview
         if row is None or overview is None:
             return
-        page = Path.cwd() / f"{row.id}.html"
-        arguments = dashboard.command_lines.local_arguments(
-            Path(overview.state), "report", row.id, "-o", page.name
-        )
+        page, state = Path.cwd() / f"{row.id}.html", Path(overview.state)
+        arguments = ["report", row.id, "-o", page.name]
+        # The directory is named unless the command finds it: what people may type stays short.
+        if dashboard.target.state or state != StatePaths.find().state:
+            arguments += ["--state", str(dashboard.target.state or state)]
         command, doing = command_line(*arguments), f"writing the report of {row.id}"
         if doing in dashboard.running_jobs:
             dashboard.notify(f"… {doing} already", markup=False)
@@ -307,7 +308,7 @@ class SteeringScreen(BaseScreen[T]):
             dashboard.running_jobs.discard(doing)
             dashboard.problem(why)
 
-        dashboard.start_task(partial(dashboard.run_command, arguments), done, failed)
+        dashboard.start_task(partial(dashboard.run_command, tuple(arguments)), done, failed)
 
 
 def has_display(environ: Mapping[str, str]) -> bool:

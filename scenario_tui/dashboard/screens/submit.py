@@ -103,7 +103,7 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
         path = self._chosen()
         name = "CAMPAIGN.yaml" if path is None else relative_name(path, self._here)
         fresh = ("--fresh",) if self._fresh else ()
-        return self.dashboard.command_lines.daemon_line("submit", name, *fresh)
+        return self.dashboard.target.command("submit", name, *fresh)
 
     def fetch(self, daemon: DaemonClient, known: Known) -> tuple[WorkerRow, ...]:
         """Return the workers, which say how many runs go at a time."""

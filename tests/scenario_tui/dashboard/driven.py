@@ -11,8 +11,9 @@ from pathlib import Path
 from textual.command import Command, CommandList
 from textual.widgets import Input
 
-from scenario_tui.dashboard.commands import CommandAnswer, CommandLines
+from scenario_tui.dashboard.commands import CommandAnswer
 from scenario_tui.dashboard.config import Config
+from scenario_tui.source import DaemonTarget
 from tests.daemon.batch.harness import DEADLINE
 from tests.scenario_tui.dashboard.inline import press, settle
 from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon
@@ -66,7 +67,7 @@ def configured(**settings):
 
 
 def local(state):
-    return CommandLines("", state)
+    return DaemonTarget(state=state)
 
 
 async def eventually(condition, pilot=None):

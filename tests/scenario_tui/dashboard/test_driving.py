@@ -159,7 +159,7 @@ async def test_the_report_is_made_and_its_place_is_said(fake, tmp_path, monkeypa
     (tmp_path / "ledger.db").touch()
     fake.state = str(tmp_path)
     ask = Commands({"answer": "Yes. All is as expected."})
-    async with opened(fake, run_command=ask, command_lines=local(tmp_path)) as pilot:
+    async with opened(fake, run_command=ask, target=local(tmp_path)) as pilot:
         await settle(pilot)
         await press(pilot, "o")
         assert f"goes on writing the report of {CAMPAIGN}" in pilot.app.farewell()

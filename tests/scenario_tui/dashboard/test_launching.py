@@ -107,7 +107,7 @@ def test_none_is_started_behind_the_back_of_who_named_one_or_only_looks(
     launchers = []
 
     def run(*given):
-        launchers.append(given[3])
+        launchers.append(given[2])
         return 0, "left"
 
     monkeypatch.setattr(tui, "why_no_screen", lambda: "")

@@ -17,7 +17,7 @@ from grammars.model.geometry import Pose2
 from grammars.text import codec
 from scenario_tui.dashboard.live_tracks import HeardMoment, Tracks
 from scenario_tui.dashboard.run_timeline import clearance_along, heard_timeline, live_timeline
-from scenario_tui.dashboard.transport import LiveTransport
+from scenario_tui.dashboard.transport import ReplayTransport
 from scenario_tui.dashboard.widgets.tables import VerdictList
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.dashboard.widgets.top_view import TopView
@@ -403,7 +403,7 @@ async def test_enter_on_a_verdict_so_far_goes_to_its_moment_and_the_list_alone_d
 
 
 def test_a_run_that_begins_anew_is_followed_from_its_start():
-    transport = LiveTransport(0.0, 50.0, 50.0)
+    transport = ReplayTransport(0.0, 50.0, 50.0, playing=False, live=True, follows=True)
     transport.go(20.0)
     transport.grow(0.0, 3.0)
     assert (transport.time, transport.follows) == (3.0, True)

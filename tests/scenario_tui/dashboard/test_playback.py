@@ -9,12 +9,7 @@ import pytest
 from daemon.trace import TraceError
 from grammars.model.robot import Mount
 from scenario_tui.dashboard.playback import Playback, open_playback, render_frame, timeline_bar
-from scenario_tui.dashboard.transport import (
-    SPEEDS,
-    ReplayTransport,
-    next_moment,
-    previous_moment,
-)
+from scenario_tui.dashboard.transport import ReplayTransport, next_speed
 from scenario_tui.dashboard.widgets.map_frame import draw_view
 from scenario_tui.text.run_text import verdict_lines
 from tests.scenario_tui.fake import ROBOT
@@ -107,13 +102,6 @@ def test_plans_are_dotted_where_trails_are_not(playback):
 
 def test_moments_are_those_oracles_were_decided_against(playback):
     assert [(m.time, m.oracle) for m in playback.moments] == [(HIT, "no-contact"), (TURNED, "calm")]
-    first, second = playback.moments
-    assert next_moment(playback.moments, 0.0) == first
-    assert next_moment(playback.moments, first.time) == second
-    assert next_moment(playback.moments, second.time) is None
-    assert previous_moment(playback.moments, 9.0) == second
-    assert previous_moment(playback.moments, second.time) == first
-    assert previous_moment(playback.moments, 0.0) is None
 
 
 @pytest.mark.parametrize(
@@ -175,12 +163,7 @@ def test_time_goes_as_fast_as_the_speed_and_stops_at_the_end():
 
 
 def test_speeds_go_from_a_tenth_to_a_thousand():
-    transport = ReplayTransport(0.0, 1.0, 0.0, speed=3.0)
-    transport.faster()
-    assert transport.speed == 5.0
-    for _ in SPEEDS:
-        transport.faster()
-    assert transport.speed == 1000.0
-    for _ in range(20):
-        transport.slower()
-    assert transport.speed == 0.1
+    assert next_speed(3.0, 1) == 5.0
+    assert next_speed(3.0, -1) == 2.0
+    assert next_speed(1000.0, 1) == 1000.0
+    assert next_speed(0.1, -1) == 0.1
