@@ -1,4 +1,4 @@
-"""How campaigns stand, judged one after another beside what is shown."""
+"""Conclusions about campaigns, judged one after another while others are shown."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _State: TypeAlias = "tuple[CampaignRow, int]"
 class CampaignAssessor:
     """Remembers how campaigns stand; one step judges one campaign at most.
 
-    ``conclusions`` and ``results`` (of the campaign that is wanted) are replaced and never changed,
+    ``conclusions`` and ``results`` (of the campaign in front) are replaced and never changed,
     so that other threads may read them.
     """
 
@@ -52,11 +52,11 @@ class CampaignAssessor:
         """Note that something of a campaign changed, even if its counts stay the same."""
         self._touches[campaign] = self._touches.get(campaign, 0) + 1
 
-    def step(self, daemon: DaemonClient, campaigns: Sequence[CampaignRow], wanted: str) -> bool:
+    def step(self, daemon: DaemonClient, campaigns: Sequence[CampaignRow], about: str) -> bool:
         """Judge the campaign that needs it most; return whether there was one."""
         self._forget_others(campaigns)
         began = self._clock()
-        row = self._next(campaigns, wanted, began) if began >= self._rest_until else None
+        row = self._next(campaigns, about, began) if began >= self._rest_until else None
         if row is None:
             return False
         # Loaded with the first campaign: the first screen does without.
@@ -65,7 +65,7 @@ class CampaignAssessor:
         state = self._state(row)
         results = read_results(daemon, row)
         conclusion = conclude(results)
-        if row.id == wanted:
+        if row.id == about:
             self.results = results
         self.conclusions = {**self.conclusions, row.id: conclusion}
         ended = self._clock()
@@ -78,32 +78,25 @@ class CampaignAssessor:
         """Forget campaigns that are listed no more: deleted ones, and those long past."""
         listed = {row.id for row in campaigns}
         # Lists: another thread may note a change meanwhile.
-        for gone in {*self._seen, *list(self._touches)} - listed:
-            for known in (self._seen, self._at, self._touches):
-                known.pop(gone, None)
+        for campaign in {*self._seen, *list(self._touches)} - listed:
+            for memory in (self._seen, self._at, self._touches):
+                memory.pop(campaign, None)
         if not listed.issuperset(self.conclusions):
             self.conclusions = {name: c for name, c in self.conclusions.items() if name in listed}
         if self.results is not None and self.results.row.id not in listed:
             self.results = None
 
-    def _next(
-        self, campaigns: Sequence[CampaignRow], wanted: str, now: float
-    ) -> CampaignRow | None:
-        first = (row for row in campaigns if row.id == wanted)
-        due = (
-            row for row in (*first, *campaigns[:CAMPAIGNS_ASSESSED]) if self._due(row, wanted, now)
-        )
-        return next(due, None)
+    def _next(self, campaigns: Sequence[CampaignRow], about: str, now: float) -> CampaignRow | None:
+        first = (row for row in campaigns if row.id == about)
+        rows = (*first, *campaigns[:CAMPAIGNS_ASSESSED])
+        return next((row for row in rows if self._is_due(row, row.id == about, now)), None)
 
-    def _due(self, row: CampaignRow, wanted: str, now: float) -> bool:
-        before, shown = self._seen.get(row.id), row.id == wanted
-        if before is None or (shown and not self._holds(wanted)):
+    def _is_due(self, row: CampaignRow, is_front: bool, now: float) -> bool:
+        has_results = self.results is not None and self.results.row.id == row.id
+        if row.id not in self._seen or (is_front and not has_results):
             return True
-        wait = self._every if shown else self._elsewhere
-        return self._state(row) != before and now >= self._at[row.id] + wait
-
-    def _holds(self, campaign: str) -> bool:
-        return self.results is not None and self.results.row.id == campaign
+        wait = self._every if is_front else self._elsewhere
+        return self._state(row) != self._seen[row.id] and now >= self._at[row.id] + wait
 
     def _state(self, row: CampaignRow) -> _State:
         return row, self._touches.get(row.id, 0)

@@ -63,8 +63,7 @@ class Question(ModalScreen[str]):
             text.append("   ")
         text.append("\n\n")
         text.append_text(same_as(self._command))
-        with Vertical(classes="dialog"):
-            yield Static(text)
+        yield Vertical(Static(text), classes="dialog")
 
 
 class Refusal(ModalScreen[None]):
@@ -114,14 +113,7 @@ class Menu(ModalScreen[str]):
     AUTO_FOCUS = "OptionList"
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("escape,q", "dismiss", "Close", id="close", tooltip="Leave it as it is"),
-        Binding(
-            "j",
-            "move(1)",
-            "Down",
-            id="down",
-            show=False,
-            tooltip="The next choice",
-        ),
+        Binding("j", "move(1)", "Down", id="down", show=False, tooltip="The next choice"),
         Binding("k", "move(-1)", "Up", id="up", show=False, tooltip="The choice before"),
     ]
 

@@ -44,13 +44,14 @@ CommandLine = Callable[..., str]
 
 _LOST: Final = "lost|cancelled"
 """Runs that `scenario retry` queues again without --only."""
-_KINDS: Final = (
-    ("l", "lost and cancelled", _LOST),
-    ("f", "failed", "fail"),
-    ("e", "broken (error)", "error"),
-    ("i", "inconclusive", "inconclusive"),
-    ("a", "all that are over", "all"),
+_KINDS: Final[tuple[tuple[str, str, str, Callable[[CampaignRow], int]], ...]] = (
+    ("l", "lost and cancelled", _LOST, lambda row: row.lost + row.cancelled),
+    ("f", "failed", "fail", lambda row: row.failed),
+    ("e", "broken (error)", "error", lambda row: row.errors),
+    ("i", "inconclusive", "inconclusive", lambda row: row.inconclusive),
+    ("a", "all that are over", "all", lambda row: row.done + row.lost + row.cancelled),
 )
+"""Key, words, argument of --only and number of each kind of runs to queue again."""
 _SSH: Final = ("SSH_CONNECTION", "SSH_CLIENT", "SSH_TTY")
 _DISPLAYS: Final = ("DISPLAY", "WAYLAND_DISPLAY")
 _OPENERS: Final = ("xdg-open", "open")
@@ -97,25 +98,14 @@ def _ask_priority(row: CampaignRow, line: CommandLine) -> Prompt:
 
 def _ask_kind(row: CampaignRow, line: CommandLine) -> Menu:
     choices = []
-    for key, words, only in _KINDS:
-        runs = _over(row, only)
+    for key, words, only, count in _KINDS:
+        runs = count(row)
         text = f"{words}: {runs:,}" if runs else words
         command = line(RETRY.command, row.id, *_only(only))
         choices.append(MenuChoice(only, key, text, command, "" if runs else "none"))
     waits = "It is paused: they wait until it is resumed. " if row.paused else ""
     note = f"{waits}Runs that have a result keep it: running them again checks it."
     return Menu(f"Retry which runs of {row.id}?", choices, note)
-
-
-def _over(row: CampaignRow, only: str) -> int:
-    """Return how many runs of a kind can be queued again."""
-    return {
-        _LOST: row.lost + row.cancelled,
-        "fail": row.failed,
-        "error": row.errors,
-        "inconclusive": row.inconclusive,
-        "all": row.done + row.lost + row.cancelled,
-    }[only]
 
 
 def _only(kind: str) -> tuple[str, ...]:
@@ -144,7 +134,7 @@ _STEERING: Final[Mapping[str, _Steering]] = {
     ),
     "retry": _Steering(
         RETRY,
-        lambda row: "" if _over(row, "all") else f"No run of {row.id} is over: nothing to retry.",
+        lambda row: "" if _KINDS[-1][-1](row) else f"No run of {row.id} is over: nothing to retry.",
         _ask_kind,
         lambda answer: (_only(answer), {"only": answer}),
     ),

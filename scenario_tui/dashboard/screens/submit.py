@@ -183,7 +183,11 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
         else:
             checked = self._checked[path][1]
             text = _checked_text(checked, self._here)
-            append_plan(text, checked, relative_name(path, self._here), self._slots, self._fresh)
+            if checked.plan is not None:
+                text.append(f"\n\n{plan_text(checked.plan, self._slots, fresh=self._fresh)}")
+            if checked.searches:
+                name = Path(relative_name(path, self._here))
+                text.append(f"\n\n{searches_text(name, checked.searches)}", style=QUIET)
         if self._refused:
             text.append(f"\n\n{self._refused}", "fail")
         text.append("\n\n")
@@ -252,14 +256,6 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
             self._line.value = ""
         else:
             super().action_back()
-
-
-def append_plan(text: Text, checked: CheckedFile, name: str, slots: int, fresh: bool) -> None:
-    """Add the runs of a file called ``name`` that would be executed, and its searches."""
-    if checked.plan is not None:
-        text.append(f"\n\n{plan_text(checked.plan, slots, fresh=fresh)}")
-    if checked.searches:
-        text.append(f"\n\n{searches_text(Path(name), checked.searches)}", style=QUIET)
 
 
 def _checked_text(checked: CheckedFile, here: Path) -> Text:

@@ -55,7 +55,6 @@ class Canvas:
     def __init__(self, columns: int, rows: int, layers: int) -> None:
         self.columns, self.rows = columns, rows
         self._dots: Cells = np.zeros((layers, rows, columns), dtype=np.uint8)
-        self._glyphs: dict[tuple[int, int], tuple[str, int]] = {}
 
     @property
     def width(self) -> int:
@@ -104,12 +103,6 @@ class Canvas:
         for (row, column), bit in np.ndenumerate(DOT_BITS):
             dots |= filled[row::4, column::2] * bit
 
-    def glyph(self, x: float, y: float, character: str, layer: int) -> None:
-        """Put a character into the cell that holds the dot (x, y), over all dots."""
-        column, row = int(x // 2), int(y // 4)
-        if 0 <= column < self.columns and 0 <= row < self.rows:
-            self._glyphs[(row, column)] = (character, layer)
-
     def cells(self) -> tuple[Codes, Codes]:
         """Return code points and layers, shape (rows, columns) each; layer -1 is empty.
 
@@ -120,9 +113,6 @@ class Canvas:
         for layer, dots in enumerate(self._dots):
             owners[dots > 0] = layer
         codes[owners < 0] = ord(" ")
-        for place, (character, layer) in self._glyphs.items():
-            codes[place] = ord(character)
-            owners[place] = layer
         return codes, owners
 
 

@@ -119,7 +119,10 @@ class SearchGraph:
         self._gutter = min(_GUTTER, columns // 3)
         self._canvas = Canvas(columns - self._gutter, rows - 1, 5)
         self._low, self._high = value_limits(curve)
-        self._draw()
+        self._draw_best()
+        self._draw_runs()
+        self._write_margins()
+        self._write_axis()
 
     def _across(self, positions: npt.ArrayLike) -> Floats:
         last = self._canvas.width - 1
@@ -131,56 +134,47 @@ class SearchGraph:
         dots: Floats = np.clip(share, 0.0, 1.0) * (self._canvas.height - 1)
         return dots
 
-    def _draw(self) -> None:
-        canvas = self._canvas
+    def _draw_best(self) -> None:
+        """Draw the limit, and the best value so far, a column of dots after the other."""
+        curve, canvas = self._curve, self._canvas
         x = np.arange(0.0, canvas.width, _DOTS)
         canvas.points(np.column_stack([x, np.full(len(x), self._down(0.0))]), _LIMIT)
-        self._best()
-        self._runs()
-        codes, owners = canvas.cells()
-        self.codes[:-1, self._gutter :], self.owners[:-1, self._gutter :] = codes, owners
-        self._margins()
-        self._axis()
+        if len(curve.best):
+            # The last run that falls into a column: of many the smallest so far.
+            edges = (np.arange(canvas.width) + 0.5) * (curve.room - 1) / max(canvas.width - 1, 1)
+            at = np.minimum(np.floor(edges).astype(np.int64), len(curve.best) - 1)
+            y = self._down(curve.best[at])
+            reached = np.arange(canvas.width) <= self._across(len(curve.best) - 1) + 1
+            x = np.flatnonzero(np.isfinite(y) & reached)
+            # Down from the value of the column before, which is not below this one.
+            canvas.bars(x.astype(np.int32), np.fmin(y[np.maximum(x - 1, 0)], y[x]), y[x], _BEST)
 
-    def _best(self) -> None:
-        """Draw the best value so far, a column of dots after the other."""
-        values, width = self._curve.best, self._canvas.width
-        if not len(values):
-            return
-        # The last run that falls into a column: of many the smallest so far.
-        edges = (np.arange(width) + 0.5) * (self._curve.room - 1) / max(width - 1, 1)
-        at = np.minimum(np.floor(edges).astype(np.int64), len(values) - 1)
-        y = self._down(values[at])
-        reached = np.arange(width) <= self._across(len(values) - 1) + 1
-        x = np.flatnonzero(np.isfinite(y) & reached)
-        before = np.where(np.isfinite(y[np.maximum(x - 1, 0)]), y[np.maximum(x - 1, 0)], y[x])
-        self._canvas.lines(np.column_stack([x, before, x, y[x]]), _BEST)
-
-    def _runs(self) -> None:
+    def _draw_runs(self) -> None:
         """Draw every run as a dot, larger while there is room; of failures the worst by sign."""
-        curve, canvas = self._curve, self._canvas
+        curve, canvas, cells = self._curve, self._canvas, slice(self._gutter, None)
         x, y = self._across(curve.at), self._down(curve.value)
         for layer, those in ((_RUN, ~curve.fails), (_FAIL, curve.fails)):
             canvas.points(np.column_stack([x[those], y[those]]), layer)
-        if curve.room <= canvas.width:
-            for at in np.flatnonzero(~curve.fails).tolist():
-                canvas.glyph(x[at], y[at], "•", _RUN)
+        self.codes[:-1, cells], self.owners[:-1, cells] = canvas.cells()
         failed = np.flatnonzero(curve.fails)
-        signs = {int(x[at] // 2): at for at in failed[np.argsort(-curve.value[failed])].tolist()}
-        for at in signs.values():
-            canvas.glyph(x[at], y[at], GLYPHS["fail"], _FAIL)
+        passed = np.flatnonzero(~curve.fails) if curve.room <= canvas.width else ()
+        signs = dict.fromkeys(passed, ("•", _RUN))
+        worst = {int(x[at] // 2): at for at in failed[np.argsort(-curve.value[failed])]}
+        signs |= dict.fromkeys(worst.values(), (GLYPHS["fail"], _FAIL))
+        for at, (sign, owner) in signs.items():
+            self._write(int(y[at] // 4), self._gutter + int(x[at] // 2), sign, owner)
 
-    def _margins(self) -> None:
+    def _write_margins(self) -> None:
         """Write the margins of the edges and of the limit beside the graph."""
         rows = self._canvas.rows
         limit = int(self._down(0.0) // 4)
         self._write(limit, 0, "0".rjust(self._gutter - 2) + " ┈", _LIMIT)
         for row, value in ((0, self._high), (rows - 1, self._low)):
             if row != limit:
-                said = format_quantity(value, self._curve.unit)
-                self._write(row, 0, said[: self._gutter - 1].rjust(self._gutter - 2), _WORDS)
+                text = format_quantity(value, self._curve.unit)
+                self._write(row, 0, text[: self._gutter - 1].rjust(self._gutter - 2), _WORDS)
 
-    def _axis(self) -> None:
+    def _write_axis(self) -> None:
         """Write below the graph which run is where, where phases begin, what has no margin."""
         row, at, curve = self._canvas.rows, self._gutter, self._curve
         width = self._canvas.columns
@@ -191,10 +185,10 @@ class SearchGraph:
         free = at + 2
         for position, phase in curve.phases:
             column = max(at + int(self._across(position) // 2), free)
-            said = f"│{phase}"
-            if column + len(said) <= at + width - len(last) - 1:
-                self._write(row, column, said, _WORDS)
-                free = column + len(said) + 1
+            text = f"│{phase}"
+            if column + len(text) <= at + width - len(last) - 1:
+                self._write(row, column, text, _WORDS)
+                free = column + len(text) + 1
         # Beside the numbers at the ends, not over them.
         first, end = at + 1, max(at + width - len(last) - 1, at + 1)
         for position, sign in curve.unknown:

@@ -62,14 +62,13 @@ def test_a_line_has_no_gaps_and_keeps_to_its_way(x0, y0, x1, y1):
         assert off <= 0.75 * max(length, 1.0)
 
 
-def test_a_cell_belongs_to_its_highest_layer_and_a_glyph_hides_dots():
+def test_a_cell_belongs_to_its_highest_layer():
     canvas = Canvas(2, 1, 3)
     canvas.points(np.array([[0.0, 0.0]]), 0)
     canvas.points(np.array([[1.0, 3.0]]), 2)
-    canvas.glyph(3, 2, "◆", 1)
     codes, owners = canvas.cells()
-    assert owners.tolist() == [[2, 1]]
-    assert "".join(map(chr, codes[0])) == "⢁◆"
+    assert owners.tolist() == [[2, -1]]
+    assert "".join(map(chr, codes[0])) == "⢁ "
 
 
 def test_lintels_are_above_the_eye_and_leave_the_doorway_open():
