@@ -44,8 +44,8 @@ def run_command(arguments: tuple[str, ...]) -> CommandAnswer:
     try:
         answer: CommandAnswer = json.loads(done.stdout)
     except ValueError as error:
-        said = [line for line in done.stderr.splitlines() if line.strip()]
-        last = said[-1] if said else f"it left with code {done.returncode}"
+        words = [line for line in done.stderr.splitlines() if line.strip()]
+        last = words[-1] if words else f"it left with code {done.returncode}"
         message = f"{command_line(*arguments)}: {last.removeprefix('scenario: ')}"
         raise DaemonError(message) from error
     if answer.get("schema") == _ERROR:

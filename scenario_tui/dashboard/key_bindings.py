@@ -92,12 +92,12 @@ def _unknown_ids(config: Config, where: Where) -> Iterator[Finding]:
 
 def _unknown_keys(config: Config, where: Where) -> Iterator[Finding]:
     # Textual takes any name and then waits for a key that never comes.
-    known = {key.value.rpartition("+")[2] for key in Keys}
-    known |= {_character_to_key(chr(code)) for code in range(33, 127)}
+    names = {key.value.rpartition("+")[2] for key in Keys}
+    names |= {_character_to_key(chr(code)) for code in range(33, 127)}
     for name, keys in config.keys.items():
         for key in keys.split(","):
             *modifiers, last = key.split("+")
-            if not (set(modifiers) <= _MODIFIERS and (len(last) == 1 or last in known)):
+            if not (set(modifiers) <= _MODIFIERS and (len(last) == 1 or last in names)):
                 message = f'{name}: "{key}" is no key'
                 hint = 'keys are like "x", "X", "f5", "ctrl+d" or "slash"'
                 yield Finding(where, message, hint)

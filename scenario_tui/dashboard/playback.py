@@ -56,7 +56,6 @@ class Playback:
         self,
         trace: Trace,
         verdicts: Sequence[Verdict],
-        label: str = "",
         outputs: Mapping[str, str] | None = None,
         marks: Mapping[str, MeasuredMark] | None = None,
     ) -> None:
@@ -70,7 +69,7 @@ class Playback:
         self.outputs = dict(outputs or {})
         self._marks = dict(marks or {})
         spec = trace.spec
-        self.label = label or f"{spec.scenario}/{spec.sut.name}/{spec.repeat}"
+        self.label = f"{spec.scenario}/{spec.sut.name}/{spec.repeat}"
         self.start, self.end = float(way.time[0]), float(way.time[-1])
         self.moments = failure_moments(verdicts)
         state = StackState()
@@ -129,8 +128,8 @@ class Playback:
         index = _last(track.time, time)
         if index < 0:
             return None
-        found = track.covariance[index]
-        return float(found[0, 0]), float(found[0, 1]), float(found[1, 1])
+        (xx, xy), (_, yy) = track.covariance[index][:2, :2].tolist()
+        return xx, xy, yy
 
     def joints(self, time: float) -> tuple[float, ...]:
         """Return all joint positions at ``time``, in the order of the scene."""
@@ -188,8 +187,8 @@ class Playback:
 
     def stack_line(self, time: float) -> str:
         """Return what the stack reported of itself last until ``time``, empty without reports."""
-        taken = bisect_right(self.trace.reports, time + 1e-9, key=lambda report: report.time)
-        return self._stack_lines[taken]
+        count = bisect_right(self.trace.reports, time + 1e-9, key=lambda report: report.time)
+        return self._stack_lines[count]
 
     def _costmaps(self, time: float) -> dict[str, Floats]:
         """Return the cells of each costmap that block the robot (n, 2) [m], by its scope."""
@@ -208,12 +207,12 @@ class Playback:
         estimate, odometry = self.trace.estimate, self.trace.odometry
         index = _last(estimate.time, costmap.time)
         believed = self.trace.spec.mission.start if index < 0 else _pose_at(estimate, index)
-        taken = self.start if index < 0 else float(estimate.time[index])
-        return believed @ _pose_at(odometry, _last(odometry.time, taken, 0)).inverse()
+        moment = self.start if index < 0 else float(estimate.time[index])
+        return believed @ _pose_at(odometry, _last(odometry.time, moment, 0)).inverse()
 
     @cached_property
     def log(self) -> LogExcerpt:
-        """What was said, decided and done, by time."""
+        """Log lines, decisions and waypoints, by time."""
         return recorded_log(self.trace, self.moments, self.timeline.doors or (), self.outputs)
 
     @cached_property
@@ -225,17 +224,17 @@ class Playback:
     def _trail(self) -> tuple[Floats, tuple[Point2, ...], tuple[float, ...], float | None]:
         """Times, places and clearances of the trail, each some centimetres on, and the limit."""
         way = self.trace.ground_truth
-        steps = np.hypot(np.diff(way.x, prepend=way.x[:1]), np.diff(way.y, prepend=way.y[:1]))
+        ways = np.hypot(np.diff(way.x, prepend=way.x[:1]), np.diff(way.y, prepend=way.y[:1]))
         # By distance, not by time: a robot that waits adds nothing, one that is fast no gaps.
-        passed = np.floor(np.cumsum(steps) / _STEP)
-        kept = np.flatnonzero(np.diff(passed, prepend=-1.0) > 0)
-        times = way.time[kept]
-        places = zip(way.x[kept].tolist(), way.y[kept].tolist(), strict=True)
+        passed = np.floor(np.cumsum(ways) / _STEP)
+        steps = np.flatnonzero(np.diff(passed, prepend=-1.0) > 0)
+        times = way.time[steps]
+        places = zip(way.x[steps].tolist(), way.y[steps].tolist(), strict=True)
         return times, tuple(places), *clearance_along(self.timeline.signals, times)
 
     def _returns(self, time: float) -> tuple[Point2, ...]:
         """Return where each laser saw something, from where the robot was at that scan."""
-        found: list[Point2] = []
+        returns: list[Point2] = []
         for laser, scans in self._scans:
             index = _last(scans.time, time)
             if index < 0:
@@ -243,8 +242,8 @@ class Playback:
             # From where it was then, not now: a scan is older than the pose by up to its period.
             base = self.pose(float(scans.time[index]))
             x, y = scan_returns(laser, base, scans.ranges[index], RAYS).T.tolist()
-            found += zip(x, y, strict=True)
-        return tuple(found)
+            returns += zip(x, y, strict=True)
+        return tuple(returns)
 
     def _plan(self, time: float) -> tuple[Point2, ...]:
         plans = self.trace.plans
@@ -257,15 +256,15 @@ def thin_scans(trace: Trace) -> tuple[tuple[Laser, ScanTrack], ...]:
 
     A minute of a laser of 500 rays is 1.2 MB otherwise, most of which nobody gets to see.
     """
-    found = []
+    thinned = []
     for laser, scans in zip(trace.spec.robot.lasers, trace.scans or (), strict=False):
         step = max(1, -(-laser.rays // RAYS))
         bearings = np.linspace(laser.angle_min, laser.angle_max, laser.rays)[::step]
         first, last = float(bearings[0]), float(bearings[-1])
         fewer = replace(laser, rays=len(bearings), angle_min=first, angle_max=last)
         ranges = np.ascontiguousarray(scans.ranges[:, ::step])
-        found.append((fewer, replace(scans, ranges=ranges)))
-    return tuple(found)
+        thinned.append((fewer, replace(scans, ranges=ranges)))
+    return tuple(thinned)
 
 
 def _last(stamps: Floats, time: float, least: int = -1) -> int:
@@ -331,16 +330,15 @@ def timeline_bar(playback: Playback, time: float, width: int) -> Text:
     signs[cell(time)] = "●"
     text = Text("".join(signs), style=QUIET, no_wrap=True)
     # Last, over the line and the dot: what was decided must not be hidden by where the replay is.
-    for found in playback.moments:
-        at = cell(found.time)
+    for moment in playback.moments:
+        at = cell(moment.time)
         text = Text.assemble(text[:at], ("✗", "fail"), text[at + 1 :])
     return text
 
 
 def render_frame(
-    playback: Playback, time: float, width: int, height: int, *, zoom: int = 1,
-    verdict: Verdict | None = None,
-) -> list[Text]:  # fmt: skip
+    playback: Playback, time: float, width: int, height: int, *, verdict: Verdict | None = None
+) -> list[Text]:
     """Return the frame at ``time`` [s] as lines that fit into ``width`` x ``height`` cells.
 
     The object that decides ``verdict`` is marked, see :meth:`Playback.view`.
@@ -351,11 +349,11 @@ def render_frame(
     view = playback.view(time, verdict=verdict)
     # Drawn once to know what its legend has to say, and how many lines that takes.
     rows = max(3, height - _CHROME - len(verdicts) - 1)
-    layers = draw_view(view, width, rows, zoom=zoom).layers
+    layers = draw_view(view, width, rows).layers
     signs = MapSigns(layers, view.limit, view.decisive.name if view.decisive else "")
     legend = legend_lines([signs], width, legend_height(height))
     rows = max(3, rows - (len(legend) - 1))
-    codes, owners = draw_view(view, width, rows, zoom=zoom).cells()
+    codes, owners = draw_view(view, width, rows).cells()
     lines = [Text(headline(playback, time), style="bold"), timeline_bar(playback, time, width)]
     for row in range(rows):
         parts = segments(codes[row], owners[row], STYLES, Style())

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import itertools
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -56,7 +57,7 @@ class KnownSearches:
 
     def __init__(self) -> None:
         self.rows: Mapping[str, SearchRow] = {}
-        self._seen: dict[str, tuple[CampaignRow, int]] = {}
+        self._last: dict[str, tuple[CampaignRow, int]] = {}
         self._touches: dict[str, int] = {}
 
     def touch(self, event: ChangeEvent) -> None:
@@ -68,50 +69,45 @@ class KnownSearches:
     def update_rows(self, daemon: DaemonClient, campaigns: Sequence[CampaignRow]) -> None:
         """Ask how searches stand, if one of these campaigns is a search that changed."""
         searches = {row.id: row for row in campaigns if row.search}
-        seen = {name: (row, self._touches.get(name, 0)) for name, row in searches.items()}
-        stale = [name for name in seen if seen[name] != self._seen.get(name)]
-        found: dict[str, SearchRow] = {}
-        if stale:
+        states = {name: (row, self._touches.get(name, 0)) for name, row in searches.items()}
+        stale = [name for name in states if states[name] != self._last.get(name)]
+        if stale or len(searches) < len(self.rows):
             # Those that are over do not change any more: mostly there are more of them.
             going = all(searches[name].search in ("running", "waiting") for name in stale)
-            found = {row.campaign: row for row in daemon.searches(unfinished=going)}
-        if stale or len(searches) < len(self.rows):
-            known = {**self.rows, **found}
-            self.rows = {name: known[name] for name in searches if name in known}
-        self._seen = seen
+            new = daemon.searches(unfinished=going) if stale else ()
+            rows = {**self.rows, **{row.campaign: row for row in new}}
+            self.rows = {name: rows[name] for name in searches if name in rows}
+        self._last = states
 
 
 class TrialReader:
     """Remembers the trials of a search; asks for those that are new or were not over."""
 
     def __init__(self) -> None:
-        self._shown: SearchTrials | None = None
+        self._last: SearchTrials | None = None
 
     def read(self, daemon: DaemonClient, row: SearchRow) -> SearchTrials:
         """Return a search with its trials; they are replaced and never changed."""
-        shown = self._shown
-        if shown is None:
-            known = self._ask(daemon, row, ())
-        elif row is shown.row:
-            return shown
-        elif _counts(row) == _counts(shown.row):
-            known = shown.trials
-        else:
+        last = self._last
+        if last is None:
+            self._last = last = SearchTrials(row, self._ask(daemon, row, ()))
+        elif _counts(row) != _counts(last.row):
             # All of it once more where runs that were over are queued again, and in the end.
-            again = row.finished < shown.row.finished or row.state != shown.row.state
-            opened = (i for i, one in enumerate(shown.trials) if one.outcome is None)
-            first = 0 if again else next(opened, len(shown.trials))
-            known = self._ask(daemon, row, shown.trials[:first])
-        self._shown = SearchTrials(row, known)
-        return self._shown
+            is_further = row.finished >= last.row.finished and row.state == last.row.state
+            trials = last.trials if is_further else ()
+            settled = itertools.takewhile(lambda one: one.outcome is not None, trials)
+            self._last = last = SearchTrials(row, self._ask(daemon, row, settled))
+        elif row is not last.row:
+            self._last = last = SearchTrials(row, last.trials)
+        return last
 
     def _ask(
-        self, daemon: DaemonClient, row: SearchRow, known: tuple[Trial, ...]
+        self, daemon: DaemonClient, row: SearchRow, settled: Iterable[Trial]
     ) -> tuple[Trial, ...]:
         # The dashboard's first screen is not to wait for what only the thread that asks needs.
         from daemon.model.trials import read_trial
 
-        trials = list(known)
+        trials = list(settled)
         while len(trials) < row.proposed:
             page = daemon.runs(row.campaign, offset=len(trials), limit=_PAGE, results=True).rows
             if not page:

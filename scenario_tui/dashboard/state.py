@@ -1,4 +1,4 @@
-"""What the dashboard knows beyond what one screen shows, and what is said to people."""
+"""State of the dashboard that all screens share, and messages for people."""
 
 from __future__ import annotations
 
@@ -51,8 +51,8 @@ class Known:
 
     def results_of(self, campaign: str) -> CampaignResults | None:
         """Return the results of a campaign, if those are the last that were judged."""
-        held = self.results
-        return held if held is not None and held.row.id == campaign else None
+        results = self.results
+        return results if results is not None and results.row.id == campaign else None
 
 
 @dataclass(frozen=True, slots=True)

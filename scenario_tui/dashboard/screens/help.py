@@ -56,10 +56,10 @@ class Help(ModalScreen[None]):
         for title, rows in _groups(self._active).items():
             table.add_row("", Text(title, style=QUIET))
             for actives in rows.values():
-                shown = dict.fromkeys(self.app.get_key_display(one.binding) for one in actives)
+                names = dict.fromkeys(self.app.get_key_display(one.binding) for one in actives)
                 name, about = actives[0].binding.description, f": {actives[0].binding.tooltip}"
                 table.add_row(
-                    Text(" ".join(shown), style="bold"), Text.assemble(name, (about, QUIET))
+                    Text(" ".join(names), style="bold"), Text.assemble(name, (about, QUIET))
                 )
         map_signs = [(sign, STYLES[layer], words) for layer, sign, words in SIGNS]
         for title, signs in (("signs", _SIGNS), ("on the map", map_signs)):

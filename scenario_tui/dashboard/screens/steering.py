@@ -162,11 +162,11 @@ _STEERING: Final[Mapping[str, _Steering]] = {
 }
 
 
-def steering_keys(*shown: str) -> list[BindingType]:
-    """Return the keys of all actions; those of the names ``shown`` stand in the line of keys."""
+def steering_keys(*in_line: str) -> list[BindingType]:
+    """Return the keys of all actions; those of the names ``in_line`` stand in the line of keys."""
     return [
         Binding(
-            one.action.key, f"steer('{name}')", one.action.name, show=name in shown,
+            one.action.key, f"steer('{name}')", one.action.name, show=name in in_line,
             id=one.action.command, tooltip=one.action.tooltip,
         )
         for name, one in _STEERING.items()
@@ -302,7 +302,7 @@ class SteeringScreen(BaseScreen[T]):
 
 
 def has_display(environ: Mapping[str, str]) -> bool:
-    """Whether somebody sits at this machine's own screen; never over SSH."""
+    """Return whether somebody sits at this machine's own screen; never over SSH."""
     # Even with a forwarded display: a browser over the line is not what anybody waits for.
     if any(environ.get(name) for name in _SSH):
         return False

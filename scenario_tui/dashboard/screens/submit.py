@@ -92,7 +92,7 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
         )
 
     def trail(self) -> str:
-        """Which folder, how many files, whether everything is run anew."""
+        """Return the folder, the number of files, and whether everything is run anew."""
         parts = ["submit a campaign", f"{self._here}"]
         if self._files:
             parts.append(f"{len(self._names)} of {count_noun(len(self._files), 'file')}")

@@ -144,14 +144,14 @@ def write_text(codes: Codes, owners: Codes, row: int, column: int, text: str, ow
 def changed_spans(before: Codes, after: Codes, gap: int = _GAP) -> list[Region]:
     """Return the parts of rows in which two arrays of cells (k, rows, columns) differ."""
     changed = (before != after).any(axis=0)
-    found = []
+    spans = []
     for row in np.flatnonzero(changed.any(axis=1)).tolist():
         at = np.flatnonzero(changed[row])
         cuts = np.flatnonzero(np.diff(at) > gap)
         starts, ends = at[np.append(0, cuts + 1)], at[np.append(cuts, len(at) - 1)]
         for a, b in zip(starts.tolist(), ends.tolist(), strict=True):
-            found.append(Region(a, row, b - a + 1, 1))
-    return found
+            spans.append(Region(a, row, b - a + 1, 1))
+    return spans
 
 
 class CellView(Widget):
@@ -172,8 +172,8 @@ class CellView(Widget):
         """Draw anew and have the terminal told of what changed."""
         self._base = None
         before, size = self._cells, self.size
-        drawn = self.cells(size.width, size.height) if size.width and size.height else None
-        self._cells = None if drawn is None else np.stack(drawn)
+        cells = self.cells(size.width, size.height) if size.width and size.height else None
+        self._cells = None if cells is None else np.stack(cells)
         if before is None or self._cells is None or before.shape != self._cells.shape:
             if before is not None or self._cells is not None:
                 self.refresh()

@@ -154,12 +154,12 @@ def legend_height(height: int) -> int:
 
 
 def _entries(signs: Collection[MapSigns]) -> Iterator[Text]:
-    shown = {layer for one in signs for layer in one.layers}
+    layers = {layer for one in signs for layer in one.layers}
     limits = sorted({one.limit for one in signs if one.limit is not None})
-    asked = " / ".join(format_quantity(limit, "m") for limit in limits)
+    clearance = " / ".join(format_quantity(limit, "m") for limit in limits)
     decisive = " / ".join(sorted({one.decisive for one in signs if one.decisive}))
     for layer, sign, words in SIGNS:
-        if layer in shown:
+        if layer in layers:
             before = f"{decisive} " if layer in (Layer.FAILURE, Layer.DECISION) else ""
-            after = f" {asked}" if layer is Layer.NEAR_TRAIL else ""
+            after = f" {clearance}" if layer is Layer.NEAR_TRAIL else ""
             yield Text.assemble((sign, STYLES[layer]), " ", (f"{before}{words}{after}", QUIET))

@@ -62,7 +62,7 @@ def search_curve(search: SearchTrials) -> SearchCurve:
     """Return the curve of a search."""
     trials, task = search.trials, search.row.task
     value = np.array([one.compared for one in trials], dtype=np.float64)
-    known = np.isfinite(value)
+    finite = np.isfinite(value)
     explored = (one.compared if one.explores else math.nan for one in trials)
     phases: dict[str, int] = {}
     for at, one in enumerate(trials):
@@ -70,25 +70,25 @@ def search_curve(search: SearchTrials) -> SearchCurve:
     return SearchCurve(
         task.scales[0].unit if len(task.scales) == 1 else "",
         _room(task, len(trials), not search.row.ended),
-        np.flatnonzero(known),
-        value[known],
-        np.array([one.fails for one in trials], dtype=np.bool_)[known],
+        np.flatnonzero(finite),
+        value[finite],
+        np.array([one.fails for one in trials], dtype=np.bool_)[finite],
         np.array(smallest_so_far(explored)),
         tuple(
             (at, GLYPHS["inconclusive" if one.outcome is Outcome.INCONCLUSIVE else "error"])
             for at, one in enumerate(trials)
-            if one.outcome is not None and not known[at]
+            if one.outcome is not None and not finite[at]
         ),
         tuple((at, phase) for phase, at in phases.items() if at),
     )
 
 
-def _room(task: SearchTask, known: int, running: bool) -> int:
+def _room(task: SearchTask, count: int, running: bool) -> int:
     # In steps: a graph that grows with every run would be drawn anew, all of it, every time.
     room = _FIRST_RUNS
-    while room < known:
+    while room < count:
         room *= 2
-    return max(known, min(room, task.runs) if running else 0, 2)
+    return max(count, min(room, task.runs) if running else 0, 2)
 
 
 def value_limits(curve: SearchCurve) -> tuple[float, float]:

@@ -91,8 +91,8 @@ class TopView(CellView):
         names = list(dict.fromkeys([*costmaps, ""]))
         if len(names) == 1:
             return None
-        shown = names.index(self._costmap) if self._costmap in names else 0
-        self._costmap = names[(shown + 1) % len(names)]
+        index = names.index(self._costmap) if self._costmap in names else 0
+        self._costmap = names[(index + 1) % len(names)]
         self.redraw()
         return self._costmap
 
