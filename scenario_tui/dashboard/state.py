@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from daemon.analysis.results import CampaignResults
     from daemon.model.search_answer import SearchRow
     from daemon.model.status import CampaignRow, DaemonOverview
-    from scenario_tui.dashboard.screens.filtering import Arrangement
+    from scenario_tui.dashboard.widgets.tables import Arrangement
     from scenario_tui.text.results import Conclusion
 
 CAMPAIGNS_SHOWN: Final = 500

@@ -2,46 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Final, TypeVar
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, ClassVar, Final
 
 from textual.binding import Binding, BindingType
 from textual.widgets import Input
 
 from scenario_tui.dashboard.screens.base import BaseScreen, T
-from scenario_tui.dashboard.widgets.tables import KeyedTable, Row
+from scenario_tui.dashboard.widgets.tables import Arrangement, KeyedTable
 
 _LONGEST: Final = 200
 """Characters of a filter that count."""
-
-R = TypeVar("R")
-
-
-@dataclass(frozen=True, slots=True)
-class Arrangement:
-    """Rows that mention ``text``, sorted by the column with the title ``sort``."""
-
-    sort: str
-    descending: bool = False
-    text: str = ""
-
-    def apply(
-        self, rows: Iterable[tuple[R, Row]], keys: Mapping[str, Callable[[R], Any]]
-    ) -> list[Row]:
-        """Return the rows to show; equal ones keep their order.
-
-        ``rows`` are values with their cells, ``keys`` give the value to sort by for each title.
-        """
-        text = self.text.casefold()
-        matching = [
-            (value, row)
-            for value, row in rows
-            if not text or text in " ".join(cell.plain for cell in row[1]).casefold()
-        ]
-        key = keys[self.sort]
-        matching.sort(key=lambda pair: key(pair[0]), reverse=self.descending)
-        return [row for _, row in matching]
 
 
 class FilteredScreen(BaseScreen[T]):

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Final, Literal
+from typing import Any, ClassVar, Final, Literal, TypeVar
 
 from rich.text import Text
 from textual.binding import Binding, BindingType
@@ -20,7 +20,7 @@ from scenario_tui.text.run_text import NO_MARKS, by_severity, verdict_text
 
 Row = tuple[str, tuple[Text, ...]]
 """The label or key of a row, and a cell for each column."""
-
+R = TypeVar("R")
 
 _LEAST: Final = 12
 """Cells that the column of width 0 gets at least; other columns give way to it."""
@@ -39,6 +39,32 @@ class Column:
     width: int
     right: bool = False
     from_width: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Arrangement:
+    """Rows that mention ``text``, sorted by the column with the title ``sort``."""
+
+    sort: str
+    descending: bool = False
+    text: str = ""
+
+    def apply(
+        self, rows: Iterable[tuple[R, Row]], keys: Mapping[str, Callable[[R], Any]]
+    ) -> list[Row]:
+        """Return the rows to show; equal ones keep their order.
+
+        ``rows`` are values with their cells, ``keys`` give the value to sort by for each title.
+        """
+        text = self.text.casefold()
+        matching = [
+            (value, row)
+            for value, row in rows
+            if not text or text in " ".join(cell.plain for cell in row[1]).casefold()
+        ]
+        key = keys[self.sort]
+        matching.sort(key=lambda pair: key(pair[0]), reverse=self.descending)
+        return [row for _, row in matching]
 
 
 def keep_ends(text: Text, width: int) -> Text:

@@ -102,7 +102,7 @@ def test_progress_shows_counts_pace_and_what_runs(fake, width):
     running = (make_row(7, state=RunState.RUNNING),)
     campaign, run = _drawn(width, row, running, {live.run: live}, per_minute=12.5)
     assert len(campaign) <= width
-    assert "8/10 runs  1 min 35 s left  ✗ 2 fail  ! 1" in campaign
+    assert "8/10 runs  1 min 35 s left  ✗ 2 fail  ∅ 1" in campaign
     assert ("12.5 runs/min" in campaign) == (width > 100)
     assert run == "  ▶ running  S2/pilot/2  1/3 wp  61 s of 1200 s"
 
