@@ -188,9 +188,15 @@ class Dashboard(ThemedApp):
                 news.front.news = news.fetched
         now = self.clock()
         # Ages grow even when nothing is new.
-        if news.known is not None or news.lives or now - self._shown_at >= 1.0:
+        if news.known is not None or news.lives or now - self._shown_at >= self._patience():
             self._shown_at = now
             self._update_front_screen()
+
+    def _patience(self) -> float:
+        """Return the seconds after which the screen is brought up to date without any news."""
+        overview = self.known.overview
+        resting = self.known.connected and overview is not None and not overview.running
+        return 10.0 if resting else 1.0
 
     def _update_front_screen(self) -> None:
         for screen in reversed(self.screen_stack):

@@ -19,6 +19,8 @@ ASSESS_OTHERS_EVERY: Final = 5.0
 """Seconds between two looks at another one."""
 CAMPAIGNS_ASSESSED: Final = 100
 """How many campaigns are judged, the newest first."""
+_RESULTS_KEPT: Final = 4
+"""Whoever goes up and down the campaigns comes back to the same few; one may have 100,000 runs."""
 _SHARE: Final = 0.25
 """The share of its time the assessor works at most, however large the campaigns are: it is a thread
 beside the one that draws, and only one of them at a time runs Python.
@@ -29,8 +31,8 @@ _State: TypeAlias = "tuple[CampaignRow, int]"
 class CampaignAssessor:
     """Remembers how campaigns stand; one step judges one campaign at most.
 
-    ``conclusions`` and ``results`` (of the campaign in front) are replaced and never changed,
-    so that other threads may read them.
+    ``conclusions`` and ``results``, of the campaigns that were in front last, are replaced and
+    never changed, so that other threads may read them.
     """
 
     def __init__(
@@ -38,7 +40,7 @@ class CampaignAssessor:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:  # fmt: skip
         self.conclusions: Mapping[str, Conclusion] = {}
-        self.results: CampaignResults | None = None
+        self.results: Mapping[str, CampaignResults] = {}
         self._every = every
         self._elsewhere = elsewhere
         self._clock = clock
@@ -65,8 +67,9 @@ class CampaignAssessor:
         state = self._state(row)
         results = read_results(daemon, row)
         conclusion = conclude(results)
-        if row.id == about:
-            self.results = results
+        if row.id == about or row.id in self.results:
+            kept = [(name, r) for name, r in self.results.items() if name != row.id]
+            self.results = dict([*kept, (row.id, results)][-_RESULTS_KEPT:])
         self.conclusions = {**self.conclusions, row.id: conclusion}
         ended = self._clock()
         self._seen[row.id], self._at[row.id] = state, ended
@@ -83,8 +86,8 @@ class CampaignAssessor:
                 memory.pop(campaign, None)
         if not listed.issuperset(self.conclusions):
             self.conclusions = {name: c for name, c in self.conclusions.items() if name in listed}
-        if self.results is not None and self.results.row.id not in listed:
-            self.results = None
+        if not listed.issuperset(self.results):
+            self.results = {name: r for name, r in self.results.items() if name in listed}
 
     def _next(self, campaigns: Sequence[CampaignRow], about: str, now: float) -> CampaignRow | None:
         first = (row for row in campaigns if row.id == about)
@@ -92,8 +95,7 @@ class CampaignAssessor:
         return next((row for row in rows if self._is_due(row, row.id == about, now)), None)
 
     def _is_due(self, row: CampaignRow, is_front: bool, now: float) -> bool:
-        has_results = self.results is not None and self.results.row.id == row.id
-        if row.id not in self._seen or (is_front and not has_results):
+        if row.id not in self._seen or (is_front and row.id not in self.results):
             return True
         wait = self._every if is_front else self._elsewhere
         return self._state(row) != self._seen[row.id] and now >= self._at[row.id] + wait

@@ -72,6 +72,14 @@ class WorkersScreen(FilteredScreen[WorkersNews]):
         yield StaticText(id="empty")
         yield KeyedTable(_COLUMNS, id="workers")
 
+    def on_mount(self) -> None:
+        """Ask again and again: no event tells how busy a machine is."""
+        self.set_interval(1.0, self._ask_again)
+
+    def _ask_again(self) -> None:
+        if self.is_current:
+            self.ask()
+
     def fetch(self, daemon: DaemonClient, known: Known) -> WorkersNews:
         """Return the workers and what they execute."""
         page = running_page(daemon, known)

@@ -188,4 +188,4 @@ def test_conclusions_of_deleted_campaigns_are_forgotten(judged):
     assert set(judge.conclusions) == {CAMPAIGN, OLD}
     judge.step(judged, [row for row in rows if row.id == OLD], "")
     assert set(judge.conclusions) == {OLD}
-    assert judge.results is None
+    assert not judge.results
