@@ -127,7 +127,13 @@ def when_text(row: CampaignRow, now: float) -> Text:
     """Return the time that a campaign still takes, otherwise the time since it was submitted."""
     if row.seconds_left is not None and not row.paused:
         return Text(f"{brief_duration(row.seconds_left)} left")
-    return Text(age_text(row.submitted_at, now), style=QUIET)
+    return Text(_submission_age(row, now), style=QUIET)
+
+
+def _submission_age(row: CampaignRow, now: float) -> str:
+    """Return how long ago a campaign was submitted, to the minute."""
+    age = now - row.submitted_at
+    return "just now" if age < 60.0 else age_text(row.submitted_at, now)
 
 
 def history_text(row: CampaignRow, campaigns: Iterable[CampaignRow]) -> Text:
@@ -215,7 +221,7 @@ def campaign_text(
     if history := history_text(row, campaigns):
         text.append("\n\nhistory  ", style="bold").append_text(history)
     text.append(f"\n\n{row.about}" if row.about else "\n")
-    text.append(f"\n{count_noun(row.total, 'run')}, submitted {age_text(row.submitted_at, now)}")
+    text.append(f"\n{count_noun(row.total, 'run')}, submitted {_submission_age(row, now)}")
     if row.seconds_left is not None:
         text.append(f", {duration_text(row.seconds_left)} left")
     if row.finished_at is not None:

@@ -100,6 +100,9 @@ class CampaignsScreen(FilteredScreen["RunPage"], SteeringScreen["RunPage"]):
         super().__init__()
         self._front = ""
         self._made: dict[str, tuple[tuple[object, ...], Row]] = {}
+        self._shown: tuple[object, ...] = ()
+        self._rows: list[Row] = []
+        self._minute = 0.0
 
     def body(self) -> ComposeResult:
         """Table with the runs under way below it, and details beside them."""
@@ -136,11 +139,19 @@ class CampaignsScreen(FilteredScreen["RunPage"], SteeringScreen["RunPage"]):
 
     def show(self, known: Known, news: RunPage | None) -> None:
         """Fill the table."""
+        # Of many ages there is always one that grows: all of them are drawn once a minute.
+        self._minute = self.dashboard.clock() // 60.0 * 60.0
         table = self.query_one(KeyedTable)
-        cells = [(row, self._cells(row, known)) for row in known.campaigns[:CAMPAIGNS_SHOWN]]
-        self._made = {row.id: self._made[row.id] for row, _ in cells}
-        rows = self.arrangement.apply(cells, {**_KEYS, "judged": self._severity})
-        message = "" if rows else self.no_match() if cells else self._nothing(known)
+        shown = (
+            known.campaigns, known.conclusions, known.searches, self._minute, self.arrangement,
+        )  # fmt: skip
+        if shown != self._shown:
+            self._shown = shown
+            cells = [(row, self._cells(row, known)) for row in known.campaigns[:CAMPAIGNS_SHOWN]]
+            self._made = {row.id: self._made[row.id] for row, _ in cells}
+            self._rows = self.arrangement.apply(cells, {**_KEYS, "judged": self._severity})
+        rows = self._rows
+        message = "" if rows else self.no_match() if known.campaigns else self._nothing(known)
         show_message_or(self.query_one("#empty"), self.query_one("#split"), message)
         if self.dashboard.submitted_campaign in (key for key, _ in rows):
             table.begin_at(self.dashboard.submitted_campaign)
@@ -157,7 +168,7 @@ class CampaignsScreen(FilteredScreen["RunPage"], SteeringScreen["RunPage"]):
         """Return the cells of a campaign, those made last if nothing of it has changed."""
         # All of 300 campaigns anew take 30 ms, and every key waits for them.
         conclusion, search = known.conclusions.get(row.id), known.searches.get(row.id)
-        source = (row, conclusion, search, when_text(row, self.dashboard.clock()))
+        source = (row, conclusion, search, when_text(row, self._minute))
         made = self._made.get(row.id)
         if made is None or made[0] != source:
             made = self._made[row.id] = (source, campaign_cells(*source))
@@ -220,7 +231,7 @@ class CampaignsScreen(FilteredScreen["RunPage"], SteeringScreen["RunPage"]):
             self._front = front
             self.dashboard.feed.look_at(self)
         if row is not None and front:
-            panel.show(row, self.dashboard.known, self.dashboard.clock())
+            panel.show(row, self.dashboard.known, self._minute)
 
     def on_data_table_row_selected(self) -> None:
         """Open the campaign's runs, or the search that it is."""

@@ -100,7 +100,7 @@ class FilteredScreen(BaseScreen[T]):
         """Let a slash be a slash in the filter line; where there is a filter, one can go back."""
         if action == "filter" and isinstance(self.focused, Input):
             return False
-        if action == "back" and self.query("#filter") and self.query_one("#filter").display:
+        if action == "back" and self._composed and self.query_one("#filter").display:
             return True
         return super().check_action(action, parameters)
 

@@ -6,11 +6,14 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final, Literal, TypeVar
 
+from rich.segment import Segment
+from rich.style import Style
 from rich.text import Text
 from textual.binding import Binding, BindingType
+from textual.coordinate import Coordinate
 from textual.message import Message
 from textual.widgets import DataTable, OptionList
-from textual.widgets.data_table import ColumnKey
+from textual.widgets.data_table import ColumnKey, RowKey
 from textual.widgets.option_list import Option
 
 from daemon.model.assessments import NO_MARK, Mark
@@ -22,6 +25,8 @@ Row = tuple[str, tuple[Text, ...]]
 """The label or key of a row, and a cell for each column."""
 R = TypeVar("R")
 
+_ELSEWHERE: Final = Coordinate(-2, -2)
+"""A cursor that is neither on a row nor on the titles."""
 _LEAST: Final = 12
 """Cells that the column of width 0 gets at least; other columns give way to it."""
 
@@ -175,8 +180,9 @@ class KeyedTable(DataTable[Text]):
         """Show these rows; unchanged cells are not touched, the cursor stays on its row."""
         rows, before, key = tuple(rows), self._rows, self.key
         # It grows only: rows that are filtered away do not move the columns.
-        names = (cells[self._flexible].cell_len for _, cells in rows)
-        self._longest = max(self._longest, *names, 0)
+        if rows != before:
+            names = (cells[self._flexible].cell_len for _, cells in rows)
+            self._longest = max(self._longest, *names, 0)
         # Columns that come or go, after a resize, leave no cell where it was.
         if self._layout():
             self._refill(rows)
@@ -194,9 +200,29 @@ class KeyedTable(DataTable[Text]):
     def _change(self, place: int, before: tuple[Text, ...], cells: tuple[Text, ...]) -> None:
         if before is cells:
             return
-        for index in self._widths:
-            if not same_text(before[index], cells[index]):
-                self.update_cell(str(place), str(index), self._fitted(index, cells[index]))
+        changed = [i for i in self._widths if not same_text(before[i], cells[i])]
+        # Not by update_cell(), which has all rows drawn anew: 20 CPU ms for an age that grew.
+        row = self._data[RowKey(str(place))]
+        for index in changed:
+            row[ColumnKey(str(index))] = self._fitted(index, cells[index])
+        if changed:
+            self._update_count += 1
+            self.refresh_row(place)
+
+    def _render_line_in_row(
+        self,
+        row_key: RowKey,
+        line_no: int,
+        base_style: Style,
+        cursor_location: Coordinate,
+        hover_location: Coordinate,
+    ) -> tuple[list[list[Segment]], list[list[Segment]]]:
+        """Draw rows anew that the cursor came to or left, and no others; Textual draws all."""
+        if self._row_locations.get(row_key) != cursor_location.row:
+            cursor_location = _ELSEWHERE
+        return super()._render_line_in_row(
+            row_key, line_no, base_style, cursor_location, hover_location
+        )
 
     def _append(self, place: int, cells: tuple[Text, ...]) -> None:
         # Named by their place: another page is then other words in the same rows, and drawing it
