@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import signal
 import threading
 import time
 import warnings
@@ -411,6 +412,8 @@ def run_dashboard(
     ``launch_daemon`` sees to it that a daemon answers, and returns what to say if it started one.
     """
     app = Dashboard(Feed(target.open), config=config, target=target, launch_daemon=launch_daemon)
+    # Started by what ignores it, it would stay, and draw, behind a terminal that was closed.
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
     # The screen is drawn on standard error: a warning printed there would tear it.
     logging.getLogger().addHandler(logging.NullHandler())
     with warnings.catch_warnings():

@@ -230,3 +230,10 @@ def test_inside_tmux_it_is_typed_at_and_resized(daemon, tmp_path):
         window.until("Left the dashboard")
     finally:
         window.call("kill-server")
+
+
+def test_a_dashboard_leaves_with_its_terminal_also_where_hang_ups_are_ignored(daemon):
+    start = ["/bin/sh", "-c", f"trap '' HUP; exec {shlex.join(dashboard(daemon))}"]
+    with terminal(start) as shown:
+        shown.until("corridor-1")
+        assert shown.hang_up() == -signal.SIGHUP

@@ -112,6 +112,12 @@ class Terminal:
             pass
         return self._code
 
+    def hang_up(self):
+        """Close the terminal, as closing its window does; returns the exit code of the program."""
+        os.close(self._master)
+        self._master = os.open(os.devnull, os.O_RDWR)
+        return self.wait()
+
     def stopped(self):
         """Whether the program was suspended since this was last asked."""
         done, status = os.waitpid(self.pid, os.WNOHANG | os.WUNTRACED)
