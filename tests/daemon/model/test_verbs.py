@@ -27,7 +27,7 @@ class Asked(FakeDaemon):
 def test_verbs_are_known_by_their_names():
     assert list(VERBS)[:4] == ["overview", "campaigns", "runs", "run"]
     assert all(verb.name == name == str(verb) for name, verb in VERBS.items())
-    assert len(VERBS) == 25
+    assert len(VERBS) == 26
 
 
 @pytest.mark.parametrize("verb", [v for v in VERBS.values() if Role.OPERATOR in v.roles], ids=str)
