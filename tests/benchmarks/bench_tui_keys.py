@@ -34,7 +34,7 @@ def measure():
             shown.until("1-100 of", 60.0)
             yield idle("runs", shown)
             yield key("  a run down and up", shown, "jk")
-            yield key("  a page of runs on and back", shown, "][")
+            yield key("  the last page of runs and the first", shown, "Gg")
             shown.type("m")
             shown.until("no-contact", 120.0)
             yield idle("matrix", shown)
