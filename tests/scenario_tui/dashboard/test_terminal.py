@@ -50,7 +50,7 @@ def restored(shown):
 def test_it_is_typed_at_resized_and_left_while_the_daemon_goes_and_comes(daemon):
     with terminal(dashboard(daemon)) as shown:
         shown.until("corridor-1")
-        shown.until("✗ 1 fail")
+        shown.until("✗1 fail")
         assert shown.mode(ALTERNATE)
         shown.type("\r")
         shown.until("S3/pilot/0")
@@ -100,7 +100,7 @@ def test_suspended_it_gives_the_terminal_back_and_takes_it_again(daemon):
 def test_while_nothing_happens_next_to_nothing_is_sent(daemon):
     with terminal(dashboard(daemon)) as shown:
         shown.until("corridor-1")
-        shown.until("✗ 1 fail")
+        shown.until("✗1 fail")
 
         def sent_in(seconds):
             before, began = shown.sent, time.monotonic()
