@@ -64,13 +64,13 @@ def test_it_is_typed_at_resized_and_left_while_the_daemon_goes_and_comes(daemon)
         shown.resize(40, 10)
         shown.until(lambda: "S1/pilot/0" in shown.text and shown.lines[0].startswith(" ✓"))
         shown.resize(80, 24)
-        shown.until("connected")
+        shown.until(lambda: shown.lines[0].startswith(" ✓"))
 
         daemon.kill()
         shown.until("no daemon answers, data is")
         assert "S3/pilot/0" in shown.text
         daemon.restart()
-        shown.until("✓ connected")
+        shown.until(lambda: shown.lines[0].startswith(" ✓"))
 
         shown.type("q")
         assert shown.wait() == 0
