@@ -117,7 +117,7 @@ def test_sixteen_colours_and_ascii_are_enough(daemon):
     plain = {"TERM": "linux", "LANG": "C"}
     with terminal(dashboard(daemon), environ=plain) as shown:
         shown.until("corridor-1")
-        shown.until("x 1 fail")
+        shown.until("x1 fail")
         shown.type("\r")
         shown.until("+ pass")
 
