@@ -234,7 +234,8 @@ class Dashboard(ThemedApp):
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
         """Yield what has a key on a screen; what is not in its line of keys is found by typing."""
         # Of several keys for an action the first is told, one in the line of keys before others.
-        bindings = sorted(reversed(our_bindings(screen)), key=lambda one: one.binding.show)
+        bindings = our_bindings(screen)[::-1]
+        bindings.sort(key=lambda one: one.binding.show)
         for action, active in {one.binding.action: one for one in bindings}.items():
             binding = active.binding
             if action != "command_palette":
