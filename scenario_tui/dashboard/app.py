@@ -262,6 +262,8 @@ class Dashboard(ThemedApp):
         done = active is not None and await self._do(active)
         if not done:
             await super().on_event(event)
+        if self._exit:
+            return  # nothing is dealt with any more
         # What the key did may be a message on its way from what has the focus up to the screen.
         for node in (before.focused or before).ancestors_with_self:
             if node is not self:

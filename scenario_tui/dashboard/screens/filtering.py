@@ -62,7 +62,9 @@ class FilteredScreen(BaseScreen[T]):
 
     def _mark_order(self) -> None:
         order = self.arrangement
-        self.query_one(KeyedTable).show_order(order.sort, descending=order.descending)
+        # There is no table where somebody leaves before anything is shown.
+        for table in self.query(KeyedTable):
+            table.show_order(order.sort, descending=order.descending)
 
     def rearrange(self, **changes: Any) -> None:
         """Change the arrangement and begin at the first row."""
