@@ -29,12 +29,12 @@ if TYPE_CHECKING:
 
 _KIND: Final = "ros2"
 _SIGNS: Final = {
-    "ok": ("pass", ""),
-    "note": ("measure", ""),
-    "warning": ("lost", "yellow"),
-    "missing": ("fail", "bold red"),
+    "ok": (GLYPHS["pass"], "pass", ""),
+    "note": (GLYPHS["measure"], "measure", ""),
+    "warning": ("!", "inconclusive", "yellow"),
+    "missing": (GLYPHS["fail"], "fail", "bold red"),
 }
-"""The word whose glyph a line has, and the style of what it says."""
+"""The sign of a line, its style, and the style of what it says."""
 
 
 def check(
@@ -183,8 +183,8 @@ def _print_check(check: StackCheck) -> None:
 
     width = max((len(line.subject) for line in check.lines), default=0)
     for line in check.lines:
-        word, style = _SIGNS[line.state]
-        text = Text.assemble((GLYPHS[word], word), f" {line.subject:<{width}}  ")
+        sign, sign_style, style = _SIGNS[line.state]
+        text = Text.assemble((sign, sign_style), f" {line.subject:<{width}}  ")
         facts = _facts(line)
         text.append(f"{facts}: " if facts else "", style="dim").append(line.text, style=style)
         if line.hint:
