@@ -237,8 +237,7 @@ class Feed:
 
     def answer(self, daemon: DaemonClient) -> None:
         """Do what was asked for, and fetch what the screen in front wants now."""
-        while self._actions:
-            self._act(daemon, self._actions.popleft())
+        self._act(daemon)
         results = self._assessor.results.get(self._about())
         self._fetch(daemon, replace(self._known, results=results))
         self.on_answer()
@@ -250,8 +249,8 @@ class Feed:
         if answered:
             self._asked.clear()
             self.answer(daemon)
-        while self._actions:
-            self._act(daemon, self._actions.popleft())
+        else:
+            self._act(daemon)
         about = self._about()
         campaigns = _campaigns(daemon, about)
         self._searches.update_rows(daemon, campaigns)
@@ -293,11 +292,13 @@ class Feed:
         if _drain(self._actions):
             self._note_problem("no daemon answers: nothing was done")
 
-    def _act(self, daemon: DaemonClient, action: Action) -> None:
-        try:
-            self._notices.append(Notice(action(daemon)))
-        except DaemonError as error:
-            self._note_problem(str(error))
+    def _act(self, daemon: DaemonClient) -> None:
+        """Do what was asked for, and note what came of it."""
+        while self._actions:
+            try:
+                self._notices.append(Notice(self._actions.popleft()(daemon)))
+            except DaemonError as error:
+                self._note_problem(str(error))
 
     def _note_problem(self, text: str) -> None:
         self._notices.append(Notice(text, "error"))
