@@ -123,6 +123,7 @@ def refusal(served, path, headers):
 
 
 def test_dashboards_are_started_without_a_shell_that_reads_names(served):
+    eventually(lambda: not served.dashboards())  # those of pages that were left before
     with served.page():
         (dashboard,) = served.dashboards()
         words = dashboard.cmdline()

@@ -12,11 +12,17 @@ from daemon.batch.ledger import LedgerWriter
 from daemon.batch.operation import examine
 from daemon.batch.paths import Endpoint, StatePaths
 from daemon.model import verbs
-from daemon.model.messages import ASK, OWNER, ErrorReply
+from daemon.model.messages import ASK, OWNER, Completion, ErrorReply
 from daemon.model.spec import ENGINE_VERSION
 from grammars.text import codec
 from tests.daemon.batch.harness import Part, daemon_at, eventually
-from tests.daemon.batch.samples import SCENE, make_spec, make_submission, submission_of
+from tests.daemon.batch.samples import (
+    SCENE,
+    make_result,
+    make_spec,
+    make_submission,
+    submission_of,
+)
 
 
 @pytest.fixture(scope="module")
@@ -203,19 +209,25 @@ def test_the_speed_of_a_run_under_way_tells_how_long_it_takes_at_most(tmp_path):
         eventually(lambda: left() is None)
 
 
-def test_the_time_left_is_said_once_a_run_has_finished_and_not_of_what_is_paused(tmp_path):
+def test_the_time_left_is_that_of_executed_runs_and_not_of_what_is_paused(tmp_path):
     gate = tmp_path / "gate"
-    held = (make_spec(n, until=str(gate)) for n in range(1, 4))
-    with daemon_at(tmp_path / "state", slots=1) as part, part.client() as client:
+    places = stored_scene(tmp_path / "state")
+    with LedgerWriter.open(places) as ledger:
+        ledger.submit(submission_of("before", make_spec(0)), 1.0)
+        (grant,) = ledger.lease("w", 1, 1.0)
+        # Long, so that the next one is still expected to run for a while whenever it is asked for.
+        took = make_result(grant.spec, wall=1000.0)
+        ledger.complete(Completion("w", grant.run, grant.attempt, grant.token, took), 2.0)
+    with daemon_at(places.state, slots=1) as part, part.client() as client:
         assert client.overview().seconds_left is None
-        client.submit(submission_of("c", make_spec(0, sleep=0.2, until=str(tmp_path)), *held))
+        client.submit(make_submission("c", 3, until=str(gate)))
 
-        def said():
+        def left():
             row = client.campaign("c")
             assert row is not None
-            return row.seconds_left if row.done == 1 and row.running else None
+            return row.seconds_left if row.running else None
 
-        assert eventually(said) > 0.0
+        assert 2000.0 < eventually(left) < 3001.0
         assert client.overview().seconds_left is not None
         client.steer("c", paused=True)
         paused = client.campaign("c")
@@ -227,10 +239,16 @@ def test_the_time_left_is_said_once_a_run_has_finished_and_not_of_what_is_paused
         eventually(lambda: client.overview().seconds_left is None)
 
 
-def test_runs_of_another_engine_wait_and_the_daemon_says_so_from_its_start(tmp_path):
-    places = StatePaths(tmp_path / "state")
+def stored_scene(state):
+    """The places of a daemon that has the scene of runs and was never started."""
+    places = StatePaths(state)
     places.make_folders()
     places.scene(SCENE.digest).write_bytes(codec.to_json(SCENE))
+    return places
+
+
+def test_runs_of_another_engine_wait_and_the_daemon_says_so_from_its_start(tmp_path):
+    places = stored_scene(tmp_path / "state")
     with LedgerWriter.open(places) as ledger:
         old = replace(make_spec(0), engine="4")
         ledger.submit(submission_of("old", old, replace(old, repeat=1)), 1.0)
