@@ -69,8 +69,8 @@ class Dashboard(ThemedApp):
 
     TITLE = "scenario"
     CSS_PATH = ["dashboard.tcss", "playing.tcss", "search.tcss"]  # noqa: RUF012
-    # Narrow screens show one thing, Enter and Escape lead in and out; wide ones a table and beside
-    # it what the cursor is on, which takes 110 columns.
+    # Narrow screens show one thing, Enter and Escape lead in and out (the first one also shows what
+    # the cursor is on, below); wide ones show that beside the table, which takes 110 columns.
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (110, "-wide")]  # noqa: RUF012
     VERTICAL_BREAKPOINTS = [(0, "-short"), (16, "-tall")]  # noqa: RUF012
     COMMAND_PALETTE_BINDING = "colon"

@@ -80,7 +80,7 @@ _OTHERS: Final = (
 
 
 class CampaignsScreen(FilteredScreen["RunPage"], SteeringScreen["RunPage"]):
-    """All campaigns; wide terminals show the one under the cursor beside the table."""
+    """All campaigns; beside the table, or below it, the one under the cursor."""
 
     SORTS: ClassVar = {
         "submitted": True, "campaign": False, "judged": False, "done": False, "✗ fail": True,
@@ -226,7 +226,7 @@ class CampaignsScreen(FilteredScreen["RunPage"], SteeringScreen["RunPage"]):
 
     def _describe(self) -> None:
         row, panel = self.campaign(), self.query_one(CampaignPanel)
-        front = row.id if row is not None and panel.display and self.has_class("-wide") else ""
+        front = row.id if row is not None and panel.display else ""
         if front != self._front:
             self._front = front
             self.dashboard.feed.look_at(self)

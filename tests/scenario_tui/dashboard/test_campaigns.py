@@ -1,4 +1,4 @@
-"""The first screen: beside the campaigns the one under the cursor, as far as there is room."""
+"""The first screen: beside or below the campaigns the one under the cursor."""
 
 from dataclasses import replace
 
@@ -31,10 +31,12 @@ async def test_beside_the_table_stands_the_campaign_under_the_cursor():
 
 
 async def test_where_there_is_room_for_the_table_alone_nothing_more_is_judged():
-    async with make_dashboard(FakeDaemon()).run_test(size=(80, 24)) as pilot:
+    async with make_dashboard(FakeDaemon()).run_test(size=(80, 15)) as pilot:
         await settle(pilot)
         assert "last failures" not in "\n".join(screen_text(pilot))
         assert pilot.app.screen.about == ""
-        await pilot.resize_terminal(120, 40)
+        await pilot.resize_terminal(80, 24)
         await settle(pilot)
-        assert "last failures" in "\n".join(screen_text(pilot))
+        lines = screen_text(pilot)
+        below = next(number for number, line in enumerate(lines) if "last failures" in line)
+        assert below > next(number for number, line in enumerate(lines) if CAMPAIGN in line)

@@ -80,7 +80,7 @@ async def test_below_the_campaigns_stands_what_is_under_way_of_all(size):
         lines = screen_text(pilot)
         name = pilot.app.known.campaigns[0].name
         place = next(i for i, line in enumerate(lines) if "worst margin so far" in line)
-        assert place > size[1] // 2
+        assert place > next(i for i, line in enumerate(lines) if CAMPAIGN in line)
         assert f"{name} S2/pilot/0" in lines[place + 1]
         assert "+0.15 m clear" in "".join(lines[place + 1 :])
         await press(pilot, "tab", "enter")
