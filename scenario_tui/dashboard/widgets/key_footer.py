@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.screen import Screen
 from textual.widgets import Footer
 from textual.widgets._footer import FooterKey  # whose face leaves it out
+
+_ROOMY: Final = 80
+"""Columns in which the keys of most screens have room."""
 
 _Offered: TypeAlias = tuple[Binding, bool, str]
 """A key of the screen: whether it can do something now, and its tooltip."""
@@ -59,7 +62,13 @@ class KeyFooter(Footer):
         """Yield the keys as they are now, which may be others than when they were told of."""
         if self._shown is not None:
             self._shown = _offered(self.screen)
-        yield from super().compose()
+        for key in super().compose():
+            key.set_class(isinstance(key, FooterKey) and key.action == "keys", "-help")
+            yield key
+
+    def on_resize(self) -> None:
+        """Show the key of the help first where not all keys have room."""
+        self.set_class(self.size.width < _ROOMY, "-short")
 
     def _takes_over(self, screen: Screen[object]) -> bool:
         return screen.app.app_focus and self.is_attached and screen is self.screen

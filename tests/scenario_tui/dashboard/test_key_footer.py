@@ -89,3 +89,11 @@ async def test_the_line_fits_80_columns_and_leads_to_help_and_palette(keys):
         await settle(pilot)
         await press(pilot, *keys)
         await until(pilot, lambda: screen_text(pilot)[-1].endswith(": Go  ? Help  q Quit"))
+
+
+@pytest.mark.parametrize("keys", [(), ("enter",), ("enter", "enter"), ("m",)])
+async def test_the_key_of_the_help_comes_first_where_there_is_less_room(keys):
+    async with make_dashboard(SteeredDaemon()).run_test(size=(60, 20)) as pilot:
+        await settle(pilot)
+        await press(pilot, *keys)
+        await until(pilot, lambda: screen_text(pilot)[-1].strip().startswith("? Help  "))
