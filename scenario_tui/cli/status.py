@@ -73,7 +73,7 @@ def _print_status(
 ) -> None:
     """Print the daemon on two lines, and the newest campaigns."""
     campaigns = status.campaigns
-    _print_overview(status)
+    _print_overview(status, conclusions)
     if not campaigns and status.overview.trouble:
         return  # there may be some that cannot be read just now
     if not campaigns:
@@ -96,8 +96,9 @@ def _print_status(
             print_line(words)
 
 
-def _print_overview(status: DaemonStatus) -> None:
+def _print_overview(status: DaemonStatus, conclusions: Mapping[str, Conclusion]) -> None:
     from daemon.batch.paths import endpoint_text
+    from scenario_tui.text.campaign_text import fail_style
 
     overview, console = status.overview, stdout_console()
     slots = sum(worker.slots for worker in status.workers if not worker.away)
@@ -108,7 +109,9 @@ def _print_overview(status: DaemonStatus) -> None:
         f"{count_noun(overview.workers, 'worker')} with {count_noun(slots, 'slot')}"
         + (f", {away} away" if away else "")
     )
-    parts = _tally_parts(overview) or [Text("no runs yet")]
+    failed = [row for row in status.campaigns if row.failed and not row.search]
+    styles = {fail_style(row, conclusions.get(row.id)) for row in failed}
+    parts = _tally_parts(overview, "fail" if "fail" in styles else KNOWN) or [Text("no runs yet")]
     if overview.rate > 0:
         parts.append(Text(rate_text(overview.rate)))
     if overview.seconds_left is not None:
@@ -123,18 +126,21 @@ def _print_overview(status: DaemonStatus) -> None:
 
 
 def _tally_parts(
-    row: CampaignRow | DaemonOverview, conclusion: Conclusion | None = None
+    row: CampaignRow | DaemonOverview, fail: str, conclusion: Conclusion | None = None
 ) -> list[Text]:
-    """Return how many runs there are of each word, with its glyph; then news or known failures."""
+    """Return how many runs there are of each word, with its glyph; then news and known failures.
+
+    ``fail`` is the style of failed runs.
+    """
     parts = [
-        Text(f"{GLYPHS[word]} {count} {word}", style=word)
+        Text(f"{GLYPHS[word]} {count} {word}", style=fail if word == "fail" else word)
         for word, count in run_counts(row).items()
     ]
-    if conclusion is not None and conclusion.unexpected:
-        parts.append(Text(f"! {conclusion.unexpected} unexpected", style=NEWS))
-    elif conclusion is not None and conclusion.known:
+    if conclusion is not None and conclusion.word == "fail":
+        parts.append(Text(f"! {conclusion.text}", style=NEWS))
+    if conclusion is not None and conclusion.known:
         reasons = "; ".join(mark.reason for mark in conclusion.expectations.known)
-        parts.append(Text(f"known: {reasons}", style=KNOWN))
+        parts.append(Text(f"{conclusion.known} known: {reasons}", style=KNOWN))
     return parts
 
 
@@ -144,12 +150,15 @@ def _campaign_table(
     now: float,
     width: int,
 ) -> Table:
+    from scenario_tui.text.campaign_text import fail_style
+
     table = plain_table("campaign", "runs", "verdicts", "submitted")
     runs = [f"{row.ended}/{row.total}" for row in campaigns]
     # Verdicts wrap between their parts, never inside of one: rich would break at any blank.
     room = width - max(len(row.id) for row in campaigns) - max(map(len, runs)) - _OTHER_COLUMNS
     for row, progress in zip(campaigns, runs, strict=True):
-        parts = _tally_parts(row, conclusions.get(row.id))
+        conclusion = conclusions.get(row.id)
+        parts = _tally_parts(row, fail_style(row, conclusion), conclusion)
         if row.seconds_left is not None:
             parts.append(Text(f"{duration_text(row.seconds_left)} left"))
         counts = _wrap_parts(parts, max(24, room))

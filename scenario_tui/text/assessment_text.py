@@ -26,6 +26,7 @@ from scenario_tui.text.formatting import (
     run_label,
     run_word,
 )
+from scenario_tui.text.results import unexpected_text
 from scenario_tui.text.run_text import append_mark, evidence_parts, known_text, marked_style
 from scenario_tui.text.styles import GLYPHS, QUIET, SEVERITY
 
@@ -49,7 +50,7 @@ def cell_text(cell: CellAssessment, results: CampaignResults, *, alone: bool = F
 
     With the row to itself (``alone``) it is one line with a glyph for each repeat.
     """
-    word, mark = cell.word, results.expectations.mark_cell(cell)
+    word, mark = cell.word, results.expectations.mark_cells([cell])
     text = Text.assemble((glyph_word(word), marked_style(word, mark)))
     text.append(f" {_repeats(cell, results, alone)}")
     append_mark(text, mark)
@@ -111,7 +112,7 @@ def comparison_cell_text(cell: ComparisonVerdict, mark: Mark) -> Text:
     return text
 
 
-def unexpected_text(verdict: UnexpectedVerdict) -> Text:
+def _surprise_text(verdict: UnexpectedVerdict) -> Text:
     """Return an unexpected verdict in words, with the run to look at."""
     reason = verdict.why and f"known: {verdict.why}"
     text = _attention_line(str(verdict.verdict), verdict.text, [reason])
@@ -144,16 +145,21 @@ def attention_lists(results: CampaignResults) -> list[tuple[str, list[Text]]]:
     surprises, undecided = results.assessment.surprises, results.undecided
     lost_runs, differing = results.lost_runs, results.nondeterministic_runs
     groups = (
-        (surprises, "unexpected", [unexpected_text(one) for one in surprises]),
-        (undecided, "undecided", [undecided_text(o) for o in group_errors(undecided)]),
-        (lost_runs, "not executed", [_lost_run_text(row) for row in lost_runs]),
+        (unexpected_text(results), [_surprise_text(one) for one in surprises]),
         (
-            differing,
-            "not reproducible",
+            f"{count_noun(len(undecided), 'oracle')} undecided",
+            [undecided_text(oracles) for oracles in group_errors(undecided)],
+        ),
+        (
+            f"{count_noun(len(lost_runs), 'run')} not executed",
+            [_lost_run_text(row) for row in lost_runs],
+        ),
+        (
+            f"{count_noun(len(differing), 'run')} not reproducible",
             [_attention_line(run_word(r), run_label(r), [r.reason]) for r in differing],
         ),
     )
-    return [(f"{len(items):,} {title}", lines) for items, title, lines in groups if items]
+    return [(title, lines) for title, lines in groups if lines]
 
 
 def _lost_run_text(row: RunRow) -> Text:

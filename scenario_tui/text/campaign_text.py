@@ -19,6 +19,7 @@ from scenario_tui.text.formatting import (
 )
 from scenario_tui.text.heat_text import Heat, heat_lines
 from scenario_tui.text.results import NONE_JUDGED
+from scenario_tui.text.run_text import append_mark, marked_style
 from scenario_tui.text.styles import GLYPHS, KNOWN, QUIET
 
 if TYPE_CHECKING:
@@ -52,7 +53,8 @@ def judged_text(row: CampaignRow, conclusion: Conclusion | None) -> Text:
         return Text(NOTHING, style=QUIET)
     if conclusion.text == NONE_JUDGED and row.done:
         return Text("… judging", style=QUIET)
-    return Text(conclusion.glyph_text, style=QUIET if row.acknowledged else conclusion.word)
+    text = f"{GLYPHS[conclusion.word]} {conclusion.brief}"
+    return Text(text, style=QUIET if row.acknowledged else conclusion.word)
 
 
 def searched_text(row: CampaignRow, search: SearchRow) -> Text:
@@ -73,7 +75,8 @@ def searched_text(row: CampaignRow, search: SearchRow) -> Text:
 
 def fail_style(row: CampaignRow, conclusion: Conclusion | None) -> str:
     """Return the style of failed runs: red as long as they may be news."""
-    return KNOWN if _is_fine(conclusion) or row.acknowledged else "fail"
+    are_known = conclusion is not None and conclusion.known == row.failed
+    return KNOWN if are_known or _is_fine(conclusion) or row.acknowledged else "fail"
 
 
 def _is_fine(conclusion: Conclusion | None) -> bool:
@@ -161,10 +164,10 @@ def failure_lines(results: CampaignResults, width: int) -> list[Text]:
     failures.sort(key=lambda pair: _MARKED_FIRST.index(pair[1].kind))
     lines = []
     for run, mark in failures[:_FAILURES]:
-        word, is_known = run_word(run), mark.kind == "known"
-        text = Text.assemble((GLYPHS[word], KNOWN if is_known else word), f" {run_label(run)} ")
-        text.append(f" {mark.letter}", style=mark.kind)
-        text.append(f" known: {mark.reason}" if is_known else "", style=QUIET)
+        word = run_word(run)
+        text = Text.assemble((GLYPHS[word], marked_style(word, mark)), f" {run_label(run)} ")
+        append_mark(text, mark)
+        text.append(f" known: {mark.reason}" if mark.kind == "known" else "", style=QUIET)
         lines += [text, Text(f"  {_sentence(run)}", style=QUIET)]
     if len(failures) > _FAILURES:
         lines.append(Text(f"  and {len(failures) - _FAILURES:,} more", style=QUIET))

@@ -26,6 +26,7 @@ from scenario_tui.text.formatting import (
     run_word,
 )
 from scenario_tui.text.results import cell_margin
+from scenario_tui.text.run_text import append_mark, marked_style
 from scenario_tui.text.styles import GLYPHS, KNOWN, NEWS, QUIET, SEVERITY
 
 if TYPE_CHECKING:
@@ -81,7 +82,7 @@ def heat_marks(cells: Sequence[CellAssessment], results: CampaignResults, width:
     counts = Counter(map(run_word, runs))
     margins = (share for cell in cells if (share := cell_margin(cell)) is not None)
     worst = next((word for word in ("fail", "pass") if word in counts), "")
-    is_known = all(results.expectations.mark_cell(cell).kind != "news" for cell in cells)
+    is_known = results.expectations.mark_cells(cells).kind != "news"
     parts = []
     for word in sorted(counts, key=SEVERITY.index):
         share = min(margins, default=None) if word == worst else None
@@ -104,15 +105,16 @@ def _heat(run: RunRow, results: CampaignResults) -> Heat:
 def heat_lines(results: CampaignResults, width: int, height: int) -> list[Text]:
     """Return the matrix in at most ``height`` lines of ``width`` columns.
 
-    It has a line for each scenario and a column for each system under test; ``!`` marks cells that
-    are not as expected. Scenarios and systems that do not fit share the last line and column, those
-    as expected first. The last line explains the marks, where there is room for it.
+    It has a line for each scenario and a column for each system under test; behind the marks of a
+    cell stand ``!`` for news and the letters of known failures. Scenarios and systems that do not
+    fit share the last line and column, those as expected first. The last line explains the marks,
+    where there is room for it.
 
     It looks at every run of the campaign: make the lines anew only when the results are others.
     """
     cells = {(cell.scenario, cell.sut): cell for cell in results.assessment.cells}
     marks = results.expectations
-    news = {place for place, cell in cells.items() if marks.mark_cell(cell).kind == "news"}
+    news = {place for place, cell in cells.items() if marks.mark_cells([cell]).kind == "news"}
     names = tuple(dict.fromkeys(scenario for scenario, _ in cells))
     rows = _grouped(names, height - 1, {scenario for scenario, _ in news})
     label = min(max(map(cell_len, rows), default=0), width // 3)
@@ -135,10 +137,9 @@ def heat_lines(results: CampaignResults, width: int, height: int) -> list[Text]:
         texts = []
         for column in columns:
             group = groups[row, column]
-            text = heat_marks(group, results, room - 2)
-            if any((cell.scenario, cell.sut) in news for cell in group):
-                text.append(" !", style=NEWS)
-            texts.append(text)
+            mark = marks.mark_cells(group)
+            text = heat_marks(group, results, max(room - len(mark.letter) - 1, 1))
+            texts.append(append_mark(text, mark))
         lines.append(_line(row, texts, label, room))
     if len(lines) < height:
         lines.append(heat_legend(results))
@@ -155,13 +156,9 @@ def heat_cell(cell: CellAssessment | None, results: CampaignResults, width: int)
     if cell is None:
         return Text(NOTHING, style=QUIET)
     # The marks are the glyphs of this word.
-    word, mark = cell.word, results.expectations.mark_cell(cell)
-    letters = f" {mark.letter}" if mark.letter else ""
-    is_known = mark.kind == "known"
-    style = KNOWN if is_known and word == "fail" else word
-    text = heat_marks([cell], results, max(width - len(letters) - 1 - len(word), _FEWEST))
-    text.append(letters, style=mark.kind)
-    text.append(f" {word}", style=style)
+    word, mark = cell.word, results.expectations.mark_cells([cell])
+    text = heat_marks([cell], results, max(width - len(mark.letter) - 2 - len(word), _FEWEST))
+    append_mark(text, mark).append(f" {word}", style=marked_style(word, mark))
     runs = results.runs_of(cell)
     share = f" {sum(run.outcome is Outcome.PASS for run in runs)}/{len(runs)}"
     text.append(share if text.cell_len + len(share) <= width else "")

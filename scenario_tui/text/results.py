@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
+from grammars.text.words import count_noun
 from scenario_tui.text.formatting import margin_share
 from scenario_tui.text.styles import GLYPHS, SEVERITY
 
 if TYPE_CHECKING:
     from daemon.analysis.results import CampaignResults
     from daemon.judging.assessment import Expectations
-    from daemon.model.assessments import Assessment, CellAssessment
+    from daemon.model.assessments import CellAssessment
     from daemon.model.status import CampaignRow
 
 
@@ -27,8 +29,8 @@ def _no_expectations() -> Expectations:
 class Conclusion:
     """Agreement of a campaign with its expectations: ``word`` names its glyph, ``text`` says it.
 
-    ``unexpected`` and ``known`` count oracles of cells and comparisons: those that contradict an
-    expectation, and those that fail as expected. ``verdicts`` of the ``runs`` have been judged.
+    ``unexpected`` and ``known`` count runs: those with a verdict that contradicts an expectation,
+    and the others that fail as expected. ``verdicts`` of the ``runs`` have been judged.
     ``margins`` are the worst of each cell in the order of the matrix, as a share of their scale in
     [-1, 1] (below 0: broken; ``None``: unknown). ``expectations`` mark the runs.
     """
@@ -46,6 +48,11 @@ class Conclusion:
     def glyph_text(self) -> str:
         """The text behind its glyph: ``✓ as expected``."""
         return f"{GLYPHS[self.word]} {self.text}"
+
+    @property
+    def brief(self) -> str:
+        """The text where there is little room: ``3 unexpected``, those are runs."""
+        return f"{self.unexpected:,} unexpected" if self.unexpected else self.text
 
     @property
     def is_judged(self) -> bool:
@@ -68,14 +75,13 @@ _BY_EXIT_CODE: Final = {
 def conclude(results: CampaignResults) -> Conclusion:
     """Return the conclusion of a campaign; so far, if it is unfinished."""
     assessment, marks = results.assessment, results.expectations
-    word, text = _standing(assessment, finished=results.row.finished)
-    judged = [marks.mark_verdict(one) for cell in assessment.cells for one in cell.oracles]
-    judged += map(marks.mark_verdict, assessment.comparisons)
+    word, text = _standing(results)
+    kinds = Counter(mark.kind for mark in marks.runs.values())
     return Conclusion(
         word,
         text,
-        unexpected=len(assessment.surprises),
-        known=sum(mark.kind == "known" for mark in judged),
+        unexpected=kinds["news"],
+        known=kinds["known"],
         verdicts=sum(run.outcome is not None for run in results.rows),
         runs=len(results.rows),
         margins=tuple(map(cell_margin, matrix_order(assessment.cells))),
@@ -83,13 +89,22 @@ def conclude(results: CampaignResults) -> Conclusion:
     )
 
 
-def _standing(assessment: Assessment, *, finished: bool) -> tuple[str, str]:
-    """Return an assessment in two words, behind the word of its glyph."""
-    code = assessment.exit_code
+def unexpected_text(results: CampaignResults) -> str:
+    """Return how much contradicts an expectation: ``3 runs, 1 comparison unexpected``."""
+    marks = results.expectations
+    runs = sum(mark.kind == "news" for mark in marks.runs.values())
+    kinds = [marks.mark_verdict(one).kind for one in results.assessment.comparisons]
+    counts = ((runs, "run"), (kinds.count("news"), "comparison"))
+    return f"{', '.join(count_noun(*pair) for pair in counts if pair[0])} unexpected"
+
+
+def _standing(results: CampaignResults) -> tuple[str, str]:
+    """Return how a campaign stands in two words, behind the word of its glyph."""
+    assessment = results.assessment
+    code, states = assessment.exit_code, {cell.state for cell in assessment.cells}
     if code == 1:
-        return "fail", f"{len(assessment.surprises):,} unexpected"
-    states = {cell.state for cell in assessment.cells}
-    if code == 4 and not finished:
+        return "fail", unexpected_text(results)
+    if code == 4 and not results.row.finished:
         if any(cell.oracles for cell in assessment.cells):
             return "running", SO_FAR_FINE
         # A running search has no run between two proposals.

@@ -24,7 +24,7 @@ from scenario_tui.text.formatting import (
     run_word,
     time_text,
 )
-from scenario_tui.text.styles import GLYPHS, KNOWN, QUIET, SEVERITY
+from scenario_tui.text.styles import GLYPHS, KNOWN, NEWS, QUIET, SEVERITY
 
 if TYPE_CHECKING:
     from daemon.judging.assessment import Expectations
@@ -57,8 +57,11 @@ def marked_word(row: RunRow, expectations: Expectations | None = None) -> Text:
 
 
 def append_mark(text: Text, mark: Mark) -> Text:
-    """Append the sign of a mark, if any: `` !``, `` a``."""
-    return text.append(f" {mark.letter}" if mark.letter else "", style=mark.kind)
+    """Append the sign of a mark, if any: `` !``, `` a``; letters of known failures are amber."""
+    if mark.letter:
+        sign = "!" if mark.kind == "news" else ""
+        text.append(f" {sign}", style=NEWS).append(mark.letter.removeprefix(sign), style=KNOWN)
+    return text
 
 
 def known_text(mark: Mark) -> Text:

@@ -54,9 +54,9 @@ class Expectations:
         }
         return {oracle: mark for oracle, mark in marks.items() if mark.kind}
 
-    def mark_cell(self, cell: CellAssessment) -> Mark:
-        """Return the mark of a cell: news first, with the letters of its known failures."""
-        return _join(map(self.mark_verdict, cell.oracles))
+    def mark_cells(self, cells: Iterable[CellAssessment]) -> Mark:
+        """Return the mark of cells together: news first, with the letters of known failures."""
+        return _join(self.mark_verdict(oracle) for cell in cells for oracle in cell.oracles)
 
     def mark_verdict(self, verdict: CellVerdict | ComparisonVerdict) -> Mark:
         """Return the mark of an oracle over all repeats of a cell, or that of a comparison."""

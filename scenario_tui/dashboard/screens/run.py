@@ -255,7 +255,7 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
     def _say(self, detail: RunDetail) -> None:
         """Say when it is and which part of the screen this is."""
         run, transport = self._run, self.transport
-        line = marked_word(detail.row, expectations_of(self.dashboard, detail.row))
+        line = marked_word(detail.row, expectations_of(self.dashboard.known, detail.row))
         track = self._live.track if self._recording is None else None
         if track is not None and (transport is None or transport.follows):
             silence, wide = self.dashboard.tracks.silence(track), self.has_class("-wide")

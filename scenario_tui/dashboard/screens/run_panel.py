@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from daemon.judging.assessment import Expectations
     from scenario_tui.dashboard.app import Dashboard
     from scenario_tui.dashboard.playback import Playback
+    from scenario_tui.dashboard.state import Known
 
 
 class RunMap(Vertical):
@@ -102,7 +103,7 @@ class RunPanel(Vertical):
             words.update("")
         else:
             track = track_of(dashboard, news.detail)
-            expectations = expectations_of(dashboard, news.detail.row)
+            expectations = expectations_of(dashboard.known, news.detail.row)
             words.update(run_text(news.detail, track.snapshot if track else None, expectations))
         above.show_run(dashboard, news)
 
@@ -113,13 +114,13 @@ def track_of(dashboard: Dashboard, detail: RunDetail) -> Track | None:
     return dashboard.tracks.get(detail.row.id) if running else None
 
 
-def expectations_of(dashboard: Dashboard, row: RunRow) -> Expectations | None:
+def expectations_of(known: Known, row: RunRow) -> Expectations | None:
     """Return what marks a run and its verdicts, once its campaign is judged."""
-    conclusion = dashboard.known.conclusions.get(row.campaign)
+    conclusion = known.conclusions.get(row.campaign)
     return None if conclusion is None else conclusion.expectations
 
 
 def marks_of(dashboard: Dashboard, row: RunRow) -> Mapping[str, Mark]:
     """Return the marks of the verdicts of a run, by the oracle's name."""
-    expectations = expectations_of(dashboard, row)
+    expectations = expectations_of(dashboard.known, row)
     return NO_MARKS if expectations is None else expectations.mark_verdicts(row)

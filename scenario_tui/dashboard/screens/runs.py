@@ -20,23 +20,21 @@ from scenario_tui.dashboard.live_tracks import Track
 from scenario_tui.dashboard.run_watch import RunNews
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.filtering import FilteredScreen
-from scenario_tui.dashboard.screens.run_panel import RunPanel
+from scenario_tui.dashboard.screens.run_panel import RunPanel, expectations_of
 from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks, steering_keys
 from scenario_tui.dashboard.state import Known, RunsView
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
 from scenario_tui.text.formatting import (
-    glyph_word,
     margin,
     run_label,
-    run_word,
     time_text,
 )
-from scenario_tui.text.run_text import reached_text
+from scenario_tui.text.run_text import marked_word, reached_text
 from scenario_tui.text.styles import QUIET, SEVERITY
 
 if TYPE_CHECKING:
-    from daemon.model.assessments import Mark
+    from daemon.judging.assessment import Expectations
 
 PAGE: Final = 100
 """Runs asked for at a time, out of 100,000 in a large campaign: KeyedTable says why not all."""
@@ -216,9 +214,8 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
             self.query_one(RunPanel).show(self.dashboard, run)
 
     def _cells(self, known: Known, row: RunRow) -> Row:
-        conclusion = known.conclusions.get(row.campaign)
-        mark = conclusion.expectations.mark(row) if conclusion is not None else None
-        key, cells = run_cells(row, self.dashboard.tracks.get(row.id), mark)
+        track, expectations = self.dashboard.tracks.get(row.id), expectations_of(known, row)
+        key, cells = run_cells(row, track, expectations)
         named = (cells[0], Text(row.campaign, style=QUIET), *cells[1:])
         return key, cells if self._campaign else named
 
@@ -276,14 +273,12 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
             self.query_one(KeyedTable).begin_at(-1)
 
 
-def run_cells(row: RunRow, track: Track | None, mark: Mark | None) -> Row:
-    """Return a run as a row of the table; ``mark`` says whether it is news or known."""
-    word = run_word(row)
-    letter, style = (f" {mark.letter}", mark.kind) if mark is not None and mark.kind else ("", word)
+def run_cells(row: RunRow, track: Track | None, expectations: Expectations | None) -> Row:
+    """Return a run as a row of the table, marked by ``expectations``."""
     row = so_far(row, track)
     return row.id, (
         Text(run_label(row), style="bold"),
-        Text(f"{glyph_word(word)}{letter}", style=style),
+        marked_word(row, expectations),
         Text(margin(row.margin, row.unit) if row.oracle else ""),
         Text(row.oracle),
         Text(progress(row, track)),

@@ -60,7 +60,7 @@ class CellTable(DataTable[Text]):
         self._cells = {(cell.scenario, cell.sut): cell for cell in results.assessment.cells}
         marks = results.expectations
         self._news = {
-            place for place, cell in self._cells.items() if marks.mark_cell(cell).kind == "news"
+            place for place, cell in self._cells.items() if marks.mark_cells([cell]).kind == "news"
         }
         labels = tuple(dict.fromkeys(scenario for scenario, _ in self._cells))
         titles = tuple(dict.fromkeys(sut for _, sut in self._cells))

@@ -140,12 +140,12 @@ def _judging(state: Known) -> int:
 def _worst(worst: tuple[CampaignRow, Conclusion]) -> _Part:
     """Return the state of the campaign that is worst, called by its name unless all are fine."""
     row, conclusion = worst
-    glyph, text, name, brief = GLYPHS[conclusion.word], conclusion.text, "", ""
+    glyph, name, brief = GLYPHS[conclusion.word], "", ""
     if conclusion.word not in ("pass", "running"):
         name, brief = f"{row.name}: ", f"{keep_start(row.name, _NAME)}: "
-    known = f", {conclusion.known} known" if conclusion.known else ""
-    style = conclusion.word
-    return _part(style, f"{glyph} {name}{text}{known}", f"{glyph} {brief}{text}")
+    known = f", {conclusion.known:,} known" if conclusion.known else ""
+    long = f"{glyph} {name}{conclusion.text}{known}"
+    return _part(conclusion.word, long, f"{glyph} {brief}{conclusion.brief}")
 
 
 def _counts(overview: DaemonOverview, *, news: bool) -> Iterator[_Part]:

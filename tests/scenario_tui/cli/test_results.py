@@ -45,7 +45,7 @@ def test_results_show_the_matrix_what_is_unexpected_and_where_traces_lie(scenari
     assert said.code == 0
     cell = next(line for line in said.out.splitlines() if line.startswith("S2"))
     assert "✗ fail 0/5 ✗✗▶…∅ !  no-contact −0.12 m at 512.2 s" in cell
-    assert "1 unexpected:" in said.out
+    assert "2 runs unexpected:" in said.out
     assert "pilot S2 no-contact  −0.12 m  at 512.2 s  door-1  front left corner" in said.out
     assert f"(2 of 5 fail)  → {CAMPAIGN}.6" in said.out
     assert "∅ lost  S2/pilot/4  worker bench-1 went away" in said.out
@@ -71,7 +71,7 @@ def test_what_is_known_is_no_surprise_and_says_why(scenario, fake):
 
 
 def test_news_are_marked_in_status_and_in_lists(scenario):
-    assert "! 1 unexpected" in scenario("status").out
+    assert "! 2 runs unexpected" in scenario("status").out
     assert scenario("results", "--runs").out.count("✗ fail ! ") == 2
 
 
@@ -89,7 +89,7 @@ def test_what_is_not_shown_yet_says_how_many_runs_are_missing(scenario, fake):
     fake.rows = tuple(make_row(i) for i in range(5))
     said = scenario("results", "--exit-status")
     assert said.code == 4
-    assert "2 undecided:" in said.out
+    assert "2 oracles undecided:" in said.out
     assert "pilot S1 no-contact  5 of 5 shows at least 54.9 %, 9 more runs needed" in said.out
 
 
@@ -170,7 +170,7 @@ def test_runs_that_cannot_be_reproduced_are_named(scenario, fake):
     differing = make_row(1, reason="this gave a, old.1 gave b", nondeterministic=True)
     fake.rows = (make_row(0, reason="nondeterministic: a word, no more"), differing)
     said = scenario("results").out
-    assert "1 not reproducible:" in said
+    assert "1 run not reproducible:" in said
     assert "✓ pass  S1/pilot/1  this gave a, old.1 gave b" in said
 
 

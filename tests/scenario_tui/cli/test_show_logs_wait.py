@@ -177,7 +177,7 @@ def test_waiting_leaves_with_the_code_of_the_campaign(scenario, fake, monkeypatc
     fake.before = lambda daemon: next(looks, None) is None and _finish(daemon)
     said = scenario("wait", "first")
     assert (said.code, said.out) == (1, "")
-    assert said.err == f"{CAMPAIGN}: ✗ 1 unexpected\n"
+    assert said.err == f"{CAMPAIGN}: ✗ 2 runs unexpected\n"
     assert json.loads(scenario("wait", "first", "--json").out)["assessment"]["exit_code"] == 1
 
 
@@ -229,7 +229,7 @@ def test_a_daemon_that_is_away_at_first_is_waited_for(scenario, away, by_name):
     assert said.code == 1
     assert said.err.splitlines() == [
         "the daemon does not answer, waiting for it (Ctrl-C to leave)",
-        f"{CAMPAIGN}: ✗ 1 unexpected",
+        f"{CAMPAIGN}: ✗ 2 runs unexpected",
     ]
 
 

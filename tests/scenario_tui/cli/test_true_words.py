@@ -208,7 +208,7 @@ RESULTS = {
     "retrying": ("… queued 0/2", "none judged; 4 queued"),
     "cancelled": ("4 runs", "- cancelled 0/2", "nothing to compare; 4 runs cancelled",
                   "4 runs cancelled"),
-    "lost": ("∅ lost 0/2", "4 not executed", "nothing to compare; 4 runs lost"),
+    "lost": ("∅ lost 0/2", "4 runs not executed", "nothing to compare; 4 runs lost"),
     "half": ("2 of 4 runs finished", "… queued 0/2", "nothing to compare; 2 runs queued",
              "so far fine; 2 queued"),
 }  # fmt: skip

@@ -19,7 +19,7 @@ async def test_beside_the_table_stands_the_campaign_under_the_cursor():
     async with make_dashboard(Nightly()).run_test(size=(120, 40)) as pilot:
         await settle(pilot)
         text = "\n".join(screen_text(pilot))
-        assert "first  ✗ 1 unexpected" in text
+        assert "first  ✗ 2 unexpected" in text
         assert "S2  ✗✗▶…∅ !" in text
         assert "✗ S2/pilot/1  !" in text
         assert "no-contact: −0.12 m at 512.2 s" in text

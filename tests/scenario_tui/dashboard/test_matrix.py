@@ -41,14 +41,14 @@ async def test_m_shows_the_campaign_judged(judged):
         assert isinstance(pilot.app.screen, MatrixScreen)
         text = shown(pilot)
     for words in (
-        "✗ 1 unexpected  17/18 runs",
+        "✗ 1 run unexpected  17/18 runs",
         "✗✗✗ a fail 0/3",  # an expected failure
         "▃✗▃ ! fail 2/3",  # a surprise
         "−0.0312 m no-contact",
         "▃▃▶ running 2/3",
         "a known: violated at the closed door",
         "▁ tight █ clear pass",
-        "1 not executed",
+        "1 run not executed",
         "∅ lost  S3/a2s/2  worker bench-1 went away",
         "a2s detour  ✓ pass +0 s",
         f"scenario results {CAMPAIGN}",
@@ -178,7 +178,7 @@ def test_what_did_not_change_is_not_judged_again(judged):
     assert judge.step(judged, rows, CAMPAIGN)  # now everything about it is wanted
     assert not judge.step(judged, rows, CAMPAIGN)
     assert judge.conclusions[OLD].glyph_text == "✓ as expected"
-    assert judge.conclusions[CAMPAIGN].glyph_text == "✗ 1 unexpected"
+    assert judge.conclusions[CAMPAIGN].glyph_text == "✗ 1 run unexpected"
 
 
 def test_conclusions_of_deleted_campaigns_are_forgotten(judged):

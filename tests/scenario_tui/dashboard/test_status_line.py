@@ -18,7 +18,7 @@ LARGE = replace(
 )  # fmt: skip
 CAMPAIGNS = FakeDaemon().campaigns()
 FINE = Conclusion("pass", "as expected", verdicts=4, runs=4)
-JUDGED = {CAMPAIGN: Conclusion("fail", "3 unexpected", 3, known=2), OLD: FINE}
+JUDGED = {CAMPAIGN: Conclusion("fail", "3 runs unexpected", 3, known=2), OLD: FINE}
 HALTED = replace(LARGE, halted=True, troubles=(Trouble("the disk is full", TroubleCause.SPACE),))
 
 
@@ -29,7 +29,7 @@ def line(width, **known):
 
 def test_with_room_everything_is_said_in_words():
     assert line(180) == (
-        "✓ connected  ✗ first: 3 unexpected, 2 known  11 verdicts of 14 runs, 12.5 runs/min, "
+        "✓ connected  ✗ first: 3 runs unexpected, 2 known  11 verdicts of 14 runs, 12.5 runs/min, "
         "1 min 35 s left  ✗ 2 fail  ∅ 1 lost  ? 1 inconclusive  ✓ 8 pass  ▶ 1 running  … 1 queued"
     )
 

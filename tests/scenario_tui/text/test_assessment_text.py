@@ -99,7 +99,7 @@ def test_a_cell_says_running_when_one_of_its_runs_runs_and_others_wait():
         ((record(0, "queued"), record(1, "queued")), False, "… none judged"),
         ((record(0, "running"), record(1, "queued")), False, "▶ none judged"),
         ((record(0, "done", Outcome.PASS), record(1, "queued")), False, "▶ so far fine"),
-        ((record(0, "done", Outcome.FAIL), record(1, "queued")), False, "✗ 1 unexpected"),
+        ((record(0, "done", Outcome.FAIL), record(1, "queued")), False, "✗ 1 run unexpected"),
         ((record(0, "done", Outcome.PASS), record(1, "cancelled")), True, "- cancelled"),
         ((record(0, "cancelled"), record(1, "cancelled")), True, "- cancelled"),
         ((record(0, "lost"), record(1, "queued")), False, "∅ not all judged"),

@@ -58,7 +58,7 @@ def test_scenarios_by_systems_with_a_mark_for_each_repeat(results):
     assert [line.split() for line in lines[:4]] == [
         ["pilot", "a2s"],
         ["S1", "▂▂▂", "▂▂▃"],
-        ["S2", "✗✗✗", "▃✗▃", "!"],
+        ["S2", "✗✗✗", "a", "▃✗▃", "!"],
         ["S3", "▃▃▶", "▃▃∅"],
     ]
     assert lines[4] == "▁ tight █ clear pass  ! unexpected  a known"
@@ -66,7 +66,7 @@ def test_scenarios_by_systems_with_a_mark_for_each_repeat(results):
 
 def test_what_does_not_fit_is_summed_and_the_unexpected_stays(results):
     lines = plain(heat_lines(results, 24, 3))
-    assert lines == ["        all 2", "S2      ✗✗✗▃✗▃ !", "2 more  ▂▂▂▂▂▃▃▃▶▃▃∅"]
+    assert lines == ["        all 2", "S2      ✗✗✗▃✗▃ !a", "2 more  ▂▂▂▂▂▃▃▃▶▃▃∅"]
     rows = tuple(
         make_row(i, scenario=f"S{i}", sut="pilot", repeat=0, outcome=Outcome.PASS)
         for i in range(30)
