@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from rich.style import Style
 from rich.text import Text
 
 from daemon.model.live_view import blocked_points, scan_returns
@@ -30,7 +29,7 @@ from scenario_tui.dashboard.run_timeline import (
     recorded_timeline,
 )
 from scenario_tui.dashboard.transport import FLASH
-from scenario_tui.dashboard.widgets.cell_view import segments
+from scenario_tui.dashboard.widgets.cell_view import text_lines
 from scenario_tui.dashboard.widgets.map_frame import View, draw_view
 from scenario_tui.dashboard.widgets.map_style import STYLES, MapSigns, legend_height, legend_lines
 from scenario_tui.text.run_text import verdict_lines
@@ -355,10 +354,7 @@ def render_frame(
     rows = max(3, rows - (len(legend) - 1))
     codes, owners = draw_view(view, width, rows).cells()
     lines = [Text(headline(playback, time), style="bold"), timeline_bar(playback, time, width)]
-    for row in range(rows):
-        parts = segments(codes[row], owners[row], STYLES, Style())
-        lines.append(Text.assemble(*((part.text, part.style or "") for part in parts)))
-    lines += [*verdicts, *legend]
+    lines += [*text_lines(codes, owners, STYLES), *verdicts, *legend]
     for line in lines:
         line.truncate(width, overflow="ellipsis")
     return lines

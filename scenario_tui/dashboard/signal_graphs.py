@@ -12,7 +12,7 @@ from daemon.judging.live import reached_moments
 from daemon.judging.signals import RunSignal
 from daemon.trace import Trace
 from scenario_tui.dashboard.run_timeline import RunTimeline, waypoint_names
-from scenario_tui.dashboard.widgets.cell_view import segments
+from scenario_tui.dashboard.widgets.cell_view import text_lines
 from scenario_tui.dashboard.widgets.timeline import draw_frame
 from scenario_tui.dashboard.widgets.timeline_drawing import FAIL, TimelineDrawing
 
@@ -46,10 +46,7 @@ def draw_signals(
     least = sum(1 if signal.unit == "bool" else LEAST_ROWS for signal in signals)
     drawing = TimelineDrawing((timeline,), signals, width, max(rows, least + AXES))
     styles = [Style.parse(colour) for colour in _COLOURS] * 2
-    lines = []
-    for codes, owners in zip(*draw_frame(drawing, end, marks, FAIL), strict=True):
-        parts = segments(codes, owners, styles, Style())
-        line = Text.assemble(*((part.text, part.style or "") for part in parts))
+    lines = text_lines(*draw_frame(drawing, end, marks, FAIL), styles)
+    for line in lines:
         line.rstrip()
-        lines.append(line)
     return lines

@@ -6,7 +6,6 @@ A cell is split into 2 x 2 quadrants.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -19,24 +18,13 @@ Mask = npt.NDArray[np.bool_]
 _QUADRANTS: Final = np.array([*map(ord, " ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█")], dtype=np.int32)
 """The block for each sum of the squares in it."""
 _SQUARES: Final = np.array([[1, 2], [4, 8]])
-_FOUR_DOTS: Final = DOT_BITS.reshape(2, 2, 2).sum(axis=1, dtype=np.uint8)
-"""The braille dots in each square of a cell."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class BlockLayer:
-    """Cells (rows, columns): the block character of each, and the braille dots that are like it."""
-
-    codes: Codes
-    dots: Cells
-
-
-def fill_areas(edges: Floats, width: int, height: int, *, even_odd: bool = False) -> Mask:
+def fill_areas(edges: Floats, width: int, height: int) -> Mask:
     """Return the squares (height, width) whose middle lies in an area.
 
     ``edges`` (n, 4) are x0, y0, x1, y1 of closed rings, in squares from the upper left corner. All
-    rings turn the same way around, and what lies in any of them is filled; or, ``even_odd``, what
-    lies in an odd number of them.
+    rings turn the same way around, and what lies in any of them is filled.
     """
     x0, y0, x1, y1 = edges.T
     down = np.where(y1 > y0, 1, -1)
@@ -50,9 +38,8 @@ def fill_areas(edges: Floats, width: int, height: int, *, even_odd: bool = False
     at = x0[edge] + (row + 0.5 - y0[edge]) * slope
     column = np.ceil(at - 0.5).clip(0, width).astype(np.int64)
     turns = np.zeros((height, width + 1), dtype=np.int16)
-    np.add.at(turns, (row, column), 1 if even_odd else down[edge].astype(np.int16))
-    wound = np.cumsum(turns[:, :width], axis=1, dtype=np.int16)
-    inside: Mask = (wound & 1) == 1 if even_odd else wound != 0
+    np.add.at(turns, (row, column), down[edge].astype(np.int16))
+    inside: Mask = np.cumsum(turns[:, :width], axis=1, dtype=np.int16) != 0
     return inside
 
 
@@ -64,8 +51,6 @@ def area_dots(edges: Floats, columns: int, rows: int) -> Cells:
 
 def draw_strokes(mask: Mask, lines: Floats) -> None:
     """Set the squares along straight lines (n, 4) as x0, y0, x1, y1, one square thick."""
-    if len(lines) == 0:
-        return
     height, width = mask.shape
     low, high = np.minimum(lines[:, :2], lines[:, 2:]), np.maximum(lines[:, :2], lines[:, 2:])
     # Zoomed, most lines have nothing of their box on the screen.
@@ -110,11 +95,11 @@ def middle_line(ring: Floats) -> Floats:
     return ends
 
 
-def to_blocks(mask: Mask) -> BlockLayer:
-    """Return a mask of squares (2 x rows, 2 x columns) as cells."""
+def mask_blocks(mask: Mask) -> Codes:
+    """Return a mask of squares (2 x rows, 2 x columns) as block characters of cells."""
     squares = mask.reshape(mask.shape[0] // 2, 2, mask.shape[1] // 2, 2)
-    codes = _QUADRANTS[np.einsum("rhcw,hw->rc", squares, _SQUARES)]
-    return BlockLayer(codes, np.einsum("rhcw,hw->rc", squares, _FOUR_DOTS))
+    codes: Codes = _QUADRANTS[np.einsum("rhcw,hw->rc", squares, _SQUARES)]
+    return codes
 
 
 def mask_dots(mask: Mask) -> Cells:

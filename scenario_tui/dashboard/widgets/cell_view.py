@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import ClassVar, Final
 
 import numpy as np
 import numpy.typing as npt
 from rich.segment import Segment
 from rich.style import Style
+from rich.text import Text
 from textual.geometry import Region
 from textual.strip import Strip
 from textual.widget import Widget
@@ -50,30 +50,15 @@ def points_along(segments: Floats) -> Floats:
 
 
 class Canvas:
-    """Dots of several layers over ``columns`` x ``rows`` cells; dot (0, 0) is at the top left."""
+    """Dots of several layers over ``columns`` x ``rows`` cells; dot (0, 0) is at the top left.
+
+    ``dots`` (layers, rows, columns) are bits of braille cells; ``width`` and ``height`` count them.
+    """
 
     def __init__(self, columns: int, rows: int, layers: int) -> None:
         self.columns, self.rows = columns, rows
-        self._dots: Cells = np.zeros((layers, rows, columns), dtype=np.uint8)
-
-    @property
-    def width(self) -> int:
-        """Dots across."""
-        return 2 * self.columns
-
-    @property
-    def height(self) -> int:
-        """Dots down."""
-        return 4 * self.rows
-
-    def layer(self, layer: int) -> Cells:
-        """Return the dots of a layer, shape (rows, columns), as bits of a braille cell."""
-        dots: Cells = self._dots[layer]
-        return dots
-
-    def merge(self, dots: Cells, layer: int) -> None:
-        """Set the dots (rows, columns) besides those that are set."""
-        self._dots[layer] |= dots
+        self.width, self.height = 2 * columns, 4 * rows
+        self.dots: Cells = np.zeros((layers, rows, columns), dtype=np.uint8)
 
     def points(self, dots: Floats, layer: int, size: int = 1) -> None:
         """Set dots, shape (n, 2) as x, y, or squares of ``size`` dots; ignore those outside."""
@@ -83,12 +68,10 @@ class Canvas:
         x, y = whole[inside].T
         bits = DOT_BITS[y % 4, x % 2]
         # With .at every dot counts: of several in one cell plain indexing would keep the last.
-        np.bitwise_or.at(self._dots[layer], (y // 4, x // 2), bits)
+        np.bitwise_or.at(self.dots[layer], (y // 4, x // 2), bits)
 
     def lines(self, segments: Floats, layer: int, size: int = 1) -> None:
         """Draw straight lines, shape (n, 4) as x0, y0, x1, y1 in dots, ``size`` dots thick."""
-        if len(segments) == 0:
-            return
         self.points(points_along(segments), layer, size)
 
     def bars(self, columns: Codes, tops: Floats, bottoms: Floats, layer: int) -> None:
@@ -99,7 +82,7 @@ class Canvas:
         rows = np.arange(self.height)[:, None]
         filled = np.zeros((self.height, self.width), dtype=np.uint8)
         filled[:, columns] = (rows >= np.rint(tops)) & (rows <= np.rint(bottoms))
-        dots = self._dots[layer]
+        dots = self.dots[layer]
         for (row, column), bit in np.ndenumerate(DOT_BITS):
             dots |= filled[row::4, column::2] * bit
 
@@ -108,29 +91,32 @@ class Canvas:
 
         A cell belongs to its highest layer with a dot, and shows the dots of all layers.
         """
-        codes = np.bitwise_or.reduce(self._dots, axis=0).astype(np.int32) + BLANK
+        codes = np.bitwise_or.reduce(self.dots, axis=0).astype(np.int32) + BLANK
         owners = np.full((self.rows, self.columns), -1, dtype=np.int32)
-        for layer, dots in enumerate(self._dots):
+        for layer, dots in enumerate(self.dots):
             owners[dots > 0] = layer
         codes[owners < 0] = ord(" ")
         return codes, owners
 
 
-def segments(codes: Codes, owners: Codes, styles: Sequence[Style], base: Style) -> list[Segment]:
-    """Return one row of cells (columns,) as text with styles over ``base``, one per run.
+def segments(codes: Codes, owners: Codes, styles: Sequence[Style]) -> list[Segment]:
+    """Return one row of cells (columns,) as text with styles, one per run.
 
-    ``owners`` index into ``styles``; negative ones have no style of their own.
+    ``owners`` index into ``styles``; negative ones have none.
     """
     text = codes.astype("<i4").tobytes().decode("utf-32-le")
     cuts = [0, *(np.flatnonzero(owners[1:] != owners[:-1]) + 1).tolist(), len(text)]
-    over = _over(tuple(styles), base)
-    return [Segment(text[a:b], over[owners[a]]) for a, b in itertools.pairwise(cuts)]
+    marks = owners[cuts[:-1]].tolist()
+    return [
+        Segment(text[a:b], styles[mark] if mark >= 0 else None)
+        for (a, b), mark in zip(itertools.pairwise(cuts), marks, strict=True)
+    ]
 
 
-@lru_cache(maxsize=64)
-def _over(styles: tuple[Style, ...], base: Style) -> tuple[Style, ...]:
-    """Return styles over ``base``, and last, where index -1 points to, that alone."""
-    return (*(base + style for style in styles), base)
+def text_lines(codes: Codes, owners: Codes, styles: Sequence[Style]) -> list[Text]:
+    """Return cells (rows, columns) as lines of text, see :func:`segments`."""
+    rows = (segments(*row, styles) for row in zip(codes, owners, strict=True))
+    return [Text.assemble(*((part.text, part.style or "") for part in row)) for row in rows]
 
 
 def write_text(codes: Codes, owners: Codes, row: int, column: int, text: str, owner: int) -> None:
@@ -159,10 +145,7 @@ class CellView(Widget):
 
     STYLES: ClassVar[Sequence[Style]] = ()
 
-    def __init__(self, *, id: str | None = None) -> None:
-        super().__init__(id=id)
-        self._cells: Codes | None = None
-        self._base: Style | None = None
+    _cells: Codes | None = None
 
     def cells(self, columns: int, rows: int) -> tuple[Codes, Codes] | None:
         """Return code points and styles, shape (rows, columns) each, or nothing to show."""
@@ -170,16 +153,13 @@ class CellView(Widget):
 
     def redraw(self) -> None:
         """Draw anew and have the terminal told of what changed."""
-        self._base = None
         before, size = self._cells, self.size
-        cells = self.cells(size.width, size.height) if size.width and size.height else None
-        self._cells = None if cells is None else np.stack(cells)
-        if before is None or self._cells is None or before.shape != self._cells.shape:
-            if before is not None or self._cells is not None:
+        cells = self.cells(*size) if size else None
+        after = self._cells = None if cells is None else np.stack(cells)
+        if before is None or after is None or before.shape != after.shape:
+            if before is not after:
                 self.refresh()
-            return
-        spans = changed_spans(before, self._cells)
-        if spans:
+        elif spans := changed_spans(before, after):
             self.refresh(*spans)
 
     def on_resize(self) -> None:
@@ -187,17 +167,11 @@ class CellView(Widget):
         self._cells = None
         self.redraw()
 
-    def notify_style_update(self) -> None:
-        """Take over another style of the background."""
-        super().notify_style_update()
-        self._base = None
-
     def render_line(self, y: int) -> Strip:
         """Return one row of cells, runs of one style joined."""
+        base = self.visual_style.rich_style
         if self._cells is None or y >= self._cells.shape[1]:
-            return Strip.blank(self.size.width, self.rich_style)
-        if self._base is None:
-            self._base = self.rich_style
+            return Strip.blank(self.size.width, base)
         codes, owners = self._cells[:, y]
-        row = segments(codes, owners, self.STYLES, self._base)
-        return Strip(row, self._cells.shape[2])
+        row = segments(codes, owners, self.STYLES)
+        return Strip(row, self._cells.shape[2]).apply_style(base)

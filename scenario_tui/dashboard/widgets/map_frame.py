@@ -15,7 +15,7 @@ from grammars.model.mission import Mission
 from grammars.model.robot import Robot
 from grammars.model.scene import Scene
 from scenario_tui.dashboard.widgets.block_cells import Mask, area_dots, ring_edges
-from scenario_tui.dashboard.widgets.cell_view import BLANK, Canvas, Codes, write_text
+from scenario_tui.dashboard.widgets.cell_view import Canvas, Codes, write_text
 from scenario_tui.dashboard.widgets.map_names import MapLabel, Place, place_beside
 from scenario_tui.dashboard.widgets.map_projection import cell_of
 from scenario_tui.dashboard.widgets.map_style import (
@@ -110,17 +110,16 @@ class MapFrame:
     def __init__(self, still: StillMap) -> None:
         self.still = still
         self.canvas = Canvas(still.columns, still.rows, len(Layer))
-        self.canvas.merge(still.low.layer(0), Layer.LOW)
-        self._glyphs: dict[Place, tuple[str, Layer]] = {}
-        self._waypoints: dict[Place, Layer] = {}
+        self.canvas.dots[Layer.LOW] = still.low
+        self._signs: list[tuple[Layer, Place, str]] = []
         self._movers: dict[str, Floats] = {}
         self._measure: tuple[str, Layer, Floats] | None = None
-        self._shown: set[Layer] = set()
 
     @property
     def layers(self) -> frozenset[Layer]:
         """The layers with something on the map, for the legend."""
-        return frozenset(self._shown)
+        drawn = {layer for layer, dots in zip(Layer, self.canvas.dots, strict=True) if dots.any()}
+        return frozenset(drawn).union(layer for layer, _, _ in self._signs)
 
     def draw(self, shape: PlanShape) -> None:
         """Draw a shape that moves."""
@@ -136,13 +135,17 @@ class MapFrame:
         parts = np.split(dots, np.cumsum([len(part) for part in points])[:-1])
         if role is ShapeRole.MOVER:
             self._movers[shape.text] = dots
-        if shape.form == "dots":
-            self._mark(shape, layer, dots)
+        if shape.form == "dots" and role in _SIGNS:
+            self._sign(dots, _SIGNS[role], layer)
+            if shape.text:
+                # With its sign: that of a contact may be in its place.
+                self._measure = (f"{_SIGNS[role]} {shape.text}", layer, dots)
+        elif shape.form == "dots":
+            self.canvas.points(dots, layer, _THICK if role is ShapeRole.COSTMAP else 1)
         elif role is ShapeRole.HEADING:
             self._head(parts[0], layer)
         elif role is ShapeRole.TOUCHING_TRAIL:
-            for x, y in np.vstack([_along(part, 1.0) for part in parts]).tolist():
-                self._glyph(x, y, TOUCHING, layer)
+            self._sign(np.vstack([_along(part, 1.0) for part in parts]), TOUCHING, layer)
         elif role is ShapeRole.PLAN:
             self.canvas.points(np.vstack([_along(part, _DOT_GAP) for part in parts]), layer)
         elif shape.form == "line":
@@ -152,101 +155,75 @@ class MapFrame:
             edges = ring_edges(parts)
             self.canvas.lines(edges, layer)
             if shape.form == "area" and role is not ShapeRole.ROBOT:
-                self.canvas.merge(area_dots(edges, self.canvas.columns, self.canvas.rows), layer)
-        marked = any(owner is layer for _, owner in self._glyphs.values())
-        if marked or self.canvas.layer(layer).any():
-            self._shown.add(layer)
-
-    def _mark(self, shape: PlanShape, layer: Layer, dots: Floats) -> None:
-        sign = _GLYPHS.get(shape.role)
-        if sign is None:
-            self.canvas.points(dots, layer, _THICK if shape.role is ShapeRole.COSTMAP else 1)
-            return
-        for x, y in dots.tolist():
-            self._glyph(x, y, sign, layer)
-        if layer in (Layer.REACHED, Layer.WAYPOINT):
-            # Reached ones come first: a cell with another one in it is still ahead.
-            self._waypoints |= {cell_of(x, y): layer for x, y in dots.tolist()}
-        elif shape.text:
-            # With its sign: that of a contact may be in its place.
-            self._measure = (f"{sign} {shape.text}", layer, dots)
+                area = area_dots(edges, self.canvas.columns, self.canvas.rows)
+                self.canvas.dots[layer] |= area
 
     def _head(self, line: Floats, layer: Layer) -> None:
         """Draw the way a robot looks: a line to its nose where it is large, and an arrow."""
-        (x, y), (nose_x, nose_y) = line.tolist()
-        if math.dist((x, y), (nose_x, nose_y)) > _LEAST_BODY:
+        right, down = line[1] - line[0]
+        if math.hypot(right, down) > _LEAST_BODY:
             self.canvas.lines(line.reshape(1, 4), Layer.ROBOT)
-        angle = math.atan2(y - nose_y, nose_x - x)
-        self._glyph(x, y, ARROWS[round(angle / (math.pi / 4)) % 8], layer)
+        self._sign(line[:1], ARROWS[round(math.atan2(-down, right) / (math.pi / 4)) % 8], layer)
 
-    def _glyph(self, x: float, y: float, sign: str, layer: Layer) -> None:
-        """Put a sign into the cell that holds a dot, over those of lower layers."""
-        place = cell_of(x, y)
-        inside = 0 <= place[0] < self.canvas.rows and 0 <= place[1] < self.canvas.columns
-        if inside and (place not in self._glyphs or self._glyphs[place][1] <= layer):
-            self._glyphs[place] = (sign, layer)
+    def _sign(self, dots: Floats, sign: str, layer: Layer) -> None:
+        """Put a sign into the cells that hold dots (n, 2)."""
+        for x, y in dots.tolist():
+            row, column = cell_of(x, y)
+            if 0 <= row < self.canvas.rows and 0 <= column < self.canvas.columns:
+                self._signs.append((layer, (row, column), sign))
 
     def cells(self) -> tuple[Codes, Codes]:
         """Return code points and styles, shape (rows, columns) each; style -1 is empty."""
-        walls = self.still.walls
-        shape = (self.canvas.rows, self.canvas.columns)
-        dots, owners = np.zeros(shape, dtype=np.uint8), np.full(shape, -1, dtype=np.int32)
-        for layer in Layer:
-            here = self.canvas.layer(layer)
-            if layer in self._shown or layer is Layer.LOW:
-                dots |= here
-                owners[here > 0] = layer
-        solid = walls.dots > 0
+        codes, owners = self.canvas.cells()
+        still, solid = self.still, self.still.walls > 0
         # A wall with something before it is dots as well; where the laser meets it, it is lit.
+        codes[solid] |= still.walls[solid]
         lit = solid & (owners == Layer.RETURN)
         plain = lit | (solid & (owners <= Layer.LOW))
-        codes = (dots | walls.dots).astype(np.int32) + BLANK
-        codes[(owners < 0) & ~solid] = ord(" ")
-        codes[plain] = walls.codes[plain]
+        codes[plain] = still.blocks[plain]
         owners[plain] = Layer.WALL
         owners[lit] = Layer.LIT
-        for text in self._texts(owners):
+        for text in list(self._texts(owners)):
             write_text(codes, owners, text.row, text.column, text.text, text.layer)
-        for place, (sign, layer) in sorted(self._glyphs.items(), key=lambda item: item[1][1]):
+        for layer, place, sign in sorted(self._signs, key=lambda one: one[0]):
             codes[place], owners[place] = ord(sign), layer
         return codes, owners
 
-    def _texts(self, owners: Codes) -> list[MapLabel]:
-        """Return the texts that have room, those that matter most first."""
-        still, walls = self.still, self.still.walls.dots > 0
+    def _texts(self, owners: Codes) -> Iterator[MapLabel]:
+        """Yield the texts that have room, those that matter most first."""
+        still, walls = self.still, self.still.walls > 0
         free = np.ones(owners.shape, dtype=np.bool_)
-        for place in self._glyphs:
+        for _, place, _ in self._signs:
             free[place] = False
-        numbers = (
-            replace(number, layer=layer)
-            for place, layer in self._waypoints.items()
-            if (number := still.numbers.get(place))
-        )
-        texts = _with_room((*still.edge, *numbers), free)
+        # Reached ones come first: a cell with another one in it is still ahead.
+        numbers = {
+            place: replace(still.numbers[place], layer=layer)
+            for layer, place, _ in self._signs
+            if layer in (Layer.REACHED, Layer.WAYPOINT) and place in still.numbers
+        }
+        yield from _with_room((*still.edge, *numbers.values()), free)
         if self._measure is not None:
             words, layer, dots = self._measure
-            box = box_of(dots)
-            measure = place_beside(words, layer, box, free & ~walls)
-            texts += _with_room([measure or place_beside(words, layer, box, free)], free)
+            if measure := place_beside(words, layer, box_of(dots), free, walls=walls):
+                yield measure
         free &= owners < Layer.TRAIL
-        texts += _with_room(still.names, free)
+        yield from _with_room(still.names, free)
         free &= ~walls
         # Names of what moves, where the map is large enough for names.
         for text, dots in self._movers.items() if still.names else ():
-            name = place_beside(text, Layer.DOOR_NAME, box_of(dots), free)
-            texts += _with_room([name], free)
-        return texts
+            if name := place_beside(text, Layer.DOOR_NAME, box_of(dots), free):
+                yield name
 
 
-def _with_room(texts: Iterable[MapLabel | None], free: Mask) -> list[MapLabel]:
+def _with_room(texts: Iterable[MapLabel], free: Mask) -> list[MapLabel]:
     """Return the texts whose cells are ``free`` (rows, columns); these are so no longer."""
-    fitting = [text for text in texts if text is not None and free[text.cells].all()]
+    fitting = [text for text in texts if free[text.cells].all()]
     for text in fitting:
         text.take_place(free)
     return fitting
 
 
-_GLYPHS: Final = {
+_SIGNS: Final = {
     ShapeRole.WAYPOINT: AHEAD,
     ShapeRole.REACHED: REACHED,
     ShapeRole.ESTIMATE: ESTIMATE,
@@ -279,12 +256,11 @@ def draw_view(
     view: View, columns: int, rows: int, *, zoom: int = 1, middle: Point2 | None = None,
     costmap: str | None = None,
 ) -> MapFrame:  # fmt: skip
-    """Return the map of a view, when zoomed the part around ``middle`` [m], else the robot.
+    """Return the map of a view, or the part around ``middle`` [m], ``zoom`` times larger.
 
     ``costmap`` is that of :func:`shapes_of`.
     """
-    around = (middle or (view.where.x, view.where.y)) if zoom > 1 else None
-    frame = MapFrame(still_map(view.scene, view.mission, columns, rows, zoom, around))
+    frame = MapFrame(still_map(view.scene, view.mission, columns, rows, zoom, middle))
     for shape in _joined(shapes_of(view, costmap)):
         frame.draw(shape)
     return frame

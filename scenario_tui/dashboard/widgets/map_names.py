@@ -38,11 +38,12 @@ class MapLabel:
 def place_inside(text: str, layer: int, rings: Sequence[Floats], free: Mask) -> MapLabel | None:
     """Return a text within an area, as near to its middle as there is room.
 
-    ``rings`` (n, 2) are in cells from the upper left corner; ``free`` (rows, columns) are cells
-    with nothing in them.
+    ``rings`` (n, 2), in cells from the upper left corner, are an outline and holes in it; ``free``
+    (rows, columns) are cells with nothing in them, and those of the text no longer.
     """
     rows, columns = free.shape
-    inside = fill_areas(ring_edges(rings), columns, rows, even_odd=True)
+    outline, *holes = (fill_areas(ring_edges([ring]), columns, rows) for ring in rings)
+    inside = outline & ~np.logical_or.reduce(holes, axis=0)
     # With a cell on either side: letters that touch a wall are hard to read.
     width = len(text) + 2
     if not inside.any() or columns < width:
@@ -55,13 +56,16 @@ def place_inside(text: str, layer: int, rings: Sequence[Floats], free: Mask) -> 
     # A cell is twice as high as wide.
     far = np.abs(2.0 * (at[:, 0] - row)) + np.abs(at[:, 1] + (width - 1) / 2 - column)
     best, first = at[far.argmin()].tolist()
-    return MapLabel(best, first + 1, text, layer)
+    return _placed(MapLabel(best, first + 1, text, layer), free)
 
 
-def place_beside(text: str, layer: int, box: Box, free: Mask, gap: int = 1) -> MapLabel | None:
+def place_beside(
+    text: str, layer: int, box: Box, free: Mask, *, walls: Mask | None = None, gap: int = 1
+) -> MapLabel | None:
     """Return a text beside a ``box``: to the right, to the left, at most two rows above or below.
 
-    It has ``gap`` cells on either side that are ``free`` (rows, columns), too.
+    It has ``gap`` cells on either side that are ``free``, too, and covers ``walls`` (both rows,
+    columns) only without any other place. Its cells are no longer free.
     """
     rows, columns = free.shape
     left, top, right, bottom = box
@@ -73,8 +77,14 @@ def place_beside(text: str, layer: int, box: Box, free: Mask, gap: int = 1) -> M
     spots = [(middle, after), (middle, before)]
     for row in (top - 1, bottom + 1, top - 2, bottom + 2):
         spots += [(row, column) for column in (centre, after, before, after + 2)]
-    for row, column in spots:
-        is_inside = 0 <= row < rows and 0 <= column <= columns - width
-        if is_inside and free[row, max(column - gap, 0) : column + width + gap].all():
-            return MapLabel(row, column, text, layer)
+    spots = [(row, at) for row, at in spots if 0 <= row < rows and 0 <= at <= columns - width]
+    for room in (free,) if walls is None else (free & ~walls, free):
+        for row, column in spots:
+            if room[row, max(column - gap, 0) : column + width + gap].all():
+                return _placed(MapLabel(row, column, text, layer), free)
     return None
+
+
+def _placed(label: MapLabel, free: Mask) -> MapLabel:
+    label.take_place(free)
+    return label

@@ -32,63 +32,43 @@ WALLS: Final = "#7c818c"
 class Layer(IntEnum):
     """Content and style of a cell: of several layers in a cell the last one counts."""
 
-    WALL = 0
-    COSTMAP = 1
-    LOW = 2
-    LIT = 3
-    RETURN = 4
-    PLAN = 5
-    SPACE_NAME = 6
-    DOOR_NAME = 7
-    TRAIL = 8
-    POST = 9
-    DOOR = 10
-    MOVER = 11
-    SPREAD = 12
-    NEAR_TRAIL = 13
-    TOUCHING_TRAIL = 14
-    REACHED = 15
-    WAYPOINT = 16
-    ESTIMATE = 17
-    ROBOT = 18
-    DECISION = 19
-    FAILURE = 20
-    HEADING = 21
-    CONTACT = 22
-    SCALE = 23
+    style: Style
+
+    def __new__(cls, style: Style) -> Layer:
+        """Return the next layer."""
+        layer = int.__new__(cls, len(cls.__members__))
+        layer._value_, layer.style = len(cls.__members__), style
+        return layer
+
+    WALL = Style(color=WALLS)
+    # Below what is low: walls are drawn as walls, whatever they cost.
+    COSTMAP = Style(color=COLOURS[UNSURE], dim=True)
+    LOW = Style(color=WALLS, dim=True)
+    # Bold: where there are no colours, what the laser sees of a wall is told from the rest.
+    LIT = Style(color=COLOURS[FACT], bold=True)
+    RETURN = Style(color=COLOURS[FACT], bold=True)
+    PLAN = Style(color=COLOURS[BUSY])
+    SPACE_NAME = Style(color=COLOURS[QUIET])
+    DOOR_NAME = Style(color=COLOURS[DOORS], dim=True)
+    TRAIL = Style(color=COLOURS[GOOD])
+    POST = Style(color=WALLS)
+    DOOR = Style(color=COLOURS[DOORS])
+    MOVER = Style(color=COLOURS[DOORS], bold=True)
+    SPREAD = Style(color=COLOURS[BROKEN])
+    NEAR_TRAIL = Style(color=COLOURS[UNSURE], bold=True)
+    TOUCHING_TRAIL = Style(color=COLOURS[BAD], bold=True)
+    REACHED = Style(color=COLOURS[BUSY], dim=True)
+    WAYPOINT = Style(color=COLOURS[BUSY], bold=True)
+    ESTIMATE = Style(color=COLOURS[BROKEN], bold=True)
+    ROBOT = Style(color=COLOURS[GOOD], bold=True)
+    DECISION = Style(color=COLOURS[FACT], bold=True)
+    FAILURE = Style(color=COLOURS[BAD], bold=True)
+    HEADING = Style(color=COLOURS[GOOD], bold=True, reverse=True)
+    CONTACT = Style(color=COLOURS[BAD], bold=True, reverse=True)
+    SCALE = Style(color=COLOURS[QUIET])
 
 
-STYLES: Final = tuple(
-    {
-        Layer.WALL: Style(color=WALLS),
-        # Below what is low: walls are drawn as walls, whatever they cost.
-        Layer.COSTMAP: Style(color=COLOURS[UNSURE], dim=True),
-        Layer.LOW: Style(color=WALLS, dim=True),
-        # Bold: where there are no colours, what the laser sees of a wall is told from the rest.
-        Layer.LIT: Style(color=COLOURS[FACT], bold=True),
-        Layer.RETURN: Style(color=COLOURS[FACT], bold=True),
-        Layer.PLAN: Style(color=COLOURS[BUSY]),
-        Layer.SPACE_NAME: Style(color=COLOURS[QUIET]),
-        Layer.DOOR_NAME: Style(color=COLOURS[DOORS], dim=True),
-        Layer.TRAIL: Style(color=COLOURS[GOOD]),
-        Layer.POST: Style(color=WALLS),
-        Layer.DOOR: Style(color=COLOURS[DOORS]),
-        Layer.MOVER: Style(color=COLOURS[DOORS], bold=True),
-        Layer.SPREAD: Style(color=COLOURS[BROKEN]),
-        Layer.NEAR_TRAIL: Style(color=COLOURS[UNSURE], bold=True),
-        Layer.TOUCHING_TRAIL: Style(color=COLOURS[BAD], bold=True),
-        Layer.REACHED: Style(color=COLOURS[BUSY], dim=True),
-        Layer.WAYPOINT: Style(color=COLOURS[BUSY], bold=True),
-        Layer.ESTIMATE: Style(color=COLOURS[BROKEN], bold=True),
-        Layer.ROBOT: Style(color=COLOURS[GOOD], bold=True),
-        Layer.DECISION: Style(color=COLOURS[FACT], bold=True),
-        Layer.FAILURE: Style(color=COLOURS[BAD], bold=True),
-        Layer.HEADING: Style(color=COLOURS[GOOD], bold=True, reverse=True),
-        Layer.CONTACT: Style(color=COLOURS[BAD], bold=True, reverse=True),
-        Layer.SCALE: Style(color=COLOURS[QUIET]),
-    }[layer]
-    for layer in Layer
-)
+STYLES: Final = tuple(layer.style for layer in Layer)
 LAYER_OF: Final = {role: Layer[role.name] for role in ShapeRole if role.name in Layer.__members__}
 ARROWS: Final = "→↗↑↖←↙↓↘"
 """One for each eighth of a turn to the left."""

@@ -17,16 +17,16 @@ from grammars.model.geometry import Floats, Point2
 from grammars.model.mission import Mission
 from grammars.model.scene import Scene
 from scenario_tui.dashboard.widgets.block_cells import (
-    BlockLayer,
     Mask,
     area_dots,
     draw_strokes,
     fill_areas,
+    mask_blocks,
+    mask_dots,
     middle_line,
     ring_edges,
-    to_blocks,
 )
-from scenario_tui.dashboard.widgets.cell_view import Canvas
+from scenario_tui.dashboard.widgets.cell_view import Canvas, Cells, Codes
 from scenario_tui.dashboard.widgets.map_names import (
     Box,
     MapLabel,
@@ -82,14 +82,16 @@ class _SceneLines:
 class StillMap:
     """The still parts on ``columns`` x ``rows`` cells; ``low`` are dots of braille.
 
-    ``numbers`` are those of waypoints by the cell of their sign.
+    ``blocks`` (rows, columns) are characters of walls, ``walls`` (rows, columns) the dots of
+    braille that are like them. ``numbers`` are those of waypoints by the cell of their sign.
     """
 
     columns: int
     rows: int
     projection: MapProjection
-    walls: BlockLayer
-    low: Canvas
+    blocks: Codes
+    walls: Cells
+    low: Cells
     numbers: Mapping[Place, MapLabel]
     names: tuple[MapLabel, ...]
     edge: tuple[MapLabel, ...]
@@ -108,7 +110,8 @@ def still_map(
     projection = fit(np.vstack([lines.corners, start, stops]), lines.turn, *size)
     if middle is not None:
         projection = replace(projection, scale=projection.scale * zoom, middle=middle)
-    walls = to_blocks(_wall_mask(lines, projection, columns, rows))
+    mask = _wall_mask(lines, projection, columns, rows)
+    walls = mask_dots(mask.repeat(2, axis=0))
     low = Canvas(columns, rows, 1)
     low.lines(_in_dots(lines.low, projection), 0)
     has_names = columns >= _LEAST_NAMED[0] and rows >= _LEAST_NAMED[1]
@@ -116,16 +119,17 @@ def still_map(
     free = np.ones((rows, columns), dtype=np.bool_)
     for text in edge:
         text.take_place(free)
-    numbers = _numbers(projection.dots(stops), free, walls.dots > 0)
+    numbers = _numbers(projection.dots(stops), free, walls > 0)
     names: tuple[MapLabel, ...] = ()
     if has_names:
-        sweeps = Canvas(columns, rows, 1)
         swept = _in_dots(lines.sweeps, projection)
+        sweeps = Canvas(columns, rows, 1)
         sweeps.lines(swept, 0)
-        sweeps.merge(area_dots(swept, columns, rows), 0)
-        free &= (walls.dots == 0) & (sweeps.layer(0) == 0)
+        free &= (walls | sweeps.dots[0] | area_dots(swept, columns, rows)) == 0
         names = tuple(_names(lines, projection, free))
-    return StillMap(columns, rows, projection, walls, low, numbers, names, edge)
+    return StillMap(
+        columns, rows, projection, mask_blocks(mask), walls, low.dots[0], numbers, names, edge
+    )
 
 
 @lru_cache(maxsize=4)
@@ -189,10 +193,8 @@ def _numbers(dots: Floats, free: Mask, walls: Mask) -> dict[Place, MapLabel]:
     numbers = {}
     for (row, column), texts in signs.items():
         words, box = keep_start(",".join(texts), _MOST_NUMBERS), (column, row, column, row)
-        text = place_beside(words, Layer.WAYPOINT, box, free & ~walls, gap=0)
-        text = text or place_beside(words, Layer.WAYPOINT, box, free, gap=0)
+        text = place_beside(words, Layer.WAYPOINT, box, free, walls=walls, gap=0)
         if text is not None:
-            text.take_place(free)
             numbers[row, column] = text
     return numbers
 
@@ -201,16 +203,13 @@ def _names(lines: _SceneLines, projection: MapProjection, free: Mask) -> Iterato
     """Yield the names of doors, which have far fewer places to stand, then those of spaces."""
     for shape in lines.doors:
         dots = np.vstack([projection.dots(np.asarray(part)) for part in shape.parts])
-        if np.ptp(dots, axis=0).max() >= _LEAST_DOOR:
-            name = place_beside(shape.text, Layer.DOOR_NAME, box_of(dots), free)
-            if name is not None:
-                name.take_place(free)
-                yield name
+        if np.ptp(dots, axis=0).max() < _LEAST_DOOR:
+            continue
+        if name := place_beside(shape.text, Layer.DOOR_NAME, box_of(dots), free):
+            yield name
     for shape in lines.spaces:
         rings = [(projection.dots(np.asarray(part)) + 0.5) / _CELL for part in shape.parts]
-        name = place_inside(shape.text, Layer.SPACE_NAME, rings, free)
-        if name is not None:
-            name.take_place(free)
+        if name := place_inside(shape.text, Layer.SPACE_NAME, rings, free):
             yield name
 
 

@@ -8,7 +8,7 @@ from typing import ClassVar, Final
 
 import numpy as np
 from rich.style import Style
-from textual import events
+from textual import events, on
 from textual.message import Message
 
 from daemon.judging.signals import RunSignal, TimeSpan
@@ -65,15 +65,13 @@ class TimelineView(CellView):
             super().__init__()
             self.time = time
 
-    def __init__(self, *, id: str | None = None) -> None:
-        super().__init__(id=id)
-        self._timelines: tuple[RunTimeline, ...] = ()
-        self._time = 0.0
-        self._first = 0
-        self._oracle = ""
-        self._counting = False
-        self._stretch: TimeSpan | None = None
-        self._drawing: TimelineDrawing | None = None
+    _timelines: tuple[RunTimeline, ...] = ()
+    _time = 0.0
+    _first = 0
+    _oracle = ""
+    _counting = False
+    _stretch: TimeSpan | None = None
+    _drawing: TimelineDrawing | None = None
 
     @property
     def drawn(self) -> bool:
@@ -93,11 +91,11 @@ class TimelineView(CellView):
 
     def show(self, timelines: Sequence[RunTimeline], time: float | None = None) -> None:
         """Show other runs, or more of the same, with the playhead at ``time`` [s] or as it was."""
-        self._timelines, self._drawing = tuple(timelines), None
+        self._timelines = tuple(timelines)
         if self._stretch and self._stretch[0] >= whole_span(timelines)[1]:
             self._stretch = None  # of another run, or of one that has begun anew
         self._put(self._time if time is None else time)
-        self.redraw()
+        self._draw_anew()
 
     def lead(self, oracle: str) -> None:
         """Show what an oracle reads above everything else."""
@@ -131,7 +129,6 @@ class TimelineView(CellView):
             start, end = self._stretch
             share = _MARGIN if self._time > end else 1.0 - _MARGIN
             self._show_stretch(end - start, self._time, share)
-            self.redraw()
 
     def zoom_time(self, nearer: bool, around: float | None = None) -> None:
         """Show less of the time or more; a moment [s], or the playhead, keeps its column."""
@@ -141,13 +138,11 @@ class TimelineView(CellView):
         at = min(max(self._time if around is None else around, start), end)
         length = (end - start) * (ZOOM if nearer else 1.0 / ZOOM)
         self._show_stretch(length, at, (at - start) / max(end - start, 1e-9))
-        self.redraw()
 
     def fit_time(self) -> None:
         """Show all of the time again."""
-        if self._stretch is not None:
-            self._stretch = None
-            self._draw_anew()
+        self._stretch = None
+        self._draw_anew()
 
     def _show_stretch(self, length: float, time: float, share: float) -> None:
         """Show a stretch with a moment at a share of its length, or all if it is not longer."""
@@ -157,7 +152,7 @@ class TimelineView(CellView):
         # As many steps back as there were steps nearer show all, also after rounding.
         is_part = length < (end - start) * (1.0 - 1e-9)
         self._stretch = (first, first + length) if is_part else None
-        self._drawing = None
+        self._draw_anew()
 
     def _draw_anew(self) -> None:
         self._drawing = None
@@ -165,11 +160,8 @@ class TimelineView(CellView):
 
     def scroll_signals(self, step: int) -> None:
         """Show signals further down or up."""
-        if self._drawing is None or (step > 0 and not self._drawing.more):
-            return
-        first = min(max(self._first + step, 0), max(len(self.signals) - 1, 0))
-        if first != self._first:
-            self._first = first
+        if step < 0 or (self._drawing is not None and self._drawing.more):
+            self._first = max(self._first + step, 0)
             self._draw_anew()
 
     def on_mouse_down(self, event: events.MouseDown) -> None:
@@ -187,17 +179,13 @@ class TimelineView(CellView):
         """End a drag."""
         self.release_mouse()
 
-    def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
-        """Show less of the time."""
-        self._zoom_at(event, nearer=True)
-
-    def on_mouse_scroll_down(self, event: events.MouseScrollDown) -> None:
-        """Show more of the time."""
-        self._zoom_at(event, nearer=False)
-
-    def _zoom_at(self, event: events.MouseEvent, *, nearer: bool) -> None:
+    @on(events.MouseScrollUp)
+    @on(events.MouseScrollDown)
+    def _zoom_at(self, event: events.MouseEvent) -> None:
+        """Show less of the time around the pointer, or more."""
         event.stop()
         if self._drawing is not None:
+            nearer = isinstance(event, events.MouseScrollUp)
             self.zoom_time(nearer, self._drawing.moment(self._column(event)))
 
     def _seek(self, event: events.MouseEvent) -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import ClassVar, Final
 
 import numpy as np
 from rich.style import Style
-from textual.events import MouseScrollDown, MouseScrollUp
+from textual import on
+from textual.events import MouseEvent, MouseScrollDown, MouseScrollUp
 from textual.reactive import reactive
 
 from grammars.model.geometry import Point2
@@ -33,26 +35,18 @@ class TopView(CellView):
     signs: reactive[MapSigns] = reactive(MapSigns(), layout=False, repaint=False)
     """The signs on the map, for its legend."""
 
-    def __init__(self, *, id: str | None = None) -> None:
-        super().__init__(id=id)
-        self._view: View | None = None
-        self._zoom = 1
-        self._middle: Point2 | None = None
-        self._follows = True
-        self._projection: MapProjection | None = None
-        self._costmap: str | None = None
-
-    @property
-    def view(self) -> View | None:
-        """The view that is shown, if any."""
-        return self._view
+    _view: View | None = None
+    _zoom = 1
+    _middle: Point2 | None = None
+    _follows = True
+    _projection: MapProjection | None = None
+    _costmap: str | None = None
 
     def show(self, view: View | None) -> None:
         """Show another view, or nothing."""
-        other = view is None or self._view is None or view.mission is not self._view.mission
-        self._view = view
-        if other:
+        if view is None or self._view is None or view.mission is not self._view.mission:
             self.signs = MapSigns()
+        self._view = view
         self.redraw()
 
     def zoom(self) -> None:
@@ -63,15 +57,13 @@ class TopView(CellView):
         """Show all of the map again."""
         self._show_at(1)
 
-    def on_mouse_scroll_up(self, event: MouseScrollUp) -> None:
-        """Come nearer to the robot."""
+    @on(MouseScrollUp)
+    @on(MouseScrollDown)
+    def _zoom_by_wheel(self, event: MouseEvent) -> None:
+        """Come nearer to the robot, or go further away."""
         event.stop()
-        self._show_at(min(self._zoom * 2, _ZOOMS[-1]))
-
-    def on_mouse_scroll_down(self, event: MouseScrollDown) -> None:
-        """Go further away."""
-        event.stop()
-        self._show_at(max(self._zoom // 2, 1))
+        nearer = isinstance(event, MouseScrollUp)
+        self._show_at(min(self._zoom * 2, _ZOOMS[-1]) if nearer else max(self._zoom // 2, 1))
 
     def _show_at(self, zoom: int) -> None:
         self._zoom, self._follows, self._middle = zoom, True, None
@@ -111,7 +103,8 @@ class TopView(CellView):
         """Have the part seen hold the robot when it is to be followed."""
         # Not centred all the time: every shift of the map sends all of it over the line.
         if self._middle is None or self._projection is None:
-            self._middle = here
+            # A recording may have poses that are no numbers: there is nothing to come nearer to.
+            self._middle = here if all(map(math.isfinite, here)) else None
         elif self._follows:
             (away,) = self._projection.dots(np.array([here])) - self._projection.centre
             size = np.array([2 * self.size.width, 4 * self.size.height])

@@ -12,6 +12,7 @@ from grammars.model.kinematics import object_rings
 from scenario_tui.dashboard.live_tracks import Tracks
 from scenario_tui.dashboard.widgets.cell_view import Canvas
 from scenario_tui.dashboard.widgets.map_frame import View, draw_view
+from scenario_tui.dashboard.widgets.top_view import TopView
 from tests.scenario_tui.fake import MISSION, ROBOT, make_live, make_scene
 
 # Dot positions of a braille cell by Unicode's own numbering: bit k is dot k+1.
@@ -73,7 +74,7 @@ def test_a_cell_belongs_to_its_highest_layer():
 
 def test_lintels_are_above_the_eye_and_leave_the_doorway_open():
     frame = draw_view(view(), 76, 20)
-    walls = frame.still.walls.dots > 0
+    walls = frame.still.walls > 0
     ((x, y),) = frame.still.projection.dots(np.array([[5.5, 4.1]]))
     top = int(y // 4)
     wall = walls[top - 1 : top + 2].any(axis=0)
@@ -107,8 +108,8 @@ def test_reached_waypoints_look_different():
 
 
 def test_zoom_keeps_the_robot_in_the_middle():
-    canvas = draw_view(view(robot_pose=Pose2(9.0, 1.0, 0.0)), 76, 20, zoom=4)
-    rows = text(canvas).splitlines()
+    shown = view(robot_pose=Pose2(9.0, 1.0, 0.0))
+    rows = text(draw_view(shown, 76, 20, zoom=4, middle=(9.0, 1.0))).splitlines()
     assert rows[9][37] == "→" or rows[10][38] == "→" or rows[9][38] == "→" or rows[10][37] == "→"
 
 
@@ -131,3 +132,13 @@ def test_the_runs_longest_unheard_of_are_forgotten():
         tracks.add(make_live(index))
     assert tracks.get(make_live(0).run) is None
     assert tracks.get(make_live(99).run) is not None
+
+
+def test_a_robot_that_is_nowhere_is_not_come_nearer_to():
+    top = TopView()
+    top.show(view(robot_pose=Pose2(math.nan, 2.0, 0.0)))
+    whole, _ = top.cells(80, 24)
+    top.zoom()
+    assert (top.cells(80, 24)[0] == whole).all()
+    top.show(view(robot_pose=Pose2(6.0, 2.0, 0.0)))
+    assert (top.cells(80, 24)[0] != whole).any()
