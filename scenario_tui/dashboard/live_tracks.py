@@ -5,10 +5,8 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final, TypeAlias
-
-from grammars.model.geometry import Pose2
 
 if TYPE_CHECKING:
     from daemon.model.live_judgement import LiveJudgement
@@ -32,24 +30,13 @@ _CONTACT_FLASH: Final = 0.5
 """Seconds of the wall a contact stays to be seen."""
 
 
-@dataclass(frozen=True, slots=True)
-class HeardMoment:
-    """A moment of a running run, as its snapshot told it."""
-
-    time: float
-    pose: Pose2
-    estimate: Pose2 | None
-    reached: int
-    joints: tuple[float, ...] = ()
-
-
 @dataclass(slots=True)
 class Track:
     """A running run: ``snapshot`` is the last one, ``trail`` the way so far [m].
 
     ``times`` are the moments [s] of the points of the trail, ``heard`` and ``judgement`` when the
     last snapshot came, by the clock of the tracks, and what the run would be judged by now.
-    ``heard_of`` is what all snapshots said of moments, thinned: there before any judgement.
+    ``heard_of`` are all snapshots without what they show, thinned: there before any judgement.
     ``flashes`` are contacts with the moment, by the same clock, until which they show.
     """
 
@@ -58,29 +45,25 @@ class Track:
     judgement: LiveJudgement | None = None
     trail: list[Point2] = field(default_factory=list)
     times: list[float] = field(default_factory=list)
-    heard_of: list[HeardMoment] = field(default_factory=list)
+    heard_of: list[Snapshot] = field(default_factory=list)
     flashes: dict[Point2, float] = field(default_factory=dict)
     step: float = _TRAIL_STEP
 
     def note(self) -> None:
-        """Take what the snapshot says of its moment into what was heard."""
+        """Take the snapshot into what was heard, and its place into the trail if it is far on."""
         now = self.snapshot
-        if now.waiting or (self.heard_of and now.time <= self.heard_of[-1].time):
-            return
-        self.heard_of.append(HeardMoment(now.time, now.pose, now.estimate, now.reached, now.joints))
-        if len(self.heard_of) > _KEPT_MOMENTS:
-            del self.heard_of[1:-1:2]
-
-    def add(self, here: Point2, time: float) -> None:
-        """Take a place into the trail, once it is some way on."""
-        if self.trail and math.dist(self.trail[-1], here) < self.step:
-            return
-        self.trail.append(here)
-        self.times.append(time)
-        if len(self.trail) > _KEPT_POINTS:
-            # Coarser, not shorter: the way from the start stays to be seen.
-            del self.trail[1::2], self.times[1::2]
-            self.step *= 2.0
+        if not now.waiting and (not self.heard_of or now.time > self.heard_of[-1].time):
+            self.heard_of.append(replace(now, returns=(), plan=(), contacts=(), costmap=()))
+            if len(self.heard_of) > _KEPT_MOMENTS:
+                del self.heard_of[1:-1:2]
+        here = (now.pose.x, now.pose.y)
+        if not self.trail or math.dist(self.trail[-1], here) >= self.step:
+            self.trail.append(here)
+            self.times.append(now.time)
+            if len(self.trail) > _KEPT_POINTS:
+                # Coarser, not shorter: the way from the start stays to be seen.
+                del self.trail[1::2], self.times[1::2]
+                self.step *= 2.0
 
 
 class Tracks:
@@ -104,7 +87,6 @@ class Tracks:
             track = Track(seen)
         track.snapshot, track.heard = seen, now
         track.note()
-        track.add((seen.pose.x, seen.pose.y), seen.time)
         track.flashes = {at: end for at, end in track.flashes.items() if end > now}
         if seen.contacts:
             # It calculates with arrays, whose library takes longer to load than the first screen.

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Final
+from types import MappingProxyType
+from typing import Final, TypeVar
 
 import numpy as np
 from rich.text import Text
@@ -16,7 +19,15 @@ from daemon.model.live_view import blocked_points, scan_returns
 from daemon.model.stack_reports import StackState
 from daemon.model.sut import CostmapPicture
 from daemon.model.verdicts import Outcome, Verdict
-from daemon.trace import ScanTrack, Trace, TraceError, read_outputs, read_trace
+from daemon.trace import (
+    PlanRecord,
+    ProgressRecord,
+    ScanTrack,
+    Trace,
+    TraceError,
+    read_outputs,
+    read_trace,
+)
 from grammars.model.geometry import Floats, Point2, Pose2
 from grammars.model.robot import Laser
 from grammars.text.diagnostics import did_you_mean
@@ -35,6 +46,8 @@ from scenario_tui.dashboard.widgets.map_style import STYLES, MapSigns, legend_he
 from scenario_tui.text.run_text import verdict_lines
 from scenario_tui.text.styles import QUIET
 from templates.plan_shapes import MeasuredMark
+
+Record = TypeVar("Record", PlanRecord, ProgressRecord)
 
 RAYS: Final = 120
 """Laser returns shown of one scan at most: more of them fall into the same dots."""
@@ -55,8 +68,8 @@ class Playback:
         self,
         trace: Trace,
         verdicts: Sequence[Verdict],
-        outputs: Mapping[str, str] | None = None,
-        marks: Mapping[str, MeasuredMark] | None = None,
+        outputs: Mapping[str, str] = MappingProxyType({}),
+        marks: Mapping[str, MeasuredMark] = MappingProxyType({}),
     ) -> None:
         way = trace.ground_truth
         if not len(way.time):
@@ -88,10 +101,9 @@ class Playback:
 
         Raises ``ValueError`` for what is neither, and for oracles without a decisive moment.
         """
-        try:
-            return self.within(float(text))
-        except ValueError:
-            pass
+        with contextlib.suppress(ValueError):
+            if not math.isnan(time := float(text)):
+                return self.within(time)
         names = {verdict.oracle: verdict for verdict in self.verdicts}
         if text not in names:
             hint = did_you_mean(text, names)
@@ -102,15 +114,13 @@ class Playback:
         return self.within(decided)
 
     def within(self, time: float) -> float:
-        """Return ``time`` or the end of the recording that is nearer; raises for NaN."""
-        if np.isnan(time):
-            raise ValueError("nan is no moment")
+        """Return ``time`` or the end of the recording that is nearer."""
         return min(max(time, self.start), self.end)
 
     def reached(self, time: float) -> int:
         """Return how many waypoints were done at ``time``."""
-        done = [p.reached for p in self.trace.progress if p.time <= time + 1e-9]
-        return done[-1] if done else 0
+        progress = _latest(self.trace.progress, time)
+        return 0 if progress is None else progress.reached
 
     def pose(self, time: float) -> Pose2:
         """Return where the robot was at ``time``: the last sample until then."""
@@ -139,18 +149,14 @@ class Playback:
         columns = track.position.T
         return tuple(float(np.interp(time, track.time, column)) for column in columns)
 
-    def contacts(self, time: float, window: float = FLASH) -> tuple[Point2, ...]:
-        """Return where bodies touched in the ``window`` [s] before ``time``."""
-        records = self.trace.contacts
-        return tuple(dict.fromkeys(c.point for c in records if time - window < c.time <= time))
-
     def view(self, time: float, *, window: float = FLASH, verdict: Verdict | None = None) -> View:
         """Return the top view at ``time`` [s], with the contacts of the ``window`` before it.
 
         What decides ``verdict`` is on it if that was in the window, too. Without a verdict it is
         the last one decided against the run.
         """
-        trace, here = self.trace, self.pose(time)
+        trace, here, plan = self.trace, self.pose(time), _latest(self.trace.plans, time)
+        touched = (c.point for c in trace.contacts if time - window < c.time <= time)
         times, trail, clearances, limit = self._trail
         count = int(np.searchsorted(times, time + 1e-9, side="right"))
         # The robot is as near as at the last point of its trail.
@@ -165,8 +171,8 @@ class Playback:
             self.reached(time),
             (*trail[:count], (here.x, here.y)),
             self._returns(time),
-            self._plan(time),
-            self.contacts(time, window),
+            () if plan is None else tuple((x, y) for x, y in plan.points.tolist()),
+            tuple(dict.fromkeys(touched)),
             self.spread(time),
             clearances,
             limit,
@@ -244,11 +250,6 @@ class Playback:
             returns += zip(x, y, strict=True)
         return tuple(returns)
 
-    def _plan(self, time: float) -> tuple[Point2, ...]:
-        plans = self.trace.plans
-        now = [plan for plan in plans if plan.time <= time + 1e-9]
-        return tuple((x, y) for x, y in now[-1].points.tolist()) if now else ()
-
 
 def thin_scans(trace: Trace) -> tuple[tuple[Laser, ScanTrack], ...]:
     """Return each laser with at most :data:`RAYS` of its rays, and their scans.
@@ -270,6 +271,12 @@ def _last(stamps: Floats, time: float, least: int = -1) -> int:
     """Return the index of the last stamp until ``time``, at least ``least``."""
     # A moment that was added up, or typed, may lie a rounding error before the sample it means.
     return max(int(np.searchsorted(stamps, time + 1e-9, side="right")) - 1, least)
+
+
+def _latest(records: Sequence[Record], time: float) -> Record | None:
+    """Return the last of some records until ``time``, ``None`` before the first."""
+    count = bisect_right(records, time + 1e-9, key=lambda record: record.time)
+    return records[count - 1] if count else None
 
 
 def _pose_at(track: object, index: int) -> Pose2:
@@ -325,13 +332,14 @@ def timeline_bar(playback: Playback, time: float, width: int) -> Text:
     def cell(at: float) -> int:
         return round((playback.within(at) - playback.start) / span * (width - 1))
 
-    signs = ["━" if index < cell(time) else "─" for index in range(width)]
-    signs[cell(time)] = "●"
-    text = Text("".join(signs), style=QUIET, no_wrap=True)
-    # Last, over the line and the dot: what was decided must not be hidden by where the replay is.
-    for moment in playback.moments:
-        at = cell(moment.time)
-        text = Text.assemble(text[:at], ("✗", "fail"), text[at + 1 :])
+    now, decided = cell(time), {cell(moment.time) for moment in playback.moments}
+    signs = [*"━" * now, "●", *"─" * (width - 1 - now)]
+    # Over the line and the dot: what was decided must not be hidden by where the replay is.
+    for at in decided:
+        signs[at] = "✗"
+    text = Text("".join(signs), style=QUIET)
+    for at in decided:
+        text.stylize("fail", at, at + 1)
     return text
 
 

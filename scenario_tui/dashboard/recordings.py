@@ -26,14 +26,10 @@ _Key: TypeAlias = "tuple[str, str, tuple[Verdict, ...]]"
 
 @dataclass(frozen=True, slots=True)
 class Missing:
-    """The reason, for people, why there is no recording of a run to look at."""
+    """The reason, for people, why there is no recording of a run to look at, or not yet.
 
-    why: str
-
-
-@dataclass(frozen=True, slots=True)
-class Reading:
-    """A recording that is being read; ``why`` says what takes long, if anything does."""
+    It is empty while one is read, which takes no time worth telling.
+    """
 
     why: str = ""
 
@@ -60,7 +56,7 @@ class Recordings:
         """True while a recording is brought or read."""
         return bool(self._under_way)
 
-    def get(self, row: RunRow) -> Playback | Missing | Reading:
+    def get(self, row: RunRow) -> Playback | Missing:
         """Return the recording of a run that is over, as far as it is known.
 
         Otherwise it is read meanwhile. For the thread that draws: the last run asked for is the
@@ -80,7 +76,7 @@ class Recordings:
             threading.Thread(target=self._fetch, args=(key, row), daemon=True).start()
         megabytes = row.result.trace.size / 1e6 if row.result is not None else 0.0
         here = Path(row.trace).is_file()
-        return Reading("" if here else f"Bringing its trace here, {megabytes:.1f} MB …")
+        return Missing("" if here else f"Bringing its trace here, {megabytes:.1f} MB …")
 
     def read(self, row: RunRow) -> Playback | Missing:
         """Return the recording of a run; any thread but that which draws, for it may take long."""

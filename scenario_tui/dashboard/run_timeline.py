@@ -12,10 +12,9 @@ import numpy as np
 
 from daemon.judging.signals import RunSignal, received_signal
 from daemon.model.live_judgement import DoorMotion, LiveJudgement
-from daemon.model.spec import RunSpec
+from daemon.model.spec import RunSpec, Snapshot
 from daemon.model.verdicts import Outcome, Verdict
-from grammars.model.geometry import Floats
-from scenario_tui.dashboard.live_tracks import HeardMoment
+from grammars.model.geometry import Floats, Pose2
 from scenario_tui.dashboard.transport import FailureMoment
 from scenario_tui.text.scale import round_step
 
@@ -29,6 +28,7 @@ _SHORTEST: Final = 10.0
 """Seconds the axis of time shows at least."""
 _STEPS: Final = 6
 """Steps, at least, in which the axis grows to twice its length: it stands still in between."""
+_NOWHERE: Final = Pose2(math.nan, math.nan)
 _EVER: Final = 1e9
 """Longer than any run [s]."""
 
@@ -87,20 +87,20 @@ def live_timeline(judgement: LiveJudgement, spec: RunSpec) -> RunTimeline:
     )
 
 
-def heard_timeline(moments: Sequence[HeardMoment], spec: RunSpec) -> RunTimeline | None:
+def heard_timeline(moments: Sequence[Snapshot], spec: RunSpec) -> RunTimeline | None:
     """Return the timeline that snapshots alone tell, before the run is judged for the first time.
 
     ``None`` for less than two moments.
     """
     if len(moments) < 2:
         return None
-    time, x, y = np.array([(one.time, one.pose.x, one.pose.y) for one in moments]).T
+    poses = ((one.time, one.pose, one.estimate or _NOWHERE) for one in moments)
+    time, x, y, *off = np.array([(t, p.x, p.y, e.x - p.x, e.y - p.y) for t, p, e in poses]).T
     speed = np.hypot(np.diff(x), np.diff(y)) / np.diff(time)
-    error = np.array([_estimate_error(one) for one in moments])
     signals = [
         RunSignal(name, unit, time, values, values)
         for name, unit, values in (
-            ("loc.error", "m", error),
+            ("loc.error", "m", np.hypot(*off)),
             ("speed", "m/s", np.append(speed, speed[-1])),
         )
         if np.isfinite(values).any()
@@ -114,12 +114,6 @@ def heard_timeline(moments: Sequence[HeardMoment], spec: RunSpec) -> RunTimeline
         moments[0].time, moments[-1].time, tuple(signals), None, tuple(reached), names, (),
         _horizon(moments[-1].time),
     )  # fmt: skip
-
-
-def _estimate_error(one: HeardMoment) -> float:
-    if one.estimate is None:
-        return math.nan
-    return math.hypot(one.estimate.x - one.pose.x, one.estimate.y - one.pose.y)
 
 
 def _horizon(now: float) -> float:

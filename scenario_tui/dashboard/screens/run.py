@@ -17,7 +17,7 @@ from daemon.model.run_state import RunState
 from daemon.model.status import CampaignRow, RunDetail
 from daemon.model.verbs import DaemonClient
 from scenario_tui.dashboard.live_run import LiveRun, live_text
-from scenario_tui.dashboard.recordings import Missing, Reading
+from scenario_tui.dashboard.recordings import Missing
 from scenario_tui.dashboard.run_log import log_text
 from scenario_tui.dashboard.run_timeline import RunTimeline
 from scenario_tui.dashboard.run_watch import RunNews
@@ -167,8 +167,8 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
             self.transport, self._since = None, self.dashboard.clock()
             self.refresh_bindings()
         self._digest = digest
-        recording = self.dashboard.recordings.get(row) if row.settled else Reading()
-        if not isinstance(recording, Missing | Reading):
+        recording = self.dashboard.recordings.get(row) if row.settled else Missing()
+        if not isinstance(recording, Missing):
             self._recording = recording
             return ""
         self._live.hear(news, track_of(self.dashboard, news.detail))
@@ -335,7 +335,7 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
         if self.news is None or not self.news.detail.row.settled:
             return "a run can be played when it is over"
         recording = self.dashboard.recordings.get(self.news.detail.row)
-        why = recording.why if isinstance(recording, Missing | Reading) else ""
+        why = recording.why if isinstance(recording, Missing) else ""
         return why or "its trace is being read"
 
     def action_compare(self) -> None:

@@ -16,7 +16,7 @@ from daemon.model.run_state import RunState
 from daemon.model.status import RunDetail, RunRow
 from scenario_tui.dashboard.live_run import LiveRun
 from scenario_tui.dashboard.live_tracks import Track
-from scenario_tui.dashboard.recordings import Missing, Reading
+from scenario_tui.dashboard.recordings import Missing
 from scenario_tui.dashboard.run_watch import RunNews
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.playing import decisive_moment
@@ -54,7 +54,7 @@ class RunMap(Vertical):
         why, view, still = "", None, None
         if news is not None and news.detail.row.settled:
             recording = dashboard.recordings.get(news.detail.row)
-            if isinstance(recording, Missing | Reading):
+            if isinstance(recording, Missing):
                 why = recording.why
             else:
                 verdict = next((v for v in recording.verdicts if v.oracle == oracle), None)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import ClassVar, Final
 
 import numpy as np
@@ -102,20 +103,23 @@ class Canvas:
 def segments(codes: Codes, owners: Codes, styles: Sequence[Style]) -> list[Segment]:
     """Return one row of cells (columns,) as text with styles, one per run.
 
-    ``owners`` index into ``styles``; negative ones have none.
+    ``owners`` index into ``styles``; -1 is the last of these.
     """
     text = codes.astype("<i4").tobytes().decode("utf-32-le")
     cuts = [0, *(np.flatnonzero(owners[1:] != owners[:-1]) + 1).tolist(), len(text)]
-    marks = owners[cuts[:-1]].tolist()
-    return [
-        Segment(text[a:b], styles[mark] if mark >= 0 else None)
-        for (a, b), mark in zip(itertools.pairwise(cuts), marks, strict=True)
-    ]
+    return [Segment(text[a:b], styles[owners[a]]) for a, b in itertools.pairwise(cuts)]
+
+
+@lru_cache(maxsize=64)
+def _over(styles: tuple[Style, ...], base: Style) -> tuple[Style, ...]:
+    """Return styles over ``base``, and last, where index -1 points to, that alone."""
+    return (*(base + style for style in styles), base)
 
 
 def text_lines(codes: Codes, owners: Codes, styles: Sequence[Style]) -> list[Text]:
-    """Return cells (rows, columns) as lines of text, see :func:`segments`."""
-    rows = (segments(*row, styles) for row in zip(codes, owners, strict=True))
+    """Return cells (rows, columns) as lines of text; owners of -1 have no style."""
+    every = (*styles, Style())
+    rows = (segments(*row, every) for row in zip(codes, owners, strict=True))
     return [Text.assemble(*((part.text, part.style or "") for part in row)) for row in rows]
 
 
@@ -143,7 +147,7 @@ def changed_spans(before: Codes, after: Codes, gap: int = _GAP) -> list[Region]:
 class CellView(Widget):
     """Shows what :meth:`cells` returns; call :meth:`redraw` when that changed."""
 
-    STYLES: ClassVar[Sequence[Style]] = ()
+    STYLES: ClassVar[tuple[Style, ...]] = ()
 
     _cells: Codes | None = None
 
@@ -173,5 +177,5 @@ class CellView(Widget):
         if self._cells is None or y >= self._cells.shape[1]:
             return Strip.blank(self.size.width, base)
         codes, owners = self._cells[:, y]
-        row = segments(codes, owners, self.STYLES)
-        return Strip(row, self._cells.shape[2]).apply_style(base)
+        row = segments(codes, owners, _over(self.STYLES, base))
+        return Strip(row, self._cells.shape[2])

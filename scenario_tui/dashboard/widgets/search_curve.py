@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
@@ -202,7 +201,7 @@ class SearchGraph:
 class SearchCurveView(CellView):
     """Draws a :class:`SearchCurve`."""
 
-    STYLES: ClassVar[Sequence[Style]] = _STYLES
+    STYLES: ClassVar[tuple[Style, ...]] = _STYLES
 
     def __init__(self, *, id: str | None = None) -> None:
         super().__init__(id=id)

@@ -55,7 +55,7 @@ class TimelineView(CellView):
     time around the pointer.
     """
 
-    STYLES: ClassVar[Sequence[Style]] = STYLES
+    STYLES: ClassVar[tuple[Style, ...]] = STYLES
     ALLOW_SELECT = False
 
     class Seek(Message):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import ClassVar, Final
 
 import numpy as np
@@ -30,7 +29,7 @@ _STRIDE: Final = 0.25
 class TopView(CellView):
     """Draws a :class:`View`: all of it, or a part that follows the robot or is panned by hand."""
 
-    STYLES: ClassVar[Sequence[Style]] = STYLES
+    STYLES: ClassVar[tuple[Style, ...]] = STYLES
 
     signs: reactive[MapSigns] = reactive(MapSigns(), layout=False, repaint=False)
     """The signs on the map, for its legend."""

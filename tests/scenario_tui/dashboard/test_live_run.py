@@ -15,7 +15,7 @@ from daemon.model.live_view import to_centimetres
 from daemon.model.run_state import RunState
 from grammars.model.geometry import Pose2
 from grammars.text import codec
-from scenario_tui.dashboard.live_tracks import HeardMoment, Tracks
+from scenario_tui.dashboard.live_tracks import Tracks
 from scenario_tui.dashboard.run_timeline import clearance_along, heard_timeline, live_timeline
 from scenario_tui.dashboard.transport import ReplayTransport
 from scenario_tui.dashboard.widgets.tables import VerdictList
@@ -335,7 +335,8 @@ def test_the_limit_of_the_trail_is_that_of_an_oracle_that_reads_clearance():
 
 
 def test_a_worker_that_tells_of_more_waypoints_than_there_are_is_not_believed():
-    heard = [HeardMoment(float(t), Pose2(float(t)), None, 10**9) for t in range(3)]
+    heard = [make_live(7, float(t)).snapshot for t in range(3)]
+    heard = [replace(one, reached=10**9) for one in heard]
     timeline = heard_timeline(heard, SPEC)
     assert timeline is not None
     assert timeline.reached == (0.0,) * len(SPEC.mission.waypoints)

@@ -10,7 +10,7 @@ from daemon.batch.errors import Refused
 from daemon.batch.stores import file_sha256
 from daemon.model.messages import FilePart
 from daemon.model.spec import TraceInfo
-from scenario_tui.dashboard.recordings import Missing, Reading, Recordings
+from scenario_tui.dashboard.recordings import Missing, Recordings
 from tests.daemon.batch.harness import eventually
 from tests.scenario_tui.dashboard.inline import InlineChildren
 from tests.scenario_tui.fake import CAMPAIGN
@@ -51,7 +51,7 @@ def test_a_recording_is_read_meanwhile_and_kept(fake, recordings, tmp_path):
     row = row_of(fake, record_run(tmp_path / "run.mcap"))
     told = []
     recordings.on_read = lambda: told.append(recordings.busy)
-    assert recordings.get(row) == Reading()
+    assert recordings.get(row) == Missing()
     eventually(lambda: told == [False])
     assert recordings.get(row).end == 10.0
     assert recordings.get(row) is recordings.get(row) is recordings.read(row)
@@ -84,7 +84,7 @@ def test_only_the_last_ones_are_kept_and_a_cursor_that_went_past_reads_nothing(
         recordings.get(rows[1])
         recordings.get(rows[0])
     eventually(lambda: not recordings.busy)
-    assert isinstance(recordings.get(rows[1]), Reading)
+    assert recordings.get(rows[1]) == Missing()
 
 
 def test_a_trace_elsewhere_is_brought_here(fake, recordings, tmp_path, monkeypatch):
@@ -125,9 +125,9 @@ def test_a_cursor_that_comes_back_to_what_is_missing_has_it_tried_again(fake, re
     path = record_run(tmp_path / "run.mcap")
     row, data = row_of(fake, path), path.read_bytes()
     path.unlink()
-    assert isinstance(known(recordings, row), Missing)
+    assert "not on this machine" in known(recordings, row).why
     path.write_bytes(data)
-    assert isinstance(known(recordings, row), Missing)
+    assert "not on this machine" in known(recordings, row).why
     known(recordings, replace(row, result=replace(row.result, verdicts=())))
     assert known(recordings, row).end == 10.0
 
