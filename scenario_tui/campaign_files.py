@@ -71,11 +71,6 @@ def _entries(place: str) -> list[os.DirEntry[str]]:
         return []
 
 
-def newest_change(folder: Path) -> float:
-    """Return the time of the latest change in a folder [s since the epoch], 0 if it is empty."""
-    return max((entry.stat().st_mtime for entry in _entries(str(folder))), default=0.0)
-
-
 def relative_name(path: Path, here: Path) -> str:
     """Return a path as people would type it from ``here``."""
     return str(path.relative_to(here)) if path.is_relative_to(here) else str(path)

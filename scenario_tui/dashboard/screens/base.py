@@ -29,6 +29,8 @@ class BaseScreen(Screen[None], Generic[T]):
     """A screen that shows what the daemon knows; ``news`` is what it has fetched last."""
 
     AUTO_FOCUS = "KeyedTable"
+    about = ""
+    """The campaign that the screen is about, empty for none: it is judged before others."""
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("escape", "back", "Back", id="back", tooltip="To the screen before"),
         Binding(
@@ -47,11 +49,6 @@ class BaseScreen(Screen[None], Generic[T]):
     def body(self) -> ComposeResult:
         """Yield the screen's own widgets."""
         raise NotImplementedError
-
-    @property
-    def about(self) -> str:
-        """The campaign that the screen is about, empty for none: it is judged before others."""
-        return ""
 
     def fetch(self, daemon: DaemonClient, known: Known) -> T | None:
         """Ask the daemon for what is shown beyond what is ``known``.

@@ -98,7 +98,6 @@ class CampaignsScreen(FilteredScreen["RunPage"], SteeringScreen["RunPage"]):
 
     def __init__(self) -> None:
         super().__init__()
-        self._front = ""
         self._made: dict[str, tuple[tuple[object, ...], Row]] = {}
         self._shown: tuple[object, ...] = ()
         self._rows: list[Row] = []
@@ -114,24 +113,19 @@ class CampaignsScreen(FilteredScreen["RunPage"], SteeringScreen["RunPage"]):
                 yield RunningGrid(id="running")
             yield CampaignPanel(id="side")
 
-    @property
-    def about(self) -> str:
-        """The campaign under the cursor, where there is room for its results."""
-        return self._front
-
     def fetch(self, daemon: DaemonClient, known: Known) -> RunPage:
         """Return the runs under way of all campaigns."""
         return running_page(daemon, known)
 
     def trail(self) -> str:
         """Say how many campaigns there are, and when the runs of the one in front start."""
-        known, row = self.dashboard.known, self.campaign()
+        known = self.dashboard.known
         count = known.overview.campaigns if known.overview else len(known.campaigns)
         more = f", the newest {CAMPAIGNS_SHOWN} shown" if count > CAMPAIGNS_SHOWN else ""
         parts = [f"campaigns ({count}{more})"]
         if self.arrangement.text:
             parts.append(f"/{self.arrangement.text}  {self.key('back')} clears it")
-        return "  ".join((*parts, *(schedule_marks(row) if row else ())))
+        return "  ".join((*parts, *schedule_marks(self.campaign())))
 
     def campaign(self) -> CampaignRow | None:
         """Return the campaign under the cursor."""
@@ -227,8 +221,8 @@ class CampaignsScreen(FilteredScreen["RunPage"], SteeringScreen["RunPage"]):
     def _describe(self) -> None:
         row, panel = self.campaign(), self.query_one(CampaignPanel)
         front = row.id if row is not None and panel.display else ""
-        if front != self._front:
-            self._front = front
+        if front != self.about:
+            self.about = front
             self.dashboard.feed.look_at(self)
         if row is not None and front:
             panel.show(row, self.dashboard.known, self._minute)

@@ -9,13 +9,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
-from rich.style import Style
 from rich.text import Text
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Vertical
 from textual.events import Key
 from textual.screen import ModalScreen
+from textual.validation import Validator
 from textual.widgets import Input, OptionList, Static
 from textual.widgets.option_list import Option
 
@@ -23,6 +23,9 @@ from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.text.styles import BAD, QUIET
 
 YES: Final = "yes"
+_ANSWERS: Final = (
+    f"[@click=screen.dismiss('{YES}')][b]y[/b] yes[/]   [@click=screen.dismiss][b]n[/b] no[/]"
+)
 _TYPED_ON: Final = frozenset(
     (*"0123456789jk", "minus", "backspace", "delete", "up", "down", "left", "right", "home", "end")
 )
@@ -56,14 +59,10 @@ class Question(ModalScreen[str]):
 
     def compose(self) -> ComposeResult:
         """Lay out the question; its answers can be clicked on."""
-        text = Text(self._text + "\n\n")
-        for key, word, action in (("y", "yes", f"dismiss('{YES}')"), ("n", "no", "dismiss")):
-            click = Style.from_meta({"@click": f"screen.{action}"})
-            text.append_text(Text.assemble((key, Style(bold=True) + click), (f" {word}", click)))
-            text.append("   ")
-        text.append("\n\n")
-        text.append_text(same_as(self._command))
-        yield Vertical(Static(text), classes="dialog")
+        with Vertical(classes="dialog"):
+            yield Static(Text(self._text), classes="title")
+            yield Static(_ANSWERS)
+            yield Static(same_as(self._command), id="same")
 
 
 class Refusal(ModalScreen[None]):
@@ -159,33 +158,32 @@ def _option(choice: MenuChoice) -> Option:
 
 
 class Prompt(ModalScreen[str]):
-    """Asks for a word; ``wrong`` says why one cannot be taken, ``command`` what to type instead."""
+    """Asks for a word that is ``valid``; ``command`` returns what to type instead."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("escape", "dismiss", "Close", id="close", tooltip="Leave it as it is"),
     ]
 
     def __init__(
-        self, text: str, value: str, wrong: Callable[[str], str], command: Callable[[str], str]
+        self, text: str, value: str, valid: Validator, command: Callable[[str], str]
     ) -> None:
         super().__init__()
-        self._text, self._value = text, value
-        self._wrong, self._command = wrong, command
+        self._text, self._value, self._valid, self._command = text, value, valid, command
 
     def compose(self) -> ComposeResult:
         """Lay out the line to type into."""
         with Vertical(classes="dialog"):
             yield Static(Text(self._text), classes="title")
-            yield Input(self._value, compact=True, id="answer")
+            yield Input(self._value, validators=self._valid, compact=True, id="answer")
             yield StaticText(id="same")
 
     def on_input_changed(self, event: Input.Changed) -> None:
         """Say what is wrong with what is typed, or what to type elsewhere."""
-        wrong = self._wrong(event.value.strip())
-        words = Text(wrong, style=BAD) if wrong else same_as(self._command(event.value.strip()))
+        why = event.validation_result.failure_descriptions if event.validation_result else []
+        words = Text(why[0], style=BAD) if why else same_as(self._command(event.value))
         self.query_one("#same", Static).update(words)
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """Leave with the answer, when it is one."""
-        if not self._wrong(event.value.strip()):
+        if event.validation_result is None or event.validation_result.is_valid:
             self.dismiss(event.value.strip())

@@ -10,7 +10,6 @@ from textual.binding import Binding, BindingType
 from textual.containers import Container, VerticalScroll
 from textual.widgets import Static
 
-from daemon.model.status import CampaignRow
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks, steering_keys
 from scenario_tui.dashboard.state import Known
@@ -39,7 +38,7 @@ class MatrixScreen(SteeringScreen[None]):
 
     def __init__(self, campaign: str) -> None:
         super().__init__()
-        self._campaign = campaign
+        self.about = campaign
         self._shown: CampaignResults | None = None
         self._rest = Text()
 
@@ -54,28 +53,19 @@ class MatrixScreen(SteeringScreen[None]):
                 yield StaticText(id="about")
         yield StaticText(id="legend")
 
-    @property
-    def about(self) -> str:
-        """The campaign shown."""
-        return self._campaign
-
-    def campaign(self) -> CampaignRow | None:
-        """Return the campaign shown."""
-        return self.dashboard.known.campaign(self._campaign)
-
     def cursor_command(self) -> str:
         """Return what to type for the runs of the cell."""
         cell = self.query_one(CellTable).cell
         if cell is None:
             return self.command()
         runs = f"{cell.scenario}/{cell.sut}/"
-        return self._line("results", self._campaign, "--filter", runs)
+        return self._line("results", self.about, "--filter", runs)
 
     def trail(self) -> str:
         """Return the campaign, how it stands, and how far it is."""
-        parts = [f"campaigns › {self._campaign} › matrix"]
+        parts = [f"campaigns › {self.about} › matrix"]
         row = self.campaign()
-        conclusion = self.dashboard.known.conclusions.get(self._campaign)
+        conclusion = self.dashboard.known.conclusions.get(self.about)
         if conclusion is not None and conclusion.text != NONE_JUDGED:
             parts.append(conclusion.glyph_text)
         if row is not None and not row.finished:
@@ -85,7 +75,7 @@ class MatrixScreen(SteeringScreen[None]):
 
     def show(self, known: Known, news: None) -> None:
         """Show the results once they are there, again only when they are others."""
-        results = known.results_of(self._campaign)
+        results = known.results_of(self.about)
         message = "" if results and results.assessment.cells else self._nothing(results)
         show_message_or(self.query_one("#empty"), self.query_one("#grid"), message)
         # By identity: results are replaced and never changed, and comparing them would cost more
@@ -128,11 +118,11 @@ class MatrixScreen(SteeringScreen[None]):
         """Open the runs of the cell."""
         cell = self.query_one(CellTable).cell
         if cell is not None:
-            self.dashboard.open("runs", self._campaign, cell.scenario, cell.sut)
+            self.dashboard.open("runs", self.about, cell.scenario, cell.sut)
 
     def action_runs(self) -> None:
         """Open all runs of the campaign."""
-        self.dashboard.open("runs", self._campaign)
+        self.dashboard.open("runs", self.about)
 
     def action_next(self, step: int) -> None:
         """Go to the next cell that is not as expected, or the one before; round at the end."""

@@ -14,7 +14,7 @@ from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.widgets import ContentSwitcher, OptionList, Static
 
 from daemon.model.run_state import RunState
-from daemon.model.status import CampaignRow, RunDetail
+from daemon.model.status import RunDetail
 from daemon.model.verbs import DaemonClient
 from scenario_tui.dashboard.live_run import LiveRun, live_text
 from scenario_tui.dashboard.recordings import Missing
@@ -64,7 +64,7 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
 
     def __init__(self, run: str) -> None:
         super().__init__()
-        self._run_id = run
+        self._run_id, self.about = run, run.rpartition(".")[0]
         self._live = LiveRun()
         self._recording: Playback | None = None
         self._digest = ""
@@ -103,11 +103,6 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
         """Try once more to read what could not be read."""
         self.dashboard.recordings.look_again()
 
-    @property
-    def about(self) -> str:
-        """The campaign of the run."""
-        return self._run_id.rpartition(".")[0]
-
     def fetch(self, daemon: DaemonClient, known: Known) -> RunNews | None:
         """Return this run, with how it is judged while it runs."""
         return self.dashboard.feed.watch.look(daemon, self._run_id, judged=True)
@@ -122,10 +117,6 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
         if verdict is None:
             return self.command()
         return self._line("replay", self._run_id, "--frame", verdict.oracle)
-
-    def campaign(self) -> CampaignRow | None:
-        """Return the campaign the run is part of."""
-        return self.dashboard.known.campaign(self.about)
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """One key plays a run, and stays where it is in one that is followed."""

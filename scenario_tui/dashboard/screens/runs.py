@@ -78,14 +78,14 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
 
     def __init__(self, campaign: str = "", scenario: str = "", sut: str = "") -> None:
         super().__init__()
-        self._campaign, self._scenario, self._sut = campaign, scenario, sut
+        self.about, self._scenario, self._sut = campaign, scenario, sut
         # Of one campaign in the order of its file; of all, what was submitted last is looked for.
         self.arrangement = replace(self.arrangement, descending=not campaign)
         self._offset, self._wanted_run = 0, ""
 
     @property
     def _here(self) -> tuple[str, str, str]:
-        return self._campaign, self._scenario, self._sut
+        return self.about, self._scenario, self._sut
 
     @property
     def _query(self) -> RunQuery:
@@ -93,7 +93,7 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
         order, words = self.arrangement, self.arrangement.text.split()
         only = next((word for word in words if word in SEVERITY), "")
         return RunQuery(
-            self._campaign,
+            self.about,
             offset=self._offset,
             limit=PAGE,
             scenario=self._scenario,
@@ -108,7 +108,7 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
     def body(self) -> ComposeResult:
         """Filter line, table, and the run beside it."""
         columns: tuple[Column, ...] = _COLUMNS
-        if not self._campaign:
+        if not self.about:
             least, most = _CAMPAIGN
             longest = max((len(row.id) for row in self.dashboard.known.campaigns), default=0)
             named = Column("campaign", min(max(longest, least), most))
@@ -132,11 +132,6 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
         # At once and not when the screen goes: what comes in its place asks before.
         self.dashboard.run_views[self._here] = RunsView(self.arrangement, self._offset, key)
 
-    @property
-    def about(self) -> str:
-        """The campaign shown, empty for all."""
-        return self._campaign
-
     def fetch(self, daemon: DaemonClient, known: Known) -> RunsNews:
         """Return the page; in wide terminals also the run under the cursor."""
         query, run = self._query, self._wanted_run
@@ -154,7 +149,7 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
     def trail(self) -> str:
         """Return the place, the page, its order and filters."""
         order, page = self.arrangement, self._page()
-        parts = [f"campaigns › {self._campaign}" if self._campaign else "all runs"]
+        parts = [f"campaigns › {self.about}" if self.about else "all runs"]
         if self._scenario:
             parts[0] += f" › {self._scenario}/{self._sut}"
         if page is not None:
@@ -166,14 +161,12 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
             parts.append(f"/{order.text}")
         if self.dashboard.marked_run:
             parts.append(f"{self.dashboard.marked_run} marked")
-        row = self.campaign() if self._campaign else None
-        parts += schedule_marks(row) if row is not None else []
-        return "  ".join(parts)
+        return "  ".join((*parts, *(schedule_marks(self.campaign()) if self.about else ())))
 
     def command(self) -> str:
         """Return what to type for the runs of the campaign, the same ones where that can be."""
         row, query = self.campaign(), self._query
-        if row is None or not self._campaign:
+        if row is None or not self.about:
             return self.dashboard.target.command("status")
         narrowed = [("--outcome", query.outcome), ("--filter", query.text)]
         options = [word for option in narrowed if option[1] for word in option]
@@ -186,7 +179,7 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
 
     def campaign(self) -> CampaignRow | None:
         """Return the campaign shown, or that of the run under the cursor."""
-        campaign = self._campaign or self.query_one(KeyedTable).key.rpartition(".")[0]
+        campaign = self.about or self.query_one(KeyedTable).key.rpartition(".")[0]
         return self.dashboard.known.campaign(campaign)
 
     def _page(self) -> RunPage | None:
@@ -217,7 +210,7 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
         track, expectations = self.dashboard.tracks.get(row.id), expectations_of(known, row)
         key, cells = run_cells(row, track, expectations)
         named = (cells[0], Text(row.campaign, style=QUIET), *cells[1:])
-        return key, cells if self._campaign else named
+        return key, cells if self.about else named
 
     def _nothing(self) -> str:
         if self.arrangement.text:

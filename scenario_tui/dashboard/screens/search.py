@@ -11,7 +11,6 @@ from textual.binding import Binding, BindingType
 from textual.containers import Container, Vertical, VerticalScroll
 from textual.widgets import Static
 
-from daemon.model.status import CampaignRow
 from daemon.model.trials import smallest_margin
 from daemon.model.verbs import DaemonClient
 from daemon.search.answers.sentences import margin_words, phase_words, search_word
@@ -70,7 +69,7 @@ class SearchScreen(SteeringScreen[SearchNews], MapActions, Parts):
 
     def __init__(self, campaign: str) -> None:
         super().__init__()
-        self._campaign = campaign
+        self.about = campaign
         self._shown: SearchTrials | None = None
         self._notable: tuple[NotableTrial, ...] = ()
         self._reader = TrialReader()
@@ -102,14 +101,9 @@ class SearchScreen(SteeringScreen[SearchNews], MapActions, Parts):
         """Show what the part that came needs."""
         self.update_from_state()
 
-    @property
-    def about(self) -> str:
-        """The campaign that the search is."""
-        return self._campaign
-
     def fetch(self, daemon: DaemonClient, known: Known) -> SearchNews | None:
         """Return the search with its trials, and the run in front where its map is seen."""
-        row, run = known.searches.get(self._campaign), self._wanted_run
+        row, run = known.searches.get(self.about), self._wanted_run
         if row is None:
             return None
         search = self._reader.read(daemon, row)
@@ -124,13 +118,9 @@ class SearchScreen(SteeringScreen[SearchNews], MapActions, Parts):
             self._wanted_run = run
             self.ask()
 
-    def campaign(self) -> CampaignRow | None:
-        """Return the campaign that the search is."""
-        return self.dashboard.known.campaign(self._campaign)
-
     def command(self) -> str:
         """Return what to type to be told the same."""
-        return self._line("search", self._campaign)
+        return self._line("search", self.about)
 
     def cursor_command(self) -> str:
         """Return what to type about the run in front."""
@@ -139,11 +129,11 @@ class SearchScreen(SteeringScreen[SearchNews], MapActions, Parts):
 
     def trail(self) -> str:
         """Return the campaign, its question and its phase."""
-        parts = [f"campaigns › {self._campaign} › search"]
-        row, campaign = self.dashboard.known.searches.get(self._campaign), self.campaign()
+        parts = [f"campaigns › {self.about} › search"]
+        row = self.dashboard.known.searches.get(self.about)
         if row is not None:
             parts.append(f"{row.task.minimise} of {row.task.scenario}  {phase_words(row)}")
-        return "  ".join(parts + (schedule_marks(campaign) if campaign is not None else []))
+        return "  ".join((*parts, *schedule_marks(self.campaign())))
 
     def show(self, known: Known, news: SearchNews | None) -> None:
         """Show the search once its trials are known."""
@@ -235,7 +225,7 @@ class SearchScreen(SteeringScreen[SearchNews], MapActions, Parts):
 
     def action_runs(self) -> None:
         """Open all runs of the search."""
-        self.dashboard.open("runs", self._campaign)
+        self.dashboard.open("runs", self.about)
 
     def action_found(self, step: int) -> None:
         """Bring the next run of the table to the front, or the one before."""

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from textual.binding import Binding, BindingType
 from textual.screen import ModalScreen
+from textual.validation import Integer
 
 from daemon.batch.paths import StatePaths
 from grammars.text.words import command_line, count_noun
@@ -80,18 +81,10 @@ def _ask_priority(row: CampaignRow, line: CommandLine) -> Prompt:
     from daemon.model.messages import HIGHEST_PRIORITY
 
     span = f"−{HIGHEST_PRIORITY} to {HIGHEST_PRIORITY}"
-
-    def wrong(answer: str) -> str:
-        try:
-            possible = -HIGHEST_PRIORITY <= int(answer) <= HIGHEST_PRIORITY
-        except ValueError:
-            return "write a whole number, such as 5 or -5"
-        return "" if possible else f"at least −{HIGHEST_PRIORITY}, at most {HIGHEST_PRIORITY}"
-
     return Prompt(
         f"Priority of {row.id}\n{span}, usual is 0; the highest goes first",
         str(row.priority),
-        wrong,
+        Integer(-HIGHEST_PRIORITY, HIGHEST_PRIORITY, f"write a whole number, {span}"),
         lambda answer: line(PRIORITY.command, row.id, str(int(answer))),
     )
 
@@ -186,7 +179,7 @@ class SteeringScreen(BaseScreen[T]):
 
     def campaign(self) -> CampaignRow | None:
         """Return the campaign the keys are about."""
-        raise NotImplementedError
+        return self.dashboard.known.campaign(self.about)
 
     def command(self) -> str:
         """Return what to type for the results of the campaign."""
@@ -325,8 +318,10 @@ def open_in_browser(page: Path, environ: Mapping[str, str]) -> bool:
     return True
 
 
-def schedule_marks(row: CampaignRow) -> list[str]:
+def schedule_marks(row: CampaignRow | None) -> list[str]:
     """Return what is unusual about when the runs of a campaign start."""
+    if row is None:
+        return []
     paused = "‖ paused" if row.paused and not row.finished else ""
     unusual = priority_text(row.priority) if row.priority else ""
     return [mark for mark in (paused, unusual) if mark]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 from dataclasses import replace
 from functools import partial
@@ -14,22 +15,15 @@ from textual import work
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Container, VerticalScroll
-from textual.timer import Timer
 from textual.widgets import Input, OptionList
+from textual.widgets.option_list import Option
 
 from daemon.batch.errors import DaemonError
-from daemon.batch.paths import StatePaths
 from daemon.model.status import SubmissionReceipt, WorkerRow
 from daemon.model.verbs import DaemonClient
 from grammars.text.diagnostics import Finding, Severity, Where
 from grammars.text.words import count_noun
-from scenario_tui.campaign_files import (
-    find_files,
-    fuzzy_matches,
-    is_campaign,
-    newest_change,
-    relative_name,
-)
+from scenario_tui.campaign_files import find_files, fuzzy_matches, is_campaign, relative_name
 from scenario_tui.dashboard.screens.base import BaseScreen
 from scenario_tui.dashboard.screens.dialogs import move_cursor, same_as
 from scenario_tui.dashboard.state import Known
@@ -62,13 +56,8 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
         super().__init__()
         self._here = Path.cwd()
         self._files: dict[str, Path] = {}
-        self._names: tuple[str, ...] = ()
-        self._checked: dict[Path, tuple[float, CheckedFile]] = {}
-        self._state: Path | None = None
-        self._fresh = self._busy = False
-        self._refused = ""
-        self._slots = 0
-        self._pausing: Timer | None = None
+        self._checked: dict[Path, CheckedFile] = {}
+        self._fresh, self._refused = False, ""
         self._line = Input(placeholder="parts of the name", id="wanted", compact=True)
         self._list = OptionList(id="files", compact=True)
         self._about = StaticText(id="about")
@@ -95,7 +84,7 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
         """Return the folder, the number of files, and whether everything is run anew."""
         parts = ["submit a campaign", f"{self._here}"]
         if self._files:
-            parts.append(f"{len(self._names)} of {count_noun(len(self._files), 'file')}")
+            parts.append(f"{self._list.option_count} of {count_noun(len(self._files), 'file')}")
         return "  ".join([*parts, *(["everything anew"] if self._fresh else [])])
 
     def command(self) -> str:
@@ -110,13 +99,8 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
         return daemon.workers()
 
     def show(self, known: Known, news: tuple[WorkerRow, ...] | None) -> None:
-        """Have the check ask the ledger of the daemon, when that is on this machine."""
-        here = Path(known.overview.state) if known.overview is not None else None
-        self._state = here if here and StatePaths(here).ledger.is_file() else None
-        slots = sum(row.slots for row in news or () if not row.away)
-        if slots != self._slots:
-            self._slots = slots
-            self._say()
+        """Show what the check says."""
+        self._say()
 
     def _list_files(self, near: tuple[Path, ...]) -> None:
         """List the demo, then the files: those used last, then those changed last."""
@@ -135,42 +119,36 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
 
     def _narrow(self) -> None:
         """List the files that fit what is typed."""
-        self._names = fuzzy_matches(tuple(self._files), self._line.value)
-        self._list.clear_options()
-        self._list.add_options(
-            Text(name, no_wrap=True, overflow="ellipsis") for name in self._names
+        names = fuzzy_matches(tuple(self._files), self._line.value)
+        self._list.set_options(
+            Option(Text(name, no_wrap=True, overflow="ellipsis"), name) for name in names
         )
-        self._list.highlighted = 0 if self._names else None
-        self._say()
+        self._list.highlighted = 0 if names else None
         self.update_from_state()
 
     def _chosen(self) -> Path | None:
-        index = self._list.highlighted
-        return None if index is None else self._files[self._names[index]]
+        option = self._list.highlighted_option
+        return None if option is None else self._files[str(option.id)]
 
     def on_option_list_option_highlighted(self) -> None:
         """Check the file the cursor came to, once it rests there."""
         self._refused = ""
         self._say()
-        if self._pausing is not None:
-            self._pausing.stop()
         if (path := self._chosen()) is not None:
-            self._pausing = self.set_timer(_PAUSE, partial(self._check, path))
+            self._check(path)
 
-    @work(thread=True, exclusive=True, group="check")
-    def _check(self, path: Path) -> None:
-        """Check a file, unless nothing in its folder changed since."""
-        # Campaigns name robots, floor plans and oracles that lie beside them. The time first: what
-        # is saved while the check goes on makes it out of date.
-        changed = newest_change(path.parent)
-        if path in self._checked and self._checked[path][0] == changed:
-            return
+    @work(exclusive=True)
+    async def _check(self, path: Path) -> None:
+        """Check a file once the cursor rests on it; what it named before may have changed."""
+        await asyncio.sleep(_PAUSE)
+        overview = self.dashboard.known.overview
+        state = Path(overview.state) if overview is not None else None
         try:
-            checked = self.dashboard.check_file(path, state=self._state)
+            checked = await asyncio.to_thread(self.dashboard.check_file, path, state=state)
         except DaemonError as error:
             checked = CheckedFile("", (Finding(Where(str(path)), str(error)),))
-        self._checked[path] = changed, checked
-        self.call_later(self._say)
+        self._checked[path] = checked
+        self._say()
 
     def _say(self) -> None:
         """Show what the check says of the file under the cursor."""
@@ -178,13 +156,14 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
         if path is None:
             self._about.update("No campaign file fits." if self._files else "")
             return
-        if self._busy or path not in self._checked:
-            text = Text("… submitting" if self._busy else "… checking", style=QUIET)
+        if self.dashboard.submitting or path not in self._checked:
+            text = Text("… submitting" if self.dashboard.submitting else "… checking", style=QUIET)
         else:
-            checked = self._checked[path][1]
+            checked = self._checked[path]
             text = _checked_text(checked, self._here)
             if checked.plan is not None:
-                text.append(f"\n\n{plan_text(checked.plan, self._slots, fresh=self._fresh)}")
+                slots = sum(row.slots for row in self.news or () if not row.away)
+                text.append(f"\n\n{plan_text(checked.plan, slots, fresh=self._fresh)}")
             if checked.searches:
                 name = Path(relative_name(path, self._here))
                 text.append(f"\n\n{searches_text(name, checked.searches)}", style=QUIET)
@@ -197,9 +176,8 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
     def action_submit_file(self) -> None:
         """Submit the file, unless something is wrong with it."""
         path = self._chosen()
-        if path is not None and not self._busy:
-            self._busy, self._refused = True, ""
-            self.dashboard.submitting = relative_name(path, self._here)
+        if path is not None and not self.dashboard.submitting:
+            self._refused, self.dashboard.submitting = "", relative_name(path, self._here)
             self._say()
             self.dashboard.start_task(
                 partial(self._submit, path, self._fresh),
@@ -224,18 +202,18 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
         """Go back to the campaigns once the daemon has this one; stay where it has not."""
         checked, receipt = handed_over
         if receipt is None:
-            self._checked[path] = 0.0, checked
+            self._checked[path] = checked
             wrong = [one for one in checked.findings if one.severity is Severity.ERROR]
             self._refuse(str(wrong[0]))
             return
-        self._busy, self.dashboard.submitting = False, ""
+        self.dashboard.submitting = ""
         self.dashboard.remember(path, receipt.campaign)
         self.dashboard.say(receipt_text(receipt), command)
         if self.is_current:
             self.app.pop_screen()
 
     def _refuse(self, why: str) -> None:
-        self._busy, self.dashboard.submitting = False, ""
+        self.dashboard.submitting = ""
         self._refused = f"not submitted: {why.splitlines()[0]}"
         self.dashboard.problem(self._refused)
         self._say()
@@ -247,7 +225,6 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
     def action_fresh(self) -> None:
         """Run everything anew, or only what has no result."""
         self._fresh = not self._fresh
-        self._say()
         self.update_from_state()
 
     def action_back(self) -> None:

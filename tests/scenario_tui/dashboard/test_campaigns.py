@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from tests.scenario_tui.dashboard.driven import until
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
 from tests.scenario_tui.fake import CAMPAIGN, NOW, FakeDaemon
 
@@ -36,7 +37,7 @@ async def test_where_there_is_room_for_the_table_alone_nothing_more_is_judged():
         assert "last failures" not in "\n".join(screen_text(pilot))
         assert pilot.app.screen.about == ""
         await pilot.resize_terminal(80, 24)
-        await settle(pilot)
+        await until(pilot, lambda: "last failures" in "\n".join(screen_text(pilot)))
         lines = screen_text(pilot)
         below = next(number for number, line in enumerate(lines) if "last failures" in line)
         assert below > next(number for number, line in enumerate(lines) if CAMPAIGN in line)

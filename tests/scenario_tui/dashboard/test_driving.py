@@ -87,7 +87,7 @@ async def test_only_whole_numbers_in_range_are_priorities(fake):
     async with opened(fake, 120) as pilot:
         await settle(pilot)
         await press(pilot, "number_sign")
-        for wrong, why in (("x", "write a whole number"), ("1001", "at most 1000")):
+        for wrong, why in (("x", "write a whole number"), ("1001", "number, −1000 to 1000")):
             await pilot.press("home", "ctrl+k", *wrong, "enter")
             assert isinstance(pilot.app.screen, Prompt)
             assert why in shown(pilot)

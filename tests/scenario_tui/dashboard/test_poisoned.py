@@ -9,6 +9,7 @@ import pytest
 from rich.segment import Segment
 from textual.color import Color
 from textual.screen import Screen
+from textual.validation import Integer
 
 from scenario_tui.dashboard import screens
 from scenario_tui.dashboard.playback import open_playback
@@ -136,7 +137,7 @@ async def walk_through_dialogs(trace):
     dialogs = (
         Question(f"sure?{POISON}", f"scenario cancel {NAME}"),
         Menu(f"which?{POISON}", [MenuChoice("a", "1", f"this{POISON}", NAME)], f"note{POISON}"),
-        Prompt(f"what?{POISON}", f"value{NAME}", lambda _: f"wrong{NAME}", lambda _: NAME),
+        Prompt(f"what?{POISON}", f"value{NAME}", Integer(0, 0, f"wrong{NAME}"), lambda _: NAME),
         Refusal(f"no{POISON}"),
     )
     async with dashboard.run_test(size=WIDE) as pilot:

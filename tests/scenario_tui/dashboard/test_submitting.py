@@ -139,9 +139,11 @@ async def test_who_leaves_is_told_of_a_submission_that_was_cut_off(fake, folder,
     async with make_dashboard(fake).run_test(size=(80, 24)) as pilot:
         await opened_at(pilot, "demo/camp")
         check, go_on = pilot.app.check_file, threading.Event()
-        monkeypatch.setattr(
-            pilot.app, "check_file", lambda *one, **more: go_on.wait() and check(*one, **more)
-        )
+
+        def hold(path, submit=False, **more):
+            return (not submit or go_on.wait()) and check(path, submit=submit, **more)
+
+        monkeypatch.setattr(pilot.app, "check_file", hold)
         await pilot.press("enter")
         assert "the submission of demo/campaign.yaml was cut off" in pilot.app.farewell()
         go_on.set()
