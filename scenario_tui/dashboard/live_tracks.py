@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final, TypeAlias
 
+from scenario_tui.dashboard.transport import FLASH
+
 if TYPE_CHECKING:
     from daemon.model.live_judgement import LiveJudgement
     from daemon.model.spec import Snapshot
@@ -24,10 +26,8 @@ _KEPT_MOMENTS: Final = 600
 """Moments of a running run that are remembered; of more, every other one is forgotten."""
 _KEPT_POINTS: Final = 2000
 """Points of a trail; of a longer one every other point is forgotten."""
-_TRAIL_STEP: Final = 0.03
+TRAIL_STEP: Final = 0.03
 """Metres between two points of a trail; a dot of the map is rarely finer."""
-_CONTACT_FLASH: Final = 0.5
-"""Seconds of the wall a contact stays to be seen."""
 
 
 @dataclass(slots=True)
@@ -47,7 +47,7 @@ class Track:
     times: list[float] = field(default_factory=list)
     heard_of: list[Snapshot] = field(default_factory=list)
     flashes: dict[Point2, float] = field(default_factory=dict)
-    step: float = _TRAIL_STEP
+    step: float = TRAIL_STEP
 
     def note(self) -> None:
         """Take the snapshot into what was heard, and its place into the trail if it is far on."""
@@ -92,7 +92,7 @@ class Tracks:
             # It calculates with arrays, whose library takes longer to load than the first screen.
             from daemon.model.live_view import from_centimetres
 
-            track.flashes |= dict.fromkeys(from_centimetres(seen.contacts), now + _CONTACT_FLASH)
+            track.flashes |= dict.fromkeys(from_centimetres(seen.contacts), now + FLASH)
         self._tracks[live.run] = track
         # Put in anew above, so that the first of the dictionary was heard of least recently.
         while len(self._tracks) > _KEPT_RUNS:

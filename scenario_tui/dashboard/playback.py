@@ -9,8 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from types import MappingProxyType
-from typing import Final, TypeVar
+from typing import Any, Final
 
 import numpy as np
 from rich.text import Text
@@ -19,19 +18,12 @@ from daemon.model.live_view import blocked_points, scan_returns
 from daemon.model.stack_reports import StackState
 from daemon.model.sut import CostmapPicture
 from daemon.model.verdicts import Outcome, Verdict
-from daemon.trace import (
-    PlanRecord,
-    ProgressRecord,
-    ScanTrack,
-    Trace,
-    TraceError,
-    read_outputs,
-    read_trace,
-)
+from daemon.trace import ScanTrack, Trace, TraceError, read_outputs, read_trace
 from grammars.model.geometry import Floats, Point2, Pose2
 from grammars.model.robot import Laser
 from grammars.text.diagnostics import did_you_mean
 from grammars.text.words import count_noun
+from scenario_tui.dashboard.live_tracks import TRAIL_STEP
 from scenario_tui.dashboard.run_log import LogExcerpt, recorded_log
 from scenario_tui.dashboard.run_timeline import (
     RunTimeline,
@@ -42,17 +34,13 @@ from scenario_tui.dashboard.run_timeline import (
 from scenario_tui.dashboard.transport import FLASH
 from scenario_tui.dashboard.widgets.cell_view import text_lines
 from scenario_tui.dashboard.widgets.map_frame import View, draw_view
-from scenario_tui.dashboard.widgets.map_style import STYLES, MapSigns, legend_height, legend_lines
+from scenario_tui.dashboard.widgets.map_style import STYLES, MapSigns, legend_lines
 from scenario_tui.text.run_text import verdict_lines
 from scenario_tui.text.styles import QUIET
 from templates.plan_shapes import MeasuredMark
 
-Record = TypeVar("Record", PlanRecord, ProgressRecord)
-
 RAYS: Final = 120
 """Laser returns shown of one scan at most: more of them fall into the same dots."""
-_STEP: Final = 0.03
-"""Metres between two points of the trail."""
 _CHROME: Final = 2
 """Lines of a frame that are neither map nor verdicts nor legend: headline and timeline."""
 
@@ -68,8 +56,8 @@ class Playback:
         self,
         trace: Trace,
         verdicts: Sequence[Verdict],
-        outputs: Mapping[str, str] = MappingProxyType({}),
-        marks: Mapping[str, MeasuredMark] = MappingProxyType({}),
+        outputs: Mapping[str, str],
+        marks: Mapping[str, MeasuredMark],
     ) -> None:
         way = trace.ground_truth
         if not len(way.time):
@@ -78,8 +66,7 @@ class Playback:
         self._scans = thin_scans(trace)
         self.trace = replace(trace, scans=None)
         self.verdicts = tuple(verdicts)
-        self.outputs = dict(outputs or {})
-        self._marks = dict(marks or {})
+        self.outputs, self._marks = outputs, marks
         spec = trace.spec
         self.label = f"{spec.scenario}/{spec.sut.name}/{spec.repeat}"
         self.start, self.end = float(way.time[0]), float(way.time[-1])
@@ -119,8 +106,8 @@ class Playback:
 
     def reached(self, time: float) -> int:
         """Return how many waypoints were done at ``time``."""
-        progress = _latest(self.trace.progress, time)
-        return 0 if progress is None else progress.reached
+        count = _count(self.trace.progress, time)
+        return self.trace.progress[count - 1].reached if count else 0
 
     def pose(self, time: float) -> Pose2:
         """Return where the robot was at ``time``: the last sample until then."""
@@ -155,7 +142,8 @@ class Playback:
         What decides ``verdict`` is on it if that was in the window, too. Without a verdict it is
         the last one decided against the run.
         """
-        trace, here, plan = self.trace, self.pose(time), _latest(self.trace.plans, time)
+        trace, here = self.trace, self.pose(time)
+        plans = trace.plans[: _count(trace.plans, time)]
         touched = (c.point for c in trace.contacts if time - window < c.time <= time)
         times, trail, clearances, limit = self._trail
         count = int(np.searchsorted(times, time + 1e-9, side="right"))
@@ -171,7 +159,7 @@ class Playback:
             self.reached(time),
             (*trail[:count], (here.x, here.y)),
             self._returns(time),
-            () if plan is None else tuple((x, y) for x, y in plan.points.tolist()),
+            tuple((x, y) for x, y in plans[-1].points.tolist()) if plans else (),
             tuple(dict.fromkeys(touched)),
             self.spread(time),
             clearances,
@@ -192,8 +180,7 @@ class Playback:
 
     def stack_line(self, time: float) -> str:
         """Return what the stack reported of itself last until ``time``, empty without reports."""
-        count = bisect_right(self.trace.reports, time + 1e-9, key=lambda report: report.time)
-        return self._stack_lines[count]
+        return self._stack_lines[_count(self.trace.reports, time)]
 
     def _costmaps(self, time: float) -> dict[str, Floats]:
         """Return the cells of each costmap that block the robot (n, 2) [m], by its scope."""
@@ -231,7 +218,7 @@ class Playback:
         way = self.trace.ground_truth
         ways = np.hypot(np.diff(way.x, prepend=way.x[:1]), np.diff(way.y, prepend=way.y[:1]))
         # By distance, not by time: a robot that waits adds nothing, one that is fast no gaps.
-        passed = np.floor(np.cumsum(ways) / _STEP)
+        passed = np.floor(np.cumsum(ways) / TRAIL_STEP)
         steps = np.flatnonzero(np.diff(passed, prepend=-1.0) > 0)
         times = way.time[steps]
         places = zip(way.x[steps].tolist(), way.y[steps].tolist(), strict=True)
@@ -273,10 +260,9 @@ def _last(stamps: Floats, time: float, least: int = -1) -> int:
     return max(int(np.searchsorted(stamps, time + 1e-9, side="right")) - 1, least)
 
 
-def _latest(records: Sequence[Record], time: float) -> Record | None:
-    """Return the last of some records until ``time``, ``None`` before the first."""
-    count = bisect_right(records, time + 1e-9, key=lambda record: record.time)
-    return records[count - 1] if count else None
+def _count(records: Sequence[Any], time: float) -> int:
+    """Return how many of some records, by time, there are until ``time``."""
+    return bisect_right(records, time + 1e-9, key=lambda record: record.time)
 
 
 def _pose_at(track: object, index: int) -> Pose2:
@@ -299,7 +285,7 @@ def open_playback(path: Path, verdicts: Sequence[Verdict] | None = None) -> Play
     if not trace_problems(trace):
         sampler = SignalSampler(trace)
         marks = {v.oracle: deciding_mark(sampler, v) or robot_mark(sampler, v) for v in verdicts}
-    return Playback(trace, verdicts, outputs=read_outputs(path), marks=marks)
+    return Playback(trace, verdicts, read_outputs(path), marks)
 
 
 def read_playback(path: Path, verdicts: Sequence[Verdict]) -> Playback:
@@ -338,9 +324,14 @@ def timeline_bar(playback: Playback, time: float, width: int) -> Text:
     for at in decided:
         signs[at] = "✗"
     text = Text("".join(signs), style=QUIET)
-    for at in decided:
-        text.stylize("fail", at, at + 1)
+    text.highlight_words("✗", "fail")
     return text
+
+
+def lines_below(playback: Playback, time: float) -> list[Text]:
+    """Return what is below the map: what the stack reports of itself, and the verdicts."""
+    stack = playback.stack_line(time)
+    return [*([Text(stack, style=QUIET)] if stack else ()), *verdict_lines(playback.verdicts, time)]
 
 
 def render_frame(
@@ -350,19 +341,16 @@ def render_frame(
 
     The object that decides ``verdict`` is marked, see :meth:`Playback.view`.
     """
-    verdicts = verdict_lines(playback.verdicts, time)
-    if stack := playback.stack_line(time):
-        verdicts.insert(0, Text(stack, style=QUIET))
-    view = playback.view(time, verdict=verdict)
+    below, view = lines_below(playback, time), playback.view(time, verdict=verdict)
     # Drawn once to know what its legend has to say, and how many lines that takes.
-    rows = max(3, height - _CHROME - len(verdicts) - 1)
+    rows = max(3, height - _CHROME - len(below) - 1)
     layers = draw_view(view, width, rows).layers
     signs = MapSigns(layers, view.limit, view.decisive.name if view.decisive else "")
-    legend = legend_lines([signs], width, legend_height(height))
+    legend = legend_lines([signs], width, height)
     rows = max(3, rows - (len(legend) - 1))
     codes, owners = draw_view(view, width, rows).cells()
     lines = [Text(headline(playback, time), style="bold"), timeline_bar(playback, time, width)]
-    lines += [*text_lines(codes, owners, STYLES), *verdicts, *legend]
+    lines += [*text_lines(codes, owners, STYLES), *below, *legend]
     for line in lines:
         line.truncate(width, overflow="ellipsis")
     return lines

@@ -84,15 +84,13 @@ class Recordings:
             return Missing(why)
         if (known := self._find(_key(row))) is not None:
             return known
-        path = self._bring(row)
-        return path if isinstance(path, Missing) else self._play(path, row)
+        return self._play(self._bring(row), row)
 
     def look_again(self) -> None:
         """Try once more to read what is missing: somebody looks again."""
         with self._changing:
-            missing = [key for key, one in self._known.items() if isinstance(one, Missing)]
-            for key in missing:
-                del self._known[key]
+            known = self._known.items()
+            self._known = {key: one for key, one in known if not isinstance(one, Missing)}
 
     def _find(self, key: _Key) -> Playback | Missing | None:
         with self._changing:
@@ -102,14 +100,10 @@ class Recordings:
             return known
 
     def _fetch(self, key: _Key, row: RunRow) -> None:
-        known: Playback | Missing | None
         path = self._bring(row)
-        if isinstance(path, Missing):
-            known = path
-        else:
-            with self._reading:
-                # Nobody looks any more at the run that a cursor went past.
-                known = self._play(path, row) if key == self._wanted else None
+        with self._reading:
+            # Nobody looks any more at the run that a cursor went past.
+            known = self._play(path, row) if key == self._wanted else None
         with self._changing:
             self._under_way.discard(key)
             if known is not None:
@@ -135,7 +129,9 @@ class Recordings:
             what = f"Its trace is not on this machine, and cannot be brought here: {error}"
             return Missing(f"{what}\n\nLook at it where its worker is, or run it again.")
 
-    def _play(self, path: Path, row: RunRow) -> Playback | Missing:
+    def _play(self, path: Path | Missing, row: RunRow) -> Playback | Missing:
+        if isinstance(path, Missing):
+            return path
         # What reads traces takes a while to load, and the dashboard is to be there at once.
         from daemon.trace import TraceError
         from scenario_tui.dashboard.playback import read_playback

@@ -10,7 +10,7 @@ from textual.app import ComposeResult
 from textual.containers import Horizontal
 from textual.widgets import Static
 
-from scenario_tui.dashboard.playback import Playback, headline, timeline_bar
+from scenario_tui.dashboard.playback import Playback, headline, lines_below, timeline_bar
 from scenario_tui.dashboard.screens.maps import MapActions
 from scenario_tui.dashboard.screens.parts import Parts
 from scenario_tui.dashboard.screens.playing import PlayingScreen, decisive_moment
@@ -21,8 +21,6 @@ from scenario_tui.dashboard.widgets.map_legend import MapLegend
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.dashboard.widgets.top_view import TopView
-from scenario_tui.text.run_text import verdict_lines
-from scenario_tui.text.styles import QUIET
 
 
 class ReplayScreen(StandaloneScreen, Parts, MapActions, PlayingScreen):
@@ -86,10 +84,7 @@ class ReplayScreen(StandaloneScreen, Parts, MapActions, PlayingScreen):
         width = max(self.size.width - 2, 2)
         line = timeline_bar(playback, transport.time, width)
         self.query_one("#timeline", Static).update(line)
-        lines = verdict_lines(playback.verdicts, transport.time)
-        if stack := playback.stack_line(transport.time):
-            lines.insert(0, Text(stack, style=QUIET))
-        words = Text("\n").join(lines)
-        self.query_one("#verdicts", Static).update(words)
+        below = Text("\n").join(lines_below(playback, transport.time))
+        self.query_one("#verdicts", Static).update(below)
         self.query_one(TopView).show(playback.view(transport.time, window=window))
         self.query_one(TimelineView).move(transport.time)

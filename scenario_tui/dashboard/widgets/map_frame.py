@@ -92,11 +92,10 @@ def shapes_of(view: View, costmap: str | None = None) -> Iterator[PlanShape]:
     bodies = plan_shapes.body_shapes(view.scene, positions, EYE_HEIGHT)
     yield from sorted(bodies, key=lambda shape: LAYER_OF[shape.role])
     yield from plan_shapes.waypoint_shapes(view.mission, view.reached)
-    if view.estimate is not None and view.spread is not None:
-        yield plan_shapes.spread_shape(view.estimate, view.spread)
     if view.estimate is not None:
-        where = (view.estimate.x, view.estimate.y)
-        yield PlanShape(ShapeRole.ESTIMATE, "dots", ((where,),))
+        if view.spread is not None:
+            yield plan_shapes.spread_shape(view.estimate, view.spread)
+        yield PlanShape(ShapeRole.ESTIMATE, "dots", (((view.estimate.x, view.estimate.y),),))
     yield plan_shapes.footprint_shape(view.where, view.robot)
     yield plan_shapes.heading_shape(view.where, view.robot)
     if view.decisive is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rich.text import Text
 
-from scenario_tui.dashboard.widgets.map_style import legend_height, legend_lines
+from scenario_tui.dashboard.widgets.map_style import legend_lines
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.top_view import TopView
 
@@ -29,6 +29,6 @@ class MapLegend(StaticText):
     def show_signs(self) -> None:
         """Show what is on the maps now."""
         maps = self.screen.query(self._selector).results(TopView)
-        most = legend_height(self.screen.size.height)
-        lines = legend_lines([top.signs for top in maps], self.size.width, most)
+        height = self.screen.size.height
+        lines = legend_lines([top.signs for top in maps], self.size.width, height)
         self.update(Text("\n").join(lines))

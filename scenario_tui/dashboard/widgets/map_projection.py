@@ -38,15 +38,8 @@ class MapProjection:
 
     def dots(self, points: Floats) -> Floats:
         """Return points (n, 2) [m] as dots (n, 2), those far beyond any screen as less far."""
-        along, across = self.scale * math.cos(self.turn), self.scale * math.sin(self.turn)
-        moved = np.clip(points, -_FARTHEST, _FARTHEST) - np.array(self.middle)
-        x, y = moved.T
-        dots: Floats = np.column_stack(
-            (
-                self.centre[0] + along * x - across * y,
-                self.centre[1] - across * x - along * y,
-            )
-        )
+        ways = (np.clip(points, -_FARTHEST, _FARTHEST) - self.middle) @ _rotation(self.turn)
+        dots: Floats = self.centre + ways * (self.scale, -self.scale)
         return dots.clip(-_OUTMOST, _OUTMOST)
 
     def metres(self, right: float, up: float) -> Point2:

@@ -110,12 +110,13 @@ class MapSigns:
     decisive: str = ""
 
 
-def legend_lines(signs: Collection[MapSigns], width: int, most: int) -> list[Text]:
-    """Return what the signs on some maps mean, as at most ``most`` lines of ``width`` cells.
+def legend_lines(signs: Collection[MapSigns], width: int, height: int) -> list[Text]:
+    """Return what the signs on some maps mean, as lines for a screen of ``width`` x ``height``.
 
     Only of what is on one of them, in lines that break between two signs. What there is no room
     for is left out, the signs one guesses first.
     """
+    most = max(1, height // _MAP_LINES)
     lines = [Text(no_wrap=True)]
     for entry in _entries(signs):
         if lines[-1].cell_len and lines[-1].cell_len + _GAP + entry.cell_len > width:
@@ -126,11 +127,6 @@ def legend_lines(signs: Collection[MapSigns], width: int, most: int) -> list[Tex
             lines[-1].append(" " * _GAP)
         lines[-1].append_text(entry)
     return lines
-
-
-def legend_height(height: int) -> int:
-    """Return how many lines a legend may take of a screen of ``height`` lines."""
-    return max(1, height // _MAP_LINES)
 
 
 def _entries(signs: Collection[MapSigns]) -> Iterator[Text]:

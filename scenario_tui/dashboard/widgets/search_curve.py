@@ -203,9 +203,7 @@ class SearchCurveView(CellView):
 
     STYLES: ClassVar[tuple[Style, ...]] = _STYLES
 
-    def __init__(self, *, id: str | None = None) -> None:
-        super().__init__(id=id)
-        self._curve: SearchCurve | None = None
+    _curve: SearchCurve | None = None
 
     def show(self, curve: SearchCurve | None) -> None:
         """Show another curve, or nothing."""

@@ -125,7 +125,7 @@ def _scale_of(signal: RunSignal, curves: Sequence[tuple[Floats, Floats]], rows: 
     limits = [limit.value for limit in signal.limits]
     values = np.concatenate([part[np.isfinite(part)] for curve in curves for part in curve])
     if not len(values):
-        return fit_axis(min(limits, default=0.0), max(limits, default=1.0), (), rows)
+        values = np.array(limits or [0.0, 1.0])
     return fit_axis(float(values.min()), float(values.max()), limits, rows)
 
 

@@ -249,7 +249,7 @@ def test_walls_the_laser_meets_stay_walls_and_are_lit():
 
 def test_what_is_nowhere_on_the_map_is_not_in_the_legend():
     frame = draw_view(view(), 76, 20)
-    words = " ".join(line.plain for line in legend_lines([MapSigns(frame.layers)], 200, 4))
+    words = " ".join(line.plain for line in legend_lines([MapSigns(frame.layers)], 200, 32))
     assert "waypoint" in words
     assert not {"laser", "contact", "plan", "reached"} & set(words.split())
 
@@ -260,7 +260,7 @@ def test_a_legend_is_never_cut(width, most):
     whole = {
         part for line in legend_lines([everything], 2000, 1) for part in line.plain.split("   ")
     }
-    lines = legend_lines([everything], width, most)
+    lines = legend_lines([everything], width, 8 * most)
     assert len(lines) <= most
     assert all(line.cell_len <= max(width, 24) for line in lines)
     assert {part for line in lines for part in line.plain.split("   ")} <= whole

@@ -150,7 +150,7 @@ def test_a_trace_without_a_robot_is_no_replay(playback, tmp_path):
     way = playback.trace.ground_truth
     nothing = replace(way, **{name: np.empty(0) for name in ("time", "x", "y", "yaw")})
     with pytest.raises(TraceError, match="where the robot was"):
-        Playback(replace(playback.trace, ground_truth=nothing), ())
+        Playback(replace(playback.trace, ground_truth=nothing), (), {}, {})
 
 
 def test_time_goes_as_fast_as_the_speed_and_stops_at_the_end():

@@ -53,7 +53,9 @@ def playback(record=(*REPORT_TOPICS,)):
         CostmapPicture(2.0, "odom", 0.5, 2.0, 0.0, CELLS),
     )
     sut = SutReference("nav2", "ros2", {"record": list(record)})
-    return Playback(replace(trace, costmaps=costmaps, spec=replace(trace.spec, sut=sut)), ())
+    return Playback(
+        replace(trace, costmaps=costmaps, spec=replace(trace.spec, sut=sut)), (), {}, {}
+    )
 
 
 def test_a_line_says_what_the_stack_reported_last():
