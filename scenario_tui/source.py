@@ -9,9 +9,9 @@ from __future__ import annotations
 import itertools
 import os
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -24,6 +24,7 @@ from scenario_tui.text.run_state import unfinished_text, without_trace_text, wit
 if TYPE_CHECKING:
     from daemon.analysis.recorded import Progress, RecordedCampaign
     from daemon.batch.paths import StatePaths
+    from daemon.model.assessments import Mark
     from daemon.model.status import CampaignRow, RunDetail, RunRow
     from daemon.model.verbs import CampaignSource, DaemonClient
 
@@ -288,6 +289,20 @@ def one_trace(run: str, target: DaemonTarget) -> Path:
     Raises :class:`Refused` for none or several, and :class:`TraceUnavailable`.
     """
     return _traces_of(run, target, is_alone=True)[0]
+
+
+def verdict_marks(run: str, target: DaemonTarget) -> Mapping[str, Mark]:
+    """Return the marks, by oracle, of the verdicts of a run named as for :func:`one_trace`.
+
+    Empty where nothing says what its campaign expects.
+    """
+    from daemon.analysis.recorded import read_marks
+
+    silent = replace(target, say=lambda _: None)
+    with open_source(run, silent) as source:
+        (row,) = recorded_runs(source, run, silent)
+        expectations = read_marks(source, row)
+    return {} if expectations is None else expectations.mark_verdicts(row)
 
 
 def all_traces(

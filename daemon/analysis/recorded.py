@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias, TypeVar, cast
 
 from daemon.analysis.results import CampaignNote, read_campaign_note, traces_below
 from daemon.batch.errors import Refused
+from daemon.judging.assessment import Expectations, assess, find_marks
 from daemon.model.assessments import AssessmentRules
 from daemon.model.messages import CampaignQuery, IdRequest, RunQuery
 from daemon.model.run_state import RunState
@@ -73,7 +74,7 @@ class RecordedCampaign(CampaignSource):
             CAMPAIGNS: self._campaigns,
             RUNS: self._runs,
             RUN: self._run,
-            DECLARED: lambda _: self.note.declared,
+            DECLARED: lambda _: self.note.declared or AssessmentRules(),
             ORIGIN: lambda _: self.note.origin,
             SEARCHES: lambda _: (),
         }
@@ -253,3 +254,19 @@ def read_results_file(name: str) -> RecordedCampaign:
         raise InputError(Finding(where, "is no file of results", hint)) from None
     note = CampaignNote(row.name, row.about, declared, origin, row.submitted_at)
     return RecordedCampaign(replace(row, id=name), rows, note, name)
+
+
+def read_marks(source: CampaignSource, row: RunRow) -> Expectations | None:
+    """Return what marks a run among the repeats of its cell.
+
+    ``None`` where nothing says what its campaign expects, as for a run of a search.
+    """
+    note = source.note if isinstance(source, RecordedCampaign) else None
+    if (note and note.declared is None) or source.search_row(row.campaign) is not None:
+        return None
+    declared = source.declared(row.campaign)
+    rows = source.all_runs(row.campaign, scenario=row.scenario, sut=row.sut, results=True)
+    if note:
+        # Of the repeats of a trace nothing is known: they may be what an expectation asks for.
+        rows = (row, replace(row, id="", state=RunState.QUEUED, outcome=None, result=None))
+    return find_marks(declared, assess(declared, rows), (row,))

@@ -6,11 +6,13 @@ Commands load this that never draw: nothing here may import numpy or the oracles
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
-from daemon.batch.errors import Refused
+from daemon.batch.errors import DaemonError, Refused
+from daemon.batch.paths import StatePaths
 from daemon.judging.assessment import (
     CampaignDifference,
     Expectations,
@@ -153,12 +155,12 @@ def traces_below(folder: Path) -> list[Path]:
 class CampaignNote:
     """A campaign beside its traces: its name, what it declares, where it was written.
 
-    Also when and on what ``machine`` it was executed.
+    Also when and on what ``machine`` it was executed. ``declared`` is ``None`` where nothing says.
     """
 
     name: str
     about: str
-    declared: AssessmentRules
+    declared: AssessmentRules | None
     origin: CampaignOrigin = field(default_factory=CampaignOrigin)
     submitted_at: UnixTime | None = None
     machine: str = ""
@@ -178,16 +180,34 @@ def write_campaign_note(
 
 
 def read_campaign_note(folder: Path, otherwise: str = "") -> CampaignNote:
-    """Read what :func:`write_campaign_note` wrote; without it, a note with a name alone.
+    """Read what :func:`write_campaign_note` wrote, or what the ledger that keeps the traces says.
 
-    Raises :class:`daemon.batch.errors.Refused` for nonsense.
+    Without either it is a note with a name alone. Raises :class:`daemon.batch.errors.Refused` for
+    nonsense.
     """
     path = folder / NOTE
     if not path.is_file():
-        return CampaignNote(otherwise, "", AssessmentRules())
+        return _note_of_ledger(folder.resolve()) or CampaignNote(otherwise, "", None)
     try:
         return codec.from_json(CampaignNote, path.read_bytes())
     except ValueError as error:
         raise Refused(
             f"{path} is not what `scenario run` leaves: delete it ({codec.reading_error(error)})"
         ) from error
+
+
+def _note_of_ledger(folder: Path) -> CampaignNote | None:
+    """Return the note of a campaign whose traces lie in a state directory, ``None`` elsewhere."""
+    from daemon.batch.ledger import LedgerReader
+
+    paths = StatePaths(folder.parent.parent)
+    if folder.parent != paths.traces or not paths.ledger.is_file():
+        return None
+    # Of a ledger of another version nothing is known; the traces can be read all the same.
+    with suppress(DaemonError), LedgerReader.open(paths) as ledger:
+        row = ledger.campaign(folder.name)
+        if row is not None:
+            declared = None if row.search else ledger.declared(row.id)
+            origin = ledger.origin(row.id)
+            return CampaignNote(row.name, row.about, declared, origin, row.submitted_at)
+    return None

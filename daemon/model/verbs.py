@@ -276,6 +276,8 @@ class CampaignSource(ABC):
         self,
         campaign: str,
         *,
+        scenario: str = "",
+        sut: str = "",
         outcome: str = "",
         text: str = "",
         offset: int = 0,
@@ -286,6 +288,8 @@ class CampaignSource(ABC):
         while True:
             page = self.runs(
                 campaign,
+                scenario=scenario,
+                sut=sut,
                 outcome=outcome,
                 text=text,
                 offset=offset + len(rows),

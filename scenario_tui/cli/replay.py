@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import sys
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -13,9 +14,10 @@ from scenario_tui.cli import completion
 from scenario_tui.cli.exit_codes import CommandError, ExitCode, wrong_usage
 from scenario_tui.cli.options import RunOrTrace
 from scenario_tui.cli.output import print_line, stdout_console
-from scenario_tui.source import DaemonTarget, one_trace
+from scenario_tui.source import DaemonTarget, one_trace, verdict_marks
 
 if TYPE_CHECKING:
+    from daemon.model.assessments import Mark
     from scenario_tui.dashboard.playback import Playback
 
 
@@ -62,7 +64,7 @@ def replay(
         raise typer.BadParameter("goes with one run only", param_hint="--frame")
     trace = one_trace(run, target)
     if frame:
-        _print_frame(open_playback(trace), frame)
+        _print_frame(open_playback(trace), frame, verdict_marks(run, target))
         return ExitCode.EXPECTED
     reason = why_undrawable()
     # Drawn on standard error like the dashboard, with keys from standard input.
@@ -71,23 +73,24 @@ def replay(
         reason = f"a replay needs a terminal; scripts use `{scripts}`"
     if reason and not other:
         raise CommandError(reason)
-    first = open_playback(trace)
+    first, marks = open_playback(trace), verdict_marks(run, target)
     begin = _moment(first, start, "--from") if start else None
     second = open_playback(one_trace(other, target)) if other else None
+    both = (marks, verdict_marks(other, target) if other else marks)
     if second is not None and reason:
         from scenario_tui.text.comparison_text import comparison_text
 
         pairs = (first.verdicts, second.verdicts, first.trace.spec, second.trace.spec)
-        print_line(comparison_text(*pairs))
+        print_line(comparison_text(*pairs, both))
         return ExitCode.EXPECTED
     from scenario_tui.dashboard.screens.compare import CompareScreen
     from scenario_tui.dashboard.screens.replay import ReplayScreen
     from scenario_tui.dashboard.screens.standalone import run_alone
 
     if second is None:
-        failed = run_alone(ReplayScreen(first, begin, speed))
+        failed = run_alone(ReplayScreen(first, begin, speed, marks=marks))
     else:
-        failed = run_alone(CompareScreen(first, second, begin=begin, speed=speed))
+        failed = run_alone(CompareScreen(first, second, marks=both, begin=begin, speed=speed))
     return ExitCode.BUG if failed else ExitCode.EXPECTED
 
 
@@ -96,7 +99,7 @@ def _moment(playback: Playback, text: str, option: str) -> float:
         return playback.time_of(text)
 
 
-def _print_frame(playback: Playback, moment: str) -> None:
+def _print_frame(playback: Playback, moment: str, marks: Mapping[str, Mark]) -> None:
     from scenario_tui.dashboard.playback import render_frame
     from scenario_tui.text.ascii_signs import text_in_ascii
 
@@ -105,7 +108,8 @@ def _print_frame(playback: Playback, moment: str) -> None:
     # What is printed may go anywhere: only who says so gets ASCII.
     plain = os.environ.get("SCENARIO_GLYPHS") == "ascii"
     verdict = next((one for one in playback.verdicts if one.oracle == moment), None)
-    lines = render_frame(playback, time, size.columns, size.lines - 1, verdict=verdict)
+    room = (size.columns, size.lines - 1)
+    lines = render_frame(playback, time, *room, verdict=verdict, marks=marks)
     for line in lines:
         text = text_in_ascii(line) if plain else line
         stdout_console().print(text, no_wrap=True, soft_wrap=True)

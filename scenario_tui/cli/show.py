@@ -65,6 +65,7 @@ def show(
     It is read from the state directory of this machine unless a daemon is named. No daemon is
     needed, except to say how far a run is.
     """
+    from daemon.analysis.recorded import read_marks
     from scenario_tui.cli.values import RunSummary
 
     wants_log = log or everything or bool(output)
@@ -87,14 +88,9 @@ def show(
                 text = partial(_print_output, run_log.printed[output])
             return Answer("logs", run_log, text)
         search = source.search_row(detail.row.campaign)
-        declared = source.declared(detail.row.campaign)
-    summary = RunSummary(detail, search.task if search else None, standing)
-    expectations = None
-    if search is None and detail.row.result is not None:
-        from daemon.judging.assessment import assess, find_marks
-
-        expectations = find_marks(declared, assess(declared, (detail.row,)), (detail.row,))
-        summary = replace(summary, marks=expectations.mark_verdicts(detail.row))
+        expectations = read_marks(source, detail.row)
+    marks = expectations.mark_verdicts(detail.row) if expectations is not None else {}
+    summary = RunSummary(detail, search.task if search else None, standing, marks=marks)
     if detail.row.state == RunState.RUNNING:
         summary = _with_progress(summary, target)
     return Answer("run", summary, partial(_print_run, summary, expectations, target))

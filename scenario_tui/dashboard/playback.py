@@ -14,6 +14,7 @@ from typing import Any, Final
 import numpy as np
 from rich.text import Text
 
+from daemon.model.assessments import NO_MARK, Mark
 from daemon.model.live_view import blocked_points, scan_returns
 from daemon.model.stack_reports import StackState
 from daemon.model.sut import CostmapPicture
@@ -35,7 +36,7 @@ from scenario_tui.dashboard.transport import FLASH
 from scenario_tui.dashboard.widgets.cell_view import text_lines
 from scenario_tui.dashboard.widgets.map_frame import View, draw_view
 from scenario_tui.dashboard.widgets.map_style import STYLES, MapSigns, legend_lines
-from scenario_tui.text.run_text import verdict_lines
+from scenario_tui.text.run_text import NO_MARKS, marked_style, verdict_lines
 from scenario_tui.text.styles import QUIET
 from templates.plan_shapes import MeasuredMark
 
@@ -311,37 +312,54 @@ def headline(playback: Playback, time: float) -> str:
     return f"{playback.label}  {time:.1f} s of {playback.end:.1f} s  {done}{state}"
 
 
-def timeline_bar(playback: Playback, time: float, width: int) -> Text:
-    """Return the whole run as a line: how far it is, and ✗ where an oracle was decided against."""
+def timeline_bar(
+    playback: Playback, time: float, width: int, marks: Mapping[str, Mark] = NO_MARKS
+) -> Text:
+    """Return the whole run as a line: how far it is, and ✗ where an oracle was decided against.
+
+    By its ``marks`` that of a known failure is amber, and stands behind news.
+    """
     span = max(playback.end - playback.start, 1e-9)
 
     def cell(at: float) -> int:
         return round((playback.within(at) - playback.start) / span * (width - 1))
 
-    now, decided = cell(time), {cell(moment.time) for moment in playback.moments}
+    now = cell(time)
     signs = [*"━" * now, "●", *"─" * (width - 1 - now)]
+    styles = [(marked_style("fail", marks.get(m.oracle, NO_MARK)), m) for m in playback.moments]
+    decided = {cell(m.time): style for style, m in sorted(styles, key=lambda one: one[0] == "fail")}
     # Over the line and the dot: what was decided must not be hidden by where the replay is.
     for at in decided:
         signs[at] = "✗"
     text = Text("".join(signs), style=QUIET)
-    text.highlight_words("✗", "fail")
+    for at, style in decided.items():
+        text.stylize(style, at, at + 1)
     return text
 
 
-def lines_below(playback: Playback, time: float) -> list[Text]:
-    """Return what is below the map: what the stack reports of itself, and the verdicts."""
-    stack = playback.stack_line(time)
-    return [*([Text(stack, style=QUIET)] if stack else ()), *verdict_lines(playback.verdicts, time)]
+def lines_below(
+    playback: Playback, time: float, marks: Mapping[str, Mark] = NO_MARKS
+) -> list[Text]:
+    """Return what is below the map: what the stack reports of itself, and the marked verdicts."""
+    stack, lines = playback.stack_line(time), verdict_lines(playback.verdicts, time, marks=marks)
+    return [*([Text(stack, style=QUIET)] if stack else ()), *lines]
 
 
 def render_frame(
-    playback: Playback, time: float, width: int, height: int, *, verdict: Verdict | None = None
+    playback: Playback,
+    time: float,
+    width: int,
+    height: int,
+    *,
+    verdict: Verdict | None = None,
+    marks: Mapping[str, Mark] = NO_MARKS,
 ) -> list[Text]:
     """Return the frame at ``time`` [s] as lines that fit into ``width`` x ``height`` cells.
 
-    The object that decides ``verdict`` is marked, see :meth:`Playback.view`.
+    The object that decides ``verdict`` is marked, see :meth:`Playback.view`. ``marks`` are those of
+    the verdicts.
     """
-    below, view = lines_below(playback, time), playback.view(time, verdict=verdict)
+    below, view = lines_below(playback, time, marks), playback.view(time, verdict=verdict)
     # Drawn once to know what its legend has to say, and how many lines that takes.
     rows = max(3, height - _CHROME - len(below) - 1)
     layers = draw_view(view, width, rows).layers
@@ -349,7 +367,8 @@ def render_frame(
     legend = legend_lines([signs], width, height)
     rows = max(3, rows - (len(legend) - 1))
     codes, owners = draw_view(view, width, rows).cells()
-    lines = [Text(headline(playback, time), style="bold"), timeline_bar(playback, time, width)]
+    bar = timeline_bar(playback, time, width, marks)
+    lines = [Text(headline(playback, time), style="bold"), bar]
     lines += [*text_lines(codes, owners, STYLES), *below, *legend]
     for line in lines:
         line.truncate(width, overflow="ellipsis")

@@ -12,6 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from daemon.analysis.rejudge import OracleChange, RejudgedTrace
+from daemon.model.assessments import NO_MARK, Mark
 from daemon.model.spec import RunSpec
 from daemon.model.verdicts import Outcome, Verdict
 from grammars.text import codec
@@ -25,6 +26,7 @@ from scenario_tui.text.formatting import (
     plain_table,
     verdict_line,
 )
+from scenario_tui.text.run_text import NO_MARKS, append_mark, marked_style
 from scenario_tui.text.styles import GLYPHS, QUIET, SEVERITY
 
 _IDENTITY: Final = ("campaign", "repeat")
@@ -117,16 +119,23 @@ def _flat(path: str, value: Any) -> Iterator[tuple[str, str]]:
 
 
 def comparison_text(
-    first: tuple[Verdict, ...], second: tuple[Verdict, ...], one: RunSpec, other: RunSpec
+    first: tuple[Verdict, ...],
+    second: tuple[Verdict, ...],
+    one: RunSpec,
+    other: RunSpec,
+    marks: tuple[Mapping[str, Mark], Mapping[str, Mark]] = (NO_MARKS, NO_MARKS),
 ) -> Text:
-    """Return verdicts, margins and specifications of two runs, those that differ first."""
+    """Return verdicts, margins and specifications of two runs, those that differ first.
+
+    ``marks`` are those of the verdicts of each run, by oracle.
+    """
     text = Text()
     text.append("oracle               first              second             change\n", style=QUIET)
     for pair in pair_verdicts(first, second):
         alike, change = _is_alike(pair), margin_change(pair)
         text.append(f"{pair.oracle:<20.20} ", style="" if alike else "bold")
-        for verdict in (pair.before, pair.now):
-            text.append(*_cell(verdict))
+        for verdict, marked in zip((pair.before, pair.now), marks, strict=True):
+            text.append_text(_cell(verdict, marked.get(pair.oracle, NO_MARK)))
         unit = next(v.unit for v in (pair.before, pair.now) if v is not None)
         text.append(f"{'' if change is None else margin(change, unit)}{'' if alike else '  ≠'}\n")
     text.append("\nspecification\n", style="bold")
@@ -142,17 +151,19 @@ _CELL: Final = 18
 """Cells for a verdict with its margin; the sign says it where the word has no room."""
 
 
-def _cell(verdict: Verdict | None) -> tuple[str, str]:
-    """Return a verdict in 19 columns and its style."""
+def _cell(verdict: Verdict | None, mark: Mark) -> Text:
+    """Return a verdict in 19 columns."""
     if verdict is None:
-        return f"{NOTHING:<19}", QUIET
+        return Text(f"{NOTHING:<19}", style=QUIET)
     amount = margin(verdict.margin, verdict.unit)
     if verdict.margin is None:
         amount = format_quantity(verdict.evidence.value, verdict.unit)
-    words = f"{glyph_word(verdict.outcome)} {amount}"
-    if len(words) > _CELL:
-        words = f"{GLYPHS[verdict.outcome]} {amount}"
-    return f"{words:<{_CELL}.{_CELL}} ", verdict.outcome
+    style, word = marked_style(verdict.outcome, mark), glyph_word(verdict.outcome)
+    if len(f"{word} {mark.letter} {amount}") > _CELL:
+        word = GLYPHS[verdict.outcome]
+    text = append_mark(Text(word, style), mark).append(f" {amount}", style)
+    text.truncate(_CELL, pad=True)
+    return text.append(" ")
 
 
 _LISTED: Final = 20

@@ -150,19 +150,22 @@ def _first_line(note: str) -> str:
 
 
 def verdict_lines(
-    verdicts: Sequence[Verdict], time: float, most: int = VERDICT_LINES
+    verdicts: Sequence[Verdict],
+    time: float,
+    most: int = VERDICT_LINES,
+    marks: Mapping[str, Mark] = NO_MARKS,
 ) -> list[Text]:
-    """Return at most ``most`` lines on the verdicts, the gravest first.
+    """Return at most ``most`` lines on the verdicts, the gravest first, with their marks.
 
     Of verdicts that are decided later than ``time`` the line says how far ahead that lies.
     """
     judged = [v for v in verdicts if v.outcome is not Outcome.MEASURE]
-    ordered = sorted(judged, key=lambda v: (SEVERITY.index(v.outcome), v.evidence.time or 0.0))
+    ordered = by_severity(sorted(judged, key=lambda v: v.evidence.time or 0.0), marks)
     # Each failure has a line. All passes share one, which needs room, too.
     bad = [v for v in ordered if v.outcome is not Outcome.PASS]
     passed = len(ordered) - len(bad)
     room = most - (1 if passed or len(bad) > most else 0)
-    lines = [_verdict_line(verdict, time) for verdict in bad[:room]]
+    lines = [_verdict_line(one, time, marks.get(one.oracle, NO_MARK)) for one in bad[:room]]
     rest = [f"and {len(bad) - room} more not passed"] if len(bad) > room else []
     if passed:
         rest.append(glyph_word("pass").replace("pass", f"{passed} pass"))
@@ -171,9 +174,10 @@ def verdict_lines(
     return lines or [Text("no oracle judged this run", style=QUIET)]
 
 
-def _verdict_line(verdict: Verdict, time: float) -> Text:
+def _verdict_line(verdict: Verdict, time: float, mark: Mark) -> Text:
     text = Text(no_wrap=True, overflow="ellipsis")
-    text.append(glyph_word(verdict.outcome), style=verdict.outcome)
+    text.append(glyph_word(verdict.outcome), style=marked_style(verdict.outcome, mark))
+    append_mark(text, mark)
     text.append(f"  {verdict.oracle}", style="bold")
     text.append(f"  {margin(verdict.margin, verdict.unit)}")
     decided = verdict.evidence.time
@@ -182,6 +186,8 @@ def _verdict_line(verdict: Verdict, time: float) -> Text:
         text.append(f" {moment_text(decided)}{ahead}", style=QUIET)
     if verdict.evidence.object:
         text.append(f"  {verdict.evidence.object}", style=QUIET)
+    if mark.kind == "known":
+        text.append(f"  known: {mark.reason}", style=KNOWN)
     return text
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 from rich.text import Text
@@ -13,12 +13,14 @@ from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.widgets import Static
 
 from daemon.batch.errors import DaemonError
+from daemon.model.assessments import Mark
 from scenario_tui.dashboard.playback import Playback
 from scenario_tui.dashboard.recordings import Missing
 from scenario_tui.dashboard.run_timeline import Alignment, common_clock, shift_to_clock
 from scenario_tui.dashboard.screens.maps import MapActions
 from scenario_tui.dashboard.screens.parts import Parts
 from scenario_tui.dashboard.screens.playing import PlayingScreen, clock_line, decisive_moment
+from scenario_tui.dashboard.screens.run_panel import marks_of
 from scenario_tui.dashboard.screens.standalone import StandaloneScreen
 from scenario_tui.dashboard.transport import FLASH, FailureMoment, ReplayTransport
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
@@ -27,6 +29,7 @@ from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.dashboard.widgets.top_view import TopView
 from scenario_tui.text.comparison_text import comparison_text
+from scenario_tui.text.run_text import NO_MARKS
 from scenario_tui.text.styles import QUIET
 
 if TYPE_CHECKING:
@@ -36,7 +39,10 @@ _BY: dict[Alignment, str] = {"time": "by simulated time", "mission": "by waypoin
 
 
 class CompareScreen(StandaloneScreen, Parts, MapActions, PlayingScreen):
-    """Plays two runs at once; the clock is that of the first."""
+    """Plays two runs at once; the clock is that of the first.
+
+    The ``marks`` of each run, by oracle, tell known failures from news.
+    """
 
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (110, "-wide")]  # noqa: RUF012
     AUTO_FOCUS = "#differences"
@@ -53,12 +59,14 @@ class CompareScreen(StandaloneScreen, Parts, MapActions, PlayingScreen):
         first: Playback,
         second: Playback,
         *,
+        marks: tuple[Mapping[str, Mark], Mapping[str, Mark]] = (NO_MARKS, NO_MARKS),
         begin: float | None = None,
         speed: float = 1.0,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         super().__init__()
         self.first, self.second = first, second
+        self.marks = marks
         self.by: Alignment = "time"
         self._begin, self._speed = begin, speed
         self.clock = clock
@@ -92,8 +100,9 @@ class CompareScreen(StandaloneScreen, Parts, MapActions, PlayingScreen):
         start, end = min(first.start, moved.start), max(first.end, moved.end)
         self.query_one(TimelineView).show((first, moved))
         text = comparison_text(
-            self.first.verdicts, self.second.verdicts, self.first.trace.spec, self.second.trace.spec
-        )
+            self.first.verdicts, self.second.verdicts,
+            self.first.trace.spec, self.second.trace.spec, self.marks,
+        )  # fmt: skip
         self.query_one("#table", Static).update(text)
         speed = self._speed if self.transport is None else self.transport.speed
         if time is None:
@@ -104,7 +113,8 @@ class CompareScreen(StandaloneScreen, Parts, MapActions, PlayingScreen):
 
     def _decisive_moment(self) -> float | None:
         """Return the moment that decided the first run, or else the second, on the first clock."""
-        first, second = decisive_moment(self.first), decisive_moment(self.second)
+        pairs = zip((self.first, self.second), self.marks, strict=True)
+        first, second = (decisive_moment(*pair) for pair in pairs)
         return first if first is not None or second is None else self._to_first([second])[0]
 
     def moments(self) -> Sequence[FailureMoment]:
@@ -154,6 +164,7 @@ class CompareScreen(StandaloneScreen, Parts, MapActions, PlayingScreen):
         now = self.transport.time if self.transport is not None else 0.0
         then = self._clock.to_second(now)
         self.first, self.second = self.second, self.first
+        self.marks = self.marks[::-1]
         self._meet(then)
 
 
@@ -169,20 +180,21 @@ def mark_or_compare(dashboard: Dashboard, run: str) -> None:
     dashboard.notify(f"reading {marked} and {run}", markup=False)
     front = dashboard.screen
 
-    def show(both: list[Playback]) -> None:
+    def show(both: list[tuple[Playback, Mapping[str, Mark]]]) -> None:
         # Whoever went on meanwhile wants to see something else.
         if dashboard.screen is front:
-            dashboard.push_screen(CompareScreen(*both))
+            (first, second), marks = zip(*both, strict=True)
+            dashboard.push_screen(CompareScreen(first, second, marks=marks))
 
     dashboard.start_task(
         lambda: [_playback(dashboard, one) for one in (marked, run)], show, dashboard.problem
     )
 
 
-def _playback(dashboard: Dashboard, run: str) -> Playback:
+def _playback(dashboard: Dashboard, run: str) -> tuple[Playback, Mapping[str, Mark]]:
     with dashboard.feed.connect() as daemon:
         row = daemon.run(run).row
     recording = dashboard.recordings.read(row)
     if isinstance(recording, Missing):
         raise DaemonError(f"{run}: {recording.why}")
-    return recording
+    return recording, marks_of(dashboard, row)

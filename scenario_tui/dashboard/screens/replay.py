@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from rich.text import Text
 from textual.app import ComposeResult
 from textual.containers import Horizontal
 from textual.widgets import Static
 
+from daemon.model.assessments import Mark
 from scenario_tui.dashboard.playback import Playback, headline, lines_below, timeline_bar
 from scenario_tui.dashboard.screens.maps import MapActions
 from scenario_tui.dashboard.screens.parts import Parts
@@ -21,10 +22,14 @@ from scenario_tui.dashboard.widgets.map_legend import MapLegend
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.dashboard.widgets.top_view import TopView
+from scenario_tui.text.run_text import NO_MARKS
 
 
 class ReplayScreen(StandaloneScreen, Parts, MapActions, PlayingScreen):
-    """Plays a :class:`Playback` from ``begin`` [s], or from what decided it, or all of it."""
+    """Plays a :class:`Playback` from ``begin`` [s], or from what decided it, or all of it.
+
+    ``marks`` of oracles tell known failures from news.
+    """
 
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (150, "-wide")]  # noqa: RUF012
     VIEWS = ("map", "signals")
@@ -35,12 +40,13 @@ class ReplayScreen(StandaloneScreen, Parts, MapActions, PlayingScreen):
         begin: float | None = None,
         speed: float = 1.0,
         *,
+        marks: Mapping[str, Mark] = NO_MARKS,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         super().__init__()
-        self.playback = playback
+        self.playback, self.marks = playback, marks
         if begin is None:
-            begin = decisive_moment(playback)
+            begin = decisive_moment(playback, marks)
         first = playback.start if begin is None else begin
         # Who is brought to what decided looks at it before anything moves.
         plays = all(abs(moment.time - first) > 1e-6 for moment in playback.moments)
@@ -82,9 +88,9 @@ class ReplayScreen(StandaloneScreen, Parts, MapActions, PlayingScreen):
         head = f"{sign} {transport.speed:g}x  {headline(playback, transport.time)}"
         self.query_one("#status", Static).update(Text(head, no_wrap=True, overflow="ellipsis"))
         width = max(self.size.width - 2, 2)
-        line = timeline_bar(playback, transport.time, width)
+        line = timeline_bar(playback, transport.time, width, self.marks)
         self.query_one("#timeline", Static).update(line)
-        below = Text("\n").join(lines_below(playback, transport.time))
+        below = Text("\n").join(lines_below(playback, transport.time, self.marks))
         self.query_one("#verdicts", Static).update(below)
         self.query_one(TopView).show(playback.view(transport.time, window=window))
         self.query_one(TimelineView).move(transport.time)

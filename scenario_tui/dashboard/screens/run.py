@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar, Final
 
 from rich.text import Text
@@ -13,6 +13,7 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.widgets import ContentSwitcher, OptionList, Static
 
+from daemon.model.assessments import Mark
 from daemon.model.run_state import RunState
 from daemon.model.status import RunDetail
 from daemon.model.verbs import DaemonClient
@@ -237,11 +238,13 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
 
     def _telling_moment(self, recording: Playback) -> float:
         """Return the moment [s] that decided, or that was nearest to deciding."""
-        marks = marks_of(self.dashboard, self.news.detail.row) if self.news is not None else {}
-        if (decisive := decisive_moment(recording, marks)) is not None:
+        if (decisive := decisive_moment(recording, self._marks())) is not None:
             return decisive
         moments = (verdict.moment for verdict in by_severity(recording.verdicts))
         return next((moment for moment in moments if moment is not None), recording.start)
+
+    def _marks(self) -> Mapping[str, Mark]:
+        return {} if self.news is None else marks_of(self.dashboard, self.news.detail.row)
 
     def _say(self, detail: RunDetail) -> None:
         """Say when it is and which part of the screen this is."""
@@ -319,7 +322,8 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
         self.transport.playing = False
         at, end = self.transport.time, self.transport.end
         # A finished run opens at its end, where there is nothing left to play.
-        self.app.push_screen(ReplayScreen(self._recording, at if at < end else None))
+        begin = at if at < end else None
+        self.app.push_screen(ReplayScreen(self._recording, begin, marks=self._marks()))
 
     def _why_not(self) -> str:
         """Return why the run cannot be played."""

@@ -58,6 +58,13 @@ def test_a_run_is_shown_its_log_told_and_its_campaign_waited_for(finished, place
     )
 
 
+def test_a_trace_is_marked_by_the_ledger_that_keeps_it(finished, place):
+    trace = min((finished / "traces").rglob("*.mcap"))
+    assert "✗ fail !" in call_here("show", str(trace), state=place / "other", cwd=place).stdout
+    (copy := place / "copy.mcap").write_bytes(trace.read_bytes())
+    assert "✗ fail  " in call_here("show", str(copy), state=finished, cwd=place).stdout
+
+
 def test_runs_are_judged_again_by_other_oracles(finished, place):
     # The first one, whether or not another test has submitted more.
     campaign = min((finished / "traces").iterdir(), key=lambda path: path.stat().st_mtime).name
@@ -113,7 +120,7 @@ def test_the_dashboard_opens_in_a_terminal_and_leaves_without_stopping_work(fini
     with terminal([*COMMAND, "tui"], environ={"SCENARIO_STATE": str(finished)}) as shown:
         shown.until("connected")
         # The mission takes longer than the limit of this campaign.
-        shown.until("1 unexpected")
+        shown.until(" unexpected")
         shown.type("m")
         shown.until("expected pass")
         shown.type("q")

@@ -8,6 +8,7 @@ import pytest
 
 from daemon.analysis.results import write_campaign_note
 from daemon.batch.ledger import connect
+from daemon.model.assessments import AssessmentRules, Expectation
 from daemon.model.submission import Submission
 from scenario_tui.cli import invoke
 from tests.daemon.analysis.report.recordings import DECLARED, NAME, OPEN, SHUT, SUTS, record, spec
@@ -114,3 +115,38 @@ def test_the_newest_folder_is_meant_where_nothing_was_submitted(call, capsys):
     Path("scenario-results").mkdir()
     Path("my traces").rename("scenario-results/new-1")
     assert "scenario results scenario-results/new-1 --runs" in call("results")
+
+
+def expect(verdict):
+    """Have the campaign of the traces expect a verdict of its buffer."""
+    expected = Expectation("*", "buffer", (), verdict, "it is narrow")
+    note = Submission.of("c", (), ())
+    rules = AssessmentRules(expectations=(expected,))
+    write_campaign_note(Path("my traces"), replace(note, name=NAME, declared=rules))
+
+
+@pytest.mark.parametrize("verdict", ["fail", "mixed", "any"])
+def test_a_trace_knows_the_failures_that_the_note_beside_it_expects(call, verdict):
+    expect(verdict)
+    shown = call("show", FAILS)
+    assert "✗ fail a  buffer" in shown
+    assert "a known: it is narrow" in shown
+    frame = call("replay", FAILS, "--frame", "buffer")
+    assert "✗ fail a  buffer" in frame
+    assert "known: it is narrow" in frame
+    assert "✗ fail a" in call("replay", PASSES, FAILS)
+
+
+def test_a_trace_that_passes_is_no_news_where_one_of_its_repeats_may_fail(call):
+    expect("mixed")
+    assert "✓ pass  buffer" in call("show", PASSES)
+    expect("fail")
+    assert "✓ pass !  buffer" in call("show", PASSES)
+
+
+def test_of_a_trace_alone_nothing_is_said_to_be_news_or_known(call):
+    assert "✗ fail !  buffer" in call("show", FAILS)
+    Path("my traces/campaign.json").unlink()
+    assert "✗ fail  buffer" in call("show", FAILS)
+    assert "✗ fail  buffer" in call("replay", FAILS, "--frame", "buffer")
+    assert json.loads(call("show", FAILS, "--json"))["marks"] == {}

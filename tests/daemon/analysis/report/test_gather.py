@@ -58,7 +58,7 @@ def test_traces_without_a_note_must_all_pass(folder, tmp_path):
     for trace in folder.glob("*.mcap"):
         (tmp_path / trace.name).symlink_to(trace)
     chosen = read_traces(str(tmp_path))
-    assert (chosen.row.name, chosen.note.declared.expectations) == (NAME, ())
+    assert (chosen.row.name, chosen.declared(chosen.row.id).expectations) == (NAME, ())
     assert report_of(tmp_path).assessment.exit_code == 1
 
 
