@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import errno
 import os
 import sys
@@ -72,7 +73,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         # can be said there.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = _unhandled(error).exit_code
-    sys.exit(code)
+    # Not by sys.exit: a thread of the dashboard may still wait for an answer, and Zenoh aborts the
+    # process if one comes while the interpreter ends.
+    atexit._run_exitfuncs()
+    os._exit(code)
 
 
 def invoke(arguments: Sequence[str]) -> int:

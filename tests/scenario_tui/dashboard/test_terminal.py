@@ -161,6 +161,22 @@ def test_keys_typed_while_it_loads_are_not_lost(daemon):
         assert restored(shown)
 
 
+def test_it_leaves_while_a_thread_is_still_told_something_by_the_daemon(daemon):
+    asking = (
+        "from scenario_tui.cli import main\n"
+        "from scenario_tui.dashboard import feed\n"
+        "feed.Feed.close = lambda _: None\n"  # as when the daemon hangs
+        "feed.Feed._breathe = lambda *_: None\n"
+        "feed.REFRESH = feed._BREATH\n"
+        "main()\n"
+    )
+    command = [sys.executable, "-c", asking, "tui", "--connect", daemon.endpoint]
+    with terminal(command) as shown:
+        shown.until("corridor-1")
+        shown.type("q")
+        assert shown.wait() == 0, bytes(shown.raw[-2000:])
+
+
 @pytest.mark.parametrize(
     "late", ["scenario_tui.dashboard.app.Dashboard.__init__", "textual.app.App.run"]
 )
