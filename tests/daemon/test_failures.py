@@ -6,11 +6,13 @@ What remains an error is a stack that crashed, left or hung.
 import signal
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
 from daemon.campaign import expand, load_campaign
 from daemon.judging import oracles
+from daemon.model import deadline
 from daemon.model.deadline import OutOfTime, interruptible, wall_clock_limit
 from daemon.model.spec import SutReference
 from daemon.model.verdicts import Outcome
@@ -38,11 +40,36 @@ def plugged(tmp_path, monkeypatch):
     sys.modules.pop(MODULE, None)
 
 
-def executed(demo, path, kind, parameters=None, *, goals=(), limit=30.0):
+def executed(demo, path, kind, parameters=None, *, goals=(), limit=30.0, on_progress=None):
     spec, scene = demo
     mission = replace(spec.mission, waypoints=goals or spec.mission.waypoints)
     sut = SutReference(kind, kind, parameters or {})
-    return execute(replace(spec, sut=sut, limit=limit, mission=mission), scene, trace_path=path)
+    spec = replace(spec, sut=sut, limit=limit, mission=mission)
+    return execute(spec, scene, trace_path=path, on_progress=on_progress)
+
+
+@pytest.fixture
+def passes_while(monkeypatch):
+    """Let time pass for limits only while something is true of the frame that is executed.
+
+    Alarms come by the clock of the machine. However late it gets to where it is meant to be
+    interrupted, none interrupts it before.
+    """
+
+    def limit_by(is_true):
+        def monotonic():
+            frame = sys._getframe(1)
+            while frame.f_code.co_filename == deadline.__file__:
+                frame = frame.f_back
+            return 10.0 if is_true(frame) else 0.0
+
+        monkeypatch.setattr(deadline, "time", SimpleNamespace(monotonic=monotonic))
+
+    return limit_by
+
+
+def hangs_in_update(frame):
+    return frame.f_code.co_name == "update" and frame.f_locals["observation"].time >= 1.0
 
 
 def assert_failed(result, path, why):
@@ -94,8 +121,9 @@ def test_leaving_the_interpreter_is_a_crash(demo, tmp_path, plugged):
     assert not result.stopped
 
 
-def test_an_endless_update_is_ended_by_the_wall_clock(demo, tmp_path, plugged):
+def test_an_endless_update_is_ended_by_the_wall_clock(demo, tmp_path, plugged, passes_while):
     path = tmp_path / "run.mcap"
+    passes_while(hangs_in_update)
     with wall_clock_limit(3.0):
         result = executed(demo, path, "hangs")
     assert (result.ended, result.outcome) == ("crashed", Outcome.ERROR)
@@ -108,9 +136,9 @@ def test_an_endless_update_is_ended_by_the_wall_clock(demo, tmp_path, plugged):
     assert trace.ground_truth.x[-1] > 0.0
 
 
-def test_a_factory_that_hangs_in_a_run_ends_it_with_a_trace(demo, tmp_path, plugged):
+def test_a_factory_that_hangs_in_a_run_ends_it_with_a_trace(demo, tmp_path, plugged, passes_while):
     path = tmp_path / "run.mcap"
-    # Long enough for the world, which is made first.
+    passes_while(lambda frame: frame.f_code.co_name == "hangs_in_a_run")
     with wall_clock_limit(3.0):
         result = executed(demo, path, "factory-hangs-in-a-run", {"hang": True})
     assert (result.ended, result.outcome) == ("crashed", Outcome.ERROR)
@@ -119,9 +147,11 @@ def test_a_factory_that_hangs_in_a_run_ends_it_with_a_trace(demo, tmp_path, plug
     assert read_trace(path).note == result.note
 
 
-def test_a_run_that_is_merely_slow_is_ended_between_two_steps(demo, tmp_path):
+def test_a_run_that_is_merely_slow_is_ended_between_two_steps(demo, tmp_path, passes_while):
+    told = []
+    passes_while(lambda _: told)
     with wall_clock_limit(0.2):
-        result = executed(demo, tmp_path / "run.mcap", "idle", limit=1e6)
+        result = executed(demo, tmp_path / "run.mcap", "idle", limit=1e6, on_progress=told.append)
     assert (result.ended, result.outcome) == ("crashed", Outcome.ERROR)
     assert result.stopped
     assert read_trace(tmp_path / "run.mcap").complete
@@ -133,7 +163,8 @@ def loop_for(seconds):
             pass
 
 
-def test_the_nearest_limit_holds_and_nothing_is_left_of_it():
+def test_the_nearest_limit_holds_and_nothing_is_left_of_it(passes_while):
+    passes_while(lambda frame: frame.f_code.co_name == "loop_for" and deadline._limits.call)
     with wall_clock_limit(60.0):
         with pytest.raises(OutOfTime, match=r"stopped after 0.05 s .* in one call of a loop"):
             loop_for(0.05)
@@ -157,7 +188,8 @@ def test_the_timer_of_others_goes_on():
         signal.signal(signal.SIGALRM, before)
 
 
-def test_where_it_hung_is_said(demo, tmp_path, plugged):
+def test_where_it_hung_is_said(demo, tmp_path, plugged, passes_while):
+    passes_while(hangs_in_update)
     with wall_clock_limit(2.0):
         result = executed(demo, tmp_path / "run.mcap", "hangs")
     hanging = place_of("here it hangs")

@@ -208,9 +208,12 @@ def daemon_at(state, slots=0, **settings):
 
     ``settings`` are options of ``serve``; ``module`` is run instead of ``daemon``. A ``cold`` one
     is not forked from a process that has loaded everything: it imports what it needs itself.
+    A lease outlasts the test: on a busy machine a worker may be late to renew it. What a worker
+    says when it renews, that it is in trouble for example, it says after a third of a lease.
     """
     state.parent.mkdir(parents=True, exist_ok=True)
-    part = DaemonPart(state, slots, **({"patience": 2.0, "executor": EXECUTOR} | settings))
+    usual = {"patience": 2.0, "lease": 1800.0, "executor": EXECUTOR}
+    part = DaemonPart(state, slots, **(usual | settings))
     try:
         yield part
     finally:

@@ -20,6 +20,7 @@ from tests.daemon.batch.harness import (
     worker_for,
 )
 from tests.daemon.batch.samples import make_submission
+from tests.daemon.batch.turned_clock import TURNED, end_leases
 
 
 def executions(log):
@@ -44,7 +45,7 @@ def test_three_cuts_shorter_than_the_lease_cost_a_run_nothing(tmp_path):
     log, gate = tmp_path / "log", tmp_path / "gate"
     elsewhere = ("--state", str(tmp_path / "elsewhere"))
     with (
-        daemon_at(tmp_path / "state", listen=free_endpoint(), lease=900.0) as daemon,
+        daemon_at(tmp_path / "state", listen=free_endpoint()) as daemon,
         daemon.client() as client,
         relay(daemon.endpoint) as cable,
         worker_for(daemon, 1, *elsewhere, connect=cable.endpoint),
@@ -75,7 +76,7 @@ def test_after_cuts_longer_than_the_lease_work_goes_on_and_the_first_result_coun
     log, gates = tmp_path / "log", tmp_path / "gate-{attempt}"
     elsewhere = ("--state", str(tmp_path / "elsewhere"))
     with (
-        daemon_at(tmp_path / "state", listen=free_endpoint(), lease=4.0) as daemon,
+        daemon_at(tmp_path / "state", listen=free_endpoint(), lease=30.0, **TURNED) as daemon,
         daemon.client() as client,
         relay(daemon.endpoint) as cable,
         worker_for(daemon, 1, *elsewhere, connect=cable.endpoint),
@@ -83,12 +84,14 @@ def test_after_cuts_longer_than_the_lease_work_goes_on_and_the_first_result_coun
         client.submit(make_submission("c", 1, until=str(gates), log=str(log), size=300_000))
         first = psutil.Process(*eventually(lambda: executions(log)))
         cable.sever()
+        end_leases(daemon)
         eventually(lambda: client.overview().queued == 1)
         assert client.run("c.0").row.reason == "the worker fell silent"
         cable.mend()
         eventually(lambda: client.overview().running == 1)  # back: nobody else is there
         assert (client.run("c.0").row.attempt, client.run("c.0").row.reason) == (1, "")
         cable.sever()
+        end_leases(daemon)
         eventually(lambda: client.overview().queued == 1)
         with worker_for(daemon, 1):
             second = psutil.Process(eventually(lambda: executions(log)[1:])[0])

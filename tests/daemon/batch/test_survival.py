@@ -38,6 +38,7 @@ from tests.daemon.batch.harness import (
     worker_for,
 )
 from tests.daemon.batch.samples import make_spec, make_submission, submission_of
+from tests.daemon.batch.turned_clock import TURNED, end_leases
 
 
 def check_ledger(state, runs):
@@ -77,8 +78,7 @@ def settled(daemon, runs):
 
 def test_a_daemon_killed_in_the_middle_resumes(tmp_path):
     log = tmp_path / "log"
-    # The lease outlasts the test: no run is started again because one has lapsed.
-    with daemon_at(tmp_path / "state", 2, lease=1800.0, cold=True) as daemon:
+    with daemon_at(tmp_path / "state", 2, cold=True) as daemon:
         with daemon.client() as client:
             client.submit(make_submission("c", 16, sleep=0.1, log=str(log)))
             eventually(lambda: client.overview().done >= 5)
@@ -147,9 +147,8 @@ def strikes(daemon):
 
 
 def test_what_a_dead_worker_had_is_given_back_by_the_next(tmp_path):
-    # The lease outlasts the test: it can not be what ends the runs.
     gate = tmp_path / "gate"
-    with daemon_at(tmp_path / "state", lease=1800.0) as daemon, daemon.client() as client:
+    with daemon_at(tmp_path / "state") as daemon, daemon.client() as client:
         with worker_for(daemon, 2) as first:
             client.submit(make_submission("c", 4, until=str(gate)))
             spool = daemon.state / "spool"
@@ -172,7 +171,7 @@ def test_what_a_dead_worker_had_is_given_back_by_the_next(tmp_path):
 
 def test_a_killed_local_worker_costs_its_runs_a_moment(tmp_path):
     log = tmp_path / "log"
-    with daemon_at(tmp_path / "state", 1, lease=1800.0) as daemon, daemon.client() as client:
+    with daemon_at(tmp_path / "state", 1) as daemon, daemon.client() as client:
         client.submit(make_submission("c", 1, until=str(tmp_path / "gate-{attempt}"), log=str(log)))
         eventually(log.exists)
         local_worker(daemon).kill()
@@ -183,14 +182,13 @@ def test_a_killed_local_worker_costs_its_runs_a_moment(tmp_path):
 
 
 def test_a_frozen_workers_lease_lapses_and_its_late_result_counts_once(tmp_path):
-    # Not shorter: the second worker has to keep its lease beside any load.
-    settings = {"lease": 5.0}
     log, gate = tmp_path / "log", tmp_path / "gate"
-    with daemon_at(tmp_path / "state", **settings) as daemon, daemon.client() as client:
+    with daemon_at(tmp_path / "state", **TURNED) as daemon, daemon.client() as client:
         with worker_for(daemon, 1) as frozen:
             client.submit(make_submission("c", 1, until=str(gate), log=str(log)))
             eventually(log.exists)
             frozen.freeze()  # its child goes on and leaves a result
+            end_leases(daemon)
             eventually(lambda: client.overview().running == 0)
             assert client.run("c.0").row.reason == "the worker fell silent"
             gate.touch()
@@ -206,13 +204,13 @@ def test_a_frozen_workers_lease_lapses_and_its_late_result_counts_once(tmp_path)
 
 
 def test_a_late_result_is_taken_and_stops_the_second_attempt(tmp_path):
-    settings = {"lease": 5.0}
     log, gates = tmp_path / "log", tmp_path / "gate-{attempt}"
-    with daemon_at(tmp_path / "state", **settings) as daemon, daemon.client() as client:
+    with daemon_at(tmp_path / "state", **TURNED) as daemon, daemon.client() as client:
         with worker_for(daemon, 1) as frozen:
             client.submit(make_submission("c", 1, until=str(gates), log=str(log)))
             eventually(log.exists)
             frozen.freeze()
+            end_leases(daemon)
             eventually(lambda: client.overview().queued == 1)
             with worker_for(daemon, 1):
                 eventually(lambda: len(log.read_text().splitlines()) == 2)
@@ -282,7 +280,7 @@ def test_an_embedded_daemon_is_gone_afterwards(tmp_path, monkeypatch):
             eventually(lambda: client.overview().running == 1)
         members = [p for p in psutil.Process().children(recursive=True) if p not in others]
         assert members
-        assert running_daemon(state) == endpoint
+        eventually(lambda: running_daemon(state) == endpoint)
     eventually(lambda: not alive(members))
     assert running_daemon(state) is None
     check_ledger(state, 3)
@@ -345,13 +343,13 @@ def test_a_shared_daemon_ends_with_its_last_user(tmp_path, monkeypatch):
         assert other.stdout is not None
         assert other.stdout.readline().strip() == endpoint
     with other:
-        assert running_daemon(state) == endpoint
+        eventually(lambda: running_daemon(state) == endpoint)
         other.kill()
     eventually(lambda: running_daemon(state) is None)
     # Nobody waits for what a killed process has left.
     with shared_daemon(state, trace_bytes=2**30) as endpoint, Client.open(endpoint) as client:
         assert {row.state for row in client.all_runs("c")} == {RunState.CANCELLED}
-    assert running_daemon(state) is None
+    eventually(lambda: running_daemon(state) is None)
 
 
 def test_a_daemon_is_started_once_and_stays(tmp_path):
@@ -382,7 +380,8 @@ def test_a_state_directory_has_its_daemon_under_every_name(tmp_path):
     with daemon_at(tmp_path / "state") as daemon:
         daemon.client().close()
         (tmp_path / "other").symlink_to(daemon.state)
-        assert running_daemon(tmp_path / "other") == running_daemon(daemon.state) is not None
+        endpoint = eventually(lambda: running_daemon(daemon.state))
+        eventually(lambda: running_daemon(tmp_path / "other") == endpoint)
 
 
 def test_who_looks_whether_there_is_a_daemon_keeps_none_from_starting(tmp_path):

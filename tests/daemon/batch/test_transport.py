@@ -67,7 +67,7 @@ def done(daemon, runs):
 
 def test_a_trace_survives_the_death_of_daemon_and_worker_on_its_way(tmp_path):
     elsewhere = tmp_path / "elsewhere"
-    with daemon_at(tmp_path / "state", lease=30.0) as daemon, relay(daemon.endpoint) as cable:
+    with daemon_at(tmp_path / "state") as daemon, relay(daemon.endpoint) as cable:
         with daemon.client() as client:
             client.submit(make_submission("c", 1, size=LARGE))
         cable.cut_after(LARGE // 3)
@@ -105,7 +105,7 @@ def test_a_trace_survives_the_death_of_daemon_and_worker_on_its_way(tmp_path):
 def remote(tmp_path_factory):
     """A daemon whose only worker does not share its file system, with five runs done."""
     base = tmp_path_factory.mktemp("transport")
-    with daemon_at(base / "state", lease=10.0) as daemon, daemon.client() as client:
+    with daemon_at(base / "state") as daemon, daemon.client() as client:
         client.submit(make_submission("c", 5, size=1_500_000))
         with worker_for(daemon, 2, "--state", str(base / "elsewhere")) as worker:
             eventually(lambda: finished(client, 5))

@@ -187,7 +187,7 @@ def test_a_dask_worker_that_dies_costs_its_runs_nothing_but_time(client, dask, t
 def test_a_cluster_with_another_version_gets_no_runs(tmp_path, kind):
     with (
         dask_in(tmp_path / "dask", 1) as dask,
-        daemon_at(tmp_path / "state") as daemon,
+        daemon_at(tmp_path / "state", lease=30.0) as daemon,
         daemon.client() as client,
         gateway_for(dask, daemon) as part,
     ):
@@ -205,7 +205,7 @@ def test_a_cluster_with_another_version_gets_no_runs(tmp_path, kind):
 def test_runs_go_on_with_a_scheduler_that_comes_back(tmp_path):
     with (
         dask_in(tmp_path / "dask", 1) as dask,
-        daemon_at(tmp_path / "state") as daemon,
+        daemon_at(tmp_path / "state", lease=30.0) as daemon,
         daemon.client() as client,
         gateway_for(dask, daemon),
     ):

@@ -67,7 +67,7 @@ def test_finished_runs_wait_until_their_own_ledger_answers_again(tmp_path):
 def test_a_run_under_way_ends_and_waits_as_well(tmp_path):
     endpoint, log, gate = free_endpoint(), tmp_path / "log", tmp_path / "gate"
     elsewhere = tmp_path / "elsewhere"
-    with daemon_at(tmp_path / "first", listen=endpoint) as first:
+    with daemon_at(tmp_path / "first", listen=endpoint, lease=30.0) as first:
         client = first.client()
         with worker_for(first, 2, "--state", str(elsewhere)) as worker:
             client.submit(make_submission("c", 2, until=str(gate), log=str(log)))

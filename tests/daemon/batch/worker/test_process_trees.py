@@ -65,7 +65,7 @@ def test_nothing_outlives_a_run_whose_time_is_up(tmp_path):
 
 @pytest.fixture(scope="module")
 def daemon(tmp_path_factory):
-    with daemon_at(tmp_path_factory.mktemp("trees") / "state", lease=1800.0) as part:
+    with daemon_at(tmp_path_factory.mktemp("trees") / "state") as part:
         yield part
 
 

@@ -42,9 +42,9 @@ def executions(log):
 
 
 @contextmanager
-def working(folder, **settings):
+def working(folder):
     with (
-        daemon_at(folder / "state", attempts=1, **settings) as daemon,
+        daemon_at(folder / "state", attempts=1) as daemon,
         daemon.client() as client,
         worker_for(daemon, 2, "--state", str(folder / "elsewhere")) as worker,
     ):
@@ -68,7 +68,7 @@ def test_a_spool_that_becomes_read_only_ends_no_worker(tmp_path):
 
 def test_a_folder_that_cannot_be_removed_ends_no_worker(tmp_path):
     log, gate = tmp_path / "log", tmp_path / "gate"
-    with working(tmp_path, lease=3.0) as (client, worker):
+    with working(tmp_path) as (client, worker):
         client.submit(make_submission("c", 1, until=str(gate), log=str(log)))
         eventually(lambda: executions(log) == 1)
         (attempt,) = (tmp_path / "elsewhere" / "work").glob("*/spool/*/*/attempt-*")

@@ -34,7 +34,7 @@ from tests.daemon.batch.samples import make_spec, make_submission, submission_of
 @pytest.fixture(scope="module")
 def daemon(tmp_path_factory):
     """A daemon with a local worker of two slots that most tests share; renewals take for ever."""
-    with daemon_at(tmp_path_factory.mktemp("worker") / "state", 2, lease=1800.0) as part:
+    with daemon_at(tmp_path_factory.mktemp("worker") / "state", 2) as part:
         yield part
 
 
@@ -308,7 +308,7 @@ def test_a_worker_without_a_daemon_says_so(tmp_path):
 
 
 def test_results_left_by_a_dead_worker_are_delivered_by_the_next(tmp_path):
-    with daemon_at(tmp_path / "state", lease=60.0) as daemon:
+    with daemon_at(tmp_path / "state") as daemon:
         log, gate = tmp_path / "log", tmp_path / "gate"
         with daemon.client() as client, worker_for(daemon, 2) as worker:
             client.submit(make_submission("c", 2, until=str(gate), log=str(log)))

@@ -127,7 +127,8 @@ def sleepers(seconds):
 
 
 def test_a_stack_that_listens_is_ended_by_sigint(start):
-    stack = start("trap 'echo thank you; exit 0' INT; echo up; while :; do sleep 0.05; done")
+    launch = "trap 'echo thank you; exit 0' INT; echo up; while :; do sleep 0.05; done"
+    stack = start(launch, grace=600.0)
     printed(stack, "up")
     assert stack.ended() == ""
     stack.release()
@@ -227,11 +228,11 @@ SHARED_MEMORY = """
 import fcntl, os, sys, time
 kept = []
 for number, name in enumerate((sys.argv[1], "port" + str(7400 + 250 * int(sys.argv[2]) + 11))):
-    for suffix in ("", "_el"):
-        file = open("/dev/shm/fastdds_" + name + suffix, "w")
+    files = [open("/dev/shm/fastdds_" + name + suffix, "w") for suffix in ("", "_el")]
+    fcntl.flock(files[-1], fcntl.LOCK_EX)
+    for file in files:
         os.utime(file.fileno(), (1, 1))
-    fcntl.flock(file, fcntl.LOCK_EX)
-    kept.append(file)
+    kept += files
 print("sharing", flush=True)
 time.sleep(600)
 """
@@ -578,6 +579,7 @@ def test_stack_and_relay_live_in_one_container(start, tmp_path, engine):
         files={"params": str(params)},
         relay=Path(relay),
         python=PYTHON,
+        grace=600.0,
     )
     printed(stack, f"stack 1 {stack.folder}/home")
     printed(stack, f"'SCENARIO_SOCKET': '{stack.socket}'")
