@@ -21,7 +21,7 @@ from daemon.batch.paths import StatePaths, is_locked, is_same_folder
 from daemon.batch.permissions import open_private_log
 from daemon.model.execution import DEFAULT_EXECUTOR, python_command
 
-_START_LIMIT: Final = 20.0
+_START_LIMIT: Final = 120.0
 _LEAVE_LIMIT: Final = 5.0
 """Seconds for a daemon to answer, and to leave when its tether is cut, before it is killed."""
 _CAMPAIGNS_KEPT: Final = 200
