@@ -60,7 +60,7 @@ def fresh(slots=1):
 def opened(daemon, **size):
     """The dashboard of a daemon, as soon as it can be typed at."""
     with terminal(scenario("tui", "--connect", daemon.endpoint), **size) as shown:
-        shown.until("Quit", 60.0)
+        shown.until("Quit")
         yield shown
 
 
@@ -97,7 +97,7 @@ def first_paint():
             start = time.perf_counter()
             with terminal(scenario("tui", "--connect", daemon.endpoint)) as shown:
                 for seen, found in stages.items():
-                    shown.until(seen, 60.0)
+                    shown.until(seen)
                     found.append((time.perf_counter() - start, cpu(shown.pid)))
         names = ("an answer", "the first screen", "campaigns on it")
         for name, found in zip(names, stages.values(), strict=True):
@@ -120,9 +120,9 @@ def many_runs():
     with fresh(slots=0) as daemon:
         large(daemon)
         with opened(daemon) as shown:
-            shown.until("large-1", 60.0)
+            shown.until("large-1")
             shown.type("\r")
-            shown.until("1-100 of", 60.0)
+            shown.until("1-100 of")
             yield from turn_pages(shown)
             yield from filters(shown, daemon.pid)
             yield from sorts(shown)
@@ -156,7 +156,7 @@ def filters(shown, daemon):
         times.append(took(shown, f"/{text}", _filtered(shown, text)))
         used.append(1e3 * (cpu(shown.pid) + cpu(daemon) - before))
         shown.type("\x1b")
-        shown.until(lambda: f"of {MANY}" in shown.lines[1], 30.0)
+        shown.until(lambda: f"of {MANY}" in shown.lines[1])
         shown.read(0.3)
     yield spread("  filter by text, from the keys to the runs", times, at_most(150.0))
     yield Measurement("  CPU of dashboard and daemon for one", statistics.median(used), "CPU ms")
@@ -241,7 +241,7 @@ def live_map():
     with tempfile.TemporaryDirectory(prefix="bench-tui-") as folder:
         trace = record_run(Path(folder) / "run.mcap")
         with terminal(scenario("replay", str(trace), "--speed", "0.5")) as shown:
-            shown.until("0.5x", 60.0)
+            shown.until("0.5x")
             shown.read(1.0)
             before = cpu(shown.pid)
             yield per_second("  a run from above, 10 frames a second", shown, at_most(40.0))

@@ -49,7 +49,6 @@ def executed(path):
         connection = {"transport": "ipc", "ip": str(folder / "kernel")}
         client = NotebookClient(
             notebook,
-            timeout=240,
             resources={"metadata": {"path": str(folder)}},
             config=Config(ConnectionFileMixin=connection),
         )

@@ -23,7 +23,6 @@ def call(*arguments, state, cwd):
         text=True,
         cwd=cwd,
         env=environ | {"SCENARIO_STATE": str(state)},
-        timeout=240,
     )
 
 
@@ -48,3 +47,10 @@ def short_demo(folder, campaigns):
     text = re.sub(r"^limit: [^#\n]+", "limit: 20 s ", text, flags=re.M)
     file.write_text(text[: text.index("  busy-house:")])
     return folder
+
+
+def endless(file):
+    """Write a short demo with so many runs beside it that it does not end by itself."""
+    path = file.with_name("endless.yaml")
+    path.write_text(file.read_text().replace("repeats: 2", "repeats: 500"))
+    return path

@@ -124,7 +124,7 @@ def test_examples_do_what_they_show(word, place, monkeypatch):
             for step in steps:
                 _read(shlex.split(step)[1:])
     for process in detached:
-        process.wait(60)  # otherwise it would wait for the daemon, which is stopped in the end
+        process.wait()  # otherwise it would wait for the daemon, which is stopped in the end
     if word in WRITTEN:
         assert (place / WRITTEN[word]).is_file()
 

@@ -262,7 +262,6 @@ def test_pictures_need_no_mesh_library(campaigns, tmp_path):
         capture_output=True,
         text=True,
         check=False,
-        timeout=240,
     )
     assert done.returncode == 2, done.stderr
     assert 'pip install "scenario-tui[mesh]"' in done.stderr

@@ -250,6 +250,6 @@ def test_what_daemons_and_workers_say_in_processes_of_their_own(place):
         ("serve", {"state": f"/dev/null/{NAME}"}),
     ):
         command = [sys.executable, "-m", "daemon", process, json.dumps(order)]
-        said = subprocess.run(command, capture_output=True, check=False, timeout=120, cwd=ROOT)
+        said = subprocess.run(command, capture_output=True, check=False, cwd=ROOT)
         assert said.returncode == 3
         assert WORD in assert_harmless(said.stderr)

@@ -189,16 +189,16 @@ def test_a_daemon_that_goes_while_it_is_asked_for_results_is_noticed(feed, fake,
 
     def all_runs(campaign, *, results):
         asked.set()
-        silent.wait(60.0)
+        silent.wait()
         raise OSError("the connection was closed")
 
     monkeypatch.setattr(fake, "all_runs", all_runs)
     feed.start()
-    assert asked.wait(60.0)
+    assert asked.wait(DEADLINE)
     fake.reachable = False
     eventually(lambda: not feed._known.connected)
     silent.set()
     for thread in threading.enumerate():
         if thread.name == "judge":
-            thread.join(60.0)
+            thread.join()
     assert feed._failure is None

@@ -61,6 +61,7 @@ def server(folder, *options):
     command = [sys.executable, "-c", "from scenario_tui.cli import main; main()"]
     words = ["tui", "--web", "--port", port, "--state", str(folder), *options]
     environment = {**os.environ, "XDG_CONFIG_HOME": str(folder.parent), "TERM": "dumb"}
+    environment["SCENARIO_CONNECT"] = "tcp/127.0.0.1:9"  # none is started, which would stay
     process = subprocess.Popen(
         [*command, *words], stderr=subprocess.PIPE, text=True, env=environment, cwd=folder.parent
     )
@@ -140,7 +141,7 @@ def test_dashboards_end_with_their_server(tmp_path, number):
         dashboards = running.dashboards()
         assert "--read-only" not in dashboards[0].cmdline()
         running.process.send_signal(number)
-        code = running.process.wait(timeout=100)
+        code = running.process.wait()
         assert code == (0 if number != signal.SIGKILL else -number)
         assert not psutil.wait_procs(dashboards, 100 if number == signal.SIGKILL else 0)[1]
 

@@ -4,6 +4,7 @@ import contextlib
 import fcntl
 import os
 import pty
+import re
 import select
 import signal
 import struct
@@ -17,7 +18,8 @@ import pyte
 
 ROOT = Path(__file__).parents[3]
 DEADLINE = 120.0
-"""Seconds after which a test is broken, and not the machine busy."""
+"""Seconds in which nothing happens, after which a test is broken, and not the machine busy."""
+_NUMBERS = re.compile(r"[\d.]+")
 ALTERNATE, MOUSE, PASTE = 1049, (1000, 1002, 1003, 1006, 1015), 2004
 _PRIVATE = 5
 """How far pyte shifts the numbers of private modes."""
@@ -72,11 +74,18 @@ class Terminal:
         self._lines = None
         return bool(data)
 
-    def until(self, seen, seconds=DEADLINE):
-        """Read until some text is on the screen, or something else is true."""
+    def until(self, seen):
+        """Read until some text is on the screen, or something else is true.
+
+        Runs that one waits for may take long beside others: as long as something but numbers
+        changes, which are ages too, it is waited for.
+        """
         true = seen if callable(seen) else lambda: seen in self.text
-        deadline = time.monotonic() + seconds
+        before, deadline = "", time.monotonic() + DEADLINE
         while not true():
+            now = _NUMBERS.sub("", self.text)
+            if now != before:
+                before, deadline = now, time.monotonic() + DEADLINE
             assert time.monotonic() < deadline, f"not in time: {seen!r}\n{self.text}"
             self.read(0.02)
 

@@ -1,5 +1,7 @@
 """The tutorial of the dashboard is true: its keys lead to what it says one sees."""
 
+import pytest
+
 from tests.scenario_tui.terminal.first_hour import DOCUMENT, Step, follow, read_steps, shell_in
 from tests.scenario_tui.terminal.pseudo_terminal import ALTERNATE
 
@@ -12,6 +14,7 @@ def test_steps_are_what_stands_in_backquotes_in_the_tables_of_steps():
     assert read_steps(text) == (Step(("g", "⏎"), ("a", "b c"), "Go"),)
 
 
+@pytest.mark.timeout(1200)  # twelve real runs, beside whatever else the machine does
 def test_the_keys_of_the_first_hour_lead_to_what_it_says(tmp_path):
     steps = read_steps(DOCUMENT.read_text("utf-8"))
     assert len(steps) > 20
