@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Final, TypeAlias
@@ -17,8 +18,8 @@ ASSESS_SHOWN_EVERY: Final = 1.0
 """Seconds between two looks at the campaign that is shown."""
 ASSESS_OTHERS_EVERY: Final = 5.0
 """Seconds between two looks at another one."""
-CAMPAIGNS_ASSESSED: Final = 100
-"""How many campaigns are judged, the newest first."""
+_NEWEST: Final = 100
+"""How many campaigns are judged whatever they are; older ones, if there may be news of them."""
 _RESULTS_KEPT: Final = 4
 """Whoever goes up and down the campaigns comes back to the same few; one may have 100,000 runs."""
 _SHARE: Final = 0.25
@@ -91,14 +92,18 @@ class CampaignAssessor:
 
     def _next(self, campaigns: Sequence[CampaignRow], about: str, now: float) -> CampaignRow | None:
         first = (row for row in campaigns if row.id == about)
-        rows = (*first, *campaigns[:CAMPAIGNS_ASSESSED])
+        old = (r for r in campaigns[_NEWEST:] if (r.done or r.lost) and not r.acknowledged)
+        rows = itertools.chain(first, campaigns[:_NEWEST], old)
         return next((row for row in rows if self._is_due(row, row.id == about, now)), None)
 
     def _is_due(self, row: CampaignRow, is_front: bool, now: float) -> bool:
         if row.id not in self._seen or (is_front and row.id not in self.results):
             return True
-        wait = self._every if is_front else self._elsewhere
-        return self._state(row) != self._seen[row.id] and now >= self._at[row.id] + wait
+        state, wait = self._state(row), self._every if is_front else self._elsewhere
+        if state == self._seen[row.id]:
+            self._seen[row.id] = state  # the same object the next time: no field is compared
+            return False
+        return now >= self._at[row.id] + wait
 
     def _state(self, row: CampaignRow) -> _State:
         return row, self._touches.get(row.id, 0)

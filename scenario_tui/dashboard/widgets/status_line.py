@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 from rich.text import Text
 
 from grammars.text.words import count_noun, duration_text
-from scenario_tui.dashboard.campaign_assessor import CAMPAIGNS_ASSESSED
+from scenario_tui.dashboard.state import CAMPAIGNS_SHOWN
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.text.formatting import (
     brief_count,
@@ -101,6 +101,9 @@ def _standing(state: Known) -> Iterator[_Part]:
         yield _worst(worst)
     if worst is None and not judging and any(row.acknowledged for row in state.campaigns):
         yield _part(QUIET, "nothing new")
+    if overview.campaigns > CAMPAIGNS_SHOWN:
+        newest = f"of the newest {CAMPAIGNS_SHOWN}"
+        yield _part(QUIET, f"{newest} campaigns", newest, "")
     if judging:
         yield _part(QUIET, f"… judging {count_noun(judging, 'campaign')}", "… judging")
     news = judging > 0 or (worst is not None and worst[1].word not in ("pass", "running"))
@@ -128,12 +131,11 @@ def _troubles(overview: DaemonOverview) -> Iterator[_Part]:
 def _judging(state: Known) -> int:
     """Return how many campaigns have verdicts that their conclusion does not know yet."""
     count = 0
-    campaigns = [row for row in state.campaigns if not row.search]
-    for row in campaigns[:CAMPAIGNS_ASSESSED]:
+    for row in state.campaigns:
         conclusion = state.conclusions.get(row.id)
         # Of a campaign that goes on, "so far" is said anyway.
         behind = conclusion is None or (row.finished and conclusion.verdicts < row.done)
-        count += behind and row.done > 0 and not row.acknowledged
+        count += behind and row.done > 0 and not row.acknowledged and not row.search
     return count
 
 

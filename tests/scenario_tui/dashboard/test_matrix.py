@@ -181,6 +181,18 @@ def test_what_did_not_change_is_not_judged_again(judged):
     assert judge.conclusions[CAMPAIGN].glyph_text == "✗ 1 run unexpected"
 
 
+def test_of_old_campaigns_those_are_judged_that_nobody_has_acknowledged(judged):
+    judge, rows = CampaignAssessor(clock=lambda: 0.0, every=0.0), judged._campaign_rows()
+    waiting = replace(rows[0], queued=10, running=0, done=0, lost=0)
+    newer = [replace(waiting, id=f"newer-{number}") for number in range(100)]
+    for number in range(100):
+        assert judge.step(judged, [*newer, *rows], newer[number].id)
+    assert judge.step(judged, [*newer, *rows], "")
+    old = [replace(row, acknowledged=True) for row in rows[1:]]
+    assert not judge.step(judged, [*newer, rows[0], *old, replace(waiting, id="old")], "")
+    assert CAMPAIGN in judge.conclusions
+
+
 def test_conclusions_of_deleted_campaigns_are_forgotten(judged):
     judge, rows = CampaignAssessor(clock=lambda: 0.0, every=0.0), judged._campaign_rows()
     for _ in rows:

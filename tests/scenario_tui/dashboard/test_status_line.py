@@ -150,6 +150,12 @@ def test_a_campaign_of_which_nothing_is_judged_does_not_stand_beside_what_has_pa
     assert "pass" in shown
 
 
+def test_that_older_campaigns_are_left_out_is_said():
+    overview = replace(SMALL, campaigns=501)
+    assert "✗ first: 3 unexpected  of the newest 500  11" in line(120, overview=overview)
+    assert "newest" not in line(120)
+
+
 def test_nothing_to_do_is_fine():
     nothing = replace(SMALL, **dict.fromkeys(
         ("queued", "running", "done", "lost", "cancelled", "passed", "failed", "inconclusive",
