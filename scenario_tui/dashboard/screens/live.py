@@ -88,7 +88,7 @@ class LiveScreen(StandaloneScreen, MapActions):
         yield StaticText(id="status")
         yield TopView(id="map")
         yield StaticText(id="serving")
-        yield MapLegend()
+        yield MapLegend(id="legend")
         yield KeyFooter()
 
     def on_mount(self) -> None:

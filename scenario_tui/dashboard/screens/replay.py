@@ -61,7 +61,7 @@ class ReplayScreen(StandaloneScreen, Parts, MapActions, PlayingScreen):
             yield TopView(id="map").add_class("part", "in-map")
             yield TimelineView(id="signals").add_class("part", "in-signals")
         yield StaticText(id="verdicts")
-        yield MapLegend().add_class("part", "in-map")
+        yield MapLegend(id="legend").add_class("part", "in-map")
         yield KeyFooter()
 
     def on_mount(self) -> None:

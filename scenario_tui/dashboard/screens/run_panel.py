@@ -44,7 +44,7 @@ class RunMap(Vertical):
         yield StaticText(id="unseen")
         yield StaticText(id="note")
         yield TopView(id="map")
-        yield MapLegend()
+        yield MapLegend(id="legend")
 
     def show_run(self, dashboard: Dashboard, news: RunNews | None, oracle: str = "") -> None:
         """Show a run as the dashboard knows it: live, or at the moment that decided it.

@@ -82,16 +82,14 @@ def middle_line(ring: Floats) -> Floats:
     along = (after - ring)[longest] / max(float(lengths[longest]), 1e-12)
     across = np.array([-along[1], along[0]])
     reach, breadth = ring @ along, ring @ across
-    off = breadth - (breadth.min() + breadth.max()) / 2.0
+    middle = (breadth.min() + breadth.max()) / 2.0
+    off, next_off = breadth - middle, np.roll(breadth, -1) - middle
     # It ends where it crosses the ring: walls are cut aslant where they meet.
-    crossing = off * np.roll(off, -1) < 0.0
-    share = np.zeros(len(ring))
-    np.divide(off, off - np.roll(off, -1), out=share, where=crossing)
-    at = (reach + share * (np.roll(reach, -1) - reach))[crossing]
-    if len(at) < 2:
-        at = reach
-    middle = (breadth.min() + breadth.max()) / 2.0 * across
-    ends: Floats = np.concatenate([at.min() * along + middle, at.max() * along + middle])
+    crossing = off * next_off < 0.0
+    ways = (np.roll(reach, -1) - reach)[crossing]
+    at = reach[crossing] + off[crossing] / (off - next_off)[crossing] * ways
+    at = at if len(at) > 1 else reach
+    ends: Floats = np.concatenate([end * along + middle * across for end in (at.min(), at.max())])
     return ends
 
 

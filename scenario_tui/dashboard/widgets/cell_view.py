@@ -75,6 +75,10 @@ class Canvas:
         """Draw straight lines, shape (n, 4) as x0, y0, x1, y1 in dots, ``size`` dots thick."""
         self.points(points_along(segments), layer, size)
 
+    def dotted_line(self, down: float, layer: int) -> None:
+        """Draw a limit across, ``down`` dots from the top: told from curves without colour."""
+        self.points(np.array([(right, down) for right in range(0, self.width, 4)]), layer)
+
     def bars(self, columns: Codes, tops: Floats, bottoms: Floats, layer: int) -> None:
         """Fill columns of dots (n,) from ``tops`` to ``bottoms`` (n,), the rows of both included.
 
@@ -131,13 +135,13 @@ def write_text(codes: Codes, owners: Codes, row: int, column: int, text: str, ow
         owners[row, column : column + len(room)] = owner
 
 
-def changed_spans(before: Codes, after: Codes, gap: int = _GAP) -> list[Region]:
+def changed_spans(before: Codes, after: Codes) -> list[Region]:
     """Return the parts of rows in which two arrays of cells (k, rows, columns) differ."""
     changed = (before != after).any(axis=0)
     spans = []
     for row in np.flatnonzero(changed.any(axis=1)).tolist():
         at = np.flatnonzero(changed[row])
-        cuts = np.flatnonzero(np.diff(at) > gap)
+        cuts = np.flatnonzero(np.diff(at) > _GAP)
         starts, ends = at[np.append(0, cuts + 1)], at[np.append(cuts, len(at) - 1)]
         for a, b in zip(starts.tolist(), ends.tolist(), strict=True):
             spans.append(Region(a, row, b - a + 1, 1))

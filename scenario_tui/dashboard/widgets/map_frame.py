@@ -108,7 +108,8 @@ class MapFrame:
 
     def __init__(self, still: StillMap) -> None:
         self.still = still
-        self.canvas = Canvas(still.columns, still.rows, len(Layer))
+        rows, columns = still.walls.shape
+        self.canvas = Canvas(columns, rows, len(Layer))
         self.canvas.dots[Layer.LOW] = still.low
         self._signs: list[tuple[Layer, Place, str]] = []
         self._movers: dict[str, Floats] = {}

@@ -20,20 +20,10 @@ from scenario_tui.dashboard.widgets.cell_view import Canvas, CellView, Codes, wr
 from scenario_tui.text.styles import BAD, BROKEN, BUSY, COLOURS, GLYPHS, QUIET, UNSURE
 
 _LIMIT, _RUN, _BEST, _FAIL, _WORDS, _LOST = range(6)
-_STYLES: Final = (
-    Style(color=COLOURS[UNSURE]),
-    Style(color=COLOURS[QUIET]),
-    Style(color=COLOURS[BUSY], bold=True),
-    Style(color=COLOURS[BAD], bold=True),
-    Style(color=COLOURS[QUIET]),
-    Style(color=COLOURS[BROKEN], bold=True),
-)
 _GUTTER: Final = 11
 """Columns for the margins beside the graph."""
 _FIRST_RUNS: Final = 60
 """Runs the graph has room for at first; it doubles when they are there, up to the budget."""
-_DOTS: Final = 4
-"""Dots from one dot of the limit to the next."""
 LEGEND: Final = "• run  ✗ fails  ━ best so far  ┈ limit"
 
 
@@ -136,8 +126,7 @@ class SearchGraph:
     def _draw_best(self) -> None:
         """Draw the limit, and the best value so far, a column of dots after the other."""
         curve, canvas = self._curve, self._canvas
-        x = np.arange(0.0, canvas.width, _DOTS)
-        canvas.points(np.column_stack([x, np.full(len(x), self._down(0.0))]), _LIMIT)
+        canvas.dotted_line(float(self._down(0.0)), _LIMIT)
         if len(curve.best):
             # The last run that falls into a column: of many the smallest so far.
             edges = (np.arange(canvas.width) + 0.5) * (curve.room - 1) / max(canvas.width - 1, 1)
@@ -201,7 +190,14 @@ class SearchGraph:
 class SearchCurveView(CellView):
     """Draws a :class:`SearchCurve`."""
 
-    STYLES: ClassVar[tuple[Style, ...]] = _STYLES
+    STYLES: ClassVar[tuple[Style, ...]] = (
+        Style(color=COLOURS[UNSURE]),
+        Style(color=COLOURS[QUIET]),
+        Style(color=COLOURS[BUSY], bold=True),
+        Style(color=COLOURS[BAD], bold=True),
+        Style(color=COLOURS[QUIET]),
+        Style(color=COLOURS[BROKEN], bold=True),
+    )
 
     _curve: SearchCurve | None = None
 

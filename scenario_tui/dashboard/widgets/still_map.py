@@ -80,14 +80,12 @@ class _SceneLines:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StillMap:
-    """The still parts on ``columns`` x ``rows`` cells; ``low`` are dots of braille.
+    """The still parts in cells (rows, columns), ``walls`` and ``low`` as dots of braille.
 
-    ``blocks`` (rows, columns) are characters of walls, ``walls`` (rows, columns) the dots of
-    braille that are like them. ``numbers`` are those of waypoints by the cell of their sign.
+    ``blocks`` are the characters of walls, ``numbers`` those of waypoints by the cell of their
+    sign.
     """
 
-    columns: int
-    rows: int
     projection: MapProjection
     blocks: Codes
     walls: Cells
@@ -112,7 +110,7 @@ def still_map(
         projection = replace(projection, scale=projection.scale * zoom, middle=middle)
     mask = _wall_mask(lines, projection, columns, rows)
     walls = mask_dots(mask.repeat(2, axis=0))
-    low = Canvas(columns, rows, 1)
+    low, sweeps = Canvas(columns, rows, 1), Canvas(columns, rows, 1)
     low.lines(_in_dots(lines.low, projection), 0)
     has_names = columns >= _LEAST_NAMED[0] and rows >= _LEAST_NAMED[1]
     edge = tuple(_scale_and_axes(projection, columns, rows)) if has_names else ()
@@ -123,13 +121,10 @@ def still_map(
     names: tuple[MapLabel, ...] = ()
     if has_names:
         swept = _in_dots(lines.sweeps, projection)
-        sweeps = Canvas(columns, rows, 1)
         sweeps.lines(swept, 0)
         free &= (walls | sweeps.dots[0] | area_dots(swept, columns, rows)) == 0
         names = tuple(_names(lines, projection, free))
-    return StillMap(
-        columns, rows, projection, mask_blocks(mask), walls, low.dots[0], numbers, names, edge
-    )
+    return StillMap(projection, mask_blocks(mask), walls, low.dots[0], numbers, names, edge)
 
 
 @lru_cache(maxsize=4)

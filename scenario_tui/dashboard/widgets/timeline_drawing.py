@@ -208,9 +208,8 @@ class TimelineDrawing:
             return (scale.high - values) * size
 
         for limit in signal.limits:
-            x = np.arange(0.0, canvas.width, 4)  # dotted: told from the curve without colour
             at = dots(np.array(min(max(limit.value, scale.low), scale.high)))
-            canvas.points(np.column_stack([x, np.full(len(x), at)]), LIMIT)
+            canvas.dotted_line(float(at), LIMIT)
         for (least, most), layer in zip(curves, (CURVE, OTHER), strict=False):
             x = np.flatnonzero(np.isfinite(least))
             x = x[::2] if layer == OTHER else x  # told from the other one without colour
