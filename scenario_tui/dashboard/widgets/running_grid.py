@@ -88,10 +88,9 @@ class RunningGrid(KeyedList):
         Binding("enter", "select", "Open", id="open", tooltip="The run, live"),
     ]
 
-    def __init__(self, *, id: str | None = None) -> None:
-        super().__init__(id=id)
-        self.display = False
-        self._kept = 0
+    DEFAULT_CSS = "RunningGrid { display: none; }"
+
+    _kept = 0
 
     def show(self, runs: Sequence[RunningRun], *, more: bool = False) -> None:
         """Show the runs under way, or nothing without any.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -175,7 +176,7 @@ class TimelineDrawing:
             self._label(row, "mission" if timeline is timelines[0] else "┊ mission")
             self._mission(row, timeline)
             for time in timeline.decided:
-                self._mark(row if len(timelines) > 1 else axis, time, "✗", FAIL)
+                self._bar(row if len(timelines) > 1 else axis, time, time, "✗", FAIL)
             row += 1
 
     @property
@@ -271,11 +272,6 @@ class TimelineDrawing:
         """Write words into the gutter, cut to it."""
         self._write(row, 0, keep_start(text, self.gutter - 1), owner)
 
-    def _mark(self, row: int, time: float, sign: str, owner: int) -> None:
-        """Write a sign at a moment, if that is drawn."""
-        if self.span.meets(time, time):
-            self._write(row, self.gutter + self.span.column(time), sign, owner)
-
     def _bar(self, row: int, start: float, end: float, sign: str, owner: int) -> None:
         """Fill a row with a sign from one moment to another, as far as that is drawn."""
         if self.span.meets(start, end):
@@ -286,19 +282,19 @@ class TimelineDrawing:
         """Draw a bar while any door of a lane stands open."""
         events = [event for event in timeline.doors or () if event.joint in joints]
         if not events:
-            self._write(row, self.gutter, _STILL if len(joints) == 1 else _NONE_MOVES, FAINT)
+            # The map shows whether they stand open or shut.
+            words = "does not move" if len(joints) == 1 else "none moves"
+            self._write(row, self.gutter, words, FAINT)
             return
         self._bar(row, self.span.start, timeline.end, "·", FAINT)
         first = {event.joint: event.opens for event in reversed(events)}
         is_open = {name for name, opens in first.items() if not opens}
-        since = self.span.start
-        for event in events:
+        times = [self.span.start, *(event.time for event in events), timeline.end]
+        for event, (since, until) in zip((None, *events), itertools.pairwise(times), strict=True):
+            if event is not None:
+                is_open = is_open | {event.joint} if event.opens else is_open - {event.joint}
             if is_open:
-                self._bar(row, since, event.time, "━", EVENT)
-            since = event.time
-            is_open ^= {event.joint} if event.opens is not (event.joint in is_open) else set()
-        if is_open:
-            self._bar(row, since, timeline.end, "━", EVENT)
+                self._bar(row, since, until, "━", EVENT)
 
     def _mission(self, row: int, timeline: RunTimeline) -> None:
         """Draw the legs: where each leads, by number and name, and a diamond where it ends."""
@@ -317,7 +313,7 @@ class TimelineDrawing:
                 right = last - 2 if done else last
                 self._write(row, self.gutter + right + 1 - len(text), text, FAINT)
                 if done:
-                    self._mark(row, time, "◇", DONE)
+                    self._bar(row, time, time, "◇", DONE)
             begins = time
 
     def _axis(self, row: int, whole: float | None) -> None:
@@ -339,11 +335,6 @@ class TimelineDrawing:
         self._label(row, both if more and len(both) < self.gutter else stretch, CURSOR)
 
 
-_STILL: Final = "does not move"
-_NONE_MOVES: Final = "none moves"
-"""Of doors: whether they stand open or shut the map shows."""
-
-
 def _door_lanes(
     motions: Sequence[Sequence[DoorMotion]], most: int
 ) -> list[tuple[str, frozenset[str]]]:
@@ -351,8 +342,6 @@ def _door_lanes(
 
     Of more than ``most`` of them the last ones share a lane.
     """
-    if not motions:
-        return []
     events = sorted((event for run in motions for event in run), key=lambda event: event.time)
     names = list(dict.fromkeys(event.joint for event in events))
     own = names if len(names) <= most else names[: most - 1]
