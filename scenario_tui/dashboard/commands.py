@@ -13,15 +13,9 @@ from daemon.model.execution import python_command
 from grammars.text.words import command_line
 
 _ERROR: Final = "scenario/error/1"
-_PROGRAM: Final = "from scenario_tui.cli import main; main()"
 CommandAnswer: TypeAlias = Mapping[str, Any]
 CommandRunner: TypeAlias = Callable[[tuple[str, ...]], CommandAnswer]
 """Runs ``scenario`` with arguments and ``--json``; returns the object it wrote."""
-
-
-def command_argv(arguments: tuple[str, ...]) -> list[str]:
-    """Return how to start this installation's ``scenario`` with these arguments."""
-    return python_command("-c", _PROGRAM, *arguments)
 
 
 def run_command(arguments: tuple[str, ...]) -> CommandAnswer:
@@ -31,7 +25,7 @@ def run_command(arguments: tuple[str, ...]) -> CommandAnswer:
     last words when it wrote nothing usable.
     """
     done = subprocess.run(
-        command_argv((*arguments, "--json")),
+        python_command("-c", "from scenario_tui.cli import main; main()", *arguments, "--json"),
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,

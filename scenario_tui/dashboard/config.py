@@ -16,7 +16,6 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import platformdirs
 
@@ -60,37 +59,26 @@ def read_config(path: Path | None = None) -> Config:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InputError(Finding(Where(str(path)), f"is no TOML: {error}")) from error
-    return Config(path, **_read_settings(path, data))
-
-
-def _read_settings(path: Path, data: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the settings by the names of the fields of a ``Config``."""
     # Most people have no such file, and the dashboard is to be there at once.
-    from pydantic import BaseModel, ConfigDict, Field, ValidationError
+    from pydantic import BaseModel, Field, ValidationError
 
-    class Table(BaseModel):
-        model_config = ConfigDict(
-            extra="forbid", strict=True, alias_generator=lambda name: name.replace("_", "-")
-        )
-
-    class DashboardTable(Table):
+    class DashboardTable(BaseModel, extra="forbid", strict=True):
         theme: str = ""
-        read_only: bool = False
+        read_only: bool = Field(default=False, alias="read-only")
         mouse: bool = True
 
-    class ConfigFile(Table):
+    class ConfigFile(BaseModel, extra="forbid", strict=True):
         dashboard: DashboardTable = DashboardTable()
         keys: dict[str, str | list[str]] = Field(default_factory=dict)
 
     try:
         file = ConfigFile.model_validate(data)
     except ValidationError as error:
-        problems = []
-        for one in error.errors():
-            place = ".".join(map(str, one["loc"]))
-            problems.append(Finding(Where(str(path)), f"{place}: {one['msg']}"))
-        raise InputError(problems) from error
+        raise InputError(
+            Finding(Where(str(path)), f"{'.'.join(map(str, one['loc']))}: {one['msg']}")
+            for one in error.errors()
+        ) from error
     keys = {
         name: keys if isinstance(keys, str) else ",".join(keys) for name, keys in file.keys.items()
     }
-    return {**dict(file.dashboard), "keys": keys}
+    return Config(path, **dict(file.dashboard), keys=keys)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Final, TypeAlias
 
 from rich.text import Text
 
-from daemon.model.spec import RunResult
 from daemon.model.status import RunDetail
 from grammars.text.words import count_noun
 from scenario_tui.text.formatting import last_lines, printed_lines, time_text
@@ -64,13 +63,15 @@ def recorded_log(
 def log_text(detail: RunDetail, log: LogExcerpt | None) -> Text:
     """Return everything there is to read about a run; ``None`` before anything was heard of it."""
     text = Text()
-    for note in _notes(detail.row.reason, detail.row.result):
+    result = detail.row.result
+    notes = (detail.row.reason.strip(), result.note.strip() if result is not None else "")
+    for note in dict.fromkeys(filter(None, notes)):
         text.append(f"{note}\n", style=UNSURE)
     if detail.row.attempt > 1:
         text.append(f"this was attempt {detail.row.attempt}\n", style=UNSURE)
     if detail.row.cached:
         text.append(f"not executed again: the result is that of {detail.row.cached}\n")
-    if detail.row.result is None and log is None:
+    if result is None and log is None:
         return text.append("Its log comes while it runs.\n", style=QUIET)
     append_facts(text, detail)
     if log is not None:
@@ -97,8 +98,3 @@ def _append_log(text: Text, log: LogExcerpt) -> None:
             more = count_noun(hidden, "line")
             text.append(f"{more} before these: scenario show --log --all prints all\n", style=QUIET)
         text.append("".join(f"{line}\n" for line in shown or ["(nothing)"]))
-
-
-def _notes(reason: str, result: RunResult | None) -> list[str]:
-    note = result.note if result is not None else ""
-    return list(dict.fromkeys(filter(None, (reason.strip(), note.strip()))))

@@ -12,7 +12,6 @@ import asyncio
 import os
 import secrets
 import shlex
-import signal
 from base64 import b64encode
 from collections.abc import Awaitable, Callable, Sequence
 from hashlib import sha256
@@ -83,6 +82,13 @@ class DashboardServer(Server):
     async def on_startup(self, _: web.Application) -> None:
         """Say nothing: who serves says where."""
 
+    async def on_shutdown(self, _: web.Application) -> None:
+        """End all dashboards."""
+        for session in self._sessions:
+            session.cancel()
+        if self._sessions:
+            await asyncio.wait(self._sessions, timeout=_PATIENCE)
+
     @web.middleware
     async def _refuse_foreign_pages(
         self, request: web.Request, handler: _Handler
@@ -118,28 +124,17 @@ class DashboardServer(Server):
             os.environ.pop(name, None)
         os.environ.update(_TERMINAL)
         try:
-            asyncio.run(self._serve(on_ready))
+            web.run_app(
+                self._make_app(),
+                host=_HOST,
+                port=self.port,
+                shutdown_timeout=_PATIENCE,
+                print=lambda _: on_ready(),
+            )
         finally:
             children = psutil.Process().children(recursive=True)
             for child in psutil.wait_procs(children, _PATIENCE)[1]:
                 child.kill()
-
-    async def _serve(self, on_ready: Callable[[], None]) -> None:
-        stopped, loop = asyncio.Event(), asyncio.get_running_loop()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            loop.add_signal_handler(number, stopped.set)
-        runner = web.AppRunner(await self._make_app(), shutdown_timeout=_PATIENCE)
-        await runner.setup()
-        try:
-            await web.TCPSite(runner, _HOST, self.port).start()
-            on_ready()
-            await stopped.wait()
-        finally:
-            for session in self._sessions:
-                session.cancel()
-            if self._sessions:
-                await asyncio.wait(self._sessions, timeout=_PATIENCE)
-            await runner.cleanup()
 
 
 async def _set_policy(_: web.Request, response: web.StreamResponse) -> None:

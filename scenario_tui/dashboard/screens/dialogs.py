@@ -94,16 +94,13 @@ class Refusal(ModalScreen[None]):
 
 @dataclass(frozen=True, slots=True)
 class MenuChoice:
-    """A line of a menu: its answer, its key, its meaning, the command that does the same.
-
-    ``why_not`` says why it cannot be chosen.
-    """
+    """A line of a menu: its answer, its key, its meaning, the command that does the same."""
 
     answer: str
     key: str
     text: str
     command: str
-    why_not: str = ""
+    enabled: bool = True
 
 
 class Menu(ModalScreen[str]):
@@ -124,7 +121,11 @@ class Menu(ModalScreen[str]):
         """Lay out the choices, and below them what to type instead."""
         with Vertical(classes="dialog"):
             yield Static(Text(self._text), classes="title")
-            yield OptionList(*map(_option, self._choices), compact=True)
+            options = (
+                Option(Text.assemble((one.key, "bold"), f"  {one.text}"), disabled=not one.enabled)
+                for one in self._choices
+            )
+            yield OptionList(*options, compact=True)
             yield StaticText(id="same")
             yield Static(Text(self._note), classes="note")
 
@@ -140,7 +141,7 @@ class Menu(ModalScreen[str]):
         """Choose by the key of a line."""
         # Not bindings, which belong to a class: the choices differ from menu to menu.
         for choice in self._choices:
-            if choice.key == event.character and not choice.why_not:
+            if choice.key == event.character and choice.enabled:
                 event.stop()
                 self.dismiss(choice.answer)
                 return
@@ -148,13 +149,6 @@ class Menu(ModalScreen[str]):
     def action_move(self, step: int) -> None:
         """Move the cursor."""
         move_cursor(self.query_one(OptionList), step)
-
-
-def _option(choice: MenuChoice) -> Option:
-    text = Text.assemble((choice.key, "bold"), f"  {choice.text}")
-    if choice.why_not:
-        text.append(f"  ({choice.why_not})", style=QUIET)
-    return Option(text, disabled=bool(choice.why_not))
 
 
 class Prompt(ModalScreen[str]):

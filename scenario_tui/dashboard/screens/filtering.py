@@ -58,7 +58,6 @@ class FilteredScreen(BaseScreen[T]):
     def on_mount(self) -> None:
         """Mark the column by which the rows are sorted."""
         self._mark_order()
-        super().on_mount()
 
     def _mark_order(self) -> None:
         order = self.arrangement

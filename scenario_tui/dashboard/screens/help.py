@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import ClassVar, Final
 
 from rich.table import Table
@@ -53,7 +52,12 @@ class Help(ModalScreen[None]):
 
         table = Table.grid(padding=(0, 2))
         table.add_column(justify="right", no_wrap=True)
-        for title, rows in _groups(self._active).items():
+        # By where they belong and by their action, which may have several keys.
+        groups: dict[str, dict[str, list[ActiveBinding]]] = {_HERE: {}}
+        for active in self._active:
+            group = groups.setdefault(active.node.BINDING_GROUP_TITLE or _HERE, {})
+            group.setdefault(active.binding.action, []).append(active)
+        for title, rows in groups.items():
             table.add_row("", Text(title, style=QUIET))
             for actives in rows.values():
                 names = dict.fromkeys(self.app.get_key_display(one.binding) for one in actives)
@@ -78,12 +82,3 @@ def our_bindings(screen: Screen[object]) -> list[ActiveBinding]:
     """Return the bindings of ours that do something now; nobody is told of Textual's own."""
     active = screen.active_bindings.values()
     return [one for one in active if one.enabled and one.binding.id is not None]
-
-
-def _groups(bindings: Iterable[ActiveBinding]) -> dict[str, dict[str, list[ActiveBinding]]]:
-    """Return bindings by where they belong and by their action, which may have several keys."""
-    groups: dict[str, dict[str, list[ActiveBinding]]] = {_HERE: {}}
-    for active in bindings:
-        group = groups.setdefault(active.node.BINDING_GROUP_TITLE or _HERE, {})
-        group.setdefault(active.binding.action, []).append(active)
-    return groups

@@ -315,7 +315,9 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
     def action_replay(self) -> None:
         """Play the recorded run, the map alone, once its trace is read."""
         if self._recording is None or self.transport is None:
-            self.notify(self._why_not(), markup=False)
+            known = self.dashboard.recordings.get(self.news.detail.row) if self.news else Missing()
+            why = known.why if isinstance(known, Missing) else ""
+            self.notify(why or "its trace is being read", markup=False)
             return
         from scenario_tui.dashboard.screens.replay import ReplayScreen
 
@@ -324,14 +326,6 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
         # A finished run opens at its end, where there is nothing left to play.
         begin = at if at < end else None
         self.app.push_screen(ReplayScreen(self._recording, begin, marks=self._marks()))
-
-    def _why_not(self) -> str:
-        """Return why the run cannot be played."""
-        if self.news is None or not self.news.detail.row.settled:
-            return "a run can be played when it is over"
-        recording = self.dashboard.recordings.get(self.news.detail.row)
-        why = recording.why if isinstance(recording, Missing) else ""
-        return why or "its trace is being read"
 
     def action_compare(self) -> None:
         """Compare with the run that was marked, or mark this one."""

@@ -268,30 +268,20 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
 
 def run_cells(row: RunRow, track: Track | None, expectations: Expectations | None) -> Row:
     """Return a run as a row of the table, marked by ``expectations``."""
-    row = so_far(row, track)
+    progress = time_text(row.simulated) if row.outcome is not None else ""
+    if row.state is RunState.RUNNING:
+        seen = track.snapshot if track is not None else None
+        # A stack's start takes more room than this column; the run itself, beside it, says it.
+        progress = reached_text(None if seen and seen.waiting else seen, limit=False)
+        if seen is not None:
+            # Its least margin so far and whose it is, as if it decided.
+            row = replace(row, oracle=seen.oracle, margin=seen.margin, unit=seen.unit)
     return row.id, (
         Text(run_label(row), style="bold"),
         marked_word(row, expectations),
         Text(margin(row.margin, row.unit) if row.oracle else ""),
         Text(row.oracle),
-        Text(progress(row, track)),
+        Text(progress),
         Text(row.worker, style=QUIET),
         Text(duration_text(row.wall) if row.outcome is not None else "", style=QUIET),
     )
-
-
-def so_far(row: RunRow, track: Track | None) -> RunRow:
-    """Return a run that goes on with its least margin so far and whose it is, as if it decided."""
-    if row.state is not RunState.RUNNING or track is None:
-        return row
-    seen = track.snapshot
-    return replace(row, oracle=seen.oracle, margin=seen.margin, unit=seen.unit)
-
-
-def progress(row: RunRow, track: Track | None) -> str:
-    """Return how far a run is, or how long it took, in simulated time."""
-    if row.state is RunState.RUNNING:
-        # A stack's start takes more room than this column; the run itself, beside it, says it.
-        seen = track.snapshot if track is not None and not track.snapshot.waiting else None
-        return reached_text(seen, limit=False)
-    return time_text(row.simulated) if row.outcome is not None else ""

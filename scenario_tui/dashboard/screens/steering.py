@@ -93,9 +93,9 @@ def _ask_kind(row: CampaignRow, line: CommandLine) -> Menu:
     choices = []
     for key, words, only, count in _KINDS:
         runs = count(row)
-        text = f"{words}: {runs:,}" if runs else words
+        text = f"{words}: {runs:,}" if runs else f"{words}  (none)"
         command = line(RETRY.command, row.id, *_only(only))
-        choices.append(MenuChoice(only, key, text, command, "" if runs else "none"))
+        choices.append(MenuChoice(only, key, text, command, runs > 0))
     waits = "It is paused: they wait until it is resumed. " if row.paused else ""
     note = f"{waits}Runs that have a result keep it: running them again checks it."
     return Menu(f"Retry which runs of {row.id}?", choices, note)
@@ -323,10 +323,5 @@ def schedule_marks(row: CampaignRow | None) -> list[str]:
     if row is None:
         return []
     paused = "‖ paused" if row.paused and not row.finished else ""
-    unusual = priority_text(row.priority) if row.priority else ""
+    unusual = f"priority {row.priority}".replace("-", "−") if row.priority else ""
     return [mark for mark in (paused, unusual) if mark]
-
-
-def priority_text(priority: int) -> str:
-    """Return ``priority −5``."""
-    return f"priority {priority}".replace("-", "−")

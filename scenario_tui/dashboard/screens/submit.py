@@ -75,7 +75,6 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
     def on_mount(self) -> None:
         """Look for files."""
         self._list.can_focus = False
-        super().on_mount()
         self.dashboard.start_task(
             partial(find_files, self._here, is_campaign), self._list_files, self.dashboard.problem
         )
