@@ -6,29 +6,24 @@ Pictures, reports and the dashboard show them.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import shapely
-from shapely.geometry import MultiPolygon, Polygon
 
+from daemon.analysis.object_marks import measure_text, object_mark, outline_points
 from daemon.judging.oracles import SignalSampler, written_oracle
 from daemon.model.spec import OracleText
 from daemon.model.verdicts import Outcome, Verdict
 from daemon.trace import MotionTrack, PoseTrack, Trace
-from grammars.model.geometry import Point2, Pose2, Ring
-from grammars.model.kinematics import placed_links
-from grammars.model.scene import Link, Scene, Solid
+from grammars.model.geometry import Pose2
 from grammars.oracle import object_signals
 from grammars.text.words import format_quantity
 from templates.plan_shapes import MeasuredMark
 
 _REACHED: Final = 0.25
 """Radius [m] of a waypoint that no oracle gives another one."""
-_TOUCHING: Final = 0.002
-"""Distance [m] from which on something touches: contacts are recorded a little apart."""
 
 
 def deciding_mark(sampler: SignalSampler, verdict: Verdict) -> MeasuredMark | None:
@@ -68,11 +63,12 @@ def _find_mark(sampler: SignalSampler, verdict: Verdict) -> MeasuredMark | None:
     if number:
         return _waypoint_mark(trace, verdict, pose, number)
     if about or kinds & {"clearance", "distance", "contact"}:
-        return _object_mark(trace, verdict, pose, time, about)
+        positions = joint_positions(trace, time)
+        return object_mark(trace.scene, trace.spec.robot, verdict, pose, positions, about)
     if "loc" in kinds and len(trace.estimate.time):
         believed = pose_at(trace.estimate, time)
         line = ((pose.x, pose.y), (believed.x, believed.y))
-        return MeasuredMark("estimate", line, _measure_text(verdict, math.dist(*line)))
+        return MeasuredMark("estimate", line, measure_text(verdict, math.dist(*line)))
     return None
 
 
@@ -80,71 +76,9 @@ def _waypoint_mark(trace: Trace, verdict: Verdict, pose: Pose2, number: int) -> 
     waypoint = trace.spec.mission.waypoints[number - 1]
     line = ((pose.x, pose.y), (waypoint.x, waypoint.y))
     radius = verdict.unit == "m" and verdict.evidence.limit
-    place = _points(shapely.Point(line[1]).buffer(radius or _REACHED).exterior)
-    words = f"waypoint {number}: {_measure_text(verdict, math.dist(*line))}"
+    place = outline_points(shapely.Point(line[1]).buffer(radius or _REACHED).exterior)
+    words = f"waypoint {number}: {measure_text(verdict, math.dist(*line))}"
     return MeasuredMark(f"waypoint {number}", line, words, place=place)
-
-
-def _object_mark(
-    trace: Trace, verdict: Verdict, pose: Pose2, time: float, about: str
-) -> MeasuredMark | None:
-    """Return the obstacle or place called ``about``, without a name the nearest obstacle."""
-    scene, robot = trace.scene, trace.spec.robot
-    owned = list(_obstacle_parts(scene, robot.height, joint_positions(trace, time), about))
-    parts = [rings for _, rings in owned]
-    places = {region.name: region.outline for region in scene.regions}
-    places |= {doorway.name: doorway.footprint for doorway in scene.doorways}
-    place = () if parts else places.get(about, ())
-    if not parts and not place:
-        return None
-    body = Polygon(pose.apply_ring(robot.footprint))
-    # Of a wall in several pieces, or of an object in several links, the nearest one.
-    shapes = [MultiPolygon([(ring, ()) for ring in rings]) for rings in parts or [(place,)]]
-    index = int(np.argmin(shapely.distance(body, shapes)))
-    start, end = _points(shapely.shortest_line(body, shapes[index]))
-    distance = body.distance(shapes[index])
-    words = _measure_text(verdict, distance)
-    if distance < _TOUCHING and verdict.unit != "m":
-        words = f"touches {about.partition('.')[0].replace('_', ' ')}".rstrip()
-    name = owned[index][0] if parts else about
-    return MeasuredMark(name, (start, end), words, parts[index] if parts else (), place)
-
-
-def _obstacle_parts(
-    scene: Scene, height: float, positions: Mapping[str, float], name: str
-) -> Iterator[tuple[str, tuple[Ring, ...]]]:
-    """Yield owner and outlines of each solid and link below a ``height`` [m] of ``name``.
-
-    Of all of them without a name.
-    """
-    parts: list[tuple[str, Solid | Link, tuple[Ring, ...]]] = [
-        (solid.owner, solid, (solid.polygon,)) for solid in scene.solids
-    ]
-    for thing in scene.objects:
-        for link, rings in placed_links(thing, positions):
-            parts.append((f"{thing.name}.{link.name}", link, rings))
-    for owner, part, rings in parts:
-        is_meant = not name or owner == name or owner.startswith(f"{name}.")
-        if rings and is_meant and part.z_min < height and part.z_max > 0.0:
-            yield owner, rings
-
-
-def _points(geometry: Any) -> tuple[Point2, ...]:
-    return tuple((x, y) for x, y in shapely.get_coordinates(geometry).tolist())
-
-
-def _measure_text(verdict: Verdict, distance: float) -> str:
-    """Return what was judged with its limit if it is a length, otherwise a distance [m]."""
-    value, limit = verdict.evidence.value, verdict.evidence.limit
-    if verdict.unit != "m" or value is None:
-        return metres_text(distance)
-    return metres_text(value) if limit is None else f"{metres_text(value)}, limit {limit:g} m"
-
-
-def metres_text(value: float) -> str:
-    """Return a length in millimetres of resolution, ten metres and more in decimetres."""
-    digits = 3 if abs(value) < 10.0 else 1
-    return f"{value:.{digits}f} m".replace("-", "−")
 
 
 def deciding_time(sampler: SignalSampler, verdict: Verdict) -> float:

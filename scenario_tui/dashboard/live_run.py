@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import replace
@@ -12,6 +13,7 @@ from rich.text import Text
 from daemon.model.live_view import from_centimetres
 from daemon.model.run_state import RunState
 from daemon.model.spec import RunSpec
+from daemon.model.verdicts import Outcome
 from grammars.model.scene import Scene
 from grammars.text.words import duration_text
 from scenario_tui.dashboard.live_tracks import SILENT, Track
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
     from daemon.model.spec import Snapshot
     from daemon.model.verdicts import Verdict
     from scenario_tui.dashboard.run_watch import RunNews
+    from templates.plan_shapes import MeasuredMark
 
 _PATIENCE: Final = 30.0
 """Seconds after which somebody who looks is told that no signals come."""
@@ -49,6 +52,7 @@ class LiveRun:
         self.track: Track | None = None
         self.timeline: RunTimeline | None = None
         self._judgement: LiveJudgement | None = None
+        self._mark: tuple[Verdict, MeasuredMark | None] | None = None
         self._news: RunNews | None = None
 
     @property
@@ -113,7 +117,9 @@ class LiveRun:
     ) -> View | None:
         """Return the top view at ``time`` [s]: how it is now at its end, without a scene nothing.
 
-        Nobody keeps what its laser saw before, nor what decided a verdict.
+        Nobody keeps what its laser saw before. The object that decided ``verdict`` is on it if that
+        was in the ``window`` [s] before; without a verdict the last one decided against the run,
+        and at its end however long ago that was.
         """
         news, track = self._news, self.track
         if news is None or news.scene is None:
@@ -124,7 +130,26 @@ class LiveRun:
         if self.timeline is not None and track.judgement is not None:
             known, limit = clearance_along(self.timeline.signals, track.times)
             now = replace(now, clearances=known, limit=limit)
-        return now if time >= self.end else _earlier_view(now, track, time)
+        decisive = self._decisive(time, window, verdict)
+        return replace(
+            now if time >= self.end else _earlier_view(now, track, time), decisive=decisive
+        )
+
+    def _decisive(self, time: float, window: float, verdict: Verdict | None) -> MeasuredMark | None:
+        verdicts = self._judgement.verdicts if self._judgement is not None else ()
+        moments = [
+            (one.moment, one)
+            for one in ((verdict,) if verdict else verdicts)
+            if one.outcome is Outcome.FAIL and one.moment is not None and one.evidence.object
+        ]
+        first = -math.inf if time >= self.end else time - window
+        recent = [pair for pair in moments if first < pair[0] <= time + 1e-9]
+        if not recent or self._news is None or self.track is None:
+            return None
+        last = max(recent, key=lambda pair: pair[0])[1]
+        if self._mark is None or self._mark[0] != last:
+            self._mark = (last, _object_mark(self._news, self.track, last))
+        return self._mark[1]
 
     def reached(self, time: float) -> int:
         """Return how many waypoints were done at ``time``."""
@@ -168,6 +193,27 @@ def tracked_view(scene: Scene, spec: RunSpec, track: Track) -> View:
         spread=seen.spread,
         costmaps={"stack's": from_centimetres(seen.costmap)} if seen.costmap else {},
     )
+
+
+def _object_mark(news: RunNews, track: Track, verdict: Verdict) -> MeasuredMark | None:
+    """Return the object that decides a verdict, as it stood then by what was heard of the run."""
+    # Loaded with the first failure: what measures distances takes longer than the screen.
+    from daemon.analysis.object_marks import object_mark
+
+    scene, robot = news.scene, news.detail.spec.robot
+    index = bisect_right(track.heard_of, verdict.moment or 0.0, key=lambda one: one.time) - 1
+    if scene is None or not track.heard_of:
+        return None
+    # Who looks later has heard nothing of that moment: the first one heard of is next to it.
+    then = track.heard_of[max(index, 0)]
+    positions = dict(zip(scene.initial_joints, then.joints, strict=False))
+    mark = object_mark(scene, robot, verdict, then.pose, positions, verdict.evidence.object)
+    if mark is None:
+        return None
+    # Where the robot was between two snapshots nobody knows: no line, and no distance but what was
+    # judged.
+    words = mark.words if verdict.unit == "m" else verdict.oracle
+    return replace(mark, line=(mark.line[1], mark.line[1]), words=words)
 
 
 def _earlier_view(now: View, track: Track, time: float) -> View:

@@ -144,6 +144,20 @@ async def test_a_failure_for_good_is_a_failure_while_the_run_goes_on():
         assert "27.0 s  contact    robot touches" in shown(pilot)
 
 
+async def test_what_decides_is_marked_on_the_live_map_and_at_its_moment():
+    fake = running()
+    fake.judged[RUN] = make_judgement(contact=True)
+    async with opened(fake, (150, 40)) as pilot:
+        await look_at(pilot)
+        assert "✗ door-1.leaf decides" in shown(pilot)
+        assert "✗ no-contact" in shown(pilot)
+        await press(pilot, "left")
+        assert "✗ no-contact" not in shown(pilot)
+        await press(pilot, "n")
+        assert "27.0 s of" in shown(pilot)
+        assert "✗ no-contact" in shown(pilot)
+
+
 async def test_a_judgement_is_asked_for_only_while_the_run_is_on_the_screen():
     fake = running()
     async with opened(fake, (140, 40)) as pilot:
