@@ -128,8 +128,8 @@ class LiveRun:
             return still_view(news.scene, news.detail.spec)
         now = tracked_view(news.scene, news.detail.spec, track)
         if self.timeline is not None and track.judgement is not None:
-            known, limit = clearance_along(self.timeline.signals, track.times)
-            now = replace(now, clearances=known, limit=limit)
+            clearances, limit = clearance_along(self.timeline.signals, track.times)
+            now = replace(now, clearances=clearances, limit=limit)
         decisive = self._decisive(time, window, verdict)
         return replace(
             now if time >= self.end else _earlier_view(now, track, time), decisive=decisive
@@ -243,14 +243,14 @@ def live_text(track: Track, silence: float, *, wide: bool) -> Text:
     ``silence`` is for how long nothing was heard of it [s]; ``wide`` is the line, or its parts
     have to be few.
     """
-    now, said = track.snapshot, Text()
+    now, text = track.snapshot, Text()
     if silence > SILENT:
-        said.append(f"  last heard {duration_text(silence)} ago", style=UNSURE)
+        text.append(f"  last heard {duration_text(silence)} ago", style=UNSURE)
     # On a narrow line the limit would push out the margin.
     far = reached_text(now, limit=wide or now.margin is None)
-    said.append(f"  {far}", style="default not bold")
+    text.append(f"  {far}", style="default not bold")
     if worst := worst_text(now.margin, now.unit, now.oracle):
-        said.append("  ").append_text(worst)
+        text.append("  ").append_text(worst)
     if now.stack:
-        said.append(f"  {now.stack}", style=QUIET)
-    return said
+        text.append(f"  {now.stack}", style=QUIET)
+    return text

@@ -95,14 +95,14 @@ def expectation_status(
     if expected == "any":
         return ExpectationStatus.MET
     if expected == "pass":
-        met, contradicted = verdict is Outcome.PASS, verdict is Outcome.FAIL
+        is_met, is_contradicted = verdict is Outcome.PASS, verdict is Outcome.FAIL
     elif expected == "fail":
-        met, contradicted = failed == n > 0, passed > 0
+        is_met, is_contradicted = failed == n > 0, passed > 0
     else:
-        met, contradicted = failed > 0, passed == n > 0
-    if met:
+        is_met, is_contradicted = failed > 0, passed == n > 0
+    if is_met:
         return ExpectationStatus.MET
-    return ExpectationStatus.CONTRADICTED if contradicted else ExpectationStatus.OPEN
+    return ExpectationStatus.CONTRADICTED if is_contradicted else ExpectationStatus.OPEN
 
 
 def measured_value(record: RunRow, name: str) -> float | None:

@@ -84,14 +84,14 @@ def find_marks(
     reasons = dict.fromkeys(one.why for one in declared.expectations)
     letters = {reason: _letter(index) for index, reason in enumerate(reasons)}
     oracles: dict[tuple[str, str], dict[str, CellVerdict]] = defaultdict(dict)
-    concerned = {one.why for one in assessment.comparisons if _fails_as_known(one)}
+    reasons_met = {one.why for one in assessment.comparisons if _fails_as_known(one)}
     for oracle in (oracle for cell in assessment.cells for oracle in cell.oracles):
         if oracle.failed or oracle.status is ExpectationStatus.CONTRADICTED:
             oracles[oracle.scenario, oracle.sut][oracle.oracle] = oracle
         if _fails_as_known(oracle):
-            concerned.add(oracle.why)
-    known = tuple(Mark("known", letters[why], why) for why in letters if why in concerned)
-    marks = Expectations(letters, known, dict(oracles))
+            reasons_met.add(oracle.why)
+    failures = tuple(Mark("known", letters[why], why) for why in letters if why in reasons_met)
+    marks = Expectations(letters, failures, dict(oracles))
     of_runs = (
         (row, _join(marks.mark_verdicts(row).values()))
         for row in records
@@ -103,10 +103,10 @@ def find_marks(
 
 def _join(marks: Iterable[Mark]) -> Mark:
     """Return one mark for several: news first, and then for that reason."""
-    said = sorted((mark for mark in marks if mark.kind), key=lambda mark: mark.kind == "known")
-    kind = said[0].kind if said else ""
-    letters = dict.fromkeys(mark.letter for mark in said)
-    reasons = dict.fromkeys(mark.reason for mark in said if mark.kind == kind)
+    ordered = sorted((mark for mark in marks if mark.kind), key=lambda mark: mark.kind == "known")
+    kind = ordered[0].kind if ordered else ""
+    letters = dict.fromkeys(mark.letter for mark in ordered)
+    reasons = dict.fromkeys(mark.reason for mark in ordered if mark.kind == kind)
     return Mark(kind, "".join(letters), "; ".join(reasons))
 
 
