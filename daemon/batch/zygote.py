@@ -15,7 +15,6 @@ it began with is done here for those like it. The zygote ends with its worker.
 
 from __future__ import annotations
 
-import ctypes
 import gc
 import os
 import signal
@@ -49,7 +48,12 @@ from daemon.model.live_judgement import LiveJudgement
 from daemon.model.messages import Lease
 from daemon.model.spec import RunResult, RunSpec, Script
 from daemon.model.status import LiveSnapshot
-from daemon.supervision.child import adopt_orphans, die_with_parent, lower_session
+from daemon.supervision.child import (
+    adopt_orphans,
+    die_with_parent,
+    lower_session,
+    return_freed_memory,
+)
 from daemon.supervision.event_loop import HUNG_UP, EventLoop
 from daemon.supervision.remains import KILL_LIMIT, end_children
 from grammars.model.scene import Scene
@@ -59,10 +63,9 @@ _LARGEST_REQUEST: Final = 2**16
 _SHORT_RUN: Final = 10.0
 """CPU seconds: a run that took longer may have begun with something that would keep the zygote from
 starting others for too long, and what it began with is little of it."""
-_MMAP_THRESHOLD: Final = -3
-"""Number of the parameter in malloc.h."""
-_LARGE: Final = 1 << 20
-"""What is larger gets pages of its own from the system [B]."""
+
+LARGE: Final = 1 << 20
+"""Bytes of an array whose memory goes back to the system at once."""
 
 
 class Zygote(EventLoop):
@@ -257,16 +260,6 @@ def _keep_for_good() -> None:
     gc.freeze()
 
 
-def return_freed_memory() -> None:
-    """Have the memory of large arrays go back to the system whenever one is freed."""
-    # Whoever frees a grid of megabytes has the next ones taken from the heap, which returns nothing
-    # to the system (mallopt(3), M_MMAP_THRESHOLD, a limit that moves unless it is set). With a
-    # fixed one S1 needs 11 MB less at its peak; and 28 MB less if the zygote, too, has had one
-    # when it did what S1 begins with.
-    with suppress(AttributeError):  # of glibc alone
-        ctypes.CDLL(None).mallopt(_MMAP_THRESHOLD, _LARGE)
-
-
 def _load(name: str) -> Callable[..., Any]:
     module_name, _, function = name.partition(":")
     module = import_module(module_name)
@@ -287,7 +280,9 @@ def main() -> None:
         os.environ.setdefault(variable, "1")  # a run is one thread of one core
     wire = socket.socket(fileno=int(descriptor))
     wire.set_inheritable(False)
-    return_freed_memory()
+    # With this S1 needs 11 MB less at its peak; and 28 MB less if the zygote, too, has had it when
+    # it did what S1 begins with.
+    return_freed_memory(LARGE)
     # What a guardian that was killed leaves behind comes to this process, which ends it.
     adopt_orphans()
     try:

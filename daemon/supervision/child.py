@@ -19,6 +19,8 @@ _PR_SET_PDEATHSIG: Final = 1
 _PR_SET_CHILD_SUBREAPER: Final = 36
 _LIBC: Final = ctypes.CDLL(None, use_errno=True)
 _AUTOGROUP: Final = Path("/proc/self/autogroup")
+# malloc.h of glibc
+_M_MMAP_THRESHOLD: Final = -3
 
 
 def become_supervisor() -> None:
@@ -65,6 +67,14 @@ def lower_session(niceness: int) -> None:
     if os.getsid(0) == os.getpid():
         with suppress(OSError):  # a kernel without them
             _AUTOGROUP.write_text(str(niceness))
+
+
+def return_freed_memory(large: int) -> None:
+    """Have the memory of arrays of ``large`` bytes and more go back to the system when freed."""
+    # Whoever frees a grid of megabytes has the next ones taken from the heap, which returns nothing
+    # to the system (mallopt(3), M_MMAP_THRESHOLD, a limit that moves unless it is set).
+    with suppress(AttributeError):  # of glibc alone
+        _LIBC.mallopt(_M_MMAP_THRESHOLD, large)
 
 
 def reset_signals() -> None:

@@ -109,8 +109,9 @@ def tell_of_child(name):
 
 def tell(name, times):
     """Print as JSON what memory a child of a warm process has: before runs, and after each."""
-    from daemon.batch.zygote import return_freed_memory
+    from daemon.batch.zygote import LARGE
     from daemon.run import execute, load_kernels, warm_up
+    from daemon.supervision.child import return_freed_memory
     from tests.benchmarks.case_process import load
 
     warm_up()
@@ -121,7 +122,7 @@ def tell(name, times):
     if os.fork():
         os.wait()
         return
-    return_freed_memory()
+    return_freed_memory(LARGE)
     found = [own_memory()]
     with tempfile.TemporaryDirectory() as folder:
         for _ in range(times):

@@ -52,6 +52,18 @@ def test_what_a_child_reads_is_what_is_read_here(trace, children):
     assert there.view(here.end).returns
 
 
+def test_memory_of_what_children_sent_goes_back_to_the_system():
+    this, sent, size = psutil.Process(), [], 32_000_000
+    before = this.memory_info().rss
+    for _ in range(4):
+        children = Children()
+        sent.append(children.run(np.split, np.ones(size // 8), 16))
+        children.close()
+    assert this.memory_info().rss - before > 4 * size
+    sent.clear()
+    assert this.memory_info().rss - before < size
+
+
 def test_errors_come_back_as_they_are_and_the_child_stays(children, tmp_path):
     before = children.run(os.getpid)
     (tmp_path / "notes.mcap").write_text("hello")
