@@ -83,7 +83,7 @@ class CompareScreen(StandaloneScreen, Parts, MapActions, PlayingScreen):
             yield TimelineView(id="signals").add_class("part", "in-signals")
             with VerticalScroll(id="differences", classes="part in-differences"):
                 yield StaticText(id="table")
-        yield MapLegend(id="legend")
+        yield MapLegend(id="legend").add_class("part", "in-maps")
         yield KeyFooter()
 
     def on_mount(self) -> None:

@@ -12,13 +12,10 @@ from scenario_tui.dashboard.widgets.top_view import TopView
 class MapLegend(StaticText):
     """Says what the signs on the maps of a screen mean: of those that are on one of them."""
 
-    def on_mount(self) -> None:
-        """Follow the maps from now on."""
-        for top in self.screen.query(TopView):
-            self.watch(top, "signs", self.show_signs)
-
     def on_resize(self) -> None:
-        """Break the lines anew."""
+        """Follow the maps, which are all there by now, and break the lines anew."""
+        for top in self.screen.query(TopView):
+            self.watch(top, "signs", self.show_signs, init=False)
         self.show_signs()
 
     def show_signs(self) -> None:

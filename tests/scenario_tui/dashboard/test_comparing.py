@@ -24,6 +24,7 @@ from scenario_tui.text.comparison_text import (
     spec_differences,
 )
 from tests.scenario_tui.dashboard.inline import screen_text
+from tests.scenario_tui.idle import until_idle
 from tests.scenario_tui.recorded import HIT, make_run, record_run
 
 
@@ -148,6 +149,18 @@ async def test_a_narrow_screen_shows_one_part_at_a_time(both):
         assert "≠" in shown(pilot)
         assert "✗ fail" in shown(pilot)
         assert "the same, but for the repeat" in shown(pilot)
+
+
+async def test_signs_of_both_maps_are_explained_beside_these(both):
+    async with opened(both, (120, 40)) as pilot:
+        await until_idle(pilot.app)
+        assert "◆ waypoint" in shown(pilot)
+    async with opened(both) as pilot:
+        await until_idle(pilot.app)
+        assert "◆ waypoint" in shown(pilot)
+        await pilot.press("tab")
+        await until_idle(pilot.app)
+        assert "◆ waypoint" not in shown(pilot)
 
 
 async def test_both_runs_have_one_clock(both):
