@@ -28,6 +28,7 @@ def measure():
         large(daemon)
         with opened(daemon, columns=120, rows=40) as shown:
             shown.until("large-1")
+            shown.until(lambda: "judging" not in shown.lines[0])
             yield idle("campaigns", shown)
             yield key("a campaign down and up", shown, "jk")
             shown.type("g\r")
