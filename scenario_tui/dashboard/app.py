@@ -48,7 +48,9 @@ T = TypeVar("T")
 HERE: Final = DaemonTarget()
 """The daemon of this machine."""
 FRAMES: Final = 10
-"""How often a second the screen takes over what the feed has found, live maps included."""
+"""How often a second the screen takes over what runs tell, live maps included."""
+_PATIENCE: Final = 1.0
+"""Seconds after which the screen is brought up to date without any news, while something runs."""
 _READY: Final = 0.5
 """Seconds after the first answer until other screens are loaded: it is shown before."""
 
@@ -138,12 +140,12 @@ class Dashboard(ThemedApp):
         if self.config.theme:
             self.theme = self.config.theme
         self.set_keymap(self.config.keys)
-        self.feed.on_answer = partial(self.call_later, self.update_state)
+        self.feed.on_news = partial(self.call_later, self.update_state)
+        self._frames = self.set_interval(1.0 / FRAMES, self.update_state)
         self.action_launch()
         self.recordings.on_read = partial(self.call_later, self._update_front_screen)
         # What asks the daemon takes as long to load as all that is shown first: that comes before.
         self.call_after_refresh(self.feed.start)
-        self.set_interval(1.0 / FRAMES, self.update_state)
 
     @work(thread=True)
     def _load_screens(self) -> None:
@@ -187,17 +189,13 @@ class Dashboard(ThemedApp):
             self.known = news.known
             if news.front is not None:
                 news.front.news = news.fetched
-        now = self.clock()
-        # Ages grow even when nothing is new.
-        if news.known is not None or news.lives or now - self._shown_at >= self._patience():
+        now, overview = self.clock(), self.known.overview
+        # Ages grow even when nothing is new. Where nothing runs the feed tells of all that is.
+        if news.known is not None or news.lives or now - self._shown_at >= _PATIENCE:
             self._shown_at = now
             self._update_front_screen()
-
-    def _patience(self) -> float:
-        """Return the seconds after which the screen is brought up to date without any news."""
-        overview = self.known.overview
         resting = self.known.connected and overview is not None and not overview.running
-        return 10.0 if resting else 1.0
+        (self._frames.pause if resting else self._frames.resume)()
 
     def _update_front_screen(self) -> None:
         for screen in reversed(self.screen_stack):

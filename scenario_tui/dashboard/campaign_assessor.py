@@ -55,13 +55,13 @@ class CampaignAssessor:
         """Note that something of a campaign changed, even if its counts stay the same."""
         self._touches[campaign] = self._touches.get(campaign, 0) + 1
 
-    def step(self, daemon: DaemonClient, campaigns: Sequence[CampaignRow], about: str) -> bool:
-        """Judge the campaign that needs it most; return whether there was one."""
+    def step(self, daemon: DaemonClient, campaigns: Sequence[CampaignRow], about: str) -> str:
+        """Judge the campaign that needs it most; return its id, empty if there was none."""
         self._forget_others(campaigns)
         began = self._clock()
         row = self._next(campaigns, about, began) if began >= self._rest_until else None
         if row is None:
-            return False
+            return ""
         # Loaded with the first campaign: the first screen does without.
         from daemon.analysis.results import read_results
 
@@ -76,7 +76,7 @@ class CampaignAssessor:
         self._seen[row.id], self._at[row.id] = state, ended
         if self._every:
             self._rest_until = ended + (ended - began) * (1.0 / _SHARE - 1.0)
-        return True
+        return row.id
 
     def _forget_others(self, campaigns: Sequence[CampaignRow]) -> None:
         """Forget campaigns that are listed no more: deleted ones, and those long past."""

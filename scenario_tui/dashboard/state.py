@@ -31,8 +31,8 @@ class Known:
     """The last that is known; ``at`` is when it was true [s since the epoch], 0 for never.
 
     ``problem`` says why we are not connected; somebody is there but ``refused`` when that is what
-    they said, as daemons of other versions do. ``results`` are those of the campaign that the
-    screen in front is about, as soon as they are judged.
+    they said, as daemons of other versions do. ``results`` are those of the campaigns that screens
+    in front were about last, as soon as they are judged.
     """
 
     connected: bool = False
@@ -42,17 +42,12 @@ class Known:
     overview: DaemonOverview | None = None
     campaigns: tuple[CampaignRow, ...] = ()
     conclusions: Mapping[str, Conclusion] = field(default_factory=dict)
-    results: CampaignResults | None = None
+    results: Mapping[str, CampaignResults] = field(default_factory=dict)
     searches: Mapping[str, SearchRow] = field(default_factory=dict)
 
     def campaign(self, campaign: str) -> CampaignRow | None:
         """Return the campaign with this id."""
         return next((row for row in self.campaigns if row.id == campaign), None)
-
-    def results_of(self, campaign: str) -> CampaignResults | None:
-        """Return the results of a campaign, if those are the last that were judged."""
-        results = self.results
-        return results if results is not None and results.row.id == campaign else None
 
 
 @dataclass(frozen=True, slots=True)

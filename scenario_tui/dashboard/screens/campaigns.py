@@ -237,8 +237,9 @@ class CampaignPanel(VerticalScroll, can_focus=False):
 
     BORDER_TITLE = "campaign "
 
-    _judged: tuple[CampaignResults | None, int, Text] = (None, 0, Text())
-    """Results, the width they were drawn for, and the drawn lines."""
+    def __init__(self, *, id: str) -> None:
+        super().__init__(id=id)
+        self._judged: dict[str, tuple[CampaignResults, int, Text]] = {}
 
     def compose(self) -> ComposeResult:
         """Lay out the text."""
@@ -246,21 +247,29 @@ class CampaignPanel(VerticalScroll, can_focus=False):
 
     def show(self, row: CampaignRow, known: Known, now: float) -> None:
         """Show a campaign."""
-        results, width = known.results_of(row.id), self.scrollable_content_region.width
-        # By identity: results are replaced and never changed, and comparing them costs more.
-        if results is not self._judged[0] or width != self._judged[1]:
-            lines = Text() if results is None else judged_lines(results, width)
-            self._judged = (results, width, lines)
         text = campaign_text(
             row,
             known.conclusions.get(row.id),
             known.campaigns,
             now,
-            self._judged[2],
+            self._judged_lines(row.id, known),
             search=known.searches.get(row.id),
             marks=schedule_marks(row),
         )
         self.query_one(StaticText).update(text)
+
+    def _judged_lines(self, campaign: str, known: Known) -> Text:
+        """Return the judged lines of a campaign, drawn anew when the results are others."""
+        width = self.scrollable_content_region.width
+        self._judged = {
+            name: (results, made_for, lines)
+            for name, (results, made_for, lines) in self._judged.items()
+            # By identity: results are replaced and never changed, and comparing them costs more.
+            if results is known.results.get(name) and made_for == width
+        }
+        if campaign not in self._judged and (results := known.results.get(campaign)) is not None:
+            self._judged[campaign] = results, width, judged_lines(results, width)
+        return self._judged[campaign][2] if campaign in self._judged else Text()
 
 
 def campaign_cells(

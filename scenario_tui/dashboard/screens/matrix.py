@@ -75,7 +75,7 @@ class MatrixScreen(SteeringScreen[None]):
 
     def show(self, known: Known, news: None) -> None:
         """Show the results once they are there, again only when they are others."""
-        results = known.results_of(self.about)
+        results = known.results.get(self.about)
         message = "" if results and results.assessment.cells else self._nothing(results)
         show_message_or(self.query_one("#empty"), self.query_one("#grid"), message)
         # By identity: results are replaced and never changed, and comparing them would cost more

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Final
 
@@ -35,6 +36,7 @@ from scenario_tui.text.styles import QUIET, SEVERITY
 
 if TYPE_CHECKING:
     from daemon.judging.assessment import Expectations
+    from scenario_tui.text.results import Conclusion
 
 PAGE: Final = 100
 """Runs asked for at a time, out of 100,000 in a large campaign: KeyedTable says why not all."""
@@ -58,9 +60,13 @@ _CAMPAIGN: Final = (14, 24)
 
 @dataclass(frozen=True, slots=True)
 class RunsNews:
-    """A page of runs with the ``query`` for it, and the run in front where it is seen."""
+    """A page of runs, and the run in front where it is seen.
+
+    The page is the answer to a ``query`` when ``campaigns`` were the last that was known.
+    """
 
     query: RunQuery
+    campaigns: tuple[CampaignRow, ...]
     page: RunPage
     run: RunNews | None
 
@@ -82,6 +88,7 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
         # Of one campaign in the order of its file; of all, what was submitted last is looked for.
         self.arrangement = replace(self.arrangement, descending=not campaign)
         self._offset, self._wanted_run = 0, ""
+        self._made: tuple[RunPage | None, Mapping[str, Conclusion], list[Row]] = (None, {}, [])
 
     @property
     def _here(self) -> tuple[str, str, str]:
@@ -134,9 +141,14 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
 
     def fetch(self, daemon: DaemonClient, known: Known) -> RunsNews:
         """Return the page; in wide terminals also the run under the cursor."""
-        query, run = self._query, self._wanted_run
-        page = daemon.runs(**asdict(query))
-        return RunsNews(query, page, self.dashboard.feed.watch.look(daemon, run) if run else None)
+        query, run, last = self._query, self._wanted_run, self.news
+        # A cursor that moves asks for a run; all campaigns come anew when something has changed.
+        if last is not None and last.query == query and last.campaigns is known.campaigns:
+            page = last.page
+        else:
+            page = daemon.runs(**asdict(query))
+        front = self.dashboard.feed.watch.look(daemon, run) if run else None
+        return RunsNews(query, known.campaigns, page, front)
 
     def _want_run(self) -> None:
         """Ask for the run under the cursor, if it is seen."""
@@ -144,7 +156,7 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
         run = self.query_one(KeyedTable).key if beside else ""
         if run != self._wanted_run:
             self._wanted_run = run
-            self.ask()
+            self.dashboard.feed.look_at(self)
 
     def trail(self) -> str:
         """Return the place, the page, its order and filters."""
@@ -195,7 +207,7 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
         show_message_or(self.query_one("#empty"), self.query_one("#split"), message)
         table = self.query_one(KeyedTable)
         self.dashboard.tracks.forget_ended(page.rows)
-        table.fill([self._cells(known, row) for row in page.rows])
+        table.fill(self._rows(known, page))
         # A table that was hidden because it was empty has lost the keys to its neighbour. Now, not
         # later as focus() does: then somebody may have gone to the filter line.
         if not message and not isinstance(self.focused, Input):
@@ -203,8 +215,18 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
         # The cursor may be on another run now that the rows are others.
         self._want_run()
         run = news.run if news.run is not None and news.run.detail.row.id == table.key else None
-        if self.has_class("-wide"):
+        # The one before stays until the answer comes, a moment later: nothing is drawn twice.
+        if self.has_class("-wide") and (run or news.run is None or not known.connected):
             self.query_one(RunPanel).show(self.dashboard, run)
+
+    def _rows(self, known: Known, page: RunPage) -> list[Row]:
+        """Return the page as rows of the table, those made last where nothing can be other."""
+        last, conclusions, rows = self._made
+        runs = any(row.state is RunState.RUNNING for row in page.rows)
+        if runs or page is not last or conclusions is not known.conclusions:
+            rows = [self._cells(known, row) for row in page.rows]
+            self._made = (page, known.conclusions, rows)
+        return rows
 
     def _cells(self, known: Known, row: RunRow) -> Row:
         track, expectations = self.dashboard.tracks.get(row.id), expectations_of(known, row)

@@ -15,7 +15,21 @@ class StaticText(Static):
         if isinstance(content, Text):
             content = _with_spans_only(content)
         if not _same(content, self.content):
-            super().update(content, layout=layout and self.styles.auto_dimensions)
+            super().update(content, layout=False)
+            if layout and self.styles.auto_dimensions and not self._fits():
+                self.refresh(layout=True)
+
+    def _fits(self) -> bool:
+        """Return whether the content fills the lines it has, or is in a container it fills anyway.
+
+        The latter is what ``min-height: 100%`` is for.
+        """
+        styles, (width, height) = self.styles, self.content_size
+        if styles.width is None or styles.width.is_auto:
+            return False
+        needed = self.get_content_height(self.container_size, self.screen.size, width)
+        fills = styles.min_height is not None and self.size.height == self.container_size.height
+        return needed == height or (fills and needed < height)
 
 
 def _with_spans_only(text: Text) -> Text:

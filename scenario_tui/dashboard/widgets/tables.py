@@ -191,23 +191,29 @@ class KeyedTable(DataTable[Text]):
         if len(rows) < len(before):
             self.clear()
             before = ()
-        for place, (_, cells) in enumerate(rows[: len(before)]):
-            self._change(place, before[place][1], cells)
+        changed = [
+            place
+            for place, (_, cells) in enumerate(rows[: len(before)])
+            if self._change(place, before[place][1], cells)
+        ]
+        if changed:
+            self._update_count += 1
+        for place in changed:
+            self.refresh_row(place)
         for place, (_, cells) in enumerate(rows[len(before) :], start=len(before)):
             self._append(place, cells)
         self._settle(key)
 
-    def _change(self, place: int, before: tuple[Text, ...], cells: tuple[Text, ...]) -> None:
+    def _change(self, place: int, before: tuple[Text, ...], cells: tuple[Text, ...]) -> bool:
+        """Put other words into a row; return whether there were any."""
         if before is cells:
-            return
+            return False
         changed = [i for i in self._widths if not same_text(before[i], cells[i])]
         # Not by update_cell(), which has all rows drawn anew: 20 CPU ms for an age that grew.
         row = self._data[RowKey(str(place))]
         for index in changed:
             row[ColumnKey(str(index))] = self._fitted(index, cells[index])
-        if changed:
-            self._update_count += 1
-            self.refresh_row(place)
+        return bool(changed)
 
     def _render_line_in_row(
         self,

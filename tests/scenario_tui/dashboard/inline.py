@@ -25,6 +25,15 @@ class InlineFeed(Feed):
         super().__init__(daemon.open, clock=lambda: daemon.now, assessor=assessor)
         self.fake = daemon
 
+    @property
+    def on_news(self):
+        """Nobody is told: the screen looks by itself."""
+        return bool
+
+    @on_news.setter
+    def on_news(self, told):
+        pass
+
     def start(self):
         """Start no thread."""
 

@@ -86,15 +86,21 @@ def test_only_what_the_screen_in_front_fetches_is_asked_for(feed, fake, monkeypa
     assert sum(call[0] == "get" and not call[3] for call in fake.calls) == 1  # kept after that
 
 
-def test_a_first_answer_is_told_at_once_and_again_when_the_daemon_is_back(feed, fake):
+def test_all_that_becomes_known_is_told_at_once(feed, fake):
     told = []
-    feed.on_answer = lambda: told.append(feed._known.connected)
+    feed.on_news = lambda: told.append(feed._known.connected)
     feed.step(fake)
-    feed.step(fake)
-    assert told == [True]
     feed._lose(Unreachable("gone"))
     feed.step(fake)
-    assert told == [True, True]
+    assert told == [True, False, True]
+
+
+def test_what_was_judged_is_told_without_asking_anew(feed, fake, monkeypatch):
+    monkeypatch.setattr(feed_module, "REFRESH", 60.0)
+    feed.look_at(PageFront())
+    feed.start()
+    eventually(lambda: feed._known.results)
+    assert sum(call[0] == "campaigns" for call in fake.calls) == 1
 
 
 def test_a_gone_daemon_leaves_the_last_picture_and_is_found_again(feed, fake):
@@ -177,6 +183,7 @@ def test_a_key_that_is_held_keeps_nothing_else_from_being_looked_at(feed, fake, 
         return runs(*asked, **others)
 
     monkeypatch.setattr(fake, "runs", turned_again)
+    monkeypatch.setattr(feed, "_clock", time.time)
     feed.look_at(page)
     feed.start()
     eventually(lambda: sum(call[0] == "overview" for call in fake.calls) > 2)

@@ -156,7 +156,7 @@ def judged_at(fake, took, moments, wanted):
     for moment in moments:
         clock.now = moment
         judge.touch(CAMPAIGN)
-        found.append(judge.step(fake, rows, wanted))
+        found.append(bool(judge.step(fake, rows, wanted)))
     return found
 
 
@@ -174,7 +174,7 @@ def test_judging_large_campaigns_leaves_most_of_the_time_to_others(judged):
 
 def test_what_did_not_change_is_not_judged_again(judged):
     judge, rows = CampaignAssessor(clock=lambda: 0.0, every=0.0), judged._campaign_rows()
-    assert [judge.step(judged, rows, "") for _ in range(3)] == [True, True, False]
+    assert [judge.step(judged, rows, "") for _ in range(3)] == [CAMPAIGN, OLD, ""]
     assert judge.step(judged, rows, CAMPAIGN)  # now everything about it is wanted
     assert not judge.step(judged, rows, CAMPAIGN)
     assert judge.conclusions[OLD].glyph_text == "✓ as expected"
