@@ -90,7 +90,9 @@ class ReplayScreen(StandaloneScreen, Parts, MapActions, PlayingScreen):
         width = max(self.size.width - 2, 2)
         line = timeline_bar(playback, transport.time, width, self.marks)
         self.query_one("#timeline", Static).update(line)
-        below = Text("\n").join(lines_below(playback, transport.time, self.marks))
-        self.query_one("#verdicts", Static).update(below)
+        lines = lines_below(playback, transport.time, self.marks)
+        for line in lines:
+            line.truncate(width, overflow="ellipsis")
+        self.query_one("#verdicts", Static).update(Text("\n").join(lines))
         self.query_one(TopView).show(playback.view(transport.time, window=window))
         self.query_one(TimelineView).move(transport.time)
