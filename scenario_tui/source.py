@@ -298,7 +298,7 @@ def verdict_marks(run: str, target: DaemonTarget) -> Mapping[str, Mark]:
     """
     from daemon.analysis.recorded import read_marks
 
-    silent = replace(target, say=lambda _: None)
+    silent = replace(target, say=lambda _: None, progress=_no_progress)
     with open_source(run, silent) as source:
         (row,) = recorded_runs(source, run, silent)
         expectations = read_marks(source, row)
