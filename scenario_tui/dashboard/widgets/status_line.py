@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final, NamedTuple
@@ -61,13 +62,15 @@ class StatusLine(StaticText):
 
 
 def status_text(state: Known, now: float, width: int) -> Text:
-    """Return the line in the longest of its three lengths that fits into ``width`` cells."""
+    """Return the line that fits into ``width`` cells, its last parts shortened first."""
     parts = list(_standing(state) if state.connected else _gone(state, now))
-    gap = "  " if state.connected else ", "
-    for length in range(len(_Part._fields)):
-        text = Text(gap).join(part[length] for part in parts if part[length])
-        if text.cell_len <= width:
-            return text
+    gap = Text("  " if state.connected else ", ")
+    shown = [part.long for part in parts]
+    for size, index in itertools.product((1, 2), reversed(range(len(parts)))):
+        if gap.join(filter(None, shown)).cell_len <= width:
+            break
+        shown[index] = parts[index][size]
+    text = gap.join(filter(None, shown))
     text.truncate(width, overflow="ellipsis")
     return text
 

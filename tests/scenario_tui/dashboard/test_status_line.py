@@ -34,11 +34,18 @@ def test_with_room_everything_is_said_in_words():
     )
 
 
+def test_the_last_words_go_first():
+    assert line(120) == (
+        "✓ connected  ✗ first: 3 runs unexpected, 2 known  11/14 verdicts, 1 min left  "
+        "✗2 fail ∅1 lost ?1 ✓8 ▶1 …1"
+    )
+
+
 @pytest.mark.parametrize(
     ("overview", "width", "expected"),
     [
-        (SMALL, 118, "11/14 verdicts, 1 min left  ✗2 fail ∅1 lost ?1 ✓8 ▶1 …1"),
-        (SMALL, 78, "11/14, 1 min left  ✗2 fail ∅1 lost ?1 ▶1 …1"),
+        (SMALL, 88, "11/14 verdicts, 1 min left  ✗2 fail ∅1 lost ?1 ✓8 ▶1 …1"),
+        (SMALL, 78, "11/14 verdicts, 1 min left  ✗2 fail ∅1 lost ?1 ▶1 …1"),
         (SMALL, 38, "11/14, 1 mi…"),
         (LARGE, 78, "82k/97k, 2 h left  ✗1,200 fail ‼2 err ∅7 lost ?33 ▶…"),
     ],
@@ -61,7 +68,7 @@ def test_a_newer_campaign_hides_no_failure_until_somebody_acknowledges_it():
     again = replace(first, id="first-again", failed=0)
     cancelled = Conclusion("cancelled", "cancelled")
     conclusions = {**JUDGED, again.id: cancelled}
-    assert "✗ first: 3 unexpected" in line(
+    assert "✗ first: 3 runs unexpected" in line(
         160, campaigns=(again, first, old), conclusions=conclusions
     )
     seen = replace(first, acknowledged=True)
@@ -169,7 +176,7 @@ def test_nothing_to_do_is_fine():
     [
         (78, "! no daemon answers, data is 1 min 15 s old, reconnecting"),
         (50, "! no daemon, data is 1 min old, reconnecting"),
-        (38, "! no daemon, 1 min old"),
+        (28, "! no daemon, 1 min old"),
     ],
 )
 def test_a_gone_daemon_is_said_with_the_age_of_everything_else(width, expected):
@@ -180,7 +187,7 @@ def test_a_gone_daemon_is_said_with_the_age_of_everything_else(width, expected):
 def test_a_daemon_that_is_not_understood_is_not_called_gone():
     said = "the daemon's answer is not understood, versions differ? overview.rate: missing"
     shown = line(78, connected=False, problem=said, refused=True)
-    assert shown == "! the daemon's answer is not understood, versions differ, 1 min old"
+    assert shown == "! the daemon's answer is not understood, versions differ, data is 1 min old"
 
 
 def test_before_the_first_answer_it_is_connecting():
