@@ -147,13 +147,15 @@ class TimeLeft:
 class _Work:
     """Runs that are left of a campaign: their number, seconds on one slot, those of the longest.
 
-    The seconds are infinite while nobody knows how long one of them takes.
+    ``queued`` is the longest that has not begun [s]. The seconds are infinite while nobody knows
+    how long one of them takes.
     """
 
     priority: int = 0
     runs: int = 0
     seconds: float = 0.0
     longest: float = 0.0
+    queued: float = 0.0
 
     def add(self, runs: int, each: float | None) -> None:
         """Add ``runs`` that take so long ``each`` [s]."""
@@ -179,6 +181,7 @@ def read_time_left(
         return TimeLeft()
     durations, work = _Durations(db), defaultdict[str, _Work](_Work)
     speeds: dict[str, float] = {}
+    rests: list[float] = []
     for campaign, priority, scenario, sut, limit, run, worker, leased in db.execute(
         _RUNNING, (now,)
     ):
@@ -189,18 +192,24 @@ def read_time_left(
         rest = durations.rest(scenario, sut, limit, pace.elapsed, pace.speed)
         work[campaign].priority = priority
         work[campaign].add(1, None if waits else rest)
+        rests.append(math.inf if waits or rest is None else rest)
     for campaign, priority, scenario, sut, limit, runs in db.execute(_QUEUED):
         each = durations.of(scenario, sut, limit)
         if each is None and sut in speeds:
             each = limit / speeds[sut]
         work[campaign].priority = priority
         work[campaign].add(runs, each)
+        work[campaign].queued = max(work[campaign].queued, math.inf if each is None else each)
     for row in read_searches(db, SearchQuery(unfinished=True)):
         if (one := work.get(row.campaign)) is not None:
             # Those it may still propose: as those it has.
             one.add(max(0, row.task.runs - row.proposed), one.seconds / one.runs)
     seconds = sum(one.seconds for one in work.values())
-    longest = max((one.longest for one in work.values()), default=0.0)
+    # No run is interrupted: what waits begins when one that holds a slot ends.
+    free = min(rests) if len(rests) >= slots else 0.0
+
+    def longest(one: _Work) -> float:
+        return max(one.longest, free + one.queued if one.queued else 0.0)
 
     def last(one: _Work) -> float:
         before = sum(other.seconds for other in work.values() if other.priority > one.priority)
@@ -209,9 +218,9 @@ def read_time_left(
             for other in work.values()
             if other.priority == one.priority
         )
-        return max(one.longest, (before + sum(beside)) / slots)
+        return max(longest(one), (before + sum(beside)) / slots)
 
-    whole = max(longest, seconds / slots)
+    whole = max((*map(longest, work.values()), seconds / slots))
     lasts = {campaign: last(one) for campaign, one in work.items()}
     return TimeLeft(
         whole if work and math.isfinite(whole) else None,

@@ -133,6 +133,16 @@ def test_the_last_run_takes_no_less_time_on_many_slots(ledger):
     assert ledger.left(8).campaigns == {"c": pytest.approx(20.0)}
 
 
+def test_what_waits_begins_when_a_run_that_holds_a_slot_ends(ledger):
+    ledger.executed("first", 3000.0, sut="slow")
+    ledger.executed("second", 8.0)
+    ledger.submit("slow", 2, sut="slow")
+    ledger.book.lease("w", 2, NOW)
+    ledger.submit("quick", 1)
+    assert ledger.left(2, now=NOW + 1000.0).campaigns["quick"] == 2008.0
+    assert ledger.left(3, now=NOW + 1000.0).campaigns["quick"] == 8.0
+
+
 def test_campaigns_take_turns_and_those_of_higher_priority_go_before(ledger):
     ledger.executed("first", 1.0)
     for campaign, runs in (("small", 2), ("large", 6), ("paused", 50)):
