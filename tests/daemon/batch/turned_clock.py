@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from daemon.__main__ import main
-from daemon.batch.server._workers import LeaseClock
+from daemon.batch.server._workers import LeaseClock, LeaseDeadlines
 from grammars.text.files import write_atomically
 
 TURNED = {"module": "tests.daemon.batch.turned_clock"}
@@ -37,16 +37,19 @@ def _read(file):
 
 
 def _turn(folder):
-    advance, added = LeaseClock.advance, 0.0
+    advance, overdue, added = LeaseClock.advance, LeaseDeadlines.overdue, 0.0
 
     def advance_more(clock, steady):
-        nonlocal added
-        stalled = advance(clock, steady + _read(folder / "held_up"))
-        before, added = added, _read(folder / "later")
-        clock.now += added - before
-        return stalled
+        return advance(clock, steady + _read(folder / "held_up"))
 
-    LeaseClock.advance = advance_more
+    def overdue_later(deadlines, leases):
+        nonlocal added
+        before, added = added, _read(folder / "later")
+        overdue(deadlines, leases)  # what was leased since the last look lasts from here
+        deadlines._clock.now += added - before
+        return overdue(deadlines, leases)
+
+    LeaseClock.advance, LeaseDeadlines.overdue = advance_more, overdue_later
 
 
 if __name__ == "__main__":

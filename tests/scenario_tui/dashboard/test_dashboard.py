@@ -50,7 +50,7 @@ async def test_the_first_line_says_whether_it_is_fine(opened):
     async with opened(120, 30) as pilot:
         await settle(pilot)
         line = screen_text(pilot)[0]
-    for words in ("✗ first: 2 unexpected", "11/14 verdicts, 1 min left", "✗2 fail", "∅1 lost"):
+    for words in ("✗ first: 2 runs unexpected", "11/14 verdicts, 1 min left", "✗2 fail", "∅1 lost"):
         assert words in line
 
 

@@ -34,9 +34,12 @@ def daemon_and_worker(folder, *, state="state", through=(), **settings):
 
 @contextmanager
 def failing_daemon(folder):
-    """A daemon that fails at verbs when it is told so, and a worker."""
+    """A daemon that fails at verbs when it is told so, and a worker.
+
+    A run that was given back in vain waits until its lease ends.
+    """
     (folder / "faults").mkdir()
-    with daemon_and_worker(folder, module="tests.daemon.batch.failing_daemon") as parts:
+    with daemon_and_worker(folder, module="tests.daemon.batch.failing_daemon", lease=30.0) as parts:
         yield parts
 
 
