@@ -265,8 +265,9 @@ def read_marks(source: CampaignSource, row: RunRow) -> Expectations | None:
     if (note and note.declared is None) or source.search_row(row.campaign) is not None:
         return None
     declared = source.declared(row.campaign)
-    rows = source.all_runs(row.campaign, scenario=row.scenario, sut=row.sut, results=True)
-    if note:
+    if note is None:
+        rows = source.all_runs(row.campaign, scenario=row.scenario, sut=row.sut, results=True)
+    else:
         # Of the repeats of a trace nothing is known: they may be what an expectation asks for.
         rows = (row, replace(row, id="", state=RunState.QUEUED, outcome=None, result=None))
     return find_marks(declared, assess(declared, rows), (row,))

@@ -312,7 +312,7 @@ class CampaignSource(ABC):
 
 
 class DaemonClient(CampaignSource):
-    """What people ask a daemon: a method for each verb, and what needs several of them.
+    """Questions and orders for a daemon: a method for each verb, and what needs several of them.
 
     :class:`daemon.batch.client.Client` asks over the bus.
     """

@@ -85,10 +85,10 @@ def _append_log(text: Text, log: LogExcerpt) -> None:
     text.append("\n")
     if log.before:
         text.append(f"{count_noun(log.before, 'line')} before these\n", style=QUIET)
-    for time, source, said in log.lines:
+    for time, source, words in log.lines:
         text.append(f"{time_text(time):>10}  ", style=QUIET)
         text.append(f"{source:<10} ", style="bold")
-        text.append("\n".join(printed_lines(said)) + "\n")
+        text.append("\n".join(printed_lines(words)) + "\n")
     if log.after:
         text.append(f"and {count_noun(log.after, 'line')} more\n", style=QUIET)
     for name, printed in log.outputs.items():

@@ -157,9 +157,8 @@ class _Work:
     longest: float = 0.0
     queued: float = 0.0
 
-    def add(self, runs: int, each: float | None) -> None:
+    def add(self, runs: int, each: float) -> None:
         """Add ``runs`` that take so long ``each`` [s]."""
-        each = math.inf if each is None else each
         self.runs += runs
         self.seconds += runs * each
         self.longest = max(self.longest, each)
@@ -191,15 +190,15 @@ def read_time_left(
         waits = run not in paces and worker in preparing
         rest = durations.rest(scenario, sut, limit, pace.elapsed, pace.speed)
         work[campaign].priority = priority
-        work[campaign].add(1, None if waits else rest)
         rests.append(math.inf if waits or rest is None else rest)
+        work[campaign].add(1, rests[-1])
     for campaign, priority, scenario, sut, limit, runs in db.execute(_QUEUED):
         each = durations.of(scenario, sut, limit)
-        if each is None and sut in speeds:
-            each = limit / speeds[sut]
+        if each is None:
+            each = limit / speeds[sut] if sut in speeds else math.inf
         work[campaign].priority = priority
         work[campaign].add(runs, each)
-        work[campaign].queued = max(work[campaign].queued, math.inf if each is None else each)
+        work[campaign].queued = max(work[campaign].queued, each)
     for row in read_searches(db, SearchQuery(unfinished=True)):
         if (one := work.get(row.campaign)) is not None:
             # Those it may still propose: as those it has.

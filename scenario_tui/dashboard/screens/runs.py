@@ -292,12 +292,12 @@ def run_cells(row: RunRow, track: Track | None, expectations: Expectations | Non
     """Return a run as a row of the table, marked by ``expectations``."""
     progress = time_text(row.simulated) if row.outcome is not None else ""
     if row.state is RunState.RUNNING:
-        seen = track.snapshot if track is not None else None
+        snapshot = track.snapshot if track is not None else None
         # A stack's start takes more room than this column; the run itself, beside it, says it.
-        progress = reached_text(None if seen and seen.waiting else seen, limit=False)
-        if seen is not None:
+        progress = reached_text(None if snapshot and snapshot.waiting else snapshot, limit=False)
+        if snapshot is not None:
             # Its least margin so far and whose it is, as if it decided.
-            row = replace(row, oracle=seen.oracle, margin=seen.margin, unit=seen.unit)
+            row = replace(row, oracle=snapshot.oracle, margin=snapshot.margin, unit=snapshot.unit)
     return row.id, (
         Text(run_label(row), style="bold"),
         marked_word(row, expectations),
