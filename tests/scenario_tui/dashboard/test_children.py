@@ -61,7 +61,8 @@ def test_memory_of_what_children_sent_goes_back_to_the_system():
         children.close()
     assert this.memory_info().rss - before > 4 * size
     sent.clear()
-    assert this.memory_info().rss - before < size
+    # The last child's thread has what it took in until it ends, a moment after the child is closed.
+    eventually(lambda: this.memory_info().rss - before < size)
 
 
 def test_errors_come_back_as_they_are_and_the_child_stays(children, tmp_path):
