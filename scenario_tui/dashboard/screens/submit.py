@@ -102,15 +102,13 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
         self._say()
 
     def _list_files(self, near: tuple[Path, ...]) -> None:
-        """List the demo, then the files: those used last, then those changed last."""
+        """List the files, those used last and then those changed last, and then the demo."""
         demo = Path(str(files("campaigns"))) / "demo" / "campaign.yaml"
         used = [path for path in self.dashboard.submitted if path in near]
         own = [path for path in dict.fromkeys((*used, *near)) if path != demo]
-        self._files = {_DEMO: demo} | {relative_name(path, self._here): path for path in own}
+        # Behind their own files: who types "demo" means the one in front of them.
+        self._files = {relative_name(path, self._here): path for path in own} | {_DEMO: demo}
         self._narrow()
-        # Somebody with campaigns of their own means the newest of them, unless they typed a name.
-        if not self._line.value:
-            self._list.highlighted = min(1, len(own))
 
     def on_input_changed(self) -> None:
         """Narrow the files down to what is typed."""

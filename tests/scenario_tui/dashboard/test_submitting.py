@@ -151,13 +151,14 @@ async def test_who_leaves_is_told_of_a_submission_that_was_cut_off(fake, folder,
         assert "cut off" not in pilot.app.farewell()
 
 
-async def test_a_name_typed_before_the_files_are_listed_chooses_the_first_that_fits(fake, folder):
+async def test_a_name_typed_before_the_files_are_listed_chooses_ones_own_file(fake, folder):
     async with make_dashboard(fake).run_test(size=(80, 24)) as pilot:
         await settle(pilot)
-        await pilot.press("s", *"camp")
+        # The demo that ships fits as well.
+        await pilot.press("s", *"demo")
         await until(pilot, lambda: "scenario submit" in about(pilot) and "✓" in about(pilot))
-        screen = pilot.app.screen
-        assert screen.query_one(OptionList).highlighted == 0
+        assert pilot.app.screen.query_one(OptionList).option_count == 2
+        assert "scenario submit demo/campaign.yaml" in about(pilot)
 
 
 async def test_somebody_new_is_offered_the_demo(fake, folder, monkeypatch):
@@ -176,9 +177,9 @@ async def test_what_was_submitted_last_is_offered_first_among_ones_own(fake, fol
         for first in (["demo/campaign.yaml", "broken.yaml"], ["broken.yaml", "demo/campaign.yaml"]):
             await press(pilot, "s")
             await until(
-                pilot, lambda: "broken.yaml" in screen_text(pilot)[5] + screen_text(pilot)[4]
+                pilot, lambda: "broken.yaml" in screen_text(pilot)[4] + screen_text(pilot)[3]
             )
-            assert [line.strip() for line in screen_text(pilot)[4:6]] == first
+            assert [line.strip() for line in screen_text(pilot)[3:5]] == first
             assert f"scenario submit {first[0]}" in about(pilot)
             await press(pilot, "escape")
             pilot.app.remember(folder / "broken.yaml", "")
@@ -188,8 +189,8 @@ async def test_a_click_chooses_a_file(fake, folder):
     async with make_dashboard(fake).run_test(size=(80, 24)) as pilot:
         await settle(pilot)
         await press(pilot, "s")
-        await until(pilot, lambda: "broken.yaml" in screen_text(pilot)[5])
-        await pilot.click(offset=(5, 5))
+        await until(pilot, lambda: "broken.yaml" in screen_text(pilot)[4])
+        await pilot.click(offset=(5, 4))
         await until(pilot, lambda: "✗" in about(pilot))
         assert not notices(pilot)
 
