@@ -4,7 +4,7 @@
 campaign that is executed for them: the tests say when they are not true any more. ``docs/demo.svg``
 is what ``scenario demo`` prints, ``docs/flat.svg`` the flat as ``scenario export`` draws it;
 ``--views`` leaves these two, which take a while, as they are. ``--cast`` records the first hour
-with the dashboard for asciinema instead, ``docs/pictures/first-hour.cast``; it needs ``unshare``.
+with the dashboard for asciinema instead, ``docs/pictures/first-hour.cast``.
 """
 
 import asyncio
@@ -26,8 +26,6 @@ DOCS = ROOT / "docs"
 CAMPAIGN = ROOT / "campaigns" / "demo" / "campaign.yaml"
 SCENARIO = Path(sys.executable).with_name("scenario")
 WIDTH = 90
-PUBLIC = Path("/srv")
-"""Where this copy seems to lie in the recorded session, whose screens show paths of it."""
 
 
 def record_demo():
@@ -79,20 +77,9 @@ def record_views():
             (FOLDER / f"{name}.svg").write_text(svg)
 
 
-def record_cast():
-    """Record the session by a process that finds this copy in a folder that names no machine."""
-    if ROOT == PUBLIC:
-        record_session()
-        return
-    again = [sys.executable, "-m", "tests.pictures", "--cast"]
-    bind = 'mount --bind "$0" "$1" && cd "$1" && shift && exec "$@"'
-    unshare = ["unshare", "--map-root-user", "--mount", "sh", "-c", bind, ROOT, PUBLIC]
-    subprocess.run([*unshare, *again], check=True)
-
-
 if __name__ == "__main__":
     if "--cast" in sys.argv[1:]:
-        record_cast()
+        record_session()
         sys.exit()
     record_views()
     if "--views" in sys.argv[1:]:

@@ -2,13 +2,11 @@
 
 import itertools
 import json
-import re
 import sys
 from pathlib import Path
 
 import pyte
 
-from tests.pictures import PUBLIC
 from tests.scenario_tui.terminal.first_hour import DOCUMENT, SIZE, read_steps
 from tests.scenario_tui.terminal.pseudo_terminal import ALTERNATE, ROOT, terminal
 from tests.scenario_tui.terminal.session_cast import CAST, LARGEST, LONGEST_PAUSE, CastRecorder
@@ -69,8 +67,8 @@ def test_the_session_in_the_docs_can_be_played_and_names_no_machine():
     assert "\N{REPLACEMENT CHARACTER}" not in written
     for folder in ("/home", Path.home(), ROOT):
         assert f"{folder}/" not in written
-    shipped = re.findall(r"/[\w/.-]*campaigns/demo/campaign\.yaml", written)
-    assert set(shipped) == {f"{PUBLIC}/campaigns/demo/campaign.yaml"}
+    # What ships would be named by where this copy lies, which may be anywhere.
+    assert "/campaigns/demo/" not in written
 
 
 def test_the_session_in_the_docs_shows_what_the_tutorial_says():
