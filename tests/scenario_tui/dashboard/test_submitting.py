@@ -157,7 +157,8 @@ async def test_a_name_typed_before_the_files_are_listed_chooses_ones_own_file(fa
         # The demo that ships fits as well.
         await pilot.press("s", *"demo")
         await until(pilot, lambda: "scenario submit" in about(pilot) and "✓" in about(pilot))
-        assert pilot.app.screen.query_one(OptionList).option_count == 2
+        files = pilot.app.screen.query_one(OptionList)
+        assert (files.highlighted, files.option_count) == (0, 2)
         assert "scenario submit demo/campaign.yaml" in about(pilot)
 
 
