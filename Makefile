@@ -44,13 +44,13 @@ bench-campaign: $(VENV)/.installed-test ## the 120 runs of the published experim
 	$(KEEP_BYTECODE) $(BIN)/python -m tests.benchmarks campaign
 
 fuzz: $(VENV)/.installed-test     ## 10 000 mutated files of every language; some hours
-	$(BIN)/python -m tests.fuzz
+	$(BIN)/python -m tests.languages.fuzz
 
 chaos: $(VENV)/.installed-test    ## kill, freeze, starve and cut off; 33 minutes beside other work
 	$(BIN)/python -m tests.chaos
 
 docs: $(VENV)/.installed-docs     ## build the documentation as a site: site/index.html
-	$(BIN)/python -m tests.language_docs
+	$(BIN)/python -m tests.docs
 	$(BIN)/sphinx-build --fail-on-warning --keep-going --nitpicky --quiet docs site
 
 format: $(VENV)/.installed-test   ## rewrite sources the way lint wants them

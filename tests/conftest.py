@@ -61,7 +61,7 @@ def _texts_are_read_once(request):
     the time of the tests that load them.
     """
     with pytest.MonkeyPatch.context() as patch:
-        if "grammars" not in request.path.parts or request.path.parent.name == "errors":
+        if "languages" not in request.path.parts or request.path.parent.name == "errors":
             patch.setattr(Language, "_tree", lambda language, text: _read_once(language, text))
         yield
 

@@ -41,7 +41,7 @@ from grammars.variation import load_variation, sample, write_variants
 from templates.jsonld import write_jsonld
 from templates.sdf import frames_text
 from templates.tasks import contour_route, inset_contour
-from tests.grammars.plans import world_of
+from tests.languages.plans import world_of
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "published-models.md"

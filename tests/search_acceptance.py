@@ -36,9 +36,9 @@ from daemon.search.points import changed_parameters
 from daemon.search.preparation import prepare_search
 from daemon.search.program import run_search
 from grammars.text.diagnostics import InputError
-from tests.daemon.batch.harness import daemon_at, eventually
-from tests.daemon.search.cases import load_search_case
-from tests.daemon.search.local_runs import LocalRuns
+from tests.analysis.search.cases import load_search_case
+from tests.analysis.search.local_runs import LocalRuns
+from tests.parts import daemon_at, eventually
 
 ROOT = Path(__file__).parents[1]
 CAMPAIGN = ROOT / "campaigns" / "demo" / "campaign.yaml"

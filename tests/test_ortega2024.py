@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from tests.daemon.analysis.report.recordings import REPEATS, SHUT, SUTS, record, spec
+from tests.analysis.report.recordings import REPEATS, SHUT, SUTS, record, spec
 from tests.ortega2024 import PAGE, count_text, mean_text, number, page_tables, page_with, read_cells
 
 

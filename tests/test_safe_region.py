@@ -24,7 +24,7 @@ from daemon.model.verdicts import Evidence, Outcome, Verdict
 from daemon.search.answers.sentences import headline
 from daemon.search.methods import SearchMethod
 from daemon.search.space import SearchSpace
-from tests.run_rows import run_result, run_row
+from tests.make import run_result, run_row
 from tests.safe_region import (
     DONE,
     PAGE,

@@ -28,7 +28,7 @@ import platformdirs
 from tests.benchmarks import progress
 from tests.benchmarks.case_process import CAMPAIGNS, CORRIDORS
 from tests.benchmarks.measurement import Measurement, Reference
-from tests.daemon.batch.harness import eventually
+from tests.parts import eventually
 
 ROOT = Path(__file__).parents[2]
 RUNS = (*CORRIDORS, *CAMPAIGNS)

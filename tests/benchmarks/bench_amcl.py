@@ -17,9 +17,9 @@ from daemon.stacks.ros1.quirks import FAST
 from grammars.model.geometry import Pose2
 from grammars.model.grid import FREE, OCCUPIED, OccupancyGrid
 from tests.benchmarks.measurement import Measurement, Reference
-from tests.daemon.stacks.ros1.amcl.plain import PlainAmcl
-from tests.daemon.stacks.ros1.amcl.world import LASER, PUBLISHED, see
 from tests.kernels import load_all
+from tests.stacks.ros1.amcl.plain import PlainAmcl
+from tests.stacks.ros1.amcl.world import LASER, PUBLISHED, see
 
 UPDATES = 120
 BLOCK = 20

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import psutil
 
+from tests.batch.dask_harness import dask_in, gateway_for
 from tests.benchmarks.measurement import Measurement, Reference
-from tests.daemon.batch.dask_harness import dask_in, gateway_for
-from tests.daemon.batch.harness import daemon_at, eventually, family
-from tests.daemon.batch.samples import make_submission
+from tests.make import make_submission
+from tests.parts import daemon_at, eventually, family
 
 LONG = "needs dask, starts a cluster"
 _RUNS = 400

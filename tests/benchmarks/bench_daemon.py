@@ -24,8 +24,8 @@ from daemon.model.execution import DEFAULT_EXECUTOR
 from daemon.model.submission import MOST_RUNS
 from tests.benchmarks.measurement import Measurement, Reference, at_least, at_most
 from tests.chaos.light import Crew, LightWorker
-from tests.daemon.batch.harness import daemon_at, eventually, family, finished
-from tests.daemon.batch.samples import make_submission
+from tests.make import make_submission
+from tests.parts import daemon_at, eventually, family, finished
 
 EMPTY = 3000
 QUEUED = 100_000

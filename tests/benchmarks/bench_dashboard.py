@@ -14,8 +14,8 @@ import psutil
 from daemon.campaign import expand, load_campaign
 from tests.benchmarks import progress
 from tests.benchmarks.measurement import Measurement, Reference, at_most
-from tests.daemon.batch.harness import daemon_at, eventually, finished
-from tests.scenario_tui.terminal.pseudo_terminal import scenario, terminal
+from tests.parts import daemon_at, eventually, finished
+from tests.people.terminal.pseudo_terminal import scenario, terminal
 
 CAMPAIGN = Path(__file__).parents[2] / "campaigns" / "ortega2024" / "first.yaml"
 SECONDS = 600.0

@@ -16,8 +16,8 @@ from daemon.stacks.ros1.dwa.controller import Dwa
 from daemon.stacks.ros1.quirks import FAST
 from grammars.model.geometry import Pose2, Twist2
 from tests.benchmarks.measurement import Measurement, Reference
-from tests.daemon.stacks.ros1.dwa.helpers import A2S, LARGE, OMNI, SMALL, Problem, settings, singles
 from tests.kernels import load_all
+from tests.stacks.ros1.dwa.helpers import A2S, LARGE, OMNI, SMALL, Problem, settings, singles
 
 PROBLEMS = 24
 REPEATS = 5

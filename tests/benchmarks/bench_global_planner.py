@@ -15,8 +15,8 @@ from daemon.stacks.ros1.navfn.planner import Navfn
 from daemon.stacks.ros1.quirks import FIXED
 from tests.benchmarks.bench_navfn import STEP, disturb
 from tests.benchmarks.measurement import Measurement, Reference
-from tests.daemon.stacks.ros1.navfn import building
 from tests.kernels import load_all
+from tests.stacks.ros1.navfn import building
 
 KINDS = {
     "navfn": None,

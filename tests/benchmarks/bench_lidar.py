@@ -17,7 +17,7 @@ from daemon.simulator import World
 from grammars.model.geometry import Pose2
 from tests.benchmarks.corridor import LENGTH, build_world, robot, robot_with_two_lasers, scene
 from tests.benchmarks.measurement import Measurement, Reference
-from tests.daemon.simulator.reference import cast_by_broadcast, near_an_end, world_segments
+from tests.engine.simulator.reference import cast_by_broadcast, near_an_end, world_segments
 from tests.kernels import load_all
 
 POSES = 40

@@ -11,9 +11,9 @@ import numpy as np
 
 from daemon.stacks.ros1.cost_grid import CostGrid
 from tests.benchmarks.measurement import Measurement, Reference
-from tests.daemon.stacks.ros1.navfn import building
-from tests.daemon.stacks.ros1.navfn.fields import a_field, path
 from tests.kernels import load_all
+from tests.stacks.ros1.navfn import building
+from tests.stacks.ros1.navfn.fields import a_field, path
 
 STEP = 0.04
 """Metres between two plans: 136 m in about 3400 plans."""

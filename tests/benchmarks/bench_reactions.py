@@ -19,9 +19,9 @@ from daemon.batch.ledger import LedgerWriter
 from daemon.batch.paths import StatePaths
 from tests.benchmarks import progress
 from tests.benchmarks.measurement import Measurement, Reference, at_most
-from tests.daemon.batch.harness import daemon_at, eventually
-from tests.daemon.batch.samples import make_submission
-from tests.scenario_tui.terminal.pseudo_terminal import scenario, terminal
+from tests.make import make_submission
+from tests.parts import daemon_at, eventually
+from tests.people.terminal.pseudo_terminal import scenario, terminal
 
 ROOT = Path(__file__).parents[2]
 CAMPAIGNS = 20_000

@@ -27,8 +27,8 @@ from grammars.model.scene import Link, SceneObject
 from tests.benchmarks import bench_amcl, bench_costmap, corridor
 from tests.benchmarks.bench_run import idle
 from tests.benchmarks.measurement import Measurement, Reference, at_most, in_turns
-from tests.daemon.stacks.ros1.amcl.world import LASER, PUBLISHED
 from tests.kernels import load_all
+from tests.stacks.ros1.amcl.world import LASER, PUBLISHED
 
 TIMES = 5
 SECONDS = 30

@@ -25,7 +25,7 @@ from daemon.trace.layouts import HEADER
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.grid import OccupancyGrid
 from tests.benchmarks.measurement import Measurement, Reference
-from tests.daemon.trace.recordings import ROBOT, door, scene, specification
+from tests.engine.trace.recordings import ROBOT, door, scene, specification
 
 RAYS = 500
 DOORS = 20

@@ -15,9 +15,9 @@ from daemon.stacks.ros1.trajectory_planner._settings import settings_of
 from daemon.stacks.ros1.trajectory_planner.controller import TrajectoryPlanner
 from grammars.model.geometry import Pose2, Twist2
 from tests.benchmarks.measurement import Measurement, Reference
-from tests.daemon.stacks.ros1.trajectory_planner.helpers import ROBOTS, costs_around
-from tests.daemon.stacks.ros1.trajectory_planner.plain import PlainPlanner
 from tests.kernels import load_all
+from tests.stacks.ros1.trajectory_planner.helpers import ROBOTS, costs_around
+from tests.stacks.ros1.trajectory_planner.plain import PlainPlanner
 
 CYCLES = 6
 REPEATS = 5

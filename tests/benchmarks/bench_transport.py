@@ -29,8 +29,8 @@ from daemon.model.spec import TraceInfo
 from tests.benchmarks.bench_daemon import cpu, fresh, spread
 from tests.benchmarks.measurement import Measurement, Reference
 from tests.chaos.lines import slow_line
-from tests.daemon.batch.harness import eventually, finished, worker_for
-from tests.daemon.batch.samples import make_result, make_submission
+from tests.make import make_result, make_submission
+from tests.parts import eventually, finished, worker_for
 
 LONG = "short runs over a link of 200 ms"
 SIZE = 64 * 2**20

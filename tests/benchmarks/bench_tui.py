@@ -18,9 +18,9 @@ from pathlib import Path
 import psutil
 
 from tests.benchmarks.measurement import Measurement, Reference, at_most
-from tests.daemon.batch.harness import daemon_at, eventually, finished
-from tests.daemon.batch.samples import make_spec, make_submission, submission_of
-from tests.scenario_tui.terminal.pseudo_terminal import scenario, terminal
+from tests.make import make_spec, make_submission, submission_of
+from tests.parts import daemon_at, eventually, finished
+from tests.people.terminal.pseudo_terminal import scenario, terminal
 
 LONG = "100 000 runs, minutes of watching a terminal"
 MANY = 100_000
@@ -242,7 +242,7 @@ def line():
 
 def live_map():
     """The map of a run as it is played, ten frames a second."""
-    from tests.scenario_tui.recorded import record_run
+    from tests.people.recorded import record_run
 
     with tempfile.TemporaryDirectory(prefix="bench-tui-") as folder:
         trace = record_run(Path(folder) / "run.mcap")
@@ -267,8 +267,8 @@ def per_second(name, shown, *goals):
 
 async def an_hour():
     """Telemetry ten times a second, taken in every second and drawn every ten."""
-    from tests.scenario_tui.dashboard.inline import make_dashboard, press, settle
-    from tests.scenario_tui.fake import FakeDaemon, make_live
+    from tests.people.dashboard.inline import make_dashboard, press, settle
+    from tests.people.fake import FakeDaemon, make_live
 
     fake = FakeDaemon()
     process, start = psutil.Process(), 0.0

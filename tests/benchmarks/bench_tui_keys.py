@@ -9,7 +9,7 @@ import time
 from tests.benchmarks import progress
 from tests.benchmarks.bench_tui import MANY, cpu, fresh, large, opened
 from tests.benchmarks.measurement import Measurement, at_most
-from tests.daemon.batch.samples import make_submission
+from tests.make import make_submission
 
 CAMPAIGNS = 300
 TIMES = 50

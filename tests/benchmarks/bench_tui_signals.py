@@ -14,7 +14,7 @@ from scenario_tui.dashboard.run_timeline import live_timeline
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.terminal.limited_terminal import LimitedTerminalApp
 from tests.benchmarks.measurement import Measurement, Reference, at_most
-from tests.scenario_tui.fake import make_row, make_spec
+from tests.people.fake import make_row, make_spec
 
 SIZES = ((80, 24), (200, 50))
 FRAMES, PARTS, SIGNALS, DOORS = 40, 200, 8, 8

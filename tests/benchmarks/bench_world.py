@@ -11,7 +11,7 @@ import numpy as np
 
 from tests.benchmarks.corridor import build_world, steer
 from tests.benchmarks.measurement import Measurement, Reference
-from tests.daemon.simulator.reference import world_segments
+from tests.engine.simulator.reference import world_segments
 from tests.kernels import load_all
 
 SECONDS = 60

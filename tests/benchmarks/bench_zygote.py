@@ -18,8 +18,8 @@ from daemon.model.execution import RunLimits
 from daemon.model.messages import Lease
 from grammars.text import codec
 from tests.benchmarks.measurement import Measurement, Reference
-from tests.daemon.batch.fake_run import execute
-from tests.daemon.batch.samples import SCENE, make_spec
+from tests.fake_run import execute
+from tests.make import SCENE, make_spec
 
 RUNS = 100
 WARM = 10

@@ -26,8 +26,8 @@ from tests.benchmarks import progress
 from tests.benchmarks.bench_ros import CAMPAIGN
 from tests.benchmarks.case_process import REFERENCE
 from tests.benchmarks.measurement import Measurement, Reference, at_most
-from tests.daemon.batch.harness import daemon_at, eventually, family
-from tests.scenario_tui.terminal.pseudo_terminal import scenario
+from tests.parts import daemon_at, eventually, family
+from tests.people.terminal.pseudo_terminal import scenario
 
 RUNS = 120
 GOAL = 270.0

@@ -5,8 +5,8 @@ import time
 
 from tests.chaos.report import Report
 from tests.chaos.verify import check_book
-from tests.daemon.batch.harness import daemon_at
-from tests.daemon.batch.samples import make_submission
+from tests.make import make_submission
+from tests.parts import daemon_at
 
 IDLE = 3.0
 """Seconds without a request, after which nothing acknowledged may lie in the log alone."""

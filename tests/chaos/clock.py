@@ -6,8 +6,8 @@ import time
 from grammars.text.files import write_atomically
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
-from tests.daemon.batch.harness import daemon_at, eventually, finished, worker_for
-from tests.daemon.batch.samples import make_submission
+from tests.make import make_submission
+from tests.parts import daemon_at, eventually, finished, worker_for
 
 EXECUTOR = "tests.chaos.executor:execute"
 STEPPED = "tests.chaos.stepped"

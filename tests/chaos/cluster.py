@@ -7,12 +7,12 @@ from contextlib import suppress
 
 import psutil
 
+from tests.batch.dask_harness import dask_in, gateway_for
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
 from tests.chaos.violence import EXECUTOR, attempts_below, progress
-from tests.daemon.batch.dask_harness import dask_in, gateway_for
-from tests.daemon.batch.harness import alive, daemon_at
-from tests.daemon.batch.samples import make_spec, submission_of
+from tests.make import make_spec, submission_of
+from tests.parts import alive, daemon_at
 
 THREADS = 2
 WORKERS = 2

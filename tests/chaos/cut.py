@@ -8,14 +8,14 @@ from grammars.text.files import matching_paths
 from tests.chaos.links import links, may_make_namespaces
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
-from tests.daemon.batch.harness import (
+from tests.make import make_submission
+from tests.parts import (
     daemon_at,
     eventually,
     finished,
     free_endpoint,
     worker_for,
 )
-from tests.daemon.batch.samples import make_submission
 
 EXECUTOR = "tests.chaos.executor:execute"
 

@@ -11,8 +11,8 @@ from pathlib import Path
 from grammars.text.files import matching_paths
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
-from tests.daemon.batch.harness import daemon_at, eventually, finished
-from tests.daemon.batch.samples import make_submission
+from tests.make import make_submission
+from tests.parts import daemon_at, eventually, finished
 
 EXECUTOR = "tests.chaos.executor:execute"
 SIZE = 64

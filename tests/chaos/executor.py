@@ -24,7 +24,7 @@ from mcap.writer import CompressionType, Writer
 
 from daemon.model.spec import TraceInfo
 from tests.chaos.executions import note
-from tests.daemon.batch.samples import make_result
+from tests.make import make_result
 
 MESSAGES = 20
 TREE = 4

@@ -19,7 +19,7 @@ from daemon.model.messages import (
     RenewRequest,
     WorkerInfo,
 )
-from tests.daemon.batch.samples import make_result
+from tests.make import make_result
 
 
 class LightWorker:

@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from tests.chaos.links import Relay
-from tests.daemon.batch.harness import eventually, free_endpoint
+from tests.parts import eventually, free_endpoint
 
 ROOT = Path(__file__).parents[2]
 CHUNKS = (2**12, 2**16)

@@ -10,8 +10,8 @@ from daemon.batch.errors import DaemonError
 from tests.chaos.executions import Executions
 from tests.chaos.light import LightWorker
 from tests.chaos.report import Report
-from tests.daemon.batch.harness import daemon_at, eventually, worker_for
-from tests.daemon.batch.samples import make_submission
+from tests.make import make_submission
+from tests.parts import daemon_at, eventually, worker_for
 
 EXECUTOR = "tests.chaos.executor:execute"
 PATIENCE = 600.0

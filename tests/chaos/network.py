@@ -17,14 +17,14 @@ from tests.chaos.lines import UNLIMITED, breaking_line, drop_packets, slow_line
 from tests.chaos.links import Namespace, links, may_make_namespaces
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
-from tests.daemon.batch.harness import (
+from tests.make import make_spec, submission_of
+from tests.parts import (
     daemon_at,
     eventually,
     finished,
     free_endpoint,
     worker_for,
 )
-from tests.daemon.batch.samples import make_spec, submission_of
 
 EXECUTOR = "tests.chaos.executor:execute"
 LEASE = 30.0

@@ -5,8 +5,8 @@ import psutil
 from grammars.text.files import matching_paths
 from tests.chaos.executions import Executions
 from tests.chaos.report import Report
-from tests.daemon.batch.harness import daemon_at, eventually, finished
-from tests.daemon.batch.samples import make_spec, submission_of
+from tests.make import make_spec, submission_of
+from tests.parts import daemon_at, eventually, finished
 
 EXECUTOR = "tests.chaos.executor:execute"
 MIB = 2**20

@@ -16,8 +16,8 @@ from grammars.text.files import matching_paths
 from tests.chaos.programs.hostile import DEEDS
 from tests.chaos.report import Report
 from tests.chaos.verify import check_book
-from tests.daemon.batch.harness import daemon_at, eventually, finished
-from tests.daemon.batch.samples import make_spec, submission_of
+from tests.make import make_spec, submission_of
+from tests.parts import daemon_at, eventually, finished
 
 MARK = "SCENARIO_CHAOS_PLUGINS"
 HONEST = 4

@@ -6,8 +6,8 @@ from tests.chaos.disk import fill, may_mount, small_disk
 from tests.chaos.executions import Executions
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
-from tests.daemon.batch.harness import Part, daemon_at, eventually, finished
-from tests.daemon.batch.samples import make_submission
+from tests.make import make_submission
+from tests.parts import Part, daemon_at, eventually, finished
 
 EXECUTOR = "tests.chaos.executor:execute"
 PER_MINUTE = 60

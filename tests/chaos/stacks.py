@@ -14,9 +14,9 @@ from daemon.stacks.ros2.process import StackProcess
 from daemon.stacks.ros2.settings import Ros2Settings
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
-from tests.daemon.batch.harness import daemon_at, eventually, finished, worker_for
-from tests.daemon.batch.samples import make_spec, submission_of
-from tests.daemon.stacks.ros2.holder import QUIET_RELAY
+from tests.make import make_spec, submission_of
+from tests.parts import daemon_at, eventually, finished, worker_for
+from tests.stacks.ros2.holder import QUIET_RELAY
 
 EXECUTOR = "tests.chaos.stack_executor:execute"
 MARKER = "SCENARIO_STACK"

@@ -10,8 +10,8 @@ from tests.chaos.links import Namespace, links, may_make_namespaces
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
 from tests.chaos.violence import progress
-from tests.daemon.batch.harness import daemon_at, eventually, finished, free_endpoint, worker_for
-from tests.daemon.batch.samples import make_spec, submission_of
+from tests.make import make_spec, submission_of
+from tests.parts import daemon_at, eventually, finished, free_endpoint, worker_for
 
 EXECUTOR = "tests.chaos.executor:execute"
 CUTS = (1.0, 3.0, 6.0)

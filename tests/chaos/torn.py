@@ -11,8 +11,8 @@ from daemon.batch.ledger import connect
 from tests.chaos.light import Crew
 from tests.chaos.report import Report
 from tests.chaos.verify import check_book
-from tests.daemon.batch.harness import daemon_at, eventually
-from tests.daemon.batch.samples import make_submission
+from tests.make import make_submission
+from tests.parts import daemon_at, eventually
 
 CREW = 4
 

@@ -9,8 +9,8 @@ import psutil
 from daemon.model.run_state import RunState
 from tests.chaos.executor import TREE
 from tests.chaos.report import Report
-from tests.daemon.batch.harness import alive, daemon_at, eventually
-from tests.daemon.batch.samples import make_submission
+from tests.make import make_submission
+from tests.parts import alive, daemon_at, eventually
 
 EXECUTOR = "tests.chaos.executor:execute"
 PATIENCE = 40.0

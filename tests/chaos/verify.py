@@ -10,8 +10,8 @@ from mcap.reader import make_reader
 from daemon.batch.paths import StatePaths
 from daemon.model.spec import RunResult
 from grammars.text import codec
+from tests.batch.ledger_rules import broken_rules
 from tests.chaos.executor import MESSAGES
-from tests.daemon.batch.ledger_rules import broken_rules
 
 
 def verify(report, state, runs, *, traces=True):

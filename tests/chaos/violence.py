@@ -18,7 +18,8 @@ from grammars.text.files import matching_paths
 from tests.chaos.links import Link, links, may_make_namespaces
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
-from tests.daemon.batch.harness import (
+from tests.make import make_spec, submission_of
+from tests.parts import (
     DaemonPart,
     Part,
     daemon_at,
@@ -26,7 +27,6 @@ from tests.daemon.batch.harness import (
     free_endpoint,
     worker_for,
 )
-from tests.daemon.batch.samples import make_spec, submission_of
 
 EXECUTOR = "tests.chaos.executor:execute"
 LOCAL, REMOTE = 2, 4

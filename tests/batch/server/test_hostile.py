@@ -1,0 +1,394 @@
+"""What anybody may send: for every verb dozens of messages that nobody of ours would send.
+
+One daemon for all of it. Each message is refused with a reason, or answered without any effect;
+afterwards the daemon lives, and its ledger and its files are what they were.
+"""
+
+import gzip
+import hashlib
+import json
+import pickle
+import sqlite3
+from contextlib import closing
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+
+from daemon.batch import bus
+from daemon.batch.paths import StatePaths
+from daemon.model import verbs
+from daemon.model.messages import (
+    ASK,
+    LARGEST_SUBMISSION,
+    OWNER,
+    CampaignQuery,
+    Completion,
+    DeleteRequest,
+    Empty,
+    ErrorKind,
+    ErrorReply,
+    GetRequest,
+    IdRequest,
+    LeaseRef,
+    LeaseRequest,
+    LedgerAnswer,
+    PutRequest,
+    ReleaseRequest,
+    RenewRequest,
+    RetryRequest,
+    RunQuery,
+    SteerRequest,
+    WorkerInfo,
+)
+from daemon.model.search_answer import SearchProgress, SearchQuery
+from daemon.model.spec import TraceInfo
+from daemon.model.verbs import VERBS
+from grammars.text import codec
+from tests.make import make_extension, make_result, make_search, make_submission
+from tests.parts import daemon_at, eventually
+
+ME = WorkerInfo("hostile-1", "host", 1, version("scenario-tui"), 4, 0)
+TRACE = b"no real trace"
+INFO = TraceInfo(hashlib.sha256(TRACE).hexdigest(), len(TRACE), 0)
+UP = "../../../../tmp/escaped"
+
+
+class Target:
+    """A daemon with a finished run, a leased one and a queued one, and all it keeps."""
+
+    def __init__(self, daemon, client, session):
+        self.daemon = daemon
+        self.session = session
+        client.submit(make_submission("camp", 3))
+        self.me = replace(ME, era=self.ask(verbs.WELCOME, ME).era)
+        lease = self.ask(verbs.LEASE, LeaseRequest(self.me, 2))
+        self.done, self.leased = lease.grants
+        trace = StatePaths(daemon.state).trace(self.done.trace)
+        trace.parent.mkdir(parents=True)
+        trace.write_bytes(TRACE)
+        self.completion = completion_of(self.done)
+        answer = self.ask(verbs.COMPLETE, self.completion).answer
+        assert answer is LedgerAnswer.RECORDED
+        tokens = (self.leased.token, 9, 2**53)
+        holds = tuple(LeaseRef(self.leased.run, token) for token in tokens)
+        gone = self.ask(verbs.RENEW, RenewRequest(self.me, holds)).gone
+        assert {hold.token for hold in gone} == {9, 2**53}
+
+    def ask(self, verb, request):
+        return bus.ask(self.session, self.daemon.endpoint, verb, request, 60.0)
+
+    def complaint(self, verb, body):
+        """Send a message as it is; return the reason for which it was refused."""
+        refused, words = self.send(verb, body)
+        assert refused, (verb, body[:200], words[:200])
+        return codec.from_json(ErrorReply, words).problem
+
+    def send(self, verb, body):
+        key, version = f"{ASK}/{OWNER}/{verb}", bus.speaker()
+        replies = list(self.session.get(key, payload=body, attachment=version, timeout=60.0))
+        assert len(replies) == 1, (verb, body[:200])
+        reply = replies[0]
+        if reply.err is not None:
+            return True, reply.err.payload.to_bytes()
+        return False, reply.ok.payload.to_bytes()
+
+    def everything(self):
+        """What the ledger says, statement by statement, and all files with their sizes."""
+        places = StatePaths(self.daemon.state)
+        with closing(sqlite3.connect(f"file:{places.ledger}?mode=ro", uri=True)) as ledger:
+            dump = list(ledger.iterdump())
+        kept = (
+            places.scenes,
+            places.traces,
+            places.spool,
+            places.incoming,
+            places.files,
+        )
+        paths = sorted(path for folder in kept for path in folder.rglob("*") if path.is_file())
+        return dump, [(str(path), path.stat().st_size) for path in paths]
+
+
+def completion_of(grant):
+    result = make_result(grant.spec, trace=INFO)
+    return Completion(ME.id, grant.run, grant.attempt, grant.token, result, era=grant.era)
+
+
+def release_of(lease, token, reason):
+    return ReleaseRequest(ME.id, lease.run, token, reason, blame=True, era=lease.era)
+
+
+@pytest.fixture(scope="module")
+def target(tmp_path_factory):
+    with (
+        daemon_at(tmp_path_factory.mktemp("hostile") / "state", lease=900.0) as daemon,
+        daemon.client() as client,
+        bus.open_client(daemon.endpoint) as session,
+    ):
+        found = Target(daemon, client, session)
+        before = found.everything()
+        yield found
+        (statements, files), (rows, kept) = found.everything(), before
+        assert [line for line in statements if line not in rows] == []
+        assert (len(statements), files) == (len(rows), kept)
+        assert daemon.process.poll() is None
+        row = client.campaigns()[0]
+        assert (row.done, row.running, row.queued) == (1, 1, 1)
+        # A test holds the ledger's lock, on a busy machine for longer than the daemon waits for it.
+        failures = [entry for entry in daemon.journal() if entry["event"] == "failure"]
+        assert [entry for entry in failures if "database is locked" not in entry["problem"]] == []
+
+
+class Bomb:
+    def __reduce__(self):
+        return Path.touch, ("/tmp/never",)
+
+
+ALIASES = "a: &a [x, x]\n" + "\n".join(
+    f"{b}: &{b} [*{a}, *{a}]" for a, b in zip("abcdefg", "bcdefgh", strict=True)
+)
+
+ANYWHERE = (
+    b"", b" ", b"{", b"}", b"{}}", b"{}{}", b"{},", b"[]", b"[[]]", b"[{}]", b"null", b"true", b"7",
+    b"-0.0", b"1e999", b"NaN", b"-Infinity", b'"text"', b'"', b"\xff\xfe", b"\x00", b"{\x00}",
+    b"{}\x00", b"{'a': 1}", b'{"a":1,}', b"{/**/}", b'{"a": undefined}', b'{"a": 01}',
+    b'{"\\ud800": 1}', b'{"\xc3(": 1}', b'{"unknown": 1}', b'{"version": 99}',
+    b'{"__class__": "os.system"}', b'{"__proto__": {"admin": true}}', b"\xef\xbb\xbf{}",
+    "{}".encode("utf-16"), b"[" * 10_000, b'{"a":' * 3_000, b'{"a":[' * 2_000 + b"]}" * 2_000,
+    b'{"a":' + b"9" * 10_000 + b"}", b'{"a":1e' + b"9" * 5_000 + b"}", pickle.dumps(Bomb()),
+    gzip.compress(b" " * 10**6), ALIASES.encode(), b"!!python/object/apply:os.system ['true']",
+    b"<?xml version='1.0'?><!DOCTYPE a [<!ENTITY b 'c'>]><a>&b;</a>", b"'; DROP TABLE run; --",
+    b"\x1b]0;title\x07", b"scenario/v1/ask/shutdown",
+)  # fmt: skip
+"""Never a request, whatever the verb."""
+
+
+@pytest.mark.parametrize("verb", VERBS.values(), ids=str)
+def test_what_is_no_request_is_refused_with_a_reason(target, verb):
+    assert len(ANYWHERE) >= 30
+    for body in ANYWHERE:
+        words = target.complaint(verb, body)
+        assert words.startswith("the request is malformed: "), (body[:80], words)
+    limit = verb.largest
+    if limit < LARGEST_SUBMISSION:
+        words = target.complaint(verb, b'{"a": "' + b"x" * limit + b'"}')
+        assert f"at most {limit} are taken" in words
+
+
+@pytest.mark.parametrize("verb", [verbs.OVERVIEW, verbs.SUBMIT, verbs.COMPLETE], ids=str)
+def test_a_hundred_megabytes_are_refused_with_a_reason(target, verb):
+    words = target.complaint(verb, b" " * 100_000_000)
+    assert words == f"the request has 100000000 bytes, at most {verb.largest} are taken"
+
+
+WRONG = (
+    None, True, -1, 0.5, 1e300, 2**63, 2**64, 10**400, "", "\x00", UP, "%2e%2e%2f", "a/b",
+    "x" * 9000, "' OR 1=1 --", "*", "**", "camp.0\n", "ＣＡＭＰ", "$(reboot)", "\ud800", "~", "-1",
+    [], [[]], {}, {"id": 1}, [None] * 100, [UP],
+)  # fmt: skip
+"""Values for a field that wants something else."""
+
+
+def valid(target):
+    """A request of each verb that has fields; sent as they are, these would do something."""
+    lease = target.leased
+    ref = LeaseRef(lease.run, lease.token)
+    release = release_of(lease, lease.token, "why")
+    return {
+        verbs.CAMPAIGNS: CampaignQuery("camp"),
+        verbs.RUNS: RunQuery("camp"),
+        verbs.RUN: IdRequest("camp.0"),
+        verbs.DECLARED: IdRequest("camp"),
+        verbs.ORIGIN: IdRequest("camp"),
+        verbs.GET: GetRequest(INFO.sha256, 0, target.done.run),
+        verbs.PUT: PutRequest("0" * 64, 4, 0, b"", ref, lease.era),
+        verbs.SUBMIT: make_submission("new", 2),
+        verbs.CANCEL: IdRequest("camp"),
+        verbs.RETRY: RetryRequest("camp", ("pass",)),
+        verbs.ACKNOWLEDGE: IdRequest("camp"),
+        verbs.DELETE: DeleteRequest(("camp",)),
+        verbs.STEER: SteerRequest("camp", True, 3),
+        verbs.SEARCH: make_search("sought"),
+        verbs.SEARCHES: SearchQuery("sought"),
+        verbs.EXTEND: make_extension("sought", 0, 2),
+        verbs.PROGRESS: SearchProgress("sought", "explore", "so far"),
+        verbs.WELCOME: ME,
+        verbs.LEASE: LeaseRequest(target.me, 1),
+        verbs.RENEW: RenewRequest(target.me, ()),
+        verbs.COMPLETE: completion_of(target.leased),
+        verbs.RELEASE: release,
+    }
+
+
+OPTIONAL = {"lease", "paused", "priority"}
+IDS = {"id", "campaign", "run", "scene", "sha256", "worker", "spec"}
+"""Fields that name something: no other text names it."""
+
+
+def spoilt(document, *, ids):
+    """The request with one field spoilt: of another type, out of range, missing, or unknown."""
+    for path in paths(document):
+        leaf = at(document, path)
+        for wrong in WRONG:
+            if not fits(wrong, leaf, path[-1], ids=ids):
+                yield dumped(replaced(document, path, wrong))
+    for name in document:
+        if ids and name in IDS:
+            yield dumped({key: value for key, value in document.items() if key != name})
+    yield dumped(document | {"extra": 1})
+
+
+def fits(wrong, leaf, name, *, ids):
+    """Whether a value may well do in place of ``leaf``, so that nothing says it is wrong."""
+    if leaf is None or (wrong is None and name in OPTIONAL):
+        return True
+    if isinstance(leaf, str):
+        known = isinstance(wrong, str) and not (ids and name in IDS)
+        return known and "\ud800" not in wrong
+    if isinstance(leaf, int) or isinstance(wrong, bool):
+        return type(wrong) is type(leaf)
+    if isinstance(leaf, float):
+        return isinstance(wrong, int | float)
+    return type(wrong) is type(leaf)
+
+
+def paths(document, before=()):
+    """Every place in a document, the first three levels deep."""
+    if isinstance(document, dict) and len(before) < 3:
+        for key, value in document.items():
+            yield (*before, key)
+            yield from paths(value, (*before, key))
+
+
+def at(document, path):
+    for key in path:
+        document = document[key]
+    return document
+
+
+def replaced(document, path, value):
+    if not path:
+        return value
+    return document | {path[0]: replaced(document[path[0]], path[1:], value)}
+
+
+def dumped(document):
+    return json.dumps(document).encode()
+
+
+ANSWERED = (verbs.CAMPAIGNS, verbs.RUNS, verbs.SEARCHES)
+"""Questions about what is not there that have an empty answer."""
+WITH_FIELDS = [verb for verb in VERBS.values() if verb.request is not Empty]
+
+
+@pytest.mark.parametrize("verb", WITH_FIELDS, ids=str)
+def test_a_request_with_one_spoilt_field_is_refused(target, verb):
+    document = codec.to_plain(valid(target)[verb])
+    # What acts must name what there is.
+    bodies = list(spoilt(document, ids=verb not in ANSWERED))
+    assert len(bodies) >= 20
+    for body in bodies:
+        target.complaint(verb, body)
+
+
+def test_numbers_out_of_range_are_refused(target):
+    for verb, field in (
+        (verbs.CAMPAIGNS, "limit"),
+        (verbs.RUNS, "offset"),
+        (verbs.RUNS, "limit"),
+        (verbs.GET, "offset"),
+        (verbs.GET, "count"),
+        (verbs.STEER, "priority"),
+        (verbs.LEASE, "count"),
+        (verbs.COMPLETE, "token"),
+        (verbs.RELEASE, "token"),
+        (verbs.PUT, "size"),
+        (verbs.PUT, "offset"),
+    ):
+        document = codec.to_plain(valid(target)[verb])
+        for number in (-(2**63), -1001, 0.5, 2**53 + 1, 2**64, 10**30):
+            target.complaint(verb, dumped(document | {field: number}))
+
+
+def test_what_is_stale_or_said_twice_changes_nothing(target):
+    again = codec.to_plain(target.completion)
+    assert target.ask(verbs.COMPLETE, target.completion).answer is LedgerAnswer.KNOWN
+    assert b"known" in target.send(verbs.COMPLETE, dumped(again | {"worker": "thief"}))[1]
+    leased = codec.to_plain(completion_of(target.leased))
+    for token in (0, target.leased.token + 1, 2**53):
+        assert "never leased" in target.complaint(verbs.COMPLETE, dumped(leased | {"token": token}))
+    other = again | {"result": leased["result"]}
+    assert "specification differs" in target.complaint(verbs.COMPLETE, dumped(other))
+    for token in (0, target.leased.token + 1):
+        release = release_of(target.leased, token, "mine")
+        words = target.complaint(verbs.RELEASE, codec.to_json(release))
+        assert "never leased" in words
+    for lease in (target.done, target.leased):
+        over = release_of(lease, target.done.token, "mine")
+        assert target.ask(verbs.RELEASE, over).answer is LedgerAnswer.STALE
+
+
+def test_ids_never_become_paths(target, tmp_path):
+    outside = Path(target.daemon.state).parent
+    before = sorted(outside.iterdir())
+    for name in (UP, "/etc/passwd", "..", ".", "~", "camp/../..", "camp\x00", "C:\\x", "file:///x"):
+        for verb in (verbs.RUN, verbs.DECLARED, verbs.CANCEL):
+            target.complaint(verb, dumped({"id": name}))
+        target.complaint(verbs.GET, dumped({"sha256": INFO.sha256, "run": name}))
+        target.complaint(verbs.GET, dumped({"sha256": name}))
+        target.complaint(verbs.PUT, dumped({"sha256": name, "size": 1, "data": "YQ=="}))
+        target.complaint(verbs.SUBMIT, codec.to_json(make_submission(name, 1)))
+        me = codec.to_plain(ME) | {"id": name}
+        for verb, body in (
+            (verbs.LEASE, {"worker": me, "count": 1}),
+            (verbs.RENEW, {"worker": me, "holds": []}),
+            (verbs.WELCOME, me),
+        ):
+            assert "malformed" in target.complaint(verb, dumped(body))
+    assert sorted(outside.iterdir()) == before
+
+
+def test_keys_that_are_no_verbs_are_refused(target):
+    for key in ("*", "evaluate", "Submit", "submit%20", "__init__", "x" * 5000, "ＳＵＢＭＩＴ"):
+        assert "does not know how to" in target.complaint(key, b"{}")
+    replies = []
+    for key in ("../ask/submit", "a/b/c"):
+        target.session.get(f"{ASK}/{key}", replies.append, payload=b"{}", timeout=60.0)
+        # What is asked later is answered: nothing else will be.
+        assert "does not know how to" in target.complaint("later", b"{}")
+    assert replies == []
+
+
+BUSY = "the daemon is busy, 2048 requests wait already"
+
+
+def test_who_asks_faster_than_the_ledger_writes_is_told_to_wait(target):
+    replies = []
+    ledger = StatePaths(target.daemon.state).ledger
+    with closing(sqlite3.connect(ledger, isolation_level=None)) as lock:
+        lock.execute("BEGIN IMMEDIATE")
+        for _ in range(2300):
+            target.session.get(
+                f"{ASK}/{OWNER}/cancel", replies.append, payload=b'{"id":"no"}', timeout=60.0
+            )
+        # On a busy machine the daemon may have given up on the lock for some before all have come.
+        eventually(lambda: any(BUSY in problem.problem for problem in problems(replies)))
+        assert {problem.kind for problem in problems(replies)} == {ErrorKind.UNAVAILABLE}
+        with target.daemon.client() as client:
+            assert client.overview().running == 1
+        lock.execute("ROLLBACK")
+    eventually(lambda: len(replies) == 2300)
+    assert sum(BUSY not in problem.problem for problem in problems(replies)) >= 2048
+
+
+def problems(replies):
+    """What those say that have come so far."""
+    return [codec.from_json(ErrorReply, reply.err.payload.to_bytes()) for reply in tuple(replies)]
+
+
+def test_every_request_with_fields_is_spoilt(target):
+    without = {verbs.OVERVIEW, verbs.WORKERS, verbs.DISK, verbs.SHUTDOWN}
+    assert set(valid(target)) == set(WITH_FIELDS) == set(VERBS.values()) - without
+    for verb, request in valid(target).items():
+        assert type(request) is verb.request, verb

@@ -1,0 +1,374 @@
+"""Parts of files at the daemon, without a bus: in order, damaged, hostile, stale, too many."""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import json
+import os
+import random
+import sqlite3
+from dataclasses import dataclass, replace
+
+import pytest
+
+from daemon.batch.errors import Refused, Unavailable
+from daemon.batch.ledger import LedgerReader, LedgerWriter
+from daemon.batch.paths import StatePaths
+from daemon.batch.server import _uploads
+from daemon.batch.server._inputs import InputStore
+from daemon.batch.server._runtime import EventLog
+from daemon.batch.server._uploads import Uploads
+from daemon.model.messages import (
+    PART,
+    Completion,
+    Lease,
+    LeaseRef,
+    LedgerAnswer,
+    PutRequest,
+    RetryRequest,
+)
+from daemon.model.run_state import RunState
+from daemon.model.spec import TraceInfo
+from daemon.model.verdicts import Outcome
+from grammars.text import codec
+from tests.make import make_result, make_submission
+
+NOW = 1e9
+TRACE = random.Random(1).randbytes(1000)
+
+
+@dataclass
+class Site:
+    """A ledger with one leased run, and the intake beside it."""
+
+    places: StatePaths
+    book: LedgerWriter
+    reader: LedgerReader
+    intake: Uploads
+    journal: EventLog
+    grant: Lease
+
+    def part(self, offset, data, *, run="", token=None, **changes):
+        sha256 = hashlib.sha256(TRACE).hexdigest()
+        lease = LeaseRef(run or self.grant.run, self.grant.token if token is None else token)
+        made = PutRequest(sha256, len(TRACE), offset, data, lease, self.grant.era)
+        return replace(made, **changes)
+
+    def take(self, offset, data, **changes):
+        """Take a part; returns how many bytes are there."""
+        return self.intake.put(self.reader, self.part(offset, data, **changes)).count
+
+    def begin_again(self):
+        """Have another daemon go on."""
+        inputs = InputStore(self.places, self.journal)
+        self.intake = Uploads(self.places, self.journal, inputs)
+
+    def leave_idle(self):
+        """Have nobody go on with what there is for two minutes."""
+        for path in self.places.incoming.iterdir():
+            at = path.stat().st_mtime - 120.0
+            os.utime(path, (at, at))
+
+    def completion(self, data=TRACE, **changes):
+        info = TraceInfo(hashlib.sha256(data).hexdigest(), len(data), 1)
+        result = make_result(self.grant.spec, trace=info)
+        made = Completion("w", self.grant.run, 1, self.grant.token, result)
+        return replace(made, **changes)
+
+    def complete(self, completion):
+        """What the daemon does with a completion."""
+        with self.book.transaction():
+            return self.settle(completion)
+
+    def settle(self, completion):
+        if self.intake.is_missing(self.book, completion):
+            return LedgerAnswer.MISSING
+        answer = self.book.complete(completion, NOW)
+        self.intake.settle_result(self.book, completion, answer)
+        return answer
+
+    @property
+    def trace(self):
+        return self.places.trace(self.grant.trace)
+
+    def incoming(self):
+        return sorted(path.suffix for path in self.places.incoming.iterdir())
+
+
+@pytest.fixture
+def site(tmp_path):
+    places = StatePaths(tmp_path)
+    places.make_folders()
+    journal = EventLog(places.log)
+    with LedgerWriter.open(places) as book, LedgerReader.open(places) as reader:
+        book.begin_era()
+        book.submit(make_submission("c", 1), NOW)
+        (grant,) = book.lease("w", 1, NOW)
+        intake = Uploads(places, journal, InputStore(places, journal))
+        yield Site(places, book, reader, intake, journal, grant)
+    journal.close()
+
+
+def test_a_trace_arrives_in_parts_and_gets_its_name_with_the_result(site):
+    assert site.take(0, b"") == 0
+    assert site.take(0, TRACE[:400]) == 400
+    assert site.take(400, TRACE[400:]) == 1000
+    assert not site.trace.exists()
+    assert site.complete(site.completion()) is LedgerAnswer.RECORDED
+    assert site.trace.read_bytes() == TRACE
+    assert site.incoming() == []
+
+
+def test_a_trace_that_a_worker_has_left_there_gets_its_name(site):
+    leave(site.places, site.completion())
+    assert site.complete(site.completion()) is LedgerAnswer.RECORDED
+    assert site.trace.read_bytes() == TRACE
+    assert site.incoming() == []
+
+
+def test_another_daemon_goes_on_where_the_first_one_was(site):
+    site.take(0, TRACE[:400])
+    site.begin_again()
+    assert site.take(0, b"") == 400
+    assert site.take(400, TRACE[400:]) == 1000
+    site.begin_again()
+    assert site.take(0, b"") == 1000
+    assert site.complete(site.completion()) is LedgerAnswer.RECORDED
+
+
+def complete_without_commit(site):
+    with site.book.transaction():
+        site.settle(site.completion())
+        raise sqlite3.OperationalError("disk I/O error")
+
+
+def test_a_daemon_that_named_the_trace_and_did_not_commit_loses_nothing(site):
+    site.take(0, TRACE)
+    with pytest.raises(Unavailable):
+        complete_without_commit(site)
+    assert site.take(0, b"") == 1000
+    assert site.complete(site.completion()) is LedgerAnswer.RECORDED
+    assert site.trace.read_bytes() == TRACE
+
+
+def test_the_name_of_a_trace_is_on_the_disk_before_its_result(site, monkeypatch):
+    synced = {}
+
+    def sync(folder):
+        synced[folder.name] = site.reader.run("c.0").row.state
+
+    monkeypatch.setattr("daemon.batch.ledger._writer.sync_directory", sync)
+    site.take(0, TRACE)
+    assert site.complete(site.completion()) is LedgerAnswer.RECORDED
+    assert synced == {"c": RunState.RUNNING, "traces": RunState.RUNNING}
+
+
+def test_no_result_is_recorded_whose_trace_may_not_be_on_the_disk(site, monkeypatch):
+    def fail(_):
+        raise OSError(errno.EIO, "Input/output error")
+
+    monkeypatch.setattr("daemon.batch.ledger._writer.sync_directory", fail)
+    site.take(0, TRACE)
+    with pytest.raises(Unavailable, match="Input/output error"):
+        site.complete(site.completion())
+    monkeypatch.undo()
+    assert site.complete(site.completion()) is LedgerAnswer.RECORDED
+
+
+def test_of_two_workers_on_this_file_system_the_first_result_keeps_its_trace(site):
+    """Also of a system that gives something else every time."""
+    leave(site.places, site.completion())
+    site.book.lapse(site.book.leases(), NOW)
+    (again,) = site.book.lease("v", 1, NOW + 1000.0)
+    other = site.completion(b"something else", token=again.token)
+    leave(site.places, other, b"something else")
+    assert site.complete(site.completion()) is LedgerAnswer.RECORDED
+    assert site.complete(other) is not LedgerAnswer.RECORDED
+    assert site.trace.read_bytes() == TRACE
+    assert site.incoming() == []
+
+
+def leave(places, completion, data=TRACE):
+    """Leave a whole trace there, as a worker on this file system does."""
+    sha256 = completion.result.trace.sha256
+    places.uploaded_trace(completion.run, completion.token, sha256).write_bytes(data)
+
+
+def test_a_part_that_does_not_continue_changes_nothing(site):
+    site.take(0, TRACE[:400])
+    for offset in (0, 399, 401, 2**50):
+        assert site.take(offset, TRACE[:100]) == 400
+
+
+def test_a_whole_that_is_another_one_begins_again(site):
+    assert site.take(0, TRACE[:-1] + b"!") == 0
+    assert site.incoming() == []
+    assert site.take(0, TRACE) == 1000
+
+
+def test_a_result_without_its_trace_is_not_recorded(site):
+    assert site.complete(site.completion()) is LedgerAnswer.MISSING
+    site.take(0, TRACE[:400])
+    assert site.complete(site.completion()) is LedgerAnswer.MISSING
+    site.trace.parent.mkdir()
+    site.trace.write_bytes(b"of another attempt")
+    assert site.complete(site.completion()) is LedgerAnswer.MISSING
+    assert site.book.awaits_result("c.0", site.grant.token)
+
+
+def test_more_than_announced_is_refused(site):
+    with pytest.raises(Refused, match="more bytes than the 1000 announced"):
+        site.take(0, TRACE + b"!")
+
+
+def test_whoever_was_ever_leased_the_run_may_send(site):
+    """Late or not, while there is no result; the parts of two do not get into each other's way."""
+    for token in (0, site.grant.token + 1):
+        with pytest.raises(Refused, match="never leased"):
+            site.take(0, TRACE[:400], token=token)
+    site.take(0, TRACE[:400])
+    site.book.lapse(site.book.leases(), NOW + 1000.0)
+    (again,) = site.book.lease("v", 1, NOW + 2000.0)
+    assert site.take(0, TRACE[:300], token=again.token) == 300
+    assert site.take(400, TRACE[400:]) == 1000
+    assert site.incoming() == [".mcap", ".part"]
+    assert site.complete(site.completion()) is LedgerAnswer.RECORDED
+    assert site.trace.read_bytes() == TRACE
+    assert site.incoming() == []
+    # What the other one has is not needed any more, and its result is compared with the first.
+    assert site.take(300, TRACE[300:], token=again.token) == 1000
+    assert site.complete(site.completion(token=again.token)) is LedgerAnswer.KNOWN
+    assert site.trace.read_bytes() == TRACE
+
+
+def test_under_a_lease_that_was_never_given_nothing_is_sent(site):
+    with pytest.raises(Refused, match="never leased"):
+        site.take(0, TRACE, token=site.grant.token + 1)
+    assert site.incoming() == []
+
+
+def test_what_was_executed_before_another_result_was_asked_for_is_not_needed(site):
+    site.take(0, TRACE)
+    first = site.completion()
+    stopped = replace(first.result, outcome=Outcome.ERROR, stopped=True)
+    assert site.complete(replace(first, result=stopped)) is LedgerAnswer.RECORDED
+    site.trace.unlink()
+    assert site.book.retry(RetryRequest("c", ("error",)), NOW) == 1
+    assert site.take(0, TRACE) == 1000
+    assert site.complete(first) is LedgerAnswer.REDUNDANT
+    assert site.book.awaits_result("c.0", site.grant.token + 1)
+    assert (site.incoming(), site.trace.exists()) == ([], False)
+
+
+def test_what_is_cancelled_is_not_wanted(site):
+    site.take(0, TRACE[:400])
+    site.book.cancel("c", NOW)
+    assert site.take(400, TRACE[400:]) == 1000  # nothing is written
+    assert site.complete(site.completion()) is LedgerAnswer.DROPPED
+    assert site.incoming() == []
+
+
+def test_a_lost_acknowledgement_costs_no_second_transfer(site):
+    site.take(0, TRACE)
+    site.complete(site.completion())
+    assert site.take(0, b"") == 1000
+    assert site.complete(site.completion()) is LedgerAnswer.KNOWN
+    assert site.trace.read_bytes() == TRACE
+
+
+def test_a_repetition_leaves_the_trace_or_brings_it_back(site):
+    site.take(0, TRACE)
+    site.complete(site.completion())
+    site.book.retry(RetryRequest("c", ("all",)), NOW)
+    (site.grant,) = site.book.lease("w", 1, NOW)
+    assert site.take(0, b"") == 1000  # it lies there already
+    site.trace.unlink()
+    assert site.take(0, b"") == 0
+    site.take(0, TRACE)
+    assert site.complete(site.completion()) is LedgerAnswer.KNOWN
+    assert site.trace.read_bytes() == TRACE
+
+
+def test_another_result_never_replaces_the_trace_recorded(site):
+    site.take(0, TRACE)
+    site.complete(site.completion())
+    other = site.completion(b"something else")
+    assert site.complete(other) is LedgerAnswer.DIFFERS
+    assert site.trace.read_bytes() == TRACE
+
+
+@pytest.mark.parametrize("run", ["../../c.0", "c.0/..", "/etc/passwd", "c", " ", "c.0\x00", "d.0"])
+def test_names_that_are_none_are_refused(site, run):
+    with pytest.raises(Refused):
+        site.take(0, TRACE, run=run)
+    assert site.incoming() == []
+
+
+def test_hostile_digests_and_sizes_do_not_pass_the_border(site):
+    good = codec.to_plain(site.part(0, b"x"))
+    for field, value in (
+        ("sha256", "../../../etc/passwd"),
+        ("sha256", "A" * 64),
+        ("size", -1),
+        ("size", 2**60),
+        ("offset", -1),
+        ("data", "not base64!"),
+        ("data", "A" * (2 * PART)),
+    ):
+        with pytest.raises(ValueError, match=field):
+            codec.from_json(PutRequest, json.dumps(good | {field: value}))
+
+
+def other_file(number, **changes):
+    """The beginning of another file of a submission."""
+    return replace(PutRequest(f"{number:064x}", 10, 0, b"begun"), **changes)
+
+
+def test_only_traces_are_larger_than_files_may_be(site):
+    with pytest.raises(Refused, match="at most 67108864 bytes"):
+        site.intake.put(site.reader, other_file(1, size=2**27))
+    assert site.take(0, TRACE[:400], size=2**27) == 400
+
+
+def test_who_has_too_many_uploads_waits_and_keeps_nobody_else(site, monkeypatch):
+    monkeypatch.setattr(_uploads, "_MOST_OF_ONE", 2)
+    for number in (1, 2):
+        site.intake.put(site.reader, other_file(number))
+    with pytest.raises(Unavailable, match="2 files are on their way already"):
+        site.intake.put(site.reader, other_file(3))
+    assert site.take(0, TRACE[:400]) == 400
+    assert site.intake.put(site.reader, other_file(2, offset=5, data=b"on")).count == 7
+
+
+def test_uploads_are_bounded_in_number(site, monkeypatch):
+    monkeypatch.setattr(_uploads, "_MOST_UPLOADS", 2)
+    for number in (1, 2):
+        site.intake.put(site.reader, other_file(number))
+    with pytest.raises(Unavailable, match="2 files are on their way already"):
+        site.take(0, TRACE)
+
+
+@pytest.mark.parametrize("limit", ["_MOST_UPLOADS", "_MOST_OF_ONE"])
+def test_the_oldest_upload_nobody_goes_on_with_gives_way(site, monkeypatch, limit):
+    monkeypatch.setattr(_uploads, limit, 2)
+    for number in (1, 2):
+        site.intake.put(site.reader, other_file(number))
+        site.leave_idle()
+    assert site.intake.put(site.reader, other_file(3)).count == 5
+    assert [path.name[63] for path in sorted(site.places.incoming.iterdir())] == ["2", "3"]
+    assert site.intake.put(site.reader, other_file(1, data=b"")).count == 0
+
+
+def test_a_lease_has_one_upload(site):
+    site.take(0, TRACE[:400])
+    site.take(0, b"another", sha256="0" * 64)
+    assert [path.name[-69:-5] for path in site.places.incoming.iterdir()] == ["0" * 64]
+
+
+def test_a_full_disk_makes_uploads_wait(site, monkeypatch):
+    monkeypatch.setattr(StatePaths, "disk_shortage", lambda _: "the disk is full")
+    with pytest.raises(Unavailable, match="the disk is full"):
+        site.take(0, TRACE)
+    monkeypatch.undo()
+    assert site.take(0, TRACE) == 1000

@@ -1,0 +1,393 @@
+"""Processes are killed, frozen and restarted: every run still ends in exactly one result."""
+
+import fcntl
+import random
+import signal
+import sqlite3
+import subprocess
+import sys
+import threading
+from contextlib import closing
+from pathlib import Path
+
+import psutil
+import pytest
+
+from daemon.batch import launch
+from daemon.batch.client import Client
+from daemon.batch.errors import DaemonError, LaunchFailed
+from daemon.batch.launch import (
+    embedded_daemon,
+    ensure_daemon,
+    running_daemon,
+    shared_daemon,
+)
+from daemon.batch.paths import StatePaths, is_locked
+from daemon.batch.server._opening import hold_alone
+from daemon.model.run_state import RunState
+from grammars.text.files import matching_paths
+from tests.make import make_spec, make_submission, submission_of
+from tests.parts import (
+    EXECUTOR,
+    ROOT,
+    alive,
+    daemon_at,
+    end,
+    eventually,
+    family,
+    finished,
+    worker_for,
+)
+from tests.turned_clock import TURNED, end_leases
+
+
+def check_ledger(state, runs):
+    """The ledger is intact and holds one result per run."""
+    with sqlite3.connect(state / "ledger.db") as db:
+        assert db.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+        assert db.execute("PRAGMA foreign_key_check").fetchall() == []
+        assert db.execute("SELECT count(*), count(DISTINCT run) FROM result").fetchone() == (
+            runs,
+            runs,
+        )
+        alarms = db.execute("SELECT count(*) FROM event WHERE kind = 'alarm'").fetchone()
+        assert alarms == (0,)
+    db.close()
+
+
+def local_worker(daemon):
+    """The worker process of the daemon."""
+
+    def find():
+        children = psutil.Process(daemon.pid).children()
+        return children[0] if children else None
+
+    return eventually(find)
+
+
+def settled(daemon, runs):
+    def check():
+        try:
+            with Client.open(daemon.endpoint) as client:
+                return finished(client, runs)
+        except DaemonError:
+            return False
+
+    eventually(check)
+
+
+def test_a_daemon_killed_in_the_middle_resumes(tmp_path):
+    log = tmp_path / "log"
+    with daemon_at(tmp_path / "state", 2, cold=True) as daemon:
+        with daemon.client() as client:
+            client.submit(make_submission("c", 16, sleep=0.1, log=str(log)))
+            eventually(lambda: client.overview().done >= 5)
+        orphan = local_worker(daemon)
+        daemon.kill()
+        daemon.restart()
+        settled(daemon, 16)
+        with daemon.client() as client:
+            rows = client.runs("c").rows
+            assert {row.state for row in rows} == {RunState.DONE}
+            # What was running went on and was delivered: next to nothing ran twice.
+            assert len(log.read_text().splitlines()) <= 18
+            assert all(Path(row.trace).is_file() for row in rows)
+        eventually(lambda: not alive([orphan]))
+        check_ledger(tmp_path / "state", 16)
+
+
+def answered(daemon, question):
+    """Ask a daemon that may just have been killed; nothing comes of it then."""
+    try:
+        with Client.open(daemon.endpoint) as client:
+            return question(client)
+    except DaemonError:
+        return None
+
+
+def test_kills_of_daemon_and_workers_amid_their_work_lose_nothing(tmp_path):
+    rng = random.Random(7)
+    settings = {"lease": 1.0, "attempts": 50}
+    gates = [tmp_path / f"gate-{number}" for number in range(30)]
+    specs = [make_spec(number, until=str(gate)) for number, gate in enumerate(gates)]
+
+    def waiting(client):
+        """The gates at which runs stand."""
+        running = [row for row in client.runs("c").rows if row.state is RunState.RUNNING]
+        return [gates[row.repeat] for row in running if not gates[row.repeat].exists()]
+
+    def let_through(client, count):
+        for gate in waiting(client):
+            gate.touch()
+        return client.overview().done >= count
+
+    with daemon_at(tmp_path / "state", 2, **settings) as daemon:
+        with daemon.client() as client:
+            client.submit(submission_of("c", *specs))
+        for number in range(1, 6):
+            # Neither is idle: two runs are under way, and cannot end.
+            eventually(lambda: len(answered(daemon, waiting) or ()) == 2)
+            if rng.random() < 0.5:
+                daemon.kill()
+                daemon.restart()
+            else:
+                local_worker(daemon).kill()
+            eventually(lambda n=number: answered(daemon, lambda c: let_through(c, 4 * n)))
+        for gate in gates:
+            gate.touch()
+        settled(daemon, 30)
+        check_ledger(tmp_path / "state", 30)
+        assert daemon.journal()
+
+
+def strikes(daemon):
+    """How many strikes all runs have together."""
+    with closing(sqlite3.connect(daemon.state / "ledger.db")) as db:
+        return int(db.execute("SELECT total(strikes) FROM run").fetchone()[0])
+
+
+def test_what_a_dead_worker_had_is_given_back_by_the_next(tmp_path):
+    gate = tmp_path / "gate"
+    with daemon_at(tmp_path / "state") as daemon, daemon.client() as client:
+        with worker_for(daemon, 2) as first:
+            client.submit(make_submission("c", 4, until=str(gate)))
+            spool = daemon.state / "spool"
+            eventually(lambda: len(list(matching_paths(spool, "*/*/attempt-1.*/grant.json"))) == 2)
+            first.kill()
+            eventually(lambda: [row.away for row in client.workers()] == [True])
+            assert (client.overview().running, client.overview().workers) == (2, 0)
+        with worker_for(daemon, 2):
+            eventually(lambda: len(list(matching_paths(spool, "*/*/attempt-*/grant.json"))) == 2)
+            gate.touch()
+            eventually(lambda: finished(client, 4))
+            # Nothing keeps it on the list any more.
+            eventually(lambda: [row.away for row in client.workers()] == [False])
+        assert sorted(row.attempt for row in client.runs("c").rows) == [1, 1, 2, 2]
+        reasons = [line["reason"] for line in daemon.noted("released")]
+        assert reasons == ["its worker died"] * 2
+        assert strikes(daemon) == 0
+        check_ledger(daemon.state, 4)
+
+
+def test_a_killed_local_worker_costs_its_runs_a_moment(tmp_path):
+    log = tmp_path / "log"
+    with daemon_at(tmp_path / "state", 1) as daemon, daemon.client() as client:
+        client.submit(make_submission("c", 1, until=str(tmp_path / "gate-{attempt}"), log=str(log)))
+        eventually(log.exists)
+        local_worker(daemon).kill()
+        (tmp_path / "gate-2").touch()
+        eventually(lambda: finished(client, 1))
+        assert client.run("c.0").row.attempt == 2
+        assert strikes(daemon) == 0
+
+
+def test_a_frozen_workers_lease_lapses_and_its_late_result_counts_once(tmp_path):
+    log, gate = tmp_path / "log", tmp_path / "gate"
+    with daemon_at(tmp_path / "state", **TURNED) as daemon, daemon.client() as client:
+        with worker_for(daemon, 1) as frozen:
+            client.submit(make_submission("c", 1, until=str(gate), log=str(log)))
+            eventually(log.exists)
+            frozen.freeze()  # its child goes on and leaves a result
+            end_leases(daemon)
+            eventually(lambda: client.overview().running == 0)
+            assert client.run("c.0").row.reason == "the worker fell silent"
+            gate.touch()
+            with worker_for(daemon, 1):
+                eventually(lambda: finished(client, 1))
+                before = client.run("c.0")
+                frozen.signal(signal.SIGCONT)
+                spool = daemon.state / "spool"
+                eventually(lambda: not list(matching_paths(spool, "*/*/attempt-*")))
+                assert client.run("c.0") == before
+        assert before.row.attempt == 2
+        check_ledger(daemon.state, 1)
+
+
+def test_a_late_result_is_taken_and_stops_the_second_attempt(tmp_path):
+    log, gates = tmp_path / "log", tmp_path / "gate-{attempt}"
+    with daemon_at(tmp_path / "state", **TURNED) as daemon, daemon.client() as client:
+        with worker_for(daemon, 1) as frozen:
+            client.submit(make_submission("c", 1, until=str(gates), log=str(log)))
+            eventually(log.exists)
+            frozen.freeze()
+            end_leases(daemon)
+            eventually(lambda: client.overview().queued == 1)
+            with worker_for(daemon, 1):
+                eventually(lambda: len(log.read_text().splitlines()) == 2)
+                second = psutil.Process(int(log.read_text().splitlines()[1].split()[1]))
+                (tmp_path / "gate-1").touch()
+                spool = daemon.state / "spool"
+                eventually(lambda: list(matching_paths(spool, "*/*/attempt-1.*/result.json")))
+                assert alive([second])
+                frozen.signal(signal.SIGCONT)
+                eventually(lambda: client.overview().done == 1)
+                eventually(lambda: not alive([second]))
+        assert client.run("c.0").row.state is RunState.DONE
+        check_ledger(daemon.state, 1)
+
+
+def test_a_daemon_told_to_stop_lets_its_runs_finish(tmp_path):
+    gate, log = tmp_path / "gate", tmp_path / "log"
+    with daemon_at(tmp_path / "state", 2, patience=60.0) as daemon:
+        with daemon.client() as client:
+            client.submit(make_submission("c", 6, until=str(gate), log=str(log)))
+            eventually(lambda: log.exists() and len(log.read_text().splitlines()) == 2)
+        members = family(daemon.pid)
+        daemon.signal(signal.SIGTERM)
+        eventually(lambda: daemon.journal()[-1]["event"] == "leaving")
+        gate.touch()
+        assert daemon.wait() == 0
+        assert alive(members) == []
+        daemon.restart()
+        with daemon.client() as client:
+            assert client.overview().done >= 2
+            assert max(row.attempt for row in client.runs("c").rows) == 1
+        settled(daemon, 6)
+        check_ledger(daemon.state, 6)
+
+
+@pytest.mark.parametrize("at_once", [False, True])
+def test_a_second_signal_gives_runs_back(tmp_path, at_once):
+    with daemon_at(tmp_path / "state", 1, patience=3600.0) as daemon:
+        with daemon.client() as client:
+            client.submit(make_submission("c", 1, sleep=600.0))
+            eventually(lambda: client.overview().running == 1)
+        members = family(daemon.pid)
+        if at_once:  # both before it gets to leaving, as on a machine that is busy
+            daemon.freeze()
+            daemon.signal(signal.SIGTERM)
+            daemon.signal(signal.SIGINT)
+            daemon.signal(signal.SIGCONT)
+        else:
+            daemon.signal(signal.SIGTERM)
+            eventually(lambda: daemon.journal()[-1]["event"] == "leaving")
+            daemon.signal(signal.SIGTERM)
+        assert daemon.wait() == 0
+        assert alive(members) == []
+        assert any(line["event"] == "released" for line in daemon.journal())
+
+
+def test_an_embedded_daemon_is_gone_afterwards(tmp_path, monkeypatch):
+    monkeypatch.setattr(launch, "DEFAULT_EXECUTOR", EXECUTOR)
+    state = tmp_path / "state"
+    # Tests before this one in the same process may have left some that serve it to its end.
+    others = psutil.Process().children(recursive=True)
+    with embedded_daemon(state, slots=1) as endpoint:
+        with Client.open(endpoint, timeout=30.0) as client:
+            client.submit(make_submission("c", 3))
+            eventually(lambda: finished(client, 3))
+            client.submit(make_submission("d", 3, sleep=600.0))
+            eventually(lambda: client.overview().running == 1)
+        members = [p for p in psutil.Process().children(recursive=True) if p not in others]
+        assert members
+        eventually(lambda: running_daemon(state) == endpoint)
+    eventually(lambda: not alive(members))
+    assert running_daemon(state) is None
+    check_ledger(state, 3)
+
+
+PARENT = """
+import sys, time
+from pathlib import Path
+from daemon.batch.client import Client
+from daemon.batch import launch
+from tests.make import make_submission
+launch.DEFAULT_EXECUTOR = "{executor}"
+with launch.embedded_daemon(Path(sys.argv[1]), slots=2) as endpoint:
+    with Client.open(endpoint, timeout=30.0) as client:
+        client.submit(make_submission("c", 4, sleep=600.0))
+        while client.overview().running < 2:
+            time.sleep(0.01)
+        print("ready", flush=True)
+        time.sleep(600)
+"""
+
+
+def test_nothing_of_an_embedded_daemon_outlives_a_killed_parent(tmp_path):
+    code = PARENT.format(executor=EXECUTOR)
+    command = [sys.executable, "-c", code, str(tmp_path / "state")]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE) as parent:
+        assert parent.stdout is not None
+        try:
+            assert parent.stdout.readline() == b"ready\n"
+            # The parent, its daemon, the worker and its zygote, two runs, a guardian of each.
+            members = eventually(lambda: len(found := family(parent.pid)) >= 8 and found)
+        finally:
+            parent.kill()
+    try:
+        eventually(lambda: not alive(members))
+    finally:
+        end(members)
+    assert running_daemon(tmp_path / "state") is None
+
+
+SHARING = """
+import sys
+from pathlib import Path
+from daemon.batch.launch import shared_daemon
+with shared_daemon(Path(sys.argv[1]), trace_bytes=2**30) as endpoint:
+    print(endpoint, flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_a_shared_daemon_ends_with_its_last_user(tmp_path, monkeypatch):
+    monkeypatch.setattr(launch, "DEFAULT_EXECUTOR", EXECUTOR)
+    state = tmp_path / "state"
+    command = [sys.executable, "-c", SHARING, str(state)]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    with shared_daemon(state, trace_bytes=2**30) as endpoint:
+        with Client.open(endpoint, timeout=30.0) as client:
+            client.submit(make_submission("c", 3, sleep=600.0))
+        other = subprocess.Popen(command, cwd=ROOT, text=True, **pipes)
+        assert other.stdout is not None
+        assert other.stdout.readline().strip() == endpoint
+    with other:
+        eventually(lambda: running_daemon(state) == endpoint)
+        other.kill()
+    eventually(lambda: running_daemon(state) is None)
+    # Nobody waits for what a killed process has left.
+    with shared_daemon(state, trace_bytes=2**30) as endpoint, Client.open(endpoint) as client:
+        assert {row.state for row in client.all_runs("c")} == {RunState.CANCELLED}
+    eventually(lambda: running_daemon(state) is None)
+
+
+def test_a_daemon_is_started_once_and_stays(tmp_path):
+    state = tmp_path / "state"
+    endpoint = ensure_daemon(state, slots=0)
+    with Client.open(endpoint, timeout=30.0) as client:
+        assert ensure_daemon(state, slots=0) == endpoint
+        assert client.overview().state == str(state)
+        client.shutdown()
+    eventually(lambda: running_daemon(state) is None)
+    eventually(lambda: not (state / "daemon.json").exists())
+
+
+def test_a_daemon_that_does_not_come_up_shows_why(tmp_path):
+    state = tmp_path / "state"
+    state.mkdir()
+    (state / "ledger.db").write_bytes(b"this is not a database at all" * 100)
+    with pytest.raises(LaunchFailed, match=r"ledger\.db is not a usable ledger"):
+        ensure_daemon(state, slots=0)
+    with (
+        pytest.raises(LaunchFailed, match=r"ledger\.db is not a usable ledger"),
+        embedded_daemon(state, slots=0),
+    ):
+        pass
+
+
+def test_a_state_directory_has_its_daemon_under_every_name(tmp_path):
+    with daemon_at(tmp_path / "state") as daemon:
+        daemon.client().close()
+        (tmp_path / "other").symlink_to(daemon.state)
+        endpoint = eventually(lambda: running_daemon(daemon.state))
+        eventually(lambda: running_daemon(tmp_path / "other") == endpoint)
+
+
+def test_who_looks_whether_there_is_a_daemon_keeps_none_from_starting(tmp_path):
+    paths = StatePaths(tmp_path)
+    with paths.lock.open("a") as looking:
+        fcntl.flock(looking, fcntl.LOCK_SH)
+        threading.Timer(0.2, looking.close).start()
+        with hold_alone(paths):
+            assert is_locked(paths.lock)

@@ -1,0 +1,258 @@
+"""Results on their way from a worker: the trace first, part by part over breaks, or by a link."""
+
+import hashlib
+import os
+import time
+from contextlib import closing
+from dataclasses import dataclass, field
+from typing import Any
+
+import pytest
+
+from daemon.batch.errors import Failed, Refused, Rejected, Unavailable, Unreachable
+from daemon.batch.paths import StatePaths
+from daemon.batch.run_process import RESULT, TRACE
+from daemon.batch.worker._attempts import Spool
+from daemon.batch.worker._connection import WorkerPaths
+from daemon.batch.worker._deliveries import Deliveries
+from daemon.batch.worker._trouble import WorkerTrouble
+from daemon.batch.worker._wakeups import BackgroundAsks
+from daemon.model import verbs
+from daemon.model.messages import (
+    PART,
+    Count,
+    Lease,
+    LeaseRef,
+    LedgerAcknowledgement,
+    LedgerAnswer,
+    Rejection,
+)
+from daemon.model.spec import TraceInfo
+from grammars.text import codec
+from tests.make import make_result, make_spec
+
+DATA = bytes(range(256)) * 4096
+
+
+@dataclass
+class Daemon:
+    """What the daemon answers; ``faults`` are raised, or answered, first."""
+
+    arrived: bytes = b""
+    faults: list[Any] = field(default_factory=list)
+    answers: list[Any] = field(default_factory=list)
+    sizes: list[int] = field(default_factory=list)
+    completions: list[Any] = field(default_factory=list)
+    releases: list[Any] = field(default_factory=list)
+
+    def ask(self, verb, request):
+        if verb is verbs.PUT:
+            return Count(self._receive(request))
+        if verb is verbs.RELEASE:
+            self.releases.append(request)
+            return LedgerAcknowledgement(LedgerAnswer.DONE)
+        self.completions.append(request)
+        answer = self.answers.pop(0) if self.answers else LedgerAnswer.RECORDED
+        if isinstance(answer, Exception):
+            raise answer
+        return LedgerAcknowledgement(answer)
+
+    def _receive(self, request):
+        assert request.lease == LeaseRef("c.0", 7)
+        if self.faults:
+            fault = self.faults.pop(0)
+            if isinstance(fault, int):
+                return fault
+            raise fault
+        if request.offset == len(self.arrived):
+            self.arrived += request.data
+            self.sizes.append(len(request.data))
+        return len(self.arrived)
+
+
+class Site:
+    """A worker with a finished attempt in its spool."""
+
+    def __init__(self, folder, *, shared):
+        self.daemon = Daemon()
+        self.paths = StatePaths(folder)
+        self.paths.make_folders()
+        self.asks, self.uploads = BackgroundAsks(), BackgroundAsks()
+        self.spool, self.trouble = Spool(self.paths, "w", print), WorkerTrouble(print, int)
+        paths = WorkerPaths(self.paths, shared)
+        self.deliveries = Deliveries(
+            self.daemon,
+            paths,
+            self.asks,
+            self.uploads,
+            self.spool,
+            self.trouble,
+            "w",
+            lambda _: None,
+        )
+        spec = make_spec()
+        self.attempt = self.spool.open(Lease("c.0", "c", 1, 7, "c/S1.pilot.0.mcap", spec))
+        self.trace = self.attempt.folder / TRACE
+        self.trace.write_bytes(DATA)
+        info = TraceInfo(hashlib.sha256(DATA).hexdigest(), len(DATA), 1)
+        result = make_result(spec, trace=info)
+        (self.attempt.folder / RESULT).write_bytes(codec.to_json(result))
+        self.left = self.paths.uploaded_trace("c.0", 7, info.sha256)
+        self.deliveries.finished.append(self.attempt)
+
+    def close(self):
+        for resource in (self.asks, self.uploads, self.spool):
+            resource.close()
+
+    def step(self):
+        """Ask what is to be asked, and take the answers."""
+        self.deliveries.send_results()
+        for asks in (self.asks, self.uploads):
+            asks.wait(30.0)
+            for folder, answer in asks.take():
+                self.deliveries.take_result_answer(folder, answer)
+
+    def deliver(self):
+        """Go on until it is delivered."""
+        for _ in range(10):
+            self.step()
+            if not self.deliveries.finished:
+                return
+        raise AssertionError(self.trouble.words)
+
+
+@pytest.fixture
+def site(tmp_path):
+    with closing(Site(tmp_path, shared=False)) as site:
+        yield site
+
+
+@pytest.fixture
+def local(tmp_path):
+    """On the daemon's own file system."""
+    with closing(Site(tmp_path, shared=True)) as site:
+        yield site
+
+
+def test_a_trace_travels_in_parts_of_one_size_before_its_result(site):
+    site.step()
+    assert site.daemon.arrived == DATA
+    assert site.daemon.sizes == [0] + [PART] * (len(DATA) // PART)
+    assert site.daemon.completions == []
+    site.step()
+    assert [completion.token for completion in site.daemon.completions] == [7]
+    assert site.deliveries.moved == len(DATA)
+    assert not site.attempt.folder.exists()
+
+
+def test_after_a_break_it_goes_on_where_it_was(site):
+    site.daemon.faults = [0, Unreachable("gone")]
+    with pytest.raises(Unreachable):
+        site.step()
+    site.daemon.arrived = DATA[:100_000]  # of which the acknowledgement was lost
+    site.deliver()
+    assert site.daemon.arrived == DATA
+    assert site.daemon.sizes[1] == PART
+
+
+def test_parts_that_are_not_taken_are_not_sent_for_ever(site):
+    site.daemon.faults = [0] * 6
+    site.step()
+    assert "does not arrive: 5 parts of it were not taken" in site.trouble.words
+    site.deliver()
+    assert site.daemon.arrived == DATA
+
+
+@pytest.mark.parametrize(
+    "fault", [Unavailable("the disk is full"), Failed("nobody thought of that"), Refused("no")]
+)
+def test_a_daemon_that_does_not_take_it_is_asked_again_later(site, fault):
+    site.daemon.faults = [fault]
+    site.daemon.answers = [fault]
+    site.step()
+    assert str(fault) in site.trouble.words
+    assert site.attempt.folder.exists()
+    site.deliver()
+    assert len(site.daemon.completions) == 2
+    assert site.trouble.words == ""
+
+
+def test_a_trace_the_daemon_has_lost_is_sent_again(site):
+    site.daemon.answers = [LedgerAnswer.MISSING]
+    site.step()
+    site.step()
+    assert "does not find the trace of c.0" in site.trouble.words
+    site.daemon.arrived = b""
+    site.deliver()
+    assert site.daemon.arrived == DATA
+    assert len(site.daemon.completions) == 2
+
+
+@pytest.mark.parametrize("damage", [lambda t: t.write_bytes(DATA[:-1]), lambda t: t.unlink()])
+def test_a_trace_damaged_in_the_spool_is_never_sent(site, damage):
+    assert_given_back(site, damage)
+    assert site.daemon.arrived == b""
+
+
+@pytest.mark.parametrize("damage", [lambda t: t.write_bytes(DATA[:-1]), lambda t: t.unlink()])
+def test_nor_is_it_left_for_the_daemon(local, damage):
+    assert_given_back(local, damage)
+    assert not local.left.exists()
+
+
+def assert_given_back(site, damage):
+    damage(site.trace)
+    site.deliver()
+    (release,) = site.deliveries.releases
+    assert "the spool" in release.reason
+    assert not release.blame
+
+
+def test_a_trace_that_cannot_be_read_now_is_kept(site, monkeypatch):
+    monkeypatch.setattr("daemon.batch.worker._deliveries.file_sha256", fail)
+    site.step()
+    assert "Input/output error" in site.trouble.words
+    monkeypatch.undo()
+    site.deliver()
+    assert site.daemon.arrived == DATA
+
+
+def fail(*_):
+    raise OSError(5, "Input/output error")
+
+
+def test_on_the_daemons_file_system_the_trace_lies_there_before_the_result(local):
+    local.daemon.answers = [Unavailable("busy")]
+    local.step()
+    assert local.left.samefile(local.trace)
+    local.deliver()
+    assert local.daemon.sizes == []
+    assert len(local.daemon.completions) == 2
+    assert local.left.read_bytes() == DATA
+
+
+def test_a_trace_that_waited_for_long_is_no_stray_where_it_is_left(local):
+    os.utime(local.trace, (0, 0))
+    local.deliver()
+    assert time.time() - local.left.stat().st_mtime < 3600.0
+
+
+def test_it_is_left_there_again_when_it_is_gone(local):
+    local.daemon.answers = [LedgerAnswer.MISSING]
+    local.step()
+    local.left.unlink()
+    local.deliver()
+    assert local.left.read_bytes() == DATA
+
+
+def test_without_hard_links_it_is_copied(local, monkeypatch):
+    monkeypatch.setattr("os.link", fail)
+    local.deliver()
+    assert local.left.read_bytes() == DATA
+
+
+def test_only_a_rejection_ends_it(local):
+    local.daemon.answers = [Rejected("there is no run c.0", Rejection.UNKNOWN_RUN)]
+    local.deliver()
+    assert [release.run for release in local.deliveries.releases] == ["c.0"]
+    assert not local.attempt.folder.exists()

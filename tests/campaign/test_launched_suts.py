@@ -1,0 +1,322 @@
+"""Systems under test from launch files: sections, layers, choices, and files of others."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from daemon.campaign import LayerLibrary, LayerReference, RefusedSutError
+from grammars.text import codec
+from grammars.text.diagnostics import InputError, Severity, Where
+
+MOVE_BASE = """\
+<launch>
+  <arg name="speed" default="0.5"/>
+  <arg name="model" default="$(env MODEL)"/>
+  <node pkg="move_base" type="move_base" name="move_base_node">
+    <param name="base_local_planner" value="dwa_local_planner/DWAPlannerROS"/>
+    <rosparam file="$(find nav)/config/$(arg model).yaml" ns="global_costmap"/>
+    <rosparam file="$(find nav)/config/$(arg model).yaml" ns="local_costmap"/>
+    <rosparam>
+      global_costmap: {global_frame: map, static_map: true}
+      local_costmap: {global_frame: odom, rolling_window: true}
+    </rosparam>
+    <param name="DWAPlannerROS/max_vel_trans" value="$(arg speed)"/>
+    <param name="DWAPlannerROS/min_vel_trans" value="0.1"/>
+    <remap from="scan" to="front/scan"/>
+  </node>
+</launch>
+"""
+AMCL = """\
+<launch>
+  <node pkg="map_server" type="map_server" name="map_server" args="a.yaml"/>
+  <node pkg="amcl" type="amcl" name="amcl">
+    <param name="odom_alpha1" value="0.1"/>
+    <remap from="scan" to="front/scan"/>
+  </node>
+</launch>
+"""
+COMMON = """\
+footprint: [[0.3, 0.2], [0.3, -0.2], [-0.3, -0.2], [-0.3, 0.2]]
+observation_sources: scan
+scan: {data_type: LaserScan, topic: scan, marking: true, clearing: true}
+"""
+SUT = "kind: ros\nros:\n  launch: [nav/launch/move_base.launch, nav/launch/amcl.launch]\n"
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for name, text in {
+        "package.xml": "<package><name>nav</name></package>",
+        "launch/move_base.launch": MOVE_BASE,
+        "launch/amcl.launch": AMCL,
+        "config/burger.yaml": COMMON,
+        "config/waffle.yaml": COMMON.replace("0.3", "0.4"),
+    }.items():
+        path = tmp_path / "nav" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    return tmp_path
+
+
+def write(folder, name, text):
+    (folder / f"{name}.yaml").write_text(f"sut: {name}\n{text}")
+
+
+def load(folder, name):
+    library = LayerLibrary(folder)
+    library.sut(LayerReference(name, {}, Where("campaign.yaml", 1, 1)))
+    return library.sut_file(folder / f"{name}.yaml")
+
+
+def tree(folder, name):
+    return load(folder, name).reference.parameters
+
+
+def messages(folder, name):
+    """Return the errors of a file, or its warnings if it has none."""
+    try:
+        found = load(folder, name).warnings
+        assert all(one.severity is Severity.WARNING for one in found)
+    except InputError as error:
+        found = error.findings
+    return [str(one).replace(f"{folder}/", "") for one in found]
+
+
+def test_launch_files_become_sections_with_names_and_places(folder):
+    write(folder, "robot", SUT + "  env: {MODEL: burger}\n")
+    found = load(folder, "robot")
+    parameters = found.reference.parameters
+    assert parameters["amcl"] == {"odom_alpha1": 0.1}
+    assert parameters["move_base"]["DWAPlannerROS"] == {"max_vel_trans": 0.5, "min_vel_trans": 0.1}
+    assert parameters["move_base"]["local_costmap"]["scan"]["topic"] == "scan"
+    assert parameters["topics"] == {
+        "maps": ["/map"],
+        "nodes": {
+            "amcl": {"name": "/amcl", "remap": {"/scan": "/front/scan"}},
+            "move_base": {"name": "/move_base_node", "remap": {"/scan": "/front/scan"}},
+        },
+    }
+    places = {
+        "/".join(path): str(one.where).replace(f"{folder}/", "")
+        for path, one in found.settings.items()
+    }
+    assert places["move_base/global_costmap/scan/topic"] == "nav/config/burger.yaml:3:37"
+    assert places["move_base/global_costmap/static_map"] == "nav/launch/move_base.launch:9:55"
+    assert places["amcl/odom_alpha1"] == "nav/launch/amcl.launch:4:38"
+    assert places["topics/nodes/amcl/remap//scan"] == "nav/launch/amcl.launch:5:5"
+
+
+def test_files_and_parameters_go_on_top(folder):
+    (folder / "mine.yaml.txt").write_text("odom_alpha1: 0.7\nodom_alpha2: 0.7\n")
+    text = (
+        "  args: {model: burger}\nfiles: {amcl: mine.yaml.txt}\n"
+        "parameters: {amcl: {odom_alpha2: 0.9}, costmap_common: {inflation_radius: 0.7,\n"
+        "  scan: {topic: other, marking: null}, static_map: null}}\n"
+    )
+    write(folder, "robot", SUT + text)
+    parameters = tree(folder, "robot")
+    for costmap in ("global_costmap", "local_costmap"):
+        found = parameters["move_base"][costmap]
+        assert found["scan"] == {"data_type": "LaserScan", "topic": "other", "clearing": True}
+        assert "static_map" not in found
+    assert parameters["amcl"] == {"odom_alpha1": 0.7, "odom_alpha2": 0.9}
+    assert parameters["move_base"]["local_costmap"]["inflation_radius"] == 0.7
+
+
+def test_a_system_like_another_reads_its_launch_files_with_other_args(folder):
+    write(
+        folder,
+        "robot",
+        SUT + "  args: {model: burger, speed: 0.4}\nparameters: {amcl: {kld_err: 0.01}}\n",
+    )
+    write(folder, "big", "like: robot\nros: {args: {model: waffle}}\n")
+    write(folder, "fast", "like: big\nros: {args: {speed: 0.9}}\n")
+    write(folder, "none", "like: fast\nparameters: {amcl: {odom_alpha1: null}}\n")
+    parameters = tree(folder, "fast")
+    assert parameters["move_base"]["local_costmap"]["footprint"][0] == [0.4, 0.2]
+    assert parameters["move_base"]["DWAPlannerROS"]["max_vel_trans"] == 0.9
+    assert parameters["amcl"] == {"odom_alpha1": 0.1, "kld_err": 0.01}
+    assert tree(folder, "big")["move_base"]["DWAPlannerROS"]["max_vel_trans"] == 0.4
+    assert tree(folder, "none")["amcl"] == {"kld_err": 0.01}
+    write(folder, "wrong", "like: big\nros: {args: {sped: 0.9}}\n")
+    (message,) = messages(folder, "wrong")
+    assert message.startswith("wrong.yaml:3:14: no launch file named here has an arg sped")
+    assert 'did you mean "speed"?' in message
+
+
+def test_what_launch_files_cannot_fill_in_is_an_error_until_somebody_writes_it(folder):
+    path = folder / "nav" / "launch" / "amcl.launch"
+    path.write_text(AMCL.replace('value="0.1"', 'command="rosparam get /x"'))
+    write(folder, "robot", SUT + "  args: {model: burger}\n")
+    (message,) = messages(folder, "robot")
+    assert message.startswith("nav/launch/amcl.launch:4:40: odom_alpha1: is what a command prints")
+    assert "amcl/odom_alpha1 has no value without it" in message
+    write(folder, "mine", "like: robot\nparameters: {amcl: {odom_alpha1: 0.3}}\n")
+    assert tree(folder, "mine")["amcl"] == {"odom_alpha1": 0.3}
+
+
+def test_launch_files_without_move_base_tell_what_they_start(folder):
+    flex = '<node pkg="mbf_costmap_nav" type="mbf_costmap_nav" name="mbf"/></launch>'
+    (folder / "nav" / "launch" / "flex.launch").write_text(f"<launch>{flex}")
+    names = "nav/launch/amcl.launch, nav/launch/flex.launch"
+    write(folder, "robot", f"kind: ros\nros: {{launch: [{names}]}}\n")
+    (message,) = messages(folder, "robot")
+    assert message.startswith("robot.yaml:3:7: starts no move_base; it starts /map_server")
+    assert "/mbf is Move Base Flex" in message
+
+
+def test_without_amcl_its_defaults_hold(folder):
+    gmapping = '<node pkg="gmapping" type="slam_gmapping" name="slam"/></launch>'
+    path = folder / "nav" / "launch" / "move_base.launch"
+    path.write_text(MOVE_BASE.replace("</launch>", gmapping))
+    write(
+        folder,
+        "robot",
+        "kind: ros\nros:\n  launch: nav/launch/move_base.launch\n  args: {model: burger}\n",
+    )
+    (message,) = (one for one in messages(folder, "robot") if "starts no amcl" in one)
+    assert message.startswith("robot.yaml:4:3: warning: starts no amcl: it localises with amcl's")
+    assert "/slam (gmapping) maps while it drives" in message
+    assert "amcl" not in tree(folder, "robot")
+
+
+def test_of_several_robots_one_is_chosen_by_the_name_of_its_move_base(folder):
+    groups = "".join(
+        f'<group ns="r{i}"><include file="$(find nav)/launch/move_base.launch">'
+        f'<arg name="model" value="burger"/><arg name="speed" value="0.{i}"/></include>'
+        '<include file="$(find nav)/launch/amcl.launch"/></group>'
+        for i in (3, 4)
+    )
+    (folder / "nav" / "launch" / "two.launch").write_text(f"<launch>{groups}</launch>")
+    text = "kind: ros\nros:\n  launch: nav/launch/two.launch\n"
+    write(folder, "robot", text)
+    (message,) = messages(folder, "robot")
+    assert "starts 2 move_base nodes: /r3/move_base_node (move_base.launch:4), /r4/" in message
+    assert 'write "node: /r3/move_base_node" for that one' in message
+    write(folder, "second", f"{text}  node: r4/move_base_node\n")
+    parameters = tree(folder, "second")
+    assert parameters["move_base"]["DWAPlannerROS"]["max_vel_trans"] == 0.4
+    assert parameters["topics"]["nodes"]["amcl"]["name"] == "/r4/amcl"
+    assert parameters["topics"]["maps"] == ["/r3/map", "/r4/map"]
+
+
+def test_only_servers_of_the_map_that_amcl_hears_have_the_map_of_a_run(folder):
+    servers = "".join(
+        f'<node pkg="map_server" type="map_server" name="s{i}" args="{file}">'
+        f'<remap from="map" to="{topic}"/></node>'
+        for i, (file, topic) in enumerate([("keep_out.yaml", "walls"), ("a.yaml", "again")])
+    )
+    path = folder / "nav" / "launch" / "amcl.launch"
+    path.write_text(AMCL.replace("</launch>", f"{servers}</launch>"))
+    write(folder, "robot", SUT + "  args: {model: burger}\n")
+    assert tree(folder, "robot")["topics"]["maps"] == ["/map", "/again"]
+
+
+def test_footprints_are_found_in_the_namespaces_above_move_base(folder):
+    (folder / "nav" / "config" / "burger.yaml").write_text(
+        "\n".join(COMMON.splitlines()[1:]) + "\n"
+    )
+    above = '<rosparam param="/footprint">[[1, 1], [1, -1], [-1, -1], [-1, 1]]</rosparam></launch>'
+    path = folder / "nav" / "launch" / "move_base.launch"
+    path.write_text(MOVE_BASE.replace("</launch>", above))
+    write(folder, "robot", SUT + "  args: {model: burger}\n")
+    assert tree(folder, "robot")["move_base"]["footprint"][0] == [1, 1]
+
+
+@pytest.mark.parametrize(
+    ("key", "name"), [("files", "amcl"), ("files", "params"), ("files", "/"), ("ros", "")]
+)
+def test_parameter_files_of_nav2_are_refused_with_what_can_be_done(folder, key, name):
+    (folder / "params").mkdir()
+    (folder / "params" / "amcl.yaml").write_text(
+        "amcl:\n  ros__parameters:\n    alpha1: 0.2\n"
+        "bt_navigator:\n  ros__parameters: {a: 1}\n"
+        "local_costmap:\n  local_costmap:\n    ros__parameters: {a: 1}\n"
+    )
+    said = "ros: params" if key == "ros" else f"files: {{{name}: params/amcl.yaml}}"
+    write(folder, "robot", f"kind: ros\n{said}\n")
+    (message,) = messages(folder, "robot")
+    assert message.startswith("params/amcl.yaml:3:5: is a parameter file of ROS 2")
+    nothing = "nothing here corresponds to bt_navigator"
+    for part in ("kind: ros2", "odom_alpha1 for alpha1", "move_base/local_costmap", nothing):
+        assert part in message
+
+
+def test_a_folder_of_nav2_is_recognised(folder):
+    (folder / "params").mkdir()
+    (folder / "params" / "nav2.yaml").write_text("amcl:\n  ros__parameters:\n    alpha1: 0.2\n")
+    write(folder, "robot", "kind: ros\nros: params\n")
+    (message,) = messages(folder, "robot")
+    assert 'nav2.yaml is for ROS 2: test Nav2 by "kind: ros2"' in message
+
+
+def test_the_guide_names_every_key():
+    text = (Path(__file__).parents[2] / "docs" / "campaigns.md").read_text()
+    section = text.partition("## A ROS 1 configuration")[2].partition("\n## ")[0]
+    schema = json.loads(
+        (Path(__file__).parents[2] / "grammars/editor/schemas/sut.schema.json").read_text()
+    )
+    keys = schema["$defs"]["rossource"]["properties"]
+    assert [key for key in keys if f"\n| `{key}` |" not in section] == []
+
+
+def test_what_a_refused_configuration_would_be_is_known(folder):
+    write(folder, "robot", SUT + "  args: {model: burger, speed: 0.05}\n")
+    with pytest.raises(RefusedSutError) as caught:
+        load(folder, "robot")
+    setting = caught.value.settings["move_base", "DWAPlannerROS", "max_vel_trans"]
+    assert setting.value == 0.05
+
+
+def test_the_same_launch_files_elsewhere_are_the_same_system(folder):
+    path = folder / "nav" / "launch" / "move_base.launch"
+    here = '<param name="map" value="$(dirname)/a.yaml"/><param name="b" value="$(find nav)/b"/>'
+    path.write_text(MOVE_BASE.replace("<remap", f"{here}<remap"))
+    write(folder, "robot", SUT + "  args: {model: burger}\n")
+    before = load(folder, "robot").reference
+    moved = folder / "somewhere" / "else"
+    moved.mkdir(parents=True)
+    for name in ("nav", "robot.yaml"):
+        (folder / name).rename(moved / name)
+    after = load(moved, "robot").reference
+    assert codec.digest(after) == codec.digest(before)
+    assert after.parameters["move_base"]["map"] == "$(find nav)/launch/a.yaml"
+
+
+PUBLISHED = {
+    "fetch": ("/amcl", "/base_scan", "/move_base", ["/map"]),
+    "husky": ("/amcl", "/front/scan", "/move_base", ["/map"]),
+    "husky-trajectory": ("/amcl", "/front/scan", "/move_base", None),
+    "jackal": ("/amcl", "/front/scan", "/move_base", ["/map"]),
+    "mir100-dwa": ("/amcl", "/scan", "/move_base_node", ["/map"]),
+    "mir100": ("/amcl", "/scan", "/move_base_node", ["/map", "/virtual_walls/map"]),
+    "robile-amr": ("/amcl", "/scan_front", "/move_base", ["/map"]),
+    "tiago-dwa": ("/amcl", "/scan", "/move_base", ["/vo_map"]),
+    "turtlebot2": ("/amcl", "/scan", "/move_base", ["/map"]),
+    "turtlebot3-burger": ("/amcl", "/scan", "/move_base", ["/map"]),
+}
+"""For each: amcl, where it hears the laser, move_base, the topics of the map."""
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_published_robots_become_sections(tmp_path, reference_data, name):
+    described = Path(__file__).parents[1] / "published_robots" / "suts" / f"{name}.yaml"
+    text = described.read_text().replace("ROBOTS/", f"{reference_data / 'robots'}/")
+    (tmp_path / f"{name}.yaml").write_text(text)
+    try:
+        settings = load(tmp_path, name).settings
+    except RefusedSutError as refused:
+        # What of it the stack can do is said elsewhere.
+        settings = refused.settings
+    amcl, scan, move_base, maps = PUBLISHED[name]
+    values = {path: setting.value for path, setting in settings.items()}
+    nodes = ("topics", "nodes")
+    assert values[(*nodes, "amcl", "name")] == amcl
+    assert values.get((*nodes, "amcl", "remap", "/scan"), "/scan") == scan
+    assert values[(*nodes, "move_base", "name")] == move_base
+    assert values.get(("topics", "maps")) == maps
+    assert values["move_base", "base_local_planner"]
+    assert len([path for path in values if path[0] == "amcl"]) >= 3
+    # Nothing that launch files fill in is left over.
+    assert not any("$(arg" in str(v) or "$(env" in str(v) for v in values.values())

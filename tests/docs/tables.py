@@ -1,0 +1,176 @@
+"""Tables of the keys of YAML files, made from the JSON Schemas that editors get.
+
+A key's row says what may be written, what holds when nothing is, and what it means.
+"""
+
+import json
+import re
+from collections.abc import Mapping
+from functools import cache
+from typing import Any
+
+from tests.docs.markdown import ROOT
+
+SCHEMAS = ROOT / "grammars" / "editor" / "schemas"
+Schema = Mapping[str, Any]
+_HOW_WRITTEN = re.compile(
+    r"(?:^|(?<=\. )|(?<=\.))[A-Z][a-z ]+, (?:a number|with its unit)"
+    r"[^;]*?such as [^;]*?(?:; [^;]*?)?\.$"
+)
+"""The last sentence of a description of a quantity; the table has a column for that."""
+_LIMITS = {
+    "exclusiveMinimum": "above",
+    "minimum": "at least",
+    "exclusiveMaximum": "below",
+    "maximum": "at most",
+}
+
+
+@cache
+def schema(name):
+    """Return a published schema: campaign, mission, oracles, robot, sut or walls."""
+    return json.loads((SCHEMAS / f"{name}.schema.json").read_text("utf-8"))
+
+
+def definition(name, part):
+    """Return a part of a schema by its name, the schema itself by that of the file."""
+    whole = schema(name)
+    return whole if part == name and part not in whole.get("$defs", {}) else whole["$defs"][part]
+
+
+def key_table(name, part, *only):
+    """Return a Markdown table of the keys of a part of a schema, all or ``only`` some."""
+    body = definition(name, part)
+    needed = set(body.get("required", ()))
+    rows = [
+        _row(name, key, value, key in needed)
+        for key, value in body["properties"].items()
+        if not only or key in only
+    ]
+    return (
+        "\n".join(("| key | value | when left out | meaning |", "|---|---|---|---|", *rows)) + "\n"
+    )
+
+
+def _row(name, key, value, needed):
+    default = value.get("default")
+    if needed:
+        left_out = "required"
+    elif default is None or default == []:
+        left_out = "–"
+    else:
+        left_out = f"`{_written(default)}`"
+    meaning = _meaning(value) or _meaning(_referenced(name, value))
+    cells = (f"`{key}`", _values(value), left_out, meaning)
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+def _referenced(name, value):
+    found = value.get("$ref", "")
+    return definition(name, found.rpartition("/")[2]) if found else {}
+
+
+def _written(value):
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, list):
+        return f"[{', '.join(map(_written, value))}]"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _values(value):
+    """Return what may be written, in a few words."""
+    if "enum" in value or "const" in value:
+        choices = value.get("enum", [value.get("const")])
+        shown = [f"`{_written(one)}`" for one in choices if one is not None]
+        return ", ".join(shown)
+    if "errorMessage" in value:
+        said = re.sub(r"^expected an? ", "", value["errorMessage"])
+        return re.sub(r'"([^"]*)"', r"`\1`", said.replace(" such as", ", such as"))
+    if "$ref" in value:
+        return f"keys of {_part(value['$ref'])}"
+    choices = value.get("anyOf", ())
+    if choices:
+        return " or ".join(dict.fromkeys(filter(None, map(_values, choices))))
+    if "patternProperties" in value:
+        inner = next(iter(value["patternProperties"].values()))
+        return f"by name: {_values(inner)}"
+    return _plain(value)
+
+
+def _plain(value):
+    kind = value.get("type", "")
+    kinds = [kind] if isinstance(kind, str) else [one for one in kind if one != "null"]
+    if "array" in kinds:
+        return f"list of {_values(value.get('items', {})) or 'values'}"
+    if "object" in kinds:
+        inner = value.get("additionalProperties")
+        if isinstance(inner, dict) and inner.get("type") == "object":
+            return "`NAME: {…}`"
+        said = _values(inner) if isinstance(inner, dict) else ""
+        return f"by name: {said or 'values'}"
+    words = {
+        "string": "text",
+        "integer": "whole number",
+        "number": "number",
+        "boolean": "`true`, `false`",
+    }
+    return " or ".join(words[one] for one in kinds if one in words) + _bounds(value)
+
+
+def _bounds(value):
+    said = [f"{word} {value[key]:g}" for key, word in _LIMITS.items() if key in value]
+    return f", {', '.join(said)}" if said else ""
+
+
+def _part(reference):
+    return f"`{reference.rpartition('/')[2]}`"
+
+
+def _meaning(value):
+    """Return the description in one line, without how the quantity is written."""
+    said = value.get("description", "")
+    if "errorMessage" in value:
+        said = _HOW_WRITTEN.sub("", said)
+    return " ".join(said.split())
+
+
+def keys_of(name):
+    """Return every key of a schema as PART.KEY."""
+    parts = {name: schema(name), **schema(name).get("$defs", {})}
+    return frozenset(
+        f"{part}.{key}" for part, body in parts.items() for key in body.get("properties", ())
+    )
+
+
+def used_keys(name, data):
+    """Return the keys of a schema that a document makes use of, as PART.KEY."""
+    return frozenset(_used(name, name, schema(name), data))
+
+
+def _used(name, part, body, data):
+    if "$ref" in body:
+        part = body["$ref"].rpartition("/")[2]
+        body = definition(name, part)
+    for choice in _choices(body):
+        yield from _used(name, part, choice, data)
+    if isinstance(data, dict):
+        for key, value in data.items():
+            if key in body.get("properties", {}):
+                yield f"{part}.{key}"
+                yield from _used(name, part, body["properties"][key], value)
+            for pattern, inner in body.get("patternProperties", {}).items():
+                if re.search(pattern, str(key)):
+                    yield from _used(name, part, inner, value)
+            more = body.get("additionalProperties")
+            if isinstance(more, dict) and key not in body.get("properties", {}):
+                yield from _used(name, part, more, value)
+    elif isinstance(data, list) and isinstance(body.get("items"), dict):
+        for value in data:
+            yield from _used(name, part, body["items"], value)
+
+
+def _choices(body):
+    found = [*body.get("anyOf", ()), *body.get("oneOf", ())]
+    found += [rule["then"] for rule in body.get("allOf", ()) if "then" in rule]
+    return [choice for choice in found if choice.keys() - {"required"}]

@@ -1,0 +1,208 @@
+"""What holds for all oracles: verdicts never flip as a run goes on, limits act one way."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from daemon.judging.oracles import judge
+from daemon.model.spec import OracleText
+from daemon.model.verdicts import Outcome
+from daemon.trace import ContactRecord, ProgressRecord
+from tests.engine.judging.oracles.traces import along, cut, make_trace, mission, track, verdict
+
+LIMIT = 6.0
+QUARTERS = st.integers(0, 4).map(lambda n: n / 4.0)
+
+
+@st.composite
+def traces(draw):
+    """A complete run of up to 5 s at 4 Hz with jumpy errors, contacts and progress."""
+    count = draw(st.integers(2, 20))
+    time = np.arange(count) / 4.0
+    speeds = np.array(draw(st.lists(QUARTERS, min_size=count, max_size=count)))
+    speeds[1] = max(speeds[1], 0.25)  # a robot that never moves makes its trace invalid
+    motion = along(time, vx=speeds, x=np.cumsum(speeds) / 4.0)
+    known = draw(st.integers(0, 3))
+    errors = np.array(draw(st.lists(QUARTERS, min_size=count, max_size=count)))
+    estimate = track(time[known:], motion.x[known:], errors[known:], sigma=0.3)
+    hits = draw(st.lists(st.integers(0, count - 1), max_size=2))
+    contacts = tuple(
+        ContactRecord(float(time[i]), "robot", "wall", (0.0, 0.0), (1.0, 0.0), 0.01) for i in hits
+    )
+    passed = sorted(draw(st.lists(st.integers(0, count - 1), max_size=3)))
+    progress = tuple(ProgressRecord(float(time[i]), n, n, "active") for n, i in enumerate(passed))
+    points = draw(st.lists(QUARTERS, min_size=1, max_size=3))
+    return make_trace(
+        motion,
+        estimate=estimate,
+        contacts=contacts,
+        progress=progress,
+        goal=mission(*((4.0 * x, 0.0) for x in points)),
+        limit=LIMIT,
+    )
+
+
+PREDICATES = (
+    "loc.error <= {q} m",
+    "loc.error < {q} m",
+    "not contact",
+    "speed <= {q} m/s and loc.error <= 0.5 m",
+    "contact or loc.error.y > {q} m",
+    "mission.reached >= 1",
+    "loc.inside_2sigma",
+)
+TEMPORAL = (
+    *("always({p})", "never({p})", "eventually({p})", "always within 2 s ({p})"),
+    *("eventually within 2 s ({p})", "always({p}) until (mission.reached >= 1)"),
+    "never({p}) until within 2 s (speed > {q} m/s)",
+)
+FORMS = (
+    *TEMPORAL,
+    *("fraction({p}) >= 60 %", "fraction({p}) < 30 %"),
+    *("time({p}) <= 1 s", "time({p}) > 1 s", "longest({p}) <= 0.5 s", "longest({p}) >= 1 s"),
+    *("count({p}) <= 1", "count({p}) == 1", "count({p}) != 0", "max(loc.error) <= {q} m"),
+    *("min(clearance) >= {q} m", "mean(speed) <= {q} m/s", "final(path.length) >= {q} m"),
+    *("p95(loc.error) <= {q} m", "max(elapsed) <= 3 s", "reached(mission, 0.3 m)"),
+)
+GUARDS = ("speed > 0.3 m/s", "not contact", "mission.leg == 1", "loc.error <= 0.5 m")
+LEGS = ("", "", " on leg 1", " on leg w1")
+
+
+@st.composite
+def oracles(draw, form=None):
+    q = draw(QUARTERS)
+    form = form or draw(st.sampled_from(FORMS))
+    predicate = draw(st.sampled_from(PREDICATES))
+    leg = "" if form.startswith("reached") else draw(st.sampled_from(LEGS))
+    guard = draw(st.sampled_from(["", *(f" when {guard}" for guard in GUARDS)]))
+    return form.format(p=predicate.format(q=q), q=q) + leg + guard
+
+
+def bounds(found):
+    return (
+        -math.inf if found.lower is None else found.lower,
+        math.inf if found.upper is None else found.upper,
+    )
+
+
+@pytest.mark.parametrize("form", FORMS)
+@given(data=st.data())
+def test_a_prefix_never_claims_what_the_whole_run_denies(form, data):
+    whole, text = data.draw(traces()), data.draw(oracles(form))
+    steps = data.draw(st.integers(0, len(whole.ground_truth.time) - 1))
+    early, late = verdict(cut(whole, steps / 4.0), text), verdict(whole, text)
+    if early.outcome in (Outcome.PASS, Outcome.FAIL):
+        assert late.outcome is early.outcome
+    if Outcome.INCONCLUSIVE is not late.outcome:
+        low, high = bounds(early)
+        assert low - 1e-9 <= bounds(late)[0] <= bounds(late)[1] <= high + 1e-9
+
+
+@given(traces(), st.lists(oracles(), min_size=1, max_size=6), st.integers(1, 4000), st.booleans())
+def test_shifting_time_changes_nothing(trace, texts, quarters, whole):
+    judged = trace if whole else cut(trace, 1.0)
+    written = tuple(OracleText(str(i), text) for i, text in enumerate(texts))
+    for here, there in zip(
+        judge(judged, written), judge(shifted(judged, quarters / 4.0), written), strict=True
+    ):
+        assert there.outcome is here.outcome
+        assert bounds(there) == pytest.approx(bounds(here), abs=1e-9)
+        assert there.evidence.object == here.evidence.object
+        if here.evidence.time is not None:
+            assert there.evidence.time == here.evidence.time + quarters / 4.0
+
+
+def shifted(trace, by):
+    """Return ``trace`` as if the simulation had begun ``by`` seconds later."""
+    tracks = ("ground_truth", "odometry", "command", "estimate", "cloud", "joints")
+    moved = {name: replace(t := getattr(trace, name), time=t.time + by) for name in tracks}
+    for name in ("contacts", "progress"):
+        moved[name] = tuple(replace(r, time=r.time + by) for r in getattr(trace, name))
+    return replace(trace, valid_until=trace.valid_until + by, **moved)
+
+
+@pytest.mark.parametrize("whole", [True, False])
+@given(data=st.data())
+def test_a_stricter_guard_never_turns_inconclusive_into_fail(whole, data):
+    trace = data.draw(traces())
+    # While a run goes on, a guard changes what a share is a share of; only what holds at all
+    # samples or at one can be compared then.
+    form = data.draw(st.sampled_from(FORMS if whole else TEMPORAL))
+    text, stricter = data.draw(oracles(form)), data.draw(st.sampled_from(GUARDS))
+    judged = trace if whole else cut(trace, data.draw(QUARTERS))
+    joined = f"{text} and ({stricter})" if " when " in text else f"{text} when {stricter}"
+    if verdict(judged, text).outcome is Outcome.INCONCLUSIVE:
+        assert verdict(judged, joined).outcome is Outcome.INCONCLUSIVE
+
+
+@given(traces(), oracles())
+def test_a_complete_run_is_decided_unless_there_was_nothing_to_judge(whole, text):
+    found = verdict(whole, text)
+    if found.outcome is Outcome.INCONCLUSIVE:
+        assert found.evidence.value is None
+        assert found.evidence.note
+    else:
+        assert found.outcome in (Outcome.PASS, Outcome.FAIL)
+        assert found.lower == found.upper
+
+
+LIMITED = (
+    "always(loc.error <= {q} m)",
+    "always(loc.error < {q} m)",
+    "never(loc.error > {q} m)",
+    "eventually(loc.error <= {q} m)",
+    "always(loc.error <= {q} m) until (mission.reached >= 1)",
+    "never(contact) until within {q} s (mission.reached >= 1)",
+    "always(loc.error <= {q} m) on leg 1",
+    "max(loc.error) <= {q} m",
+    "p95(loc.error) < {q} m",
+    "time(contact) <= {q} s",
+    "fraction(contact) <= {q}",
+    "longest(contact) < {q} s",
+    "count(contact) <= {q}",
+    "time(loc.error > {q} m) <= 0.5 s",
+    "reached(mission, {q} m)",
+)
+RANK = {Outcome.FAIL: 0, Outcome.INCONCLUSIVE: 1, Outcome.PASS: 2}
+
+
+@given(
+    traces(),
+    st.sampled_from(LIMITED),
+    st.tuples(st.floats(0.01, 2.0), st.floats(0.01, 2.0)),
+    st.booleans(),
+)
+def test_a_wider_limit_never_judges_worse(trace, form, limits, whole):
+    judged = trace if whole else cut(trace, 0.5)
+    narrow, wide = (verdict(judged, form.format(q=f"{q:.6f}")) for q in sorted(limits))
+    assert RANK[narrow.outcome] <= RANK[wide.outcome]
+
+
+@given(traces())
+def test_never_mirrors_always_and_eventually(trace):
+    predicate = "loc.error <= 0.5 m and (speed < 0.7 m/s or contact)"
+    never = verdict(trace, f"never({predicate})")
+    always = verdict(trace, f"always(not ({predicate}))")
+    eventually = verdict(trace, f"eventually({predicate})")
+    assert bounds(never) == bounds(always)
+    if never.outcome is not Outcome.INCONCLUSIVE:
+        assert {never.outcome, eventually.outcome} == {Outcome.PASS, Outcome.FAIL}
+
+
+@given(traces(), st.lists(oracles(), max_size=4))
+def test_judging_again_gives_the_same_verdicts(trace, texts):
+    written = tuple(OracleText(str(i), text) for i, text in enumerate(texts))
+    assert judge(trace, written) == judge(trace, written)
+    assert judge(trace, written) == tuple(judge(trace, (one,))[0] for one in written)
+
+
+@pytest.mark.parametrize("outcome", [Outcome.PASS, Outcome.FAIL])
+def test_outcomes_follow_from_the_interval(outcome):
+    trace = make_trace(along(np.arange(5) / 4.0))
+    found = verdict(trace, f"max(speed) <= {'1' if outcome is Outcome.PASS else '0.1'} m/s")
+    assert found.outcome is outcome
+    assert (bounds(found)[0] >= 0.0) == (outcome is Outcome.PASS)

@@ -1,0 +1,226 @@
+"""A run along time, and the judgement of one that goes on: signals, verdicts and log so far."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from daemon.judging.live import (
+    MOST_COLUMNS,
+    MOST_LINES,
+    door_motions,
+    judge_running,
+    limits_of,
+    sample_run_signals,
+)
+from daemon.judging.oracles import DOOR_CLEARANCE, SignalSampler, judge
+from daemon.judging.signals import RunSignal, merge_spans, received_signal, thin_signal
+from daemon.model.live_judgement import (
+    LiveJudgement,
+    LiveSignal,
+    SignalLimit,
+    pack_judgement,
+    unpack_judgement,
+)
+from daemon.model.spec import OracleText
+from daemon.trace import ContactRecord, EventRecord, JointTrack, ProgressRecord
+from grammars import oracle as language
+from grammars.text import codec
+from tests.engine.judging.oracles.traces import (
+    CORRIDOR,
+    along,
+    cut,
+    door,
+    make_trace,
+    mission,
+    times,
+    track,
+)
+
+ORACLES = {
+    "arrives": "reached(mission, 0.3 m)",
+    "contact": "never(contact)",
+    "accuracy": "always(loc.error <= 0.3 m)",
+    "share": "fraction(speed > 0.1 m/s) >= 50 %",
+}
+
+
+def whole():
+    """Ten seconds at 0.5 m/s; wrong by 0.4 m for a second, three touches of which two are one."""
+    time = times(10.0)
+    motion = along(time)
+    wrong = np.where((time >= 4.0) & (time < 5.0), 0.4, 0.1)
+    hits = [
+        ContactRecord(at, "robot", "wall-north", (at, 1.0), (0.0, 1.0), 0.01)
+        for at in (6.0, 6.05, 8.0)
+    ]
+    trace = make_trace(
+        motion,
+        estimate=track(time, motion.x, wrong),
+        contacts=tuple(hits),
+        progress=(ProgressRecord(0.0, 0, 0, "active"), ProgressRecord(5.0, 1, 1, "succeeded")),
+        goal=mission((2.5, 0.0)),
+    )
+    events = (EventRecord(1.0, "sut", "starts\x1b[2J\nnow"), EventRecord(7.0, "door-17", "opens"))
+    spec = replace(trace.spec, oracles=tuple(OracleText(k, v) for k, v in ORACLES.items()))
+    return replace(trace, spec=spec, events=events)
+
+
+def names(judgement):
+    return [signal.name for signal in judgement.signals]
+
+
+def test_signals_and_verdicts_so_far():
+    judgement = judge_running(cut(whole(), 4.5))
+    assert judgement.time == 4.5
+    assert names(judgement) == ["loc.error", "clearance", "clearance(doors)", "speed", "contact"]
+    error = judgement.signals[0]
+    assert (error.limits, error.readers) == ((SignalLimit(0.3, "above"),), ("accuracy",))
+    assert error.against == ((pytest.approx(4.0), pytest.approx(4.5)),)
+    assert len(error.low) <= MOST_COLUMNS
+    assert max(value for value in error.high if value is not None) == pytest.approx(0.4)
+    assert {one.oracle: one.outcome for one in judgement.verdicts} == {
+        "arrives": "pass",
+        "contact": "pass",
+        "accuracy": "fail",
+        "share": "pass",
+    }
+
+
+def test_the_log_tells_events_touches_and_waypoints_in_order_of_time():
+    judgement = judge_running(cut(whole(), 9.0))
+    assert [(line.time, line.source, line.text) for line in judgement.log] == [
+        (1.0, "sut", "starts\N{REPLACEMENT CHARACTER}[2J now"),
+        (5.0, "mission", "w1 reached, 1 of 1"),
+        (5.0, "mission", "succeeded"),
+        (6.0, "contact", "robot touches wall-north"),
+        (7.0, "door-17", "opens"),
+        (8.0, "contact", "robot touches wall-north"),
+    ]
+
+
+def test_a_long_log_is_told_by_its_end():
+    events = tuple(EventRecord(i / 100.0, "sut", f"line {i}") for i in range(900))
+    judgement = judge_running(cut(replace(whole(), events=events), 3.9))
+    assert (len(judgement.log), judgement.log_before) == (MOST_LINES, 391 - MOST_LINES)
+    assert judgement.log[-1].text == "line 390"
+
+
+def test_the_last_judgement_is_what_the_run_is_judged_by():
+    trace = whole()
+    judgement = judge_running(trace)
+    assert judgement.verdicts == judge(trace, trace.spec.oracles)
+
+
+def test_a_trace_that_cannot_be_trusted_has_error_verdicts_and_no_signals():
+    judgement = judge_running(replace(cut(whole(), 4.5), problems=("broken",)))
+    assert judgement.signals == ()
+    assert {one.outcome for one in judgement.verdicts} == {"error"}
+
+
+def test_a_judgement_travels_small():
+    judgement = replace(judge_running(cut(whole(), 9.0)), run="c.0")
+    packed = pack_judgement(judgement)
+    assert unpack_judgement(packed) == judgement
+    assert len(packed) < 4000
+
+
+@pytest.mark.parametrize("change", [lambda d: d[:-5], lambda d: b"x" + d, lambda d: b""])
+def test_what_is_no_judgement_is_refused(change):
+    packed = pack_judgement(LiveJudgement("c.0", 1.0, (), (), (), (), ()))
+    with pytest.raises(ValueError):  # noqa: PT011
+        unpack_judgement(change(packed))
+
+
+def test_a_judgement_whose_values_do_not_go_together_is_refused():
+    signal = LiveSignal("speed", "m/s", 0.0, 1.0, (0.0, 0.1), (0.2,))
+    packed = pack_judgement(LiveJudgement("c.0", 1.0, (signal,), (), (), (), ()))
+    with pytest.raises(ValueError, match="speed"):
+        unpack_judgement(packed)
+
+
+def test_a_judgement_that_unpacks_without_end_is_refused():
+    import zlib
+
+    bomb = zlib.compress(b" " * 2**24 + codec.to_json(LiveJudgement("c", 1.0, (), (), (), (), ())))
+    with pytest.raises(ValueError, match="more than"):
+        unpack_judgement(bomb)
+
+
+def test_a_limit_has_the_side_on_which_a_signal_speaks_against_oracles():
+    compared = [
+        language.ComparedLimit(name, value, side)
+        for name, value, side in (
+            ("speed", 0.5, "above"), ("speed", 0.2, "below"), ("clearance", 0.1, "below"),
+            ("speed", 0.5, ""), ("speed", 1.0, "above"), ("speed", 1.0, "below"),
+        )
+    ]  # fmt: skip
+    assert limits_of("speed", compared) == (
+        SignalLimit(0.2, "below"),
+        SignalLimit(0.5, "above"),
+        SignalLimit(1.0),
+    )
+
+
+def test_doors_open_when_they_leave_how_they_are_drawn():
+    position = np.array([[0.0], [0.04], [0.5], [0.5], [0.01], [-0.2]])
+    track = JointTrack(("door-1.hinge",), np.arange(6.0), position, np.zeros((6, 1)))
+    found = [(event.time, event.opens) for event in door_motions(track)]
+    assert found == [(2.0, True), (4.0, False), (5.0, True)]
+
+
+def test_stretches_that_touch_become_one():
+    assert merge_spans([(3.0, 4.0), (0.0, 1.0), (1.0, 2.0), (3.5, 3.6)]) == ((0.0, 2.0), (3.0, 4.0))
+
+
+def test_a_thinned_signal_keeps_its_extremes_and_says_what_is_not_known():
+    time = np.arange(0.0, 10.0, 0.01)
+    values = np.sin(time)
+    values[777] = 5.123456
+    values[:100] = np.nan
+    thin = thin_signal(
+        RunSignal("it", "m", time, values, values, (SignalLimit(0.5),)), 0.0, 10.0, 50
+    )
+    assert (len(thin.low), len(thin.high), thin.limits) == (50, 50, (SignalLimit(0.5),))
+    assert thin.low[:5] == (None,) * 5
+    assert thin.high[38] == 5.123
+    assert thin.low[38] is not None
+    assert thin.low[38] < 1.0
+
+
+def test_a_thinned_signal_is_received_with_its_parts_until_its_end():
+    values = np.array([np.nan, 3.0, 4.0, 5.0])
+    signal = RunSignal("it", "m", np.arange(4.0), values, values, (SignalLimit(0.5, "below"),))
+    received = received_signal(thin_signal(signal, 0.0, 4.0, 2))
+    assert received.time.tolist() == [0.0, 2.0, 4.0]
+    assert [received.at(t) for t in (1.0, 3.0, 4.0)] == [(3.0, 3.0), (4.0, 5.0), (4.0, 5.0)]
+    assert received.limits == signal.limits
+
+
+def test_a_part_without_samples_holds_the_value_before_it():
+    values = np.array([2.0, 3.0, 4.0])
+    signal = RunSignal("it", "m", np.array([0.0, 1.0, 9.0]), values, values)
+    thin = thin_signal(signal, 0.0, 10.0, 10)
+    assert thin.low == thin.high == (2.0, *(3.0,) * 8, 4.0)
+
+
+def test_a_thinned_signal_has_no_more_stretches_than_parts():
+    time = np.arange(0.0, 100.0, 0.05)
+    against = tuple((float(at), float(at) + 0.05) for at in time[::2])
+    thin = thin_signal(RunSignal("it", "bool", time, time, time, (), against), 0.0, 100.0, 20)
+    assert thin.against == ((0.0, pytest.approx(99.95)),)
+    few = RunSignal("it", "bool", time, time, time, (), ((1.0, 2.0), (50.0, 60.0)))
+    assert thin_signal(few, 0.0, 100.0, 20).against == few.against
+
+
+def test_the_clearance_of_doors_is_the_least_of_every_object():
+    scene = replace(CORRIDOR, objects=tuple(door(f"door-{i}", 2.0 * i, 1.0) for i in range(1, 5)))
+    trace = make_trace(along(times(15.0)), scene=scene)
+    sampler = SignalSampler(trace)
+    (found,) = (s for s in sample_run_signals(sampler) if s.name == DOOR_CLEARANCE)
+    each = [
+        sampler.sample(language.Signal("clearance", (language.Signal(o.name),))).values
+        for o in scene.objects
+    ]
+    assert np.array_equal(found.low, np.min(each, axis=0))
+    assert 0.0 < found.low.min() < 1.0

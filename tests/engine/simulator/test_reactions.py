@@ -1,0 +1,109 @@
+"""Joints react, once, to the mission and to each other."""
+
+import numpy as np
+import pytest
+
+from daemon.simulator import World
+from grammars.model.behaviour import (
+    JointActs,
+    Jump,
+    KeyFrame,
+    KeyFrames,
+    LegBegins,
+    Reaction,
+    Servo,
+    Trigger,
+    WaypointReached,
+)
+from grammars.model.geometry import Pose2, Twist2
+from tests.engine.simulator.scenes import ROBOT, door, scene, world
+
+AWAY = Pose2(5.0, 5.0, 0.0)
+OTHER = Pose2(0.0, -6.0, 0.0)
+
+
+def closes(event, delay=0.0, joint="door.hinge"):
+    return Reaction(joint, 1.5, 0.0, event, Jump(), delay)
+
+
+def test_a_leg_that_begins_moves_a_door_after_its_delay():
+    now = world(door(), start=AWAY, behaviours=(closes(LegBegins(2), 0.5),))
+    now.progress(0, 0)
+    now.advance(100)
+    assert now.joint_positions()[0] == pytest.approx(1.5)
+    now.progress(1, 1)
+    now.advance(50)
+    assert now.joint_positions()[0] == pytest.approx(1.5)
+    now.advance(1)
+    assert now.joint_positions()[0] == pytest.approx(0.0, abs=1e-6)
+    (event,) = now.take_events()
+    assert (event.time, event.source, event.text) == (1.5, "door.hinge", "reacts: to 0")
+
+
+def test_the_first_leg_begins_with_the_first_news_of_the_mission():
+    now = world(door(), start=AWAY, behaviours=(closes(LegBegins(1)),))
+    now.advance(10)
+    assert now.joint_positions()[0] == pytest.approx(1.5)
+    now.progress(0, 0)
+    now.advance(10)
+    assert now.joint_positions()[0] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_waypoint_reached_moves_a_door():
+    behaviours = (closes(WaypointReached("b")),)
+    now = World(scene(door()), ROBOT, AWAY, behaviours, np.random.SeedSequence(1), ("a", "b", "b"))
+    now.progress(1, 1)
+    now.advance(10)
+    assert now.joint_positions()[0] == pytest.approx(1.5)
+    now.progress(2, 2)
+    now.progress(2, 2)
+    now.advance(10)
+    assert now.joint_positions()[0] == pytest.approx(0.0, abs=1e-6)
+    assert len(now.take_events()) == 1
+
+
+def test_a_waypoint_the_mission_does_not_have_is_refused():
+    with pytest.raises(ValueError, match="no waypoint 'x'"):
+        world(door(), behaviours=(closes(WaypointReached("x")),))
+
+
+def test_doors_fire_one_after_another():
+    first = Trigger("other.hinge", 0.0, 1.0, 1.0, Jump())
+    second = closes(JointActs(("other.hinge",), "fires"), 0.2)
+    third = closes(JointActs(("door.hinge",), "fires"), 0.0, "last.hinge")
+    doors = (door(), door("other", OTHER), door("last", Pose2(0.0, 9.0, 0.0)))
+    now = world(*doors, start=Pose2(2.0, -6.0, 0.0), behaviours=(first, second, third))
+    now.advance(50)
+    assert now.take_events() == ()
+    now.command(Twist2(-1.0, 0.0, 0.0))
+    now.advance(400)
+    sources = [event.source for event in now.take_events() if "stopped" not in event.text]
+    assert sources == ["other.hinge", "door.hinge", "last.hinge"]
+    assert now.joint_positions()[[0, 2]] == pytest.approx([0.0, 0.0], abs=1e-6)
+
+
+def test_a_joint_that_starts_to_move_is_noticed_whatever_moves_it():
+    behaviours = (
+        KeyFrames("other.hinge", (KeyFrame(1.0, 1.0),), Servo(1.0, 40.0)),
+        closes(JointActs(("other.hinge",), "moves")),
+    )
+    now = world(door(), door("other", OTHER), start=AWAY, behaviours=behaviours)
+    now.advance(100)
+    assert now.joint_positions()[0] == pytest.approx(1.5)
+    now.advance(30)
+    assert now.joint_positions()[0] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_pushed_door_starts_to_move():
+    behaviours = (closes(JointActs(("other.hinge",), "moves")),)
+    now = world(door(), door("other", OTHER), start=Pose2(1.0, -5.5, 0.0), behaviours=behaviours)
+    now.command(Twist2(-0.5, 0.0, 0.0))
+    now.advance(300)
+    assert now.joint_positions()[0] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_held_door_never_starts_to_move():
+    frozen = door("other", OTHER, frozen=True)
+    now = world(door(), frozen, behaviours=(closes(JointActs(("other.hinge",), "moves")),))
+    now.advance(50)
+    assert now.take_events() == ()

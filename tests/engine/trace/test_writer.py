@@ -1,0 +1,576 @@
+"""The file is what ROS tools expect, the same every time, and never half a file by its name."""
+
+import hashlib
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap.records import Message
+from mcap.stream_reader import StreamReader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import QosDurability
+
+from daemon.model import ros_messages as ros
+from daemon.model.sut import Cloud, CostmapPicture, Estimate, Odometry, Progress
+from daemon.trace import PARTIAL, TraceWriter, encode_path, encode_poses, read_trace
+from grammars.model.geometry import Pose2, Twist2
+from grammars.model.robot import Mount
+from tests.engine.trace.mcap_checks import complaints
+from tests.engine.trace.recordings import (
+    GRID,
+    MISSION,
+    ROBOT,
+    joints_at,
+    odometry_at,
+    particles_at,
+    pose_at,
+    ranges_at,
+    record,
+    record_until,
+    scene,
+    specification,
+    twist_at,
+)
+
+COUNTS = {
+    "/map": 1, "/footprint": 1, "/scene": 1, "/tf_static": 1, "/clock": 121, "/scan": 121,
+    "/odom": 241, "/ground_truth": 241, "/cmd_vel": 241, "/pose": 25,
+    "/particle_cloud/summary": 25, "/particle_cloud/count": 25, "/plan": 7, "/local_plan": 25,
+    "/contacts": 3, "/mission/status": 4, "/mission/goal": 3, "/events": 14,
+    "/particlecloud": 13, "/move_base/local_costmap/costmap": 13,
+}  # fmt: skip
+
+
+def decoded(path):
+    """All messages by the reference reader and decoder, checksums verified, in time order."""
+    with path.open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        return [
+            (m.channel.topic, m.message.log_time / 1e9, m.decoded_message)
+            for m in reader.iter_decoded_messages()
+        ]
+
+
+def on(path, topic):
+    return [message for name, _, message in decoded(path) if name == topic]
+
+
+def yaw(orientation):
+    return 2.0 * math.atan2(orientation.z, orientation.w)
+
+
+def test_rosbags_opens_the_file_as_a_ros2_bag(recorded):
+    with AnyReader([recorded]) as reader:
+        counts = {c.topic: c.msgcount for c in reader.connections}
+        found = Counter(connection.topic for connection, _, _ in reader.messages())
+        for connection, time, raw in reader.messages():
+            message = reader.deserialize(raw, connection.msgtype)
+            stamp = getattr(getattr(message, "header", None), "stamp", None)
+            if stamp is not None:
+                assert stamp.sec * 10**9 + stamp.nanosec == time
+        latched = {
+            c.topic
+            for c in reader.connections
+            if any(
+                q.durability == QosDurability.TRANSIENT_LOCAL for q in c.ext.offered_qos_profiles
+            )
+        }
+    assert counts == dict(found)
+    assert {t: n for t, n in counts.items() if t not in ("/tf", "/joint_states")} == COUNTS
+    assert latched == {
+        "/map",
+        "/footprint",
+        "/scene",
+        "/tf_static",
+        "/mission/status",
+        "/mission/goal",
+    }
+
+
+def test_nothing_in_the_file_is_for_a_doctor_to_complain_about(recorded):
+    assert complaints(recorded) == []
+
+
+def test_a_player_that_reads_a_pipe_gets_messages_in_order(tmp_path):
+    """Plans that wait, states that repeat and estimates that come late, over chunk boundaries."""
+    world, path = scene(), tmp_path / "run.mcap"
+    with TraceWriter(path, specification(world), world) as trace:
+        trace.static(GRID)
+        for step in range(640):
+            time = step / 20
+            trace.clock(time)
+            trace.ground_truth(time, pose_at(time), twist_at(time))
+            trace.odometry(odometry_at(time))
+            # Rests, but for a moment right before and after each ten seconds.
+            trace.joints(time, np.full(3, 1.0 if time % 10 > 9.9 else 0.0), np.zeros(3))
+            trace.plan(time, np.array([[0.0, 1.0], [time, 3.0]]))
+            if time >= 0.1:
+                trace.estimate(Estimate(time - 0.1, pose_at(time), np.eye(3)))
+        trace.close("limit")
+    assert complaints(path) == []
+    with path.open("rb") as stream:
+        times = [r.log_time for r in StreamReader(stream).records if isinstance(r, Message)]
+    assert len(times) > 3000
+    assert times == sorted(times)
+
+
+def test_messages_keep_the_order_of_time_beside_a_system_that_talks_without_end(tmp_path):
+    world, path = scene(), tmp_path / "run.mcap"
+    text = "x" * 9_000
+    with TraceWriter(path, specification(world), world) as trace:
+        trace.static(GRID)
+        for step in range(80):
+            time = step / 20
+            trace.clock(time)
+            trace.ground_truth(time, pose_at(time), twist_at(time))
+            trace.odometry(odometry_at(time))
+            for _ in range(100):
+                trace.event(time, "sut", text)
+            if time >= 0.1:
+                trace.estimate(Estimate(time - 0.1, pose_at(time), np.eye(3)))
+        trace.close("limit")
+    assert complaints(path) == []
+    with path.open("rb") as stream:
+        times = [r.log_time for r in StreamReader(stream).records if isinstance(r, Message)]
+    assert len(times) > 8_000
+    assert times == sorted(times)
+    found = read_trace(path)
+    assert (len(found.events), len(found.estimate.time)) == (8_000, 78)
+
+
+def test_what_is_recorded_so_far_has_what_waits_for_its_chunk(tmp_path):
+    world = scene()
+    with TraceWriter(tmp_path / "asked.mcap", specification(world), world) as trace:
+        trace.static(GRID)
+        for step in range(420):
+            time = step / 20
+            trace.clock(time)
+            trace.ground_truth(time, pose_at(time), twist_at(time))
+            trace.joints(time, *joints_at(time, 3))
+            trace.contact(time, "robot", "wall", (time, 2.0), (0.0, -1.0), 0.003)
+            # Right before a chunk is written, right after, and between.
+            if step in (0, 60, 199, 200, 201, 330):
+                found = trace.so_far()
+                np.testing.assert_array_equal(found.ground_truth.time, np.arange(step + 1) / 20)
+                assert [c.time for c in found.contacts] == [i / 20 for i in range(step + 1)]
+                assert found.joints.time[-1] == time
+        trace.close("limit")
+    assert complaints(tmp_path / "asked.mcap") == []
+
+
+def test_verdicts_lie_behind_the_recording_for_any_reader(tmp_path):
+    world, path = scene(), tmp_path / "run.mcap"
+    with TraceWriter(path, specification(world), world) as trace:
+        record_until(trace, 3.0, 3)
+        assert read_trace(trace.finish("finished")).complete
+        assert not path.exists()
+        trace.add_verdicts(b'{"outcome":"pass","verdicts":[]}')
+        info = trace.publish()
+    assert complaints(path) == []
+    data = path.read_bytes()
+    assert (info.sha256, info.size) == (hashlib.sha256(data).hexdigest(), len(data))
+    with path.open("rb") as stream:
+        found = list(make_reader(stream, validate_crcs=True).iter_attachments())
+    assert (found[-1].name, found[-1].media_type) == ("verdicts.json", "application/json")
+    assert json.loads(found[-1].data) == {"outcome": "pass", "verdicts": []}
+    assert read_trace(path).ended == "finished"
+
+
+def test_the_reference_reader_finds_every_message_in_order_with_its_checksum(recorded):
+    messages = decoded(recorded)
+    counts = Counter(topic for topic, _, _ in messages)
+    assert {t: n for t, n in counts.items() if t not in ("/tf", "/joint_states")} == COUNTS
+    times = [time for _, time, _ in messages]
+    assert times == sorted(times)
+    with recorded.open("rb") as stream:
+        reader = make_reader(stream)
+        assert reader.get_header().profile == "ros2"
+        assert reader.get_header().library == "scenario-tui"
+        statistics = reader.get_summary().statistics
+        assert statistics.message_count == len(messages)
+        assert [a.name for a in reader.iter_attachments()] == ["spec.json", "scene.json.zst"]
+        names = [m.name for m in reader.iter_metadata()]
+        assert names == ["run", "versions", "outcome"]
+
+
+def test_poses_scans_and_joints_have_the_values_that_were_recorded(recorded):
+    for topic, time, message in decoded(recorded):
+        if topic == "/ground_truth":
+            pose, twist = pose_at(time), twist_at(time)
+            found = message.pose.pose
+            assert (found.position.x, found.position.y) == (pose.x, pose.y)
+            assert yaw(found.orientation) == pytest.approx(pose.yaw, abs=1e-12)
+            assert message.twist.twist.linear.x == twist.vx
+            assert message.twist.twist.angular.z == twist.wz
+            assert (message.header.frame_id, message.child_frame_id) == ("map", "base_link")
+        elif topic == "/scan":
+            np.testing.assert_array_equal(np.array(message.ranges, np.float32), ranges_at(time))
+            assert message.angle_increment == pytest.approx(3.0 / 89)
+            assert message.scan_time == pytest.approx(0.1)
+        elif topic == "/joint_states":
+            assert message.name == ["door-0.hinge", "door-1.hinge", "door-2.hinge"]
+            np.testing.assert_array_equal(message.position, joints_at(time, 3)[0])
+
+
+def test_transforms_put_the_estimate_where_the_estimator_said(recorded):
+    frames = {}
+    checked = 0
+    for topic, time, message in decoded(recorded):
+        if topic == "/tf":
+            for item in message.transforms:
+                t = item.transform
+                pose = Pose2(t.translation.x, t.translation.y, yaw(t.rotation))
+                frames[item.child_frame_id] = pose
+        if {"odom", "base_link"} <= frames.keys() and topic == "/pose" and time > 0:
+            pose = frames["odom"] @ odometry_at(time).pose
+            assert pose.x == pytest.approx(message.pose.pose.position.x, abs=1e-9)
+            assert pose.y == pytest.approx(message.pose.pose.position.y, abs=1e-9)
+            checked += 1
+    assert checked == 24
+    assert frames.keys() == {"odom", "base_link", "door-0/leaf", "door-1/leaf"}
+    assert frames["door-0/leaf"].yaw == pytest.approx(1.4)
+
+
+def test_an_estimate_is_matched_with_the_odometry_of_its_own_time(tmp_path):
+    world = scene()
+    with TraceWriter(tmp_path / "t.mcap", specification(world), world) as trace:
+        for time in (0.0, 0.1, 0.2):
+            trace.odometry(Odometry(time, Pose2(time, 0.0, 0.0), Twist2()))
+        trace.estimate(Estimate(0.1, Pose2(5.0, 1.0, 0.0), np.eye(3)))
+        trace.close("limit")
+    offsets = [
+        (item.transform.translation.x, item.transform.translation.y)
+        for message in on(tmp_path / "t.mcap", "/tf")
+        for item in message.transforms
+        if item.child_frame_id == "odom"
+    ]
+    assert offsets == [(1.0, 2.0), (pytest.approx(4.9), 1.0)]
+
+
+def test_viewers_get_map_footprint_fixed_frames_and_the_building(recorded):
+    (grid,) = on(recorded, "/map")
+    assert (grid.info.width, grid.info.height) == (10, 6)
+    assert (grid.info.origin.position.x, grid.info.origin.position.y) == (-1.0, -2.0)
+    assert list(grid.data) == list(range(60))
+    (footprint,) = on(recorded, "/footprint")
+    assert footprint.header.frame_id == "base_link"
+    assert len(footprint.polygon.points) == 4
+    (static,) = on(recorded, "/tf_static")
+    fixed = {t.child_frame_id: t for t in static.transforms}
+    assert fixed.keys() == {"laser", "door-0/post", "door-1/post", "door-2/post", "door-2/leaf"}
+    assert fixed["laser"].header.frame_id == "base_link"
+    assert fixed["laser"].transform.translation.z == 0.25
+    held = fixed["door-2/leaf"].transform
+    assert yaw(held.rotation) == pytest.approx(0.6 + 0.4)
+    (markers,) = on(recorded, "/scene")
+    found = {(m.header.frame_id, m.ns): m for m in markers.markers}
+    wall = found["map", "walls"]
+    assert len(wall.points) == 30
+    assert {p.z for p in wall.points} == {0.0, 2.5}
+    assert found["door-0/leaf", "door-0"].frame_locked
+    labels = [m.text for m in markers.markers if m.ns == "waypoint names"]
+    assert labels == [w.id for w in MISSION.waypoints]
+
+
+def test_the_mission_is_one_goal_per_waypoint_and_one_for_all(recorded):
+    statuses = on(recorded, "/mission/status")
+    codes = [[int(goal.status) for goal in s.status_list] for s in statuses]
+    assert codes == [[2, 1, 1, 2], [4, 2, 1, 2], [4, 4, 2, 2], [4, 4, 4, 4]]
+    ids = [bytes(goal.goal_info.goal_id.uuid) for goal in statuses[0].status_list]
+    assert len(set(ids)) == 4
+    assert [bytes(g.goal_info.goal_id.uuid) for g in statuses[-1].status_list] == ids
+    poses = [goal.pose for goal in on(recorded, "/mission/goal")]
+    assert [(p.position.x, p.position.y) for p in poses] == [(w.x, w.y) for w in MISSION.waypoints]
+    # A waypoint that may be reached any way round is shown along x.
+    yaws = [2.0 * math.atan2(p.orientation.z, p.orientation.w) for p in poses]
+    assert yaws == pytest.approx([1.5, 0.0, -3.0])
+
+
+def test_an_unchanged_plan_is_written_once(recorded):
+    plans = [
+        [(p.pose.position.x, p.pose.position.y) for p in m.poses] for m in on(recorded, "/plan")
+    ]
+    assert [plan[-1] for plan in plans] == [(float(x), 5.0) for x in range(7)]
+
+
+def plans(path):
+    """Time, number of points and x of the last point of every recorded plan."""
+    return [
+        (time, len(message.poses), message.poses[-1].pose.position.x)
+        for topic, time, message in decoded(path)
+        if topic == "/plan"
+    ]
+
+
+def test_of_plans_that_change_all_the_time_the_latest_of_each_second_is_kept(tmp_path):
+    world, path = scene(), tmp_path / "run.mcap"
+    with TraceWriter(path, specification(world), world) as trace:
+        trace.static(GRID)
+        for step in range(53):
+            trace.clock(step / 10)
+            if step % 2 == 0:
+                trace.plan(step / 10, np.array([[0.0, 0.0], [step / 10, 1.0]]))
+        trace.close("limit")
+    expected = [0.0, 0.8, 1.8, 2.8, 3.8, 4.8, 5.2]
+    assert [time for time, _, _ in plans(path)] == expected
+    assert [x for _, _, x in plans(path)] == pytest.approx(expected, abs=1e-3)
+
+
+def test_long_plans_are_thinned_between_their_ends(tmp_path):
+    world, path = scene(), tmp_path / "run.mcap"
+    points = np.stack([np.arange(2344) * 0.025, np.zeros(2344)], axis=1)
+    with TraceWriter(path, specification(world), world) as trace:
+        trace.static(GRID)
+        trace.plan(0.0, points)
+        trace.close("limit")
+    (message,) = on(path, "/plan")
+    xs = [p.pose.position.x for p in message.poses]
+    assert (xs[0], xs[-1]) == (0.0, pytest.approx(2343 * 0.025, abs=1e-3))
+    assert max(np.diff(xs)) < 0.13
+    assert 400 < len(xs) <= 501
+
+
+def test_particles_are_poses_in_the_map(recorded):
+    for topic, time, message in decoded(recorded):
+        if topic == "/particlecloud":
+            assert message.header.frame_id == "map"
+            found = [(p.position.x, p.position.y, yaw(p.orientation)) for p in message.poses]
+            np.testing.assert_allclose(found, particles_at(time), atol=2e-3)
+    assert encode_poses(0, np.empty((0, 3))) == ros.serialize(
+        ros.make("geometry_msgs/msg/PoseArray", header=ros.header(ros.time(0), "map"), poses=[]),
+        "geometry_msgs/msg/PoseArray",
+    )
+
+
+def test_paths_of_any_length_are_written_as_one_by_one(tmp_path):
+    world, path = scene(), tmp_path / "run.mcap"
+    given = [np.arange(2.0 * n).reshape(n, 2) / 7 for n in (3, 0, 1, 12)]
+    with TraceWriter(path, specification(world), world) as trace:
+        for step, points in enumerate(given):
+            trace.local_plan(float(step), points)
+            points *= 2.0  # it is the caller's again
+        trace.close("limit")
+    with path.open("rb") as stream:
+        found = [m.data for _, c, m in make_reader(stream).iter_messages()]
+    second = 1_000_000_000
+    assert found == [encode_path(i * second, p / 2.0) for i, p in enumerate(given)]
+
+
+def test_what_is_no_number_is_refused_when_it_is_commanded(tmp_path):
+    world = scene()
+    with TraceWriter(tmp_path / "run.mcap", specification(world), world) as trace:
+        for nothing in (None, "0.5"):
+            with pytest.raises(TypeError):
+                trace.command(0.0, Twist2(nothing, 0.0, 0.0))
+        trace.command(0.0, Twist2(np.float32(0.5), 1, 0.0))
+        trace.close("limit")
+    command = read_trace(tmp_path / "run.mcap").command
+    assert (command.vx.tolist(), command.vy.tolist()) == ([0.5], [1.0])
+
+
+def test_costmaps_are_published_as_costmap_2d_does(recorded):
+    message = on(recorded, "/move_base/local_costmap/costmap")[3]
+    assert message.header.frame_id == "odom"
+    assert (message.info.width, message.info.height) == (32, 8)
+    origin = message.info.origin.position
+    assert (origin.x, origin.y, message.info.resolution) == (3.0, -1.5, pytest.approx(0.05))
+    costs = np.array(message.data)
+    assert costs[[0, 1, 252, 253, 254, 255]].tolist() == [0, 1, 98, 99, 100, -1]
+    assert np.all(np.diff(costs[:255]) >= 0)
+
+
+def test_the_same_calls_leave_the_same_bytes_in_any_process(recorded, tmp_path):
+    script = (
+        "import sys; from pathlib import Path; from tests.engine.trace.recordings import record; "
+        "print(record(Path(sys.argv[1])).sha256)"
+    )
+    again = tmp_path / "elsewhere.mcap"
+    environment = {**os.environ, "PYTHONHASHSEED": "77", "TZ": "Asia/Tokyo"}
+    done = subprocess.run(
+        [sys.executable, "-c", script, str(again)],
+        env=environment, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert again.read_bytes() == recorded.read_bytes()
+    assert done.stdout.strip() == hashlib.sha256(recorded.read_bytes()).hexdigest()
+
+
+def test_closing_reports_the_file_as_it_is(tmp_path):
+    info = record(tmp_path / "run.mcap", seconds=1.0)
+    data = (tmp_path / "run.mcap").read_bytes()
+    assert (info.sha256, info.size) == (hashlib.sha256(data).hexdigest(), len(data))
+    assert info.messages == len(decoded(tmp_path / "run.mcap"))
+    assert [p.name for p in tmp_path.iterdir()] == ["run.mcap"]
+
+
+def test_an_exception_leaves_a_readable_partial_file(tmp_path):
+    world = scene()
+
+    def fail():
+        with TraceWriter(tmp_path / "run.mcap", specification(world), world) as trace:
+            record_until(trace, 3.0, 3)
+            raise RuntimeError("the engine broke")
+
+    with pytest.raises(RuntimeError, match="the engine broke"):
+        fail()
+    assert [p.name for p in tmp_path.iterdir()] == ["run.mcap" + PARTIAL]
+    trace = read_trace(tmp_path / ("run.mcap" + PARTIAL))
+    assert not trace.complete
+    assert trace.ended is None
+    assert trace.valid_until == 3.0
+    assert trace.problems == ()
+
+
+def test_a_killed_writer_leaves_a_readable_partial_file(tmp_path):
+    script = (
+        "import os, signal, sys; from pathlib import Path\n"
+        "from daemon.trace import TraceWriter\n"
+        "from tests.engine.trace.recordings import record_until, scene, specification\n"
+        "world = scene()\n"
+        "trace = TraceWriter(Path(sys.argv[1]), specification(world), world)\n"
+        "record_until(trace, 25.0, 3)\n"
+        "os.kill(os.getpid(), signal.SIGKILL)\n"
+    )
+    path = tmp_path / "run.mcap"
+    done = subprocess.run([sys.executable, "-c", script, str(path)], check=False)
+    assert done.returncode == -signal.SIGKILL
+    assert not path.exists()
+    trace = read_trace(tmp_path / ("run.mcap" + PARTIAL), scans=True)
+    assert not trace.complete
+    assert trace.valid_until == pytest.approx(18.75)
+    assert trace.scans is not None
+    assert trace.scans[0].time[-1] == pytest.approx(18.7)
+
+
+def test_a_new_writer_replaces_what_a_dead_one_left(tmp_path):
+    (tmp_path / ("run.mcap" + PARTIAL)).write_bytes(b"rubbish")
+    record(tmp_path / "run.mcap", seconds=1.0)
+    assert read_trace(tmp_path / "run.mcap").complete
+
+
+def test_two_writers_of_one_trace_do_not_pass_off_each_others_file(tmp_path):
+    world = scene()
+    path = tmp_path / "run.mcap"
+    with (
+        TraceWriter(path, specification(world), world) as first,
+        TraceWriter(path, specification(world), world) as second,
+    ):
+        first.static(GRID)
+        second.static(GRID)
+        with pytest.raises(FileExistsError, match="another process"):
+            first.close("limit")
+        second.close("limit")
+    assert read_trace(path).complete
+
+
+def test_values_that_cannot_be_recorded_are_refused(tmp_path):
+    world = scene()
+    with TraceWriter(tmp_path / "run.mcap", specification(world), world) as trace:
+        for time in (-0.1, math.nan, math.inf, 2.0**31):
+            with pytest.raises(ValueError, match="time"):
+                trace.clock(time)
+        with pytest.raises(ValueError, match="ranges"):
+            trace.scan(0.0, np.zeros(7, np.float32))
+        with pytest.raises(ValueError, match="ranges"):
+            trace.scan(0.0, np.zeros(90))
+        with pytest.raises(ValueError, match="joint states"):
+            trace.joints(0.0, np.zeros(2), np.zeros(2))
+        with pytest.raises(ValueError, match="covariance"):
+            trace.estimate(Estimate(0.0, Pose2(), np.zeros(9)))
+        with pytest.raises(ValueError, match="covariance"):
+            trace.cloud(Cloud(0.0, 1, Pose2(), np.zeros((6, 6))))
+        with pytest.raises(ValueError, match="particles"):
+            trace.particles(0.0, np.full((2, 3), math.nan))
+        with pytest.raises(ValueError, match="costmap"):
+            trace.costmap(CostmapPicture(0.0, "map", 0.05, 0.0, 0.0, np.zeros(4, np.uint8)))
+        with pytest.raises(ValueError, match="level"):
+            trace.event(0.0, "a", "b", level="loud")
+        with pytest.raises(ValueError, match="mission"):
+            trace.progress(0.0, Progress(0, 0, "lost"))
+        trace.event(0.0, "sut", "not text: \udc80")
+        trace.event(0.0, "sut", "long" * 1_000_000)
+        trace.close("limit", "\udcff")
+    trace_read = read_trace(tmp_path / "run.mcap")
+    assert trace_read.events[0].text == "not text: \\udc80"
+    assert trace_read.events[1].text.startswith("longlong")
+    assert len(trace_read.events[1].text) == 10_000
+    assert trace_read.note == "\\udcff"
+
+
+def test_a_scene_that_is_not_the_specified_one_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="specified"):
+        TraceWriter(tmp_path / "run.mcap", specification(scene(1)), scene(2))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_world_without_objects_can_be_recorded(tmp_path):
+    world = scene(0)
+    with TraceWriter(tmp_path / "run.mcap", specification(world), world) as trace:
+        trace.static(GRID)
+        for step in range(10):
+            trace.ground_truth(step / 20, pose_at(step / 20), twist_at(step / 20))
+            trace.joints(step / 20, np.empty(0), np.empty(0))
+        trace.close("limit")
+    trace_read = read_trace(tmp_path / "run.mcap", scans=True)
+    assert trace_read.problems == ()
+    assert trace_read.joints.names == ()
+    assert len(decoded(tmp_path / "run.mcap")) == 16
+
+
+FRONT = replace(ROBOT.laser, name="front")
+REAR = replace(ROBOT.laser, name="rear", mount=Mount(-0.2, 0.1, math.pi), z=0.4, rays=31)
+TWO_LASERS = replace(ROBOT, laser=FRONT, other_lasers=(REAR,))
+
+
+def record_two_lasers(path):
+    world = scene()
+    with TraceWriter(path, specification(world, robot=TWO_LASERS), world) as trace:
+        trace.static(GRID)
+        for step in range(30):
+            now = step / 10
+            trace.ground_truth(now, pose_at(now), twist_at(now))
+            trace.scan(now, ranges_at(now), "front")
+            if step % 2 == 0:
+                trace.scan(now, np.full(31, 1.0 + now, np.float32), "rear")
+        with pytest.raises(ValueError, match="box has no laser 'left'"):
+            trace.scan(3.0, np.ones(31, np.float32), "left")
+        with pytest.raises(ValueError, match=r"float32 of shape \(31,\)"):
+            trace.scan(3.0, ranges_at(3.0), "rear")
+        trace.close("finished", "")
+
+
+def test_each_laser_has_a_topic_and_a_frame(tmp_path):
+    path = tmp_path / "run.mcap"
+    record_two_lasers(path)
+    messages = decoded(path)
+    topics = Counter(topic for topic, _, _ in messages if topic.startswith("/scan"))
+    assert topics == {"/scan_front": 30, "/scan_rear": 15}
+    assert {scan.header.frame_id for scan in on(path, "/scan_rear")} == {"laser_rear"}
+    assert {len(scan.ranges) for scan in on(path, "/scan_rear")} == {31}
+    (fixed,) = on(path, "/tf_static")
+    frames = {t.child_frame_id: t for t in fixed.transforms if t.header.frame_id == "base_link"}
+    assert list(frames) == ["laser_front", "laser_rear"]
+    where = frames["laser_rear"].transform
+    assert (where.translation.x, where.translation.y, where.translation.z) == (-0.2, 0.1, 0.4)
+    assert yaw(where.rotation) == pytest.approx(math.pi)
+
+
+def test_scans_of_each_laser_come_back(tmp_path):
+    path = tmp_path / "run.mcap"
+    record_two_lasers(path)
+    trace = read_trace(path, scans=True)
+    assert trace.scans is not None
+    front, rear = trace.scans
+    assert (front.laser, rear.laser) == ("front", "rear")
+    np.testing.assert_array_equal(front.time, np.arange(30) / 10)
+    np.testing.assert_array_equal(front.ranges, [ranges_at(t) for t in front.time])
+    np.testing.assert_array_equal(rear.ranges[:, 0], (1.0 + rear.time).astype(np.float32))
+    assert read_trace(path).scans is None

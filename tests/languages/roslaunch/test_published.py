@@ -1,0 +1,184 @@
+"""Launch files of published robots come to the parameters that their packages hold."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import pytest
+
+from grammars.text.ros_yaml import load_ros_yaml
+from tests.languages.roslaunch.launched import launch, node, parameters, remaps
+
+
+@dataclass(frozen=True)
+class Published:
+    """What is started of a robot, and with what said beside it."""
+
+    files: tuple[str, ...]
+    args: Mapping[str, str] = field(default_factory=dict)
+    env: Mapping[str, str] = field(default_factory=dict)
+    skip: tuple[str, ...] = ()
+
+
+TIAGO = tuple(f"tiago/tiago_2dnav/launch/{n}.launch" for n in ("move_base", "localization_amcl"))
+MIR = tuple(f"mir/mir_navigation/launch/{n}.launch" for n in ("start_planner", "amcl"))
+ROBOTS = {
+    "turtlebot3": Published(
+        ("turtlebot3/turtlebot3_navigation/launch/turtlebot3_navigation.launch",),
+        env={"TURTLEBOT3_MODEL": "waffle"},
+    ),
+    "husky": Published(("husky/husky_navigation/launch/amcl_demo.launch",)),
+    "jackal": Published(("jackal/jackal_navigation/launch/amcl_demo.launch",)),
+    "fetch": Published(("fetch/fetch_navigation/launch/fetch_nav.launch",)),
+    "freight": Published(("fetch/fetch_navigation/launch/freight_nav.launch",)),
+    "mir": Published(MIR, args={"local_planner": "dwa"}),
+    "mir2": Published(MIR, args={"local_planner": "dwa", "prefix": "m2/", "namespace": "m2"}),
+    "tiago": Published(TIAGO, args={"local_planner": "dwa"}, skip=(".pal/pose.yaml",)),
+    "turtlebot2": Published(
+        ("turtlebot2/turtlebot_navigation/launch/amcl_demo.launch",),
+        env={"TURTLEBOT_3D_SENSOR": "kinect"},
+    ),
+    "robile": Published(("robile_amr/launch/navigation.launch",)),
+}
+
+
+def load(reference_data, name):
+    robots = reference_data / "robots"
+    robot = ROBOTS[name]
+    files = [robots / file for file in robot.files]
+    return launch(*files, args=robot.args, env=robot.env, skip=robot.skip)
+
+
+def yaml(reference_data, file):
+    return load_ros_yaml(reference_data / "robots" / file)[0].data
+
+
+def flat(tree, above=""):
+    found = {}
+    for name, value in tree.items():
+        found |= (
+            flat(value, f"{above}{name}/") if isinstance(value, dict) else {above + name: value}
+        )
+    return found
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_every_robot_starts_one_move_base_and_one_amcl_that_lack_nothing(reference_data, name):
+    loaded = load(reference_data, name)
+    kinds = [one.package for one in loaded.nodes]
+    assert (kinds.count("move_base"), kinds.count("amcl")) == (1, 1)
+    lacking = [p.missing for one in loaded.nodes for p in one.parameters.values() if p.missing]
+    assert lacking == []
+    here = str(reference_data / "robots")
+    assert all(str(p.where).startswith(here) for one in loaded.nodes for p in
+               one.parameters.values())  # fmt: skip
+
+
+@pytest.mark.parametrize("model", ["burger", "waffle", "waffle_pi"])
+def test_turtlebot3_has_the_files_of_its_model(reference_data, model):
+    folder = "turtlebot3/turtlebot3_navigation"
+    file = reference_data / "robots" / folder / "launch" / "turtlebot3_navigation.launch"
+    loaded = launch(file, args={"model": model})
+    param = f"{folder}/param"
+    common = yaml(reference_data, f"{param}/costmap_common_params_{model}.yaml")
+    expected = {"base_local_planner": "dwa_local_planner/DWAPlannerROS"}
+    for costmap in ("global_costmap", "local_costmap"):
+        expected |= flat({costmap: common})
+    for part in ("local_costmap_params", "global_costmap_params", "move_base_params",
+                 f"dwa_local_planner_params_{model}"):  # fmt: skip
+        expected |= flat(yaml(reference_data, f"{param}/{part}.yaml"))
+    assert parameters(loaded, "/move_base") == expected
+    amcl = parameters(loaded, "/amcl")
+    assert len(amcl) == 30
+    assert amcl["update_min_d"] == 0.2
+    assert amcl["initial_pose_x"] == 0.0
+    assert amcl["laser_model_type"] == "likelihood_field"
+
+
+def test_husky_sets_the_size_of_its_local_costmap_in_the_launch_file(reference_data):
+    loaded = load(reference_data, "husky")
+    found = parameters(loaded, "/move_base")
+    assert (found["local_costmap/width"], found["local_costmap/height"]) == (10.0, 10.0)
+    assert found["base_global_planner"] == "navfn/NavfnROS"
+    assert found["base_local_planner"] == "dwa_local_planner/DWAPlannerROS"
+    assert remaps(loaded, "/amcl") == {"/scan": "/front/scan"}
+    assert parameters(loaded, "/amcl")["use_map_topic"] is True
+    place = node(loaded, "/move_base").parameters["base_local_planner",].where
+    assert place.file.endswith("husky_navigation/launch/move_base.launch")
+    assert place.line == 37
+
+
+def test_husky_without_a_map_loads_another_file(reference_data):
+    file = reference_data / "robots/husky/husky_navigation/launch/move_base_mapless_demo.launch"
+    found = parameters(launch(file), "/move_base")
+    assert found["global_costmap/width"] == 100.0
+    laser = yaml(reference_data, "husky/husky_navigation/config/costmap_global_laser.yaml")
+    expected = flat({"global_costmap": laser})
+    assert {k: v for k, v in found.items() if k in expected} == expected
+    assert "global_costmap/static_map" not in found
+
+
+def test_fetch_and_freight_differ_by_the_files_of_their_name(reference_data):
+    for name in ("fetch", "freight"):
+        loaded = load(reference_data, name)
+        own = yaml(reference_data, f"fetch/fetch_navigation/config/{name}/move_base.yaml")
+        found = parameters(loaded, "/move_base")
+        assert {k: found[k] for k in flat(own)} == flat(own)
+        assert remaps(loaded, "/amcl") == {"/scan": "/base_scan"}
+
+
+def test_mir_fills_in_its_files_and_calls_its_node_otherwise(reference_data):
+    loaded = load(reference_data, "mir")
+    found = parameters(loaded, "/move_base_node")
+    assert found["local_costmap/global_frame"] == "odom_comb"
+    assert remaps(loaded, "/move_base_node")["/odom"] == "/odom_comb"
+    assert found["SBPLLatticePlanner/primitive_filename"] == (
+        "$(find mir_navigation)/mprim/unicycle_highcost_5cm.mprim"
+    )
+    second = load(reference_data, "mir2")
+    assert parameters(second, "/m2/move_base_node")["local_costmap/global_frame"] == (
+        "m2/odom_comb"
+    )
+    assert remaps(second, "/m2/move_base_node")["/m2/map"] == "/map"
+    servers = [one for one in loaded.nodes if one.package == "map_server"]
+    assert len({one.arguments for one in servers}) == 1
+
+
+def test_tiago_has_its_planner_from_an_argument_and_amcl_in_degrees(reference_data):
+    loaded = load(reference_data, "tiago")
+    found = parameters(loaded, "/move_base")
+    assert found["base_local_planner"] == "dwa_local_planner/DWAPlannerROS"
+    assert found["base_global_planner"] == "global_planner/GlobalPlanner"
+    amcl = parameters(loaded, "/amcl")
+    assert amcl["update_min_a"] == pytest.approx(0.174532925)
+    assert (amcl["use_map_topic"], amcl["first_map_only"]) == (False, True)
+
+
+def test_turtlebot2_goes_through_links_that_became_text(reference_data):
+    loaded = load(reference_data, "turtlebot2")
+    links = [str(one) for one in loaded.warnings if "symbolic link" in one.message]
+    assert len(links) == 2
+    found = parameters(loaded, "/move_base")
+    # What the launch file says last holds, not what the files before it say.
+    assert found["local_costmap/global_frame"] == "odom"
+    assert found["global_costmap/robot_base_frame"] == "base_footprint"
+    assert parameters(loaded, "/amcl")["laser_max_beams"] == 60
+    assert loaded.left_out == ("$(find turtlebot_bringup)/launch/3dsensor.launch",)
+
+
+def test_robile_has_a_package_name_other_than_its_folder(reference_data):
+    loaded = load(reference_data, "robile")
+    assert parameters(loaded, "/amcl") == {
+        "use_map_topic": True, "initial_pose_x": 0.0, "initial_pose_y": 0.0,
+    }  # fmt: skip
+    assert remaps(loaded, "/amcl") == {"/scan": "/scan_front"}
+    found = parameters(loaded, "/move_base")
+    assert found["base_local_planner"] == "base_local_planner/TrajectoryPlannerROS"
+    assert found["controller_frequency"] == 5.0
+
+
+def test_launch_files_nobody_could_start_say_why(reference_data):
+    old = reference_data / "robots/turtlebot2/turtlebot_navigation/launch/graveyard"
+    with pytest.raises(Exception, match="arg base has no value here"):
+        launch(old / "graveyard_bump_navi_demo.launch")

@@ -1,0 +1,263 @@
+"""What distributions, shared draws and requirements mean."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from grammars.text.diagnostics import InputError
+from grammars.variation import Categorical, Normal, Range, load_variation, sample, variant_plans
+from tests.languages.variation.plans import HOUSE, numbers, one, vary
+
+
+def test_draws_are_taken_in_file_order(tmp_path):
+    statements = """
+        gap: uniform([1.0, 2.0, 3.0])
+        pane: { location.translation.x: normal(mean=0.5, std=0.1)
+                location.translation.z: discrete([(0.25, 1.0), (0.75, 1.2)]) }
+        let far = uniform(1 .. 2)
+        hall.screen: { height: far }
+        turn: normal(mean=10, std=2, min=0)
+    """
+    stream = np.random.RandomState(7)
+    expected = [[1.0, 2.0, 3.0][stream.randint(0, 3)], round(stream.normal(0.5, 0.1), 2)]
+    expected.append(stream.choice([1.0, 1.2], 1, p=[0.25, 0.75])[0])
+    expected.append(round(1 + stream.random_sample(), 4))
+    found = [value.number for value in one(tmp_path, statements).values]
+    assert found[:3] == expected[:3]
+    assert found[3] == found[4] == pytest.approx(expected[3])
+    assert found[5] > 0.0
+
+
+@given(st.floats(0.0, 1.0, exclude_max=True), st.floats(-9, 9), st.floats(1e-6, 20))
+def test_a_range_is_never_left(share, low, width):
+    assert low <= Range(low, low + width).at(share) <= low + width
+
+
+limits = st.tuples(st.floats(-4, 4), st.floats(0.01, 4))
+
+
+@given(limits, st.floats(0.001, 3.0))
+def test_a_cut_normal_has_the_quantiles_of_the_cut_curve(limits, std):
+    low, high = limits[0], limits[0] + limits[1]
+    normal = Normal(1.0, std, 1.0 + low * std, 1.0 + high * std)
+    values = [normal.at(share) for share in (0.0, 0.2, 0.5, 0.8, 1.0)]
+    assert values == sorted(values)
+    assert values[0] >= normal.low
+    assert values[-1] <= normal.high
+
+    def below(z):
+        return 0.5 * math.erfc(-z / math.sqrt(2))
+
+    half = (below((values[2] - 1.0) / std) - below(low)) / (below(high) - below(low))
+    assert half == pytest.approx(0.5, abs=0.02)
+
+
+def test_weights_are_shares_of_the_quantiles():
+    choice = Categorical((5.0, 2.0, 7.0), (0.5, 0.2, 0.3))
+    assert [choice.at(q) for q in (0.0, 0.49, 0.5, 0.69, 0.71, 0.999)] == [5, 5, 2, 2, 7, 7]
+
+
+def test_weights_may_miss_one_by_rounding(tmp_path):
+    assert one(tmp_path, "gap: discrete([(0.7, 1.0), (0.2, 1.5), (0.1, 2.0)])").values
+
+
+def test_a_shared_draw_is_one_draw(tmp_path):
+    statements = """
+        let wide = uniform(0.6 m .. 1.2 m)
+        door: { shape.width: wide }
+        pane: { shape.width: 2 * wide - 0.1 m }
+    """
+    for variant in sample(vary(tmp_path, statements), 5, seed=0):
+        found = numbers(variant)
+        assert found["door.shape.width"] == found["wide"]
+        assert found["pane.shape.width"] == pytest.approx(2 * found["wide"] - 0.1)
+        widths = {o.name: o.width for o in variant.plan.openings}
+        assert widths["door"] == pytest.approx(found["wide"])
+
+
+def test_a_draw_without_a_unit_takes_that_of_its_place(tmp_path):
+    statements = "let k = uniform([45]) turn: k pane: {location.rotation.y: k / 90}"
+    variant = one(tmp_path, statements)
+    assert [(v.number, v.unit) for v in variant.values] == [(45, ""), (45, "deg"), (0.5, "rad")]
+
+
+def test_angles_are_converted_to_the_unit_of_the_plan(tmp_path):
+    statements = "let half = uniform([0.25 rad]) turn: 2 * half"
+    assert numbers(one(tmp_path, statements))["turn"] == pytest.approx(math.degrees(0.5))
+
+
+def test_a_rejected_draw_is_followed_by_the_next_of_its_stream(tmp_path):
+    free = "gap: uniform(0.5 .. 1.5)"
+    stream = np.random.RandomState(3)
+    draws = [round(0.5 + stream.random_sample(), 4) for _ in range(50)]
+    (variant,) = sample(vary(tmp_path, f"{free} require gap > 1.2"), 1, seed=3)
+    assert variant.tries == next(k for k, v in enumerate(draws, 1) if v > 1.2)
+    assert numbers(variant)["gap"] == pytest.approx(draws[variant.tries - 1])
+
+
+REQUIREMENTS = {
+    "hall.area == 24 m^2": True,
+    "hall.area == 6 m * hall.shape.length": True,
+    "hall.perimeter == 20": True,
+    "room.area < 2.69 m²": False,
+    "room.thickness == 0.3 m": True,
+    "room.height >= hall.height": True,
+    "door.width == gap": True,
+    "door.sill == -1 m": True,
+    "door.depth == 0.5 m": True,
+    "door.height - 2 m == 0": True,
+    "pane.location.translation.z == 1.5": True,
+    "pane.location.translation.x == 0": True,
+    "hall.screen.location.translation.x == 1.5 m": True,
+    "hall.screen.location.rotation.z == 30 deg": True,
+    "turn <= 0.5 rad": False,
+    "abs(reach) == 1.5": True,
+    "-reach == max(1.5 m, 1)": True,
+    "min(1, 2, 3) == 1": True,
+    "hall.pillar.height == 2.5": True,
+    "distance(hall, room) == 0.5 m": True,
+    "distance(hall.pillar, door) > 0.5": True,
+    "1 / 0 < 1": False,
+    "1 / 0 != 1": False,
+    "(1 + 2) * 3 - 4 / 2 == 7": True,
+    "1 != 1.0000000001": False,
+    "0.1 + 0.2 > 0.3": False,
+    "0.3 < 0.1 + 0.2": False,
+    "0.1 + 0.2 <= 0.3": True,
+    "1 - 2 - 3 == -4": True,
+    "2 * 3 m * 4 m == 24 m^2": True,
+    "hall . area > 20 m^2 and (door.sill > 0 or gap < 1 m)": True,
+    "not hall.area > 20 m^2": False,
+    "not 1 / 0 < 1": False,
+}
+
+
+@pytest.mark.parametrize("text", REQUIREMENTS)
+def test_a_requirement_is_judged_on_the_sampled_plan(tmp_path, text):
+    variation = vary(tmp_path, f"hall.screen: {{height: uniform([1])}}\nrequire {text}")
+    if REQUIREMENTS[text]:
+        assert sample(variation, 1, seed=0, tries=1)
+        return
+    with pytest.raises(InputError) as caught:
+        sample(variation, 1, seed=0, tries=3)
+    reasons = [str(d) for d in caught.value.findings]
+    assert reasons[-1] == f"test.variation:3:1: rejected 3 times: require {text}"
+
+
+def test_requirements_see_what_was_drawn(tmp_path):
+    statements = """
+        room: {shape.length: uniform(0.5 .. 3)}
+        gap: uniform(0.5 .. 1.5)
+        require room.area > 6 m^2
+        require door.width > 1 m
+        require hall.screen.shape.width == gap
+    """
+    for variant in sample(vary(tmp_path, statements), 4, seed=0):
+        found = numbers(variant)
+        assert found["room.shape.length"] > 2.0
+        assert found["gap"] > 1.0
+
+
+def test_what_nothing_fulfils_is_told_with_what_rejected_how_often(tmp_path):
+    statements = """gap: uniform(0.5 .. 1.5)
+require gap > 1 m
+require gap <= 1 m
+require door.width > 0"""
+    with pytest.raises(InputError) as caught:
+        sample(vary(tmp_path, statements), 3, seed=7, tries=100)
+    first, *reasons = [str(d) for d in caught.value.findings]
+    assert first.startswith("test.variation:1:1: seed 7: none of 100 draws fulfils everything")
+    assert len(reasons) == 2
+    counts = {r.rsplit(": ", 1)[1]: int(r.split("rejected ")[1].split()[0]) for r in reasons}
+    assert set(counts) == {"require gap > 1 m", "require gap <= 1 m"}
+    assert sum(counts.values()) == 100
+
+
+def test_a_draw_without_a_meaning_is_drawn_again(tmp_path):
+    variation = vary(tmp_path, "room: {shape.width: normal(mean=0, std=1)}")
+    variants = sample(variation, 8, seed=0)
+    assert all(numbers(v)["room.shape.width"] > 0 for v in variants)
+    assert any(v.tries > 1 for v in variants)
+
+
+def test_a_plan_that_never_compiles_is_explained_at_its_line(tmp_path):
+    variation = vary(tmp_path, "room: {shape.width: uniform([-1, -2])}")
+    with pytest.raises(InputError) as caught:
+        sample(variation, 1, seed=0, tries=10)
+    line = 1 + HOUSE[: HOUSE.index("width=3.0")].count("\n")
+    reason = caught.value.findings[1]
+    assert (reason.where.line, reason.message[:17]) == (line, "rejected 10 times")
+    assert "must be positive" in reason.message
+
+
+def test_equal_features_in_two_spaces_are_told_apart(tmp_path):
+    plan = HOUSE.replace("Column post", "Column pillar")
+    variant = one(tmp_path, "closet.pillar: {height: uniform([1.25])}", plan)
+    assert {(f.space, f.name): f.height for f in variant.plan.features} == {
+        ("hall", "pillar"): 2.5,
+        ("hall", "screen"): 1.0,
+        ("closet", "pillar"): 1.25,
+    }
+
+
+def test_keywords_may_be_names(tmp_path):
+    plan = HOUSE.replace("gap", "let").replace("turn", "require").replace("reach", "uniform")
+    plan = plan.replace("door", "normal").replace("room", "import").replace("pane", "m")
+    statements = """
+        let : uniform([1.0]) require: uniform([5]) uniform: normal(mean=1, std=0.1)
+        let abs = uniform([2])
+        import: {shape.width: abs}
+        require abs >= 2
+        m: {shape.width: uniform([1 m])}
+        normal: {shape.width: uniform([0.8])}
+        require import.area > 0 require let == 1
+    """
+    found = numbers(one(tmp_path, statements, plan))
+    assert found["import.shape.width"] == 2.0
+    assert found["m.shape.width"] == 1.0
+
+
+def test_variants_for_campaigns_are_plans_with_their_own_names(tmp_path):
+    (tmp_path / "plan.fpm").write_text(HOUSE)
+    path = tmp_path / "house.variation"
+    path.write_text('import "plan.fpm" gap: uniform([0.8, 1.0])')
+    found = variant_plans(load_variation(path), 3, seed=20)
+    assert [name for name, _ in found] == ["house_20", "house_21", "house_22"]
+    assert [plan.name for _, plan in found] == ["house_20", "house_21", "house_22"]
+    assert all(plan.spaces[0].name == "hall" for _, plan in found)
+
+
+def test_the_name_of_the_plan_is_kept_unless_a_suffix_is_wanted(tmp_path):
+    variation = vary(tmp_path, "gap: uniform([1.0])")
+    assert sample(variation, 1, seed=5)[0].plan.name == "house"
+    assert sample(variation, 1, seed=5, suffix=True)[0].plan.name == "house_5"
+
+
+def test_the_same_seed_gives_the_same_bytes(tmp_path):
+    variation = vary(tmp_path, "gap: uniform(0.5 .. 1) turn: normal(mean=1, std=9, min=0, max=40)")
+    for method in ("random", "grid", "halton", "lhs"):
+        first, second = (sample(variation, 9, seed=4, method=method) for _ in range(2))
+        assert [v.text for v in first] == [v.text for v in second]
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"n": None},
+        {"n": 0},
+        {"n": 2, "seed": 2**32 - 1},
+        {"seed": -1},
+        {"tries": 0},
+        {"levels": 0},
+        {"check": 0.0},
+        {"check": math.nan},
+        {"method": "guess"},
+    ],
+)
+def test_arguments_out_of_range_are_refused(tmp_path, options):
+    variation = vary(tmp_path, "gap: uniform([1.0])")
+    with pytest.raises(ValueError, match=r"between|needs|must be"):
+        sample(variation, **({"n": 1, "seed": 0} | options))

@@ -1,0 +1,163 @@
+"""``scenario blame``: the story people and scripts are told."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from daemon.analysis.results import write_campaign_note
+from daemon.batch.ledger import LedgerWriter
+from daemon.batch.paths import StatePaths
+from daemon.campaign import campaign_origin, expand, load_campaign
+from daemon.model.verdicts import Outcome
+from daemon.run import execute
+from scenario_tui.cli import invoke
+from tests.analysis.blame.cases import CAMPAIGN, failing_if, pretend, write
+from tests.people.cli.outputs import declared
+
+
+@pytest.fixture
+def campaign(tmp_path, campaigns, monkeypatch):
+    for name in ("demo", "robots", "suts"):
+        shutil.copytree(campaigns / name, tmp_path / name)
+    monkeypatch.setenv("SCENARIO_STATE", str(tmp_path / "state"))
+    monkeypatch.chdir(tmp_path)
+    text = CAMPAIGN.replace("sut: [pilot]", "sut: [hasty]")
+    (tmp_path / "demo" / "hasty.yaml").write_text(
+        "sut: hasty\nlike: pilot\nparameters: {max_speed: 0.7}\n"
+    )
+    return str(write(tmp_path / "demo", text))
+
+
+def shuts_fast(spec):
+    shut = any(b.joint == "kitchen_door.hinge" for b in spec.behaviours)
+    return shut and spec.sut.parameters.get("max_speed") == 0.7
+
+
+def test_the_story_is_told_and_the_scenario_saved(campaign, monkeypatch, capsys):
+    pretend(monkeypatch, failing_if(shuts_fast))
+    assert invoke(["blame", campaign, "rude", "hasty", "1"]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("rude/hasty/1 fails reached:")
+    assert "fails with doors, doors_in_your_face and max_speed: 0.7 on top of pilot" in out
+    assert "without max_speed: passes" in out
+    assert "minimal: kitchen_door (of 6)" in out
+    saved = Path("scenario-results/blame/tiny/rude.hasty.1/campaign.yaml")
+    assert f"scenario run {saved}" in out
+    assert invoke(["check", str(saved)]) == 0
+
+
+def test_scripts_get_the_story_as_json(campaign, tmp_path, monkeypatch, capsys):
+    pretended = pretend(monkeypatch, failing_if(shuts_fast))
+    place = tmp_path / "kept"
+    assert invoke(["blame", campaign, "rude", "-o", str(place), "--json"]) == 0
+    body = declared(capsys.readouterr().out)
+    assert body["schema"] == "scenario/blame/1"
+    assert body["blame"]["parameters"] == ["max_speed: 0.7"]
+    assert body["blame"]["minimal"] is True
+    assert body["runs"] == len(pretended.specs)
+    assert body["saved"] == str(place / "campaign.yaml")
+
+
+def test_what_does_not_fail_is_said_so(campaign, monkeypatch, capsys):
+    pretend(monkeypatch, lambda _: Outcome.PASS)
+    assert invoke(["blame", campaign, "rude"]) == 4
+    assert "rude/hasty/0 does not fail: reached pass" in capsys.readouterr().err
+
+
+def test_an_interrupt_tells_what_was_found(campaign, monkeypatch, capsys):
+    pretend(monkeypatch, failing_if(shuts_fast)).interrupt_after = 14
+    assert invoke(["blame", campaign, "rude"]) == 130
+    out = capsys.readouterr().out
+    assert "without max_speed: passes" in out
+    assert "stopped before nothing else could go: interrupted" in out
+    assert "scenario run scenario-results" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ([], "SCENARIO SUT REPEAT"),
+        (["rudd"], 'no scenario "rudd"'),
+        (["rude", "hasty", "x"], "not the number of a repeat"),
+    ],
+)
+def test_wrong_words_are_wrong_usage(campaign, words, message, capsys):
+    assert invoke(["blame", campaign, *words]) == 2
+    assert message in " ".join(capsys.readouterr().err.replace("│", " ").split())
+
+
+def blamed(capsys, *words):
+    """Return the code and everything that was said."""
+    code = invoke(["blame", *map(str, words)])
+    said = capsys.readouterr()
+    return code, " ".join((said.out + said.err).replace("│", " ").split())
+
+
+@pytest.fixture
+def short(campaign, monkeypatch):
+    """A campaign file whose runs are over after a second, with what it submits; none fails."""
+    pretend(monkeypatch, lambda _: Outcome.PASS)
+    file = write(Path(campaign).parent, CAMPAIGN.replace("16 s", "1 s"))
+    planned = load_campaign(file)
+    return file, replace(expand(planned), origin=campaign_origin(planned, file))
+
+
+def test_a_trace_is_of_the_campaign_file_that_its_record_names(short, tmp_path, capsys):
+    file, submission = short
+    # As a search leaves it: a copy that specifies the same run.
+    shutil.copytree(file.parent, tmp_path / "a_copy")
+    trace = tmp_path / "results" / "run.mcap"
+    trace.parent.mkdir()
+    execute(submission.specs[1], submission.scenes[0], trace_path=trace)
+    code, said = blamed(capsys, trace)
+    assert (code, "no record names the campaign file" in said) == (2, True)
+    write_campaign_note(trace.parent, submission)
+    code, said = blamed(capsys, trace)
+    assert (code, "rude/pilot/1 does not fail" in said) == (4, True)
+
+    file.write_text(file.read_text().replace("near: 1 m", "near: 99 cm"))
+    code, said = blamed(capsys, trace)
+    assert (code, "does not specify this run any more: say --campaign" in said) == (2, True)
+    code, said = blamed(capsys, trace, "--campaign", file)
+    assert (code, "its layers have changed since" in said) == (4, True)
+
+    file.unlink()
+    code, said = blamed(capsys, trace)
+    assert (code, "tiny.yaml any more: say --campaign FILE" in said) == (2, True)
+
+
+def test_a_run_of_the_ledger_is_of_the_file_it_was_submitted_from(short, tmp_path, capsys):
+    _, submission = short
+    places = StatePaths(tmp_path / "state")
+    places.state.mkdir()
+    with LedgerWriter.open(places) as ledger:
+        ledger.submit(submission, 0.0)
+    trace = places.traces / submission.campaign / "rude.pilot.0.mcap"
+    trace.parent.mkdir(parents=True)
+    execute(submission.specs[0], submission.scenes[0], trace_path=trace)
+    code, said = blamed(capsys, trace)
+    assert (code, "rude/pilot/0 does not fail" in said) == (4, True)
+    (trace.parent / "rude.pilot.1.mcap").touch()
+    code, said = blamed(capsys, trace.parent)
+    assert "means 2 traces (rude.pilot.0.mcap, rude.pilot.1.mcap): name one of them" in said
+
+
+def test_a_repeat_in_reserve_is_a_run_like_others(campaign, tmp_path, monkeypatch, capsys):
+    pretend(monkeypatch, lambda _: Outcome.PASS)
+    policy = "repeats: {n: 1, pass: rate >= 80 %, until: decided, at-most: 2}"
+    text = CAMPAIGN.replace("16 s", "1 s").replace("repeats: 2", policy)
+    file = write(Path(campaign).parent, text)
+    planned = expand(load_campaign(file))
+    spec = planned.spec(planned.reserve[0])
+    trace = tmp_path / "rude.pilot.1.mcap"
+    execute(spec, planned.scenes[0], trace_path=trace)
+    _, said = blamed(capsys, trace, "--campaign", file)
+    assert said.startswith("scenario: rude/pilot/1 does not fail")
+
+
+def test_an_oracle_that_the_run_does_not_have_is_wrong_usage(campaign, capsys):
+    code, said = blamed(capsys, campaign, "rude", "--oracle", "contact")
+    assert (code, 'has no oracle "contact"' in said) == (2, True)
+    assert 'did you mean "no-contact"' in said

@@ -1,0 +1,291 @@
+"""Whatever goes wrong ends with a message and the exit code that says whose fault it is."""
+
+import errno
+import json
+import os
+import subprocess
+import sys
+from itertools import product
+from pathlib import Path
+
+import pytest
+
+from grammars.text.diagnostics import Finding, InputError, Severity, Where
+from scenario_tui.cli import command_line
+from scenario_tui.cli.exit_codes import CommandError, ExitCode, exit_code
+from scenario_tui.text.diagnostics import diagnostic_counts, render_diagnostic
+from tests.people.cli.outputs import declared
+
+
+@pytest.fixture
+def raising(monkeypatch):
+    def prepare(error):
+        def fail(**_):
+            raise error
+
+        monkeypatch.setattr(command_line, "app", fail)
+
+    return prepare
+
+
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [
+        (["pass", "pass"], ExitCode.EXPECTED),
+        (["pass", "fail", "lost"], ExitCode.UNEXPECTED),
+        (["pass", "lost", "inconclusive"], ExitCode.INFRASTRUCTURE),
+        (["pass", "error"], ExitCode.INFRASTRUCTURE),
+        (["pass", "inconclusive"], ExitCode.INCONCLUSIVE),
+        (["pass", "cancelled"], ExitCode.INCONCLUSIVE),
+        ([], ExitCode.INCONCLUSIVE),
+    ],
+)
+def test_the_exit_code_follows_the_gravest_run(words, code):
+    assert exit_code(words) is code
+
+
+def test_our_own_bugs_exit_with_70_and_say_so(raising, capsys):
+    raising(ZeroDivisionError("division by zero"))
+    assert command_line.invoke(["status"]) == 70
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert "a bug in scenario, please report it: ZeroDivisionError" in said.err
+    assert "ZeroDivisionError" in said.err
+
+
+def test_ctrl_c_exits_with_130(raising):
+    raising(KeyboardInterrupt())
+    assert command_line.invoke(["status"]) == 130
+
+
+def test_a_reader_that_leaves_is_no_failure(raising):
+    raising(BrokenPipeError())
+    assert command_line.invoke(["results"]) == 141
+
+
+def test_bad_input_prints_every_diagnostic(raising, capsys, tmp_path):
+    file = tmp_path / "plan.fpm"
+    file.write_text("space hall\n    shape: rectangel\n")
+    raising(
+        InputError(
+            [
+                Finding(Where(str(file), 2, 12), "no such shape", 'did you mean "rectangle"?'),
+                Finding(Where(str(file)), "no entryway", severity=Severity.WARNING),
+            ]
+        )
+    )
+    assert command_line.invoke(["check", "plan.fpm"]) == 2
+    said = capsys.readouterr().err
+    assert "plan.fpm:2:12: error: no such shape" in said
+    assert "    shape: rectangel\n           ^\n" in said
+    assert 'did you mean "rectangle"?' in said
+    assert "warning: no entryway" in said
+    assert said.rstrip().endswith("1 error, 1 warning")
+    assert "Traceback" not in said
+
+
+def test_a_place_outside_the_file_has_no_excerpt(tmp_path):
+    file = tmp_path / "short.yaml"
+    file.write_text("campaign: x\n")
+    shown = render_diagnostic(Finding(Where(str(file), 99, 1), "gone")).plain
+    assert shown == f"{file}:99:1: error: gone"
+    missing = render_diagnostic(Finding(Where(str(tmp_path / "none.yaml"), 1, 1), "gone")).plain
+    assert missing.endswith("error: gone")
+
+
+def test_counting_problems():
+    assert diagnostic_counts([]) == "no problems"
+
+
+def test_wrong_usage_exits_with_2(scenario):
+    said = scenario("results", "--colour")
+    assert said.code == 2
+    assert "No such option" in said.err
+    assert said.out == ""
+    assert scenario().code == 2
+    assert scenario("frobnicate").code == 2
+
+
+@pytest.mark.parametrize("endpoint", ["foo", "tcp/host", "tcp/host:99999", "udp/127.0.0.1:7447"])
+def test_a_malformed_endpoint_is_wrong_usage(scenario, fake, endpoint):
+    said = scenario("status", "--connect", endpoint)
+    assert said.code == 2
+    assert "write tcp/<host>:<port>" in said.err
+    assert fake.calls == []
+
+
+def test_a_folder_cannot_be_checked(scenario, tmp_path):
+    said = scenario("check", str(tmp_path))
+    assert said.code == 2
+    assert "is a folder" in said.err
+
+
+def test_an_unreachable_daemon_exits_with_3(scenario, fake):
+    fake.reachable = False
+    said = scenario("status")
+    assert said.code == 3
+    assert said.err.startswith("scenario: no daemon answers")
+    assert said.out == ""
+
+
+def test_a_full_disk_is_no_bug_of_ours(raising, capsys):
+    raising(OSError(errno.ENOSPC, "No space left on device", "/results/run.mcap"))
+    assert command_line.invoke(["run"]) == ExitCode.INFRASTRUCTURE
+    assert capsys.readouterr().err == "scenario: No space left on device: /results/run.mcap\n"
+
+
+def _typed(*arguments, shell="", **variables):
+    command = [sys.executable, "-c", "from scenario_tui.cli import main; main()", *arguments]
+    if shell:
+        command = ["sh", "-c", f'"$@" {shell}', "sh", *command]
+    return subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        errors="replace",
+        env=os.environ | variables,
+        check=False,
+    )
+
+
+def test_a_closed_output_is_no_failure(tmp_path):
+    assert _typed("--version", shell=">&-").returncode == 0
+    missing = str(tmp_path / "none.yaml")
+    assert _typed("check", missing, shell=">&- 2>&-").returncode == ExitCode.BAD_INPUT
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_an_output_that_takes_nothing_is_said(tmp_path):
+    said = _typed("--version", shell=">/dev/full")
+    assert said.returncode == ExitCode.INFRASTRUCTURE
+    assert said.stderr == "scenario: No space left on device\n"
+
+
+def test_signs_a_terminal_cannot_show_stop_nothing(tmp_path):
+    file = tmp_path / "größe.yaml"
+    file.write_text("campaign: é\n", encoding="utf-8")
+    for encoding in ("ascii", "latin-1"):
+        said = _typed("check", str(file), PYTHONIOENCODING=encoding)
+        assert said.returncode == ExitCode.BAD_INPUT
+        assert "Traceback" not in said.stderr
+
+
+def test_a_terminal_without_our_signs_still_shows_a_minus():
+    program = "from scenario_tui.cli import output as o; o.settle_streams(); print('✗ −0.3 ü')"
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True, env=os.environ | {"PYTHONIOENCODING": "ascii"}, check=True,
+    )  # fmt: skip
+    assert done.stdout == b"x -0.3 u\n"
+
+
+def test_a_dashboard_without_a_terminal_says_so(scenario, fake):
+    said = scenario("tui")
+    assert said.code == ExitCode.BAD_INPUT
+    assert "the dashboard needs a terminal" in said.err
+    assert fake.calls == []
+
+
+def test_bad_input_stays_bad_input_when_nobody_reads_about_it(tmp_path):
+    program = "from scenario_tui.cli import main; main()"
+    reading, writing = os.pipe()
+    os.close(reading)
+    with os.fdopen(writing, "wb") as broken:
+        done = subprocess.run(
+            [sys.executable, "-c", program, "check", str(tmp_path / "none.yaml")],
+            stderr=broken, check=False,
+        )  # fmt: skip
+    assert done.returncode == ExitCode.BAD_INPUT
+
+
+def test_a_malformed_endpoint_in_the_environment_is_bad_input(monkeypatch, capsys):
+    monkeypatch.setenv("SCENARIO_CONNECT", "garbage")
+    assert command_line.invoke(["status"]) == ExitCode.BAD_INPUT
+    said = capsys.readouterr().err
+    assert said.startswith("SCENARIO_CONNECT: error: 'garbage' is not an endpoint")
+    assert "write tcp/<host>:<port>" in said
+
+
+def test_a_command_without_an_answer_writes_why_for_machines(scenario, fake):
+    fake.reachable = False
+    said = scenario("results", "--json")
+    body = json.loads(said.out)
+    assert body["schema"] == "scenario/error/1"
+    assert body["error"].startswith("no daemon answers")
+    assert body["exit_code"] == said.code == 3
+    assert said.err.startswith("scenario: no daemon answers")
+
+
+def test_wrong_usage_is_for_machines_too(scenario):
+    said = scenario("results", "--jsn", "--json")
+    assert said.code == json.loads(said.out)["exit_code"] == 2
+    assert "No such option: --jsn" in json.loads(said.out)["error"]
+    assert scenario("results", "--", "--json").out == ""
+
+
+def test_what_is_wrong_in_a_file_has_its_place(scenario, tmp_path):
+    file = tmp_path / "house.yaml"
+    file.write_text("campaign: house\nlimit: 2 min\nscenarios: {}\nrepeats: fife\n")
+    said = scenario("run", str(file), "--json")
+    body = json.loads(said.out)
+    assert said.code == body["exit_code"] == 2
+    (found,) = (one for one in body["diagnostics"] if one["where"]["line"] == 4)
+    assert found["message"].startswith("repeats: must be a whole number")
+    assert found["where"] == {"file": str(file), "line": 4, "column": 1}
+    assert found["severity"] == "error"
+
+
+def test_the_error_of_the_docs_is_one(campaigns):
+    text = (campaigns.parent / "docs" / "command-line.md").read_text("utf-8")
+    declared(text.partition("```json\n")[2].partition("```")[0])
+
+
+MISSING_FILES = ("nigthly.yaml", "tests/nigthly.yaml")
+MISSING = [
+    *product(("run", "submit", "serve"), (*MISSING_FILES, "nigthly", "tests")),
+    # A word without an ending is another thing to these.
+    *product(("check", "search", "coverage"), MISSING_FILES),
+]
+
+
+@pytest.mark.parametrize(("command", "typed"), MISSING)
+def test_a_missing_campaign_suggests_those_near_by(command, typed, scenario, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "tests").mkdir()
+    (tmp_path / "tests" / "nightly.yaml").write_text("campaign: nightly\n")
+    said = scenario(command, typed)
+    assert said.code == 2
+    expected = "is a folder" if typed == "tests" else "did you mean tests/nightly.yaml?"
+    assert expected in said.err
+
+
+def test_a_missing_campaign_lists_those_there_are(scenario, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert "`scenario new my-tests` writes one" in scenario("run", "x.yaml").err
+    for name in ("alpha", "beta"):
+        (tmp_path / f"{name}.yaml").write_text(f"campaign: {name}\n")
+    assert "campaign files here: " in scenario("run", "x.yaml").err
+
+
+def test_a_command_without_an_answer_writes_the_reason(monkeypatch, capsys):
+    def leave(**_):
+        raise CommandError("no run fails", ExitCode.INCONCLUSIVE)
+
+    monkeypatch.setattr(command_line, "app", leave)
+    assert command_line.invoke(["blame", "c.0", "--json"]) == 4
+    body = declared(capsys.readouterr().out)
+    assert (body["error"], body["exit_code"]) == ("no run fails", 4)
+
+
+def test_ctrl_c_is_an_answer_for_machines_too(raising, capsys):
+    raising(KeyboardInterrupt())
+    assert command_line.invoke(["wait", "c", "--json"]) == 130
+    assert declared(capsys.readouterr().out)["error"] == "interrupted"
+
+
+def test_a_file_is_no_name_of_what_was_submitted(scenario, tmp_path):
+    file = tmp_path / "one.yaml"
+    file.write_text("# about\ncampaign: nightly-tests   # its name\n")
+    said = scenario("results", str(file))
+    assert said.code == 2
+    assert 'one.yaml is a file: what was submitted of it is called "nightly-tests"' in said.err

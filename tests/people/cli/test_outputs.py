@@ -1,0 +1,97 @@
+"""Words for scripts: schemas of ``--json``, exit codes, the table of commands in the docs."""
+
+import json
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from scenario_tui.cli import command_line
+from scenario_tui.cli.answer import write_json
+from scenario_tui.cli.commands import COMMANDS, load_command
+from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.output_schemas import VALUES
+from tests.people.cli.outputs import declared
+from tests.people.fake import CAMPAIGN
+
+DOC = Path(__file__).parents[3] / "docs" / "command-line.md"
+SILENT = {"tui", "serve", "worker", "schema", "replay"}
+"""Commands that stay, or write files for editors: the others answer with ``--json``."""
+
+
+def _rows(heading):
+    """Return the cells of the table below a heading of the documentation."""
+    text = DOC.read_text("utf-8").partition(f"## {heading}\n")[2].partition("\n## ")[0]
+    lines = [line for line in text.splitlines() if line.startswith("|")]
+    return [[cell.strip() for cell in line.strip("|").split(" | ")] for line in lines[2:]]
+
+
+def test_the_schema_of_outputs_is_printed_and_written(scenario, tmp_path):
+    printed = scenario("schema", "--outputs")
+    assert (printed.code, printed.err) == (0, "")
+    schema = json.loads(printed.out)
+    names = [body["$ref"].rpartition("/")[2] for body in schema["oneOf"]]
+    assert names == list(VALUES)
+    assert scenario("schema", "--outputs", "-o", str(tmp_path)).code == 0
+    assert json.loads((tmp_path / "outputs.schema.json").read_text()) == schema
+    assert scenario("schema", "campaign", "--outputs").code == 2
+
+
+def test_every_command_that_answers_does_so_for_machines():
+    speaking = {name for name in COMMANDS if _speaks(load_command(name))}
+    assert set(COMMANDS) - speaking == SILENT
+
+
+def _speaks(command):
+    inner = getattr(command, "commands", {}).values()
+    own = any("--json" in parameter.opts for parameter in command.params)
+    return own or any(map(_speaks, inner))
+
+
+@dataclass(frozen=True)
+class Margins:
+    least: tuple[float, ...]
+    named: dict[str, float]
+
+
+def test_numbers_that_json_has_not_are_null(capsys):
+    write_json("margins", Margins((float("inf"), 1.5), {"a": float("nan")}))
+    body = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    assert body == {"schema": "scenario/margins/1", "least": [None, 1.5], "named": {"a": None}}
+
+
+def test_stopping_says_what_goes_on(scenario, monkeypatch):
+    monkeypatch.setenv("SCENARIO_CONNECT", "tcp/127.0.0.1:7")
+    body = declared(scenario("daemon", "--stop", "--json").out)
+    assert (body["endpoint"], body["unfinished"]) == ("tcp/127.0.0.1:7", 2)
+
+
+def test_exporting_lists_its_files(scenario, tmp_path):
+    plan = Path(command_line.__file__).parents[2] / "campaigns" / "demo" / "flat.fpm"
+    body = declared(scenario("export", str(plan), "map", "-o", str(tmp_path), "--json").out)
+    assert {Path(file).parent for file in body["files"]} == {tmp_path}
+
+
+def test_the_table_of_exit_codes_is_true():
+    told = {int(number.strip("`")): word.lower() for number, word, *_ in _rows("Exit codes")}
+    assert told == {code.value: code.name.lower().replace("_", " ") for code in ExitCode}
+
+
+def test_the_table_of_commands_is_true():
+    told = {}
+    for names, outputs, _ in _rows("Commands"):
+        written = set(re.findall(r"`(\w+)`", outputs))
+        told |= dict.fromkeys(re.findall(r"`(\w+)`", names), written)
+    assert set(told) == set(COMMANDS)
+    # What any command writes that has no other answer is explained below the table.
+    assert set().union(*told.values()) | {"error"} == set(VALUES)
+    assert {name for name, outputs in told.items() if not outputs} == SILENT
+
+
+def test_piped_output_is_as_wide_as_it_is_told(scenario, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "60")
+    table = scenario("status").out.splitlines()[-2:]
+    assert max(map(len, table)) <= 60
+    listed = scenario("results", CAMPAIGN, "--outcome", "fail").out.splitlines()
+    assert max(map(len, listed)) <= 60

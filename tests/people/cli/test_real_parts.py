@@ -1,0 +1,146 @@
+"""The command line with nothing faked: real daemon, real worker, real traces."""
+
+import json
+import os
+import subprocess
+
+import pytest
+
+from scenario_tui.cli.exit_codes import exit_code
+from tests.people.cli.outputs import declared
+from tests.people.cli.real import COMMAND, call, call_here, short_demo
+from tests.people.terminal.pseudo_terminal import terminal
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory, campaigns):
+    """A folder with the demo campaign cut down to two short runs."""
+    return short_demo(tmp_path_factory.mktemp("real"), campaigns)
+
+
+@pytest.fixture(scope="module")
+def finished(place):
+    """A state directory with a daemon that has finished the campaign."""
+    state = place / "state"
+    file = str(place / "campaigns" / "demo" / "campaign.yaml")
+    done = call("submit", file, "--watch", "--json", state=state, cwd=place)
+    body = declared(done.stdout)
+    assert done.returncode == exit_code(row["outcome"] for row in body["runs"]), done.stderr
+    assert "started a daemon on this machine" in done.stderr
+    yield state
+    assert call("daemon", "--stop", state=state, cwd=place).returncode == 0
+
+
+def test_results_are_kept_by_the_daemon(finished, place):
+    done = call("results", "demo", state=finished, cwd=place)
+    assert done.returncode == 0, done.stderr
+    assert "open-house" in done.stdout
+    assert "2 traces in" in done.stdout
+    status = declared(call_here("status", "--json", state=finished, cwd=place).stdout)
+    assert status["overview"]["done"] == 2
+
+
+def test_a_run_is_shown_its_log_told_and_its_campaign_waited_for(finished, place):
+    shown = call_here("show", "demo.0", state=finished, cwd=place)
+    assert (shown.returncode, shown.stderr) == (0, "")
+    assert "scenario show demo-" in shown.stdout
+    told = declared(
+        call_here("show", "demo.0", "--log", "--json", state=finished, cwd=place).stdout
+    )
+    assert [step["state"] for step in told["steps"]] == ["running", "done"]
+    assert told["recorded"][-1]["source"] == "run"
+    waited = call_here("wait", "demo", state=finished, cwd=place)
+    assert waited.returncode == exit_code(
+        row["outcome"]
+        for row in declared(call_here("results", "--json", state=finished, cwd=place).stdout)[
+            "runs"
+        ]
+    )
+
+
+def test_a_trace_is_marked_by_the_ledger_that_keeps_it(finished, place):
+    trace = min((finished / "traces").rglob("*.mcap"))
+    assert "✗ fail !" in call_here("show", str(trace), state=place / "other", cwd=place).stdout
+    (copy := place / "copy.mcap").write_bytes(trace.read_bytes())
+    assert "✗ fail  " in call_here("show", str(copy), state=finished, cwd=place).stdout
+
+
+def test_runs_are_judged_again_by_other_oracles(finished, place):
+    # The first one, whether or not another test has submitted more.
+    campaign = min((finished / "traces").iterdir(), key=lambda path: path.stat().st_mtime).name
+    layer = place / "hasty.oracles.yaml"
+    layer.write_text("reached: eventually within 1 s (mission.reached >= 1)\n")
+    done = call_here(
+        "judge", campaign, "--oracles", str(layer), "--json", state=finished, cwd=place
+    )
+    assert done.returncode == 1, done.stderr
+    for judged in declared(done.stdout)["traces"]:
+        assert (judged["origin"], judged["outcome"]) == ("ledger", "fail")
+        assert judged["changes"][0]["oracle"] == "reached"
+
+
+def test_submitting_again_runs_nothing_twice(finished, place):
+    file = str(place / "campaigns" / "demo" / "campaign.yaml")
+    done = call("submit", file, state=finished, cwd=place)
+    assert done.returncode == 0
+    assert "is known already, its 2 runs are kept" in done.stderr
+
+
+def test_what_has_a_result_is_not_run_again_unless_something_changed(finished, place):
+    first = declared(call_here("results", "--json", state=finished, cwd=place).stdout)
+    changed = place / "campaigns" / "demo" / "changed.yaml"
+    text = (changed.parent / "campaign.yaml").read_text()
+    changed.write_text(text.replace("repeats: 2", "repeats: 3") + "\n# one more repeat\n")
+    before = place / "before.json"
+    before.write_text(json.dumps(first))
+    done = call(
+        "submit", str(changed), "--watch", "--json", "--baseline", str(before), "--worse-by", "0",
+        state=finished, cwd=place,
+    )  # fmt: skip
+    body = declared(done.stdout)
+    assert "3 runs, 2 cached" in done.stderr
+    assert body["campaign"]["cached"] == 2
+    ids = [run["id"] for run in first["runs"]]
+    assert [run["cached"] for run in body["runs"]] == [*ids, ""]
+    assert body["runs"][0]["trace"] == first["runs"][0]["trace"]
+    assert [run["result"]["verdicts"] for run in body["runs"][:2]] == [
+        run["result"]["verdicts"] for run in first["runs"]
+    ]
+    assert all(shift["mean"] == 0.0 for shift in body["comparison"]["shifts"])
+    assert done.returncode == body["assessment"]["exit_code"]
+
+
+def test_a_state_directory_without_a_daemon_is_not_mixed_up(finished, place):
+    done = call_here("status", "--state", str(place / "elsewhere"), state=finished, cwd=place)
+    assert done.returncode == 3
+    assert "no daemon keeps" in done.stderr
+
+
+def test_the_dashboard_opens_in_a_terminal_and_leaves_without_stopping_work(finished, place):
+    with terminal([*COMMAND, "tui"], environ={"SCENARIO_STATE": str(finished)}) as shown:
+        shown.until("connected")
+        # The mission takes longer than the limit of this campaign.
+        shown.until(" unexpected")
+        shown.type("m")
+        shown.until("expected pass")
+        shown.type("q")
+        assert shown.wait() == 0
+        assert "no run is waiting" in shown.text
+        assert "Back with" in shown.text
+    assert call_here("status", state=finished, cwd=place).returncode == 0
+
+
+def test_a_reader_that_leaves_early_causes_no_noise(finished, place):
+    environ = os.environ | {"SCENARIO_STATE": str(finished)}
+    reader, writer = os.pipe()
+    os.close(reader)  # before it begins: or it may be done before the reader leaves
+    done = subprocess.run(
+        [*COMMAND, "results", "--runs"],
+        stdout=writer,
+        stderr=subprocess.PIPE,
+        cwd=place,
+        env=environ,
+        check=False,
+    )
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (141, b"")

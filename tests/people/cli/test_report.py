@@ -1,0 +1,187 @@
+"""``scenario report``: what people type, what is written, what is said when it cannot be."""
+
+import csv
+import os
+import re
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from daemon.batch.ledger import LedgerWriter, connect
+from daemon.batch.paths import StatePaths
+from daemon.judging.oracles import judge, overall_outcome
+from daemon.model.ids import trace_name
+from daemon.model.messages import Completion
+from daemon.model.spec import RunResult, Timing, TraceInfo
+from daemon.model.submission import Submission
+from daemon.trace import read_trace
+from scenario_tui.cli import invoke
+from tests.analysis.report.recordings import DECLARED, OPEN, SHUT, SUTS, record, spec
+from tests.engine.judging.oracles.traces import CORRIDOR
+from tests.people.cli.outputs import declared
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """A working folder with one folder of two traces in it, and no campaigns anywhere."""
+    monkeypatch.setenv("SCENARIO_STATE", str(tmp_path / "state"))
+    monkeypatch.chdir(tmp_path)
+    for name, scenario in (("a", SHUT), ("b", OPEN)):
+        record(tmp_path / "traces" / f"{name}.mcap", spec(scenario, SUTS[1], 0))
+    return tmp_path
+
+
+@pytest.fixture
+def ledger(here):
+    """A state directory with a campaign: two runs with results, one still waiting."""
+    places = StatePaths(here / "state")
+    places.make_folders()
+    specs = (spec(SHUT, SUTS[0], 0), spec(OPEN, SUTS[0], 0), spec(OPEN, SUTS[1], 0))
+    connection = connect(places.ledger)
+    book = LedgerWriter(connection)
+    plain = Submission.of("corr-1", specs, (CORRIDOR,))
+    book.submit(replace(plain, name="corr", about="about", declared=DECLARED), 1.0)
+    for grant in book.lease("w", 2, 1.0):
+        run = grant.spec
+        name = trace_name("corr-1", run.scenario, run.sut.name, run.repeat)
+        trace = read_trace(record(places.trace(name), run))
+        verdicts = judge(trace, run.oracles)
+        result = RunResult(
+            run.digest, overall_outcome(trace, verdicts), verdicts, "finished",
+            TraceInfo("0" * 64, 1, 1), Timing(1.5, 1.0, 20.0),
+        )  # fmt: skip
+        book.complete(Completion("w", grant.run, grant.attempt, grant.token, result), 2.0)
+    connection.close()
+    return places
+
+
+def test_tables_alone_need_no_page(here, capsys):
+    arguments = ["--junit", "r.xml", "--table", "m.parquet"]
+    assert invoke(["report", "traces", *arguments]) == 0
+    assert {path.name for path in here.iterdir()} == {"traces", "r.xml", "m.parquet"}
+    out = capsys.readouterr().out
+    assert "Yes. All 6 verdicts are as expected." in out
+    assert re.search(r"m\.parquet \([0-9.]+ kB\)", out)
+
+
+def test_results_of_every_source_can_be_a_table(ledger, capsys):
+    assert invoke(["results", "corr", "--json"]) == 0
+    Path("corr.json").write_text(capsys.readouterr().out)
+    for name, campaign in (("corr", "corr-1"), ("corr.json", "corr.json"), ("traces", "traces")):
+        assert invoke(["results", name, "--table", "t.csv"]) == 0
+        said = capsys.readouterr()
+        with Path("t.csv").open(encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file))
+        assert said.err == f"t.csv: {len(rows)} rows\n"
+        assert {row["campaign"] for row in rows} == {campaign}
+        assert {"buffer", "reached"} < {row["oracle"] for row in rows}
+
+
+def test_a_campaign_of_the_ledger_needs_no_daemon(ledger, capsys):
+    assert invoke(["report", "corr", "--table", "m.csv", "--json"]) == 0
+    body = declared(capsys.readouterr().out)
+    assert body["schema"] == "scenario/report/1"
+    assert (body["campaign"], body["runs"], body["exit_code"]) == ("corr", 3, 1)
+    assert body["written"] == {"table": "m.csv"}
+    assert invoke(["report", "corr", "--table", "m.csv", "--exit-status"]) == 1
+
+
+def test_the_newest_campaign_becomes_a_page_when_nothing_is_said(ledger):
+    assert invoke(["report", "-j", "1", "--figures", "drawn"]) == 0
+    assert Path("drawn/boxes-duration.pdf").read_bytes().startswith(b"%PDF")
+    page = Path("report.html").read_text(encoding="utf-8")
+    assert "scenario judge corr-1.1" in page
+    assert "queued" in page
+
+
+def test_one_run_is_drawn(ledger):
+    for name in ("run.svg", "run.png", "run.pdf"):
+        assert invoke(["export", "corr-1.0", "picture", "-o", name]) == 0
+    text = Path("run.svg").read_text(encoding="utf-8")
+    assert "inside the buffer" in text
+    assert "1 contact" in text
+    # It fails: what decides is in red.
+    assert ET.fromstring(text).find(".//*[@id='mark']") is not None
+    with Image.open("run.png") as picture:
+        assert picture.size[0] > 500
+    assert Path("run.pdf").read_bytes().startswith(b"%PDF-")
+
+
+def test_a_part_of_a_run_is_drawn_closely(ledger):
+    part = ["--from", "4", "--until", "6.5", "-o", "part.svg"]
+    assert invoke(["export", "corr-1.0", "picture", *part]) == 0
+    text = Path("part.svg").read_text(encoding="utf-8")
+    assert "4.0 s to 6.5 s of 20.0 s" in text
+    assert "1 contact" in text
+    assert "the waypoint as the robot sees it" in text
+    drawn = ET.fromstring(text)
+    boxes = [path.get("d", "") for path in drawn.findall(".//*[@id='driven']/{*}path")]
+    assert sum(d.count("L") + d.count("M") >= 1 and d.endswith("Z") for d in boxes) == 3
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["nowhere"], "nowhere is no trace, no folder, no campaign or run in"),
+        (["empty"], "holds no traces"),
+        (["broken"], "is not what `scenario run` leaves"),
+    ],
+)
+def test_what_cannot_be_is_said(here, capsys, arguments, words):
+    (here / "empty").mkdir()
+    (here / "broken").mkdir()
+    (here / "broken" / "a.mcap").symlink_to(here / "traces" / "a.mcap")
+    (here / "broken" / "campaign.json").write_text('{"name": 1}')
+    assert invoke(["report", *arguments]) in (2, 3)
+    said = " ".join(capsys.readouterr().err.replace("│", " ").split())
+    assert words in said
+    assert "Traceback" not in said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["nothing", "picture"], "nothing is no trace"),
+        (["traces/a.mcap", "picture", "-o", "run.gif"], "must end in .svg, .png or .pdf"),
+        (
+            ["traces/a.mcap", "picture", "--from", "30"],
+            "no part of a run that goes from 0 s to 20 s",
+        ),
+        (["traces/a.mcap", "picture", "--until", "-1"], "is no part of a run"),
+    ],
+)
+def test_a_picture_that_cannot_be_is_said(here, capsys, arguments, words):
+    assert invoke(["export", *arguments]) == 2
+    assert words in " ".join(capsys.readouterr().err.replace("│", " ").split())
+
+
+def test_the_newest_folder_of_traces_is_meant_when_there_is_no_campaign(here, capsys):
+    for number, name in enumerate(("new-2", "old-1")):
+        note = here / "scenario-results" / name / "campaign.json"
+        note.parent.mkdir(parents=True)
+        note.write_text('{"name": "n", "about": "", "declared": {}}')
+        os.utime(note, (1000.0 - number, 1000.0 - number))
+        (note.parent / "a.mcap").symlink_to(here / "traces" / "a.mcap")
+    assert invoke(["report"]) == 0
+    assert "n (scenario-results/new-2): Yes." in capsys.readouterr().out
+
+
+def test_a_ledger_that_is_none_is_said(here, capsys):
+    (here / "state").mkdir()
+    (here / "state" / "ledger.db").write_bytes(b"not a database at all" * 100)
+    assert invoke(["report"]) == 3
+    assert "is not a usable ledger" in capsys.readouterr().err
+
+
+def test_a_folder_called_like_a_campaign_does_not_hide_it(ledger, capsys):
+    Path("corr").mkdir()  # as `scenario new corr` leaves it: files, and no traces
+    (Path("corr") / "campaign.yaml").write_text("campaign: corr\n")
+    assert invoke(["report", "corr", "-o", "corr.html"]) == 0
+
+
+def test_campaigns_that_are_not_there_are_named(ledger, capsys):
+    assert invoke(["report", "corridor"]) == 2
+    assert 'there is no campaign "corridor"' in capsys.readouterr().err

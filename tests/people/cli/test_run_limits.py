@@ -1,0 +1,120 @@
+"""``scenario run --wall --attempts``, and ``check``, with stacks that hang, die and give up."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+from daemon.trace import read_trace
+from scenario_tui.cli import invoke
+from tests.people.cli.outputs import declared
+from tests.plugins import MODULE, install_plugins
+
+CAMPAIGN = """
+campaign: limits
+seed: 7
+limit: 20 s
+robot: courier
+oracles: navigation
+matrix: {sut: [%s]}
+scenarios:
+  house:
+    floorplan: flat
+    objects: doors
+    behaviours: doors_open
+    mission: courier
+    oracles: [reached, no-contact]
+"""
+
+
+@pytest.fixture(autouse=True)
+def plugged(tmp_path, monkeypatch):
+    folder = tmp_path / "packages"
+    folder.mkdir()
+    install_plugins(folder, monkeypatch)
+    monkeypatch.setenv("SCENARIO_STATE", str(tmp_path / "state"))
+    yield
+    sys.modules.pop(MODULE, None)
+
+
+def campaign(folder, campaigns, *suts):
+    """Write a campaign in the demo's flat with those systems under test."""
+    for layer in (campaigns / "demo").iterdir():
+        (folder / layer.name).symlink_to(layer)
+    (folder / "robots").symlink_to(campaigns / "robots")
+    (folder / "suts").symlink_to(campaigns / "suts")
+    path = folder / "limits.yaml"
+    path.write_text(CAMPAIGN % ", ".join(suts))
+    return path
+
+
+def executed(file, out, capfd, *options):
+    """Run a campaign; return its exit code, and its runs by their system."""
+    code = invoke(["run", str(file), "--attempts", "1", "--out", str(out), "--json", *options])
+    rows = declared(capfd.readouterr().out)["runs"]
+    return code, {row["sut"]: row for row in rows}
+
+
+def standing(rows):
+    return {sut: (row["state"], row["outcome"]) for sut, row in rows.items()}
+
+
+def test_what_dies_or_gives_up_is_told_apart(tmp_path, campaigns, capfd):
+    file = campaign(tmp_path, campaigns, "crashes", "gives-up")
+    code, rows = executed(file, tmp_path / "traces", capfd)
+    assert code == 1  # the one that gave up has failed
+    assert standing(rows) == {"crashes": ("lost", None), "gives-up": ("done", "fail")}
+    assert "killed by SIGSEGV" in rows["crashes"]["reason"]
+
+
+def test_what_hangs_is_ended_and_where_it_hung_is_told(tmp_path, campaigns, capfd):
+    file = campaign(tmp_path, campaigns, "hangs", "hangs-for-good")
+    hung = {"hangs": ("done", "error"), "hangs-for-good": ("lost", None)}
+    # On a busy machine a run may not come so far in a short time as to hang.
+    for wall in ("8", "32", "128"):
+        code, rows = executed(file, tmp_path / wall, capfd, "--wall", wall)
+        if standing(rows) == hung:
+            trace = read_trace(Path(rows["hangs"]["trace"]))
+            if "in one call" in trace.note:
+                break
+    assert (code, standing(rows)) == (3, hung)
+    assert f"stopped after {wall} s of wall clock time" in rows["hangs-for-good"]["reason"]
+    assert trace.complete
+    assert trace.note.startswith(f"stopped after {wall} s of wall clock time")
+    assert f"in one call of update() ({MODULE}.py:" in trace.note
+
+
+def test_what_is_not_as_expected_names_a_trace_that_other_commands_read(
+    tmp_path, campaigns, capfd, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    assert invoke(["run", str(campaign(tmp_path, campaigns, "gives-up"))]) == 1
+    named = {line.rpartition("→ ")[2] for line in capfd.readouterr().out.splitlines()}
+    (trace,) = (name for name in named if name.endswith(".mcap"))
+    assert trace.startswith("scenario-results/limits-")
+    assert invoke(["show", trace, "--log"]) == 0
+
+
+def test_a_limit_is_a_time_longer_than_none(capfd):
+    for wall in ("soon", "0", "-1s"):
+        assert invoke(["run", "campaign.yaml", "--wall", wall]) == 2
+    assert invoke(["run", "campaign.yaml", "--attempts", "0"]) == 2
+
+
+def test_a_factory_is_checked_at_its_line(tmp_path, campaigns, capfd):
+    file = campaign(tmp_path, campaigns, "factory-leaves")
+    assert invoke(["check", str(file), "--json"]) == 2
+    body = json.loads(capfd.readouterr().out)
+    # The 5 s that are enough for those that hang are not for the mission, which is said as well.
+    (found,) = [d for d in body["files"][str(file)] if "too short" not in d["message"]]
+    assert "cannot be made: SystemExit: 2" in found["message"]
+    assert found["where"]["line"] == 7
+
+
+def test_what_a_factory_prints_spoils_no_answer(tmp_path, campaigns, capfd):
+    file = campaign(tmp_path, campaigns, "factory-prints")
+    assert invoke(["check", str(file), "--json"]) == 0
+    said = capfd.readouterr()
+    assert json.loads(said.out)["schema"] == "scenario/check/1"
+    assert "loading weights" in said.err

@@ -1,0 +1,375 @@
+"""Searching from the command line: what is handed over, watched, told and written."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import typer
+from rich.console import Console
+from rich.live import Live
+
+from daemon.model.messages import Empty
+from daemon.model.search import SearchSubmission
+from daemon.search.preparation import PreparedSearch
+from scenario_tui.cli import command_line, search
+from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.search import _read_changes, search_code
+from scenario_tui.library import watching
+from scenario_tui.library.submission import searches_text
+from scenario_tui.library.watching import ProgressDisplay, WatchedSearch
+from scenario_tui.text.search_text import search_line
+from tests.people.cli.outputs import declared
+from tests.people.fake import CAMPAIGN, FakeDaemon, make_row
+from tests.people.fake_search import (
+    MARGINS,
+    SEARCH,
+    TASK,
+    make_answer,
+    make_proposals,
+    make_search,
+)
+
+
+@pytest.fixture(autouse=True)
+def _no_waiting(monkeypatch, tmp_path):
+    monkeypatch.setattr(watching, "INTERVAL", 0.001)
+    monkeypatch.setattr(watching, "_POLL", 0.0)
+    monkeypatch.chdir(tmp_path)
+    Path("campaign.yaml").write_text("campaign: house\n")
+
+
+def _have(fake, row):
+    """Have the daemon know a search with its runs."""
+    fake.found, fake.proposed = (row,), make_proposals()
+    runs = tuple(
+        make_row(i, id=f"{SEARCH}.{i}", campaign=SEARCH, scenario=f"doors-in-time.{i}")
+        for i in range(len(MARGINS))
+    )
+    fake.rows = (*fake.rows, *runs)
+
+
+def test_a_search_that_is_over_is_told_with_its_found_file_and_commands(scenario, fake):
+    _have(fake, make_search())
+    # Its client wrote that one, with the layers of the campaign.
+    found = Path("scenario-results", "search", SEARCH, "campaign/house/doors-in-time.found.yaml")
+    found.parent.mkdir(parents=True)
+    found.touch()
+    said = scenario("search", SEARCH)
+    assert said.code == ExitCode.UNEXPECTED
+    assert said.out.startswith("doors-in-time  ✗ keeps-clear fails in 5 of 5 repeats")
+    assert f"scenario run {found}" in said.out
+    assert f"scenario report {SEARCH}" in said.out
+    assert f"scenario replay {SEARCH}.4 --from keeps-clear" in said.out
+    assert declared(scenario("search", SEARCH, "--json").out)["found"] == str(found)
+
+
+def test_watching_a_search_without_its_campaign_file_writes_nothing(scenario, fake, tmp_path):
+    _have(fake, make_search())
+    before = set(tmp_path.rglob("*"))
+    body = declared(scenario("search", SEARCH, "--json").out)
+    assert body["search"]["campaign"] == SEARCH
+    assert len(body["proposals"]) == len(MARGINS)
+    assert body["found"] == ""
+    assert set(tmp_path.rglob("*")) == before
+
+
+def test_a_search_is_named_by_its_id_its_name_or_as_in_its_file(scenario, fake):
+    _have(fake, make_search())
+    for name in (SEARCH, "house", "doors-in-time"):
+        said = scenario("search", name)
+        assert (said.code, said.err) == (ExitCode.UNEXPECTED, "")
+        assert f"scenario results {SEARCH}" in said.out
+    assert scenario("search", "nothing").code == ExitCode.BAD_INPUT
+
+
+def test_a_campaign_is_no_search(scenario, fake):
+    said = scenario("search", CAMPAIGN)
+    assert said.code == ExitCode.BAD_INPUT
+    assert f"scenario results {CAMPAIGN}" in said.err
+
+
+def test_options_are_for_campaign_files(scenario, fake):
+    _have(fake, make_search())
+    for option in (("--budget", "200"), ("--detach",)):
+        said = scenario("search", SEARCH, *option)
+        assert said.code == ExitCode.BAD_INPUT
+        assert option[0] in said.err
+
+
+def test_searches_are_listed(scenario, fake):
+    assert "No searches yet" in scenario("search").out
+    _have(fake, make_search())
+    said = scenario("search")
+    assert said.code == 0
+    assert SEARCH in said.out
+    assert "2 failures" in said.out
+    body = declared(scenario("search", "--json").out)
+    assert [row["campaign"] for row in body["searches"]] == [SEARCH]
+
+
+@pytest.mark.parametrize(
+    ("row", "code"),
+    [
+        (make_search(), ExitCode.UNEXPECTED),
+        (make_search(answer=replace(make_answer(), first=None, failed=0)), ExitCode.EXPECTED),
+        (
+            make_search(answer=replace(make_answer(), first=None, failed=0, ended="errors")),
+            ExitCode.INFRASTRUCTURE,
+        ),
+        (
+            make_search(answer=replace(make_answer(), first=None, failed=0, best=None)),
+            ExitCode.INCONCLUSIVE,
+        ),
+        (make_search("failed"), ExitCode.INFRASTRUCTURE),
+        (make_search("cancelled"), ExitCode.INCONCLUSIVE),
+        (make_search("cancelled", answer=make_answer()), ExitCode.UNEXPECTED),
+        (make_search("waiting", answer=make_answer()), ExitCode.INCONCLUSIVE),
+    ],
+)
+def test_the_code_of_a_search(row, code):
+    assert search_code(row) is code
+
+
+def test_options_change_what_is_asked():
+    change = _read_changes("200", "5 failures", "halton", 3, 1)
+    task = change(TASK)
+    assert (task.runs, task.seconds, task.stop, task.failures) == (200, 0.0, "failures", 5)
+    assert (task.method, task.seed, task.confirm) == ("halton", 3, 1)
+    assert change(replace(TASK, repeatable=False)).confirm == 3
+    assert _read_changes("10 min", "", "", None, None)(TASK).seconds == 600.0
+    assert _read_changes("", "", "", None, None)(TASK) == TASK
+    with pytest.raises(typer.BadParameter):
+        _read_changes("many", "", "", None, None)
+    with pytest.raises(typer.BadParameter):
+        _read_changes("", "never", "", None, None)
+
+
+def _prepared(monkeypatch):
+    """Have a campaign file be the search of the tests; returns its tasks and the file."""
+    tasks = []
+
+    def prepare(path, name="", *, client, change, find, fresh):
+        tasks.append(change(TASK))
+        found = SearchSubmission(SEARCH, "house", "", "", tasks[-1], f"{path}", client=client)
+        return PreparedSearch(found, None, ())
+
+    monkeypatch.setattr("daemon.search.preparation.prepare_search", prepare)
+    monkeypatch.setenv("SCENARIO_CONNECT", "tcp/127.0.0.1:7")
+    return tasks, Path("campaign.yaml")
+
+
+def _begun(task):
+    """What a daemon does with a search that is not known to it."""
+
+    def begin(self, submission):
+        self.found = (make_search("running", task=task, finished=0, client=submission.client),)
+        return Empty()
+
+    return begin
+
+
+def test_a_search_that_runs_in_the_background_is_told_as_it_stands(scenario, fake, monkeypatch):
+    tasks, file = _prepared(monkeypatch)
+    monkeypatch.setattr(FakeDaemon, "_search", _begun(TASK))
+    monkeypatch.setattr(search, "_detach", lambda *_, **__: make_search("running"))
+    said = scenario("search", str(file), "--budget", "200 runs", "--detach")
+    assert said.code == 0
+    assert said.err == f"submitted {SEARCH}: 3 parameters of busy-house, at most 200 runs\n"
+    assert f"scenario cancel {SEARCH}" in said.out
+    assert tasks[0].runs == 200
+
+
+class Client:
+    """A client whose program runs until it is left."""
+
+    def __init__(self):
+        self.left = False
+
+    def start(self):
+        pass
+
+    def is_alive(self):
+        return not self.left
+
+    def leave(self):
+        self.left = True
+
+
+def test_interrupted_a_search_waits_for_the_command_that_goes_on(scenario, fake, monkeypatch):
+    _, file = _prepared(monkeypatch)
+    monkeypatch.setattr(FakeDaemon, "_search", _begun(TASK))
+    client = Client()
+    monkeypatch.setattr(search, "_client_of", lambda *_: client)
+    looks = 0
+
+    def later(daemon):
+        nonlocal looks
+        looks += 1
+        if looks == 12:
+            raise KeyboardInterrupt
+
+    fake.before = later
+    said = scenario("search", str(file))
+    assert said.code == ExitCode.INTERRUPTED
+    assert client.left
+    again = f"go on with `scenario search {file} {SEARCH}`, end it with `scenario cancel {SEARCH}`"
+    assert again in said.err
+
+
+def test_a_search_that_waits_is_told_with_what_goes_on(scenario, fake):
+    _have(fake, make_search("waiting", answer=make_answer()))
+    said = scenario("search", SEARCH)
+    assert said.code == ExitCode.INCONCLUSIVE
+    assert f"scenario search campaign.yaml {SEARCH}" in said.out
+    said = scenario("status")
+    assert f"waiting for `scenario search campaign.yaml {SEARCH}`" in said.out
+
+
+@pytest.mark.parametrize(
+    ("state", "words"),
+    [
+        ("finished", "is known already, its answer is kept"),
+        ("running", "is known already and goes on after 8 runs"),
+        ("cancelled", "is known already and goes on after 8 runs"),
+    ],
+)
+def test_the_same_search_goes_on(scenario, fake, monkeypatch, state, words):
+    _, file = _prepared(monkeypatch)
+    monkeypatch.setattr(search, "_detach", lambda *_, **__: fake.found[0])
+    _have(fake, make_search(state))
+    said = scenario("search", str(file), "--detach")
+    assert said.err.startswith(f"{SEARCH} {words} (--fresh searches anew)\n")
+    assert ("lab-7 runs it" in said.err) is (state == "running")
+
+
+def test_watching_tells_the_first_failure_and_what_it_goes_on_with(scenario, fake):
+    _have(fake, make_search("running"))
+    looks = 0
+
+    def later(daemon):
+        nonlocal looks
+        looks += 1
+        if looks == 8:
+            daemon.found = (replace(daemon.found[0], answer=make_answer()),)
+        if looks == 14:
+            daemon.found = (replace(daemon.found[0], phase="nearest"),)
+        if looks == 20:
+            daemon.found = (make_search(answer=replace(make_answer(), found="")),)
+
+    fake.before = later
+    said = scenario("search", SEARCH)
+    assert said.code == ExitCode.UNEXPECTED
+    assert said.err.splitlines() == [
+        f"run 4 fails: keeps-clear by −0.012 m ({SEARCH}.4)",
+        "looking for the nearest failure",
+    ]
+
+
+def test_leaving_ends_the_watching_only(scenario, fake, monkeypatch):
+    _have(fake, make_search("running"))
+    looks = 0
+
+    def later(daemon):
+        nonlocal looks
+        looks += 1
+        if looks == 12:
+            monkeypatch.setattr(command_line, "was_interrupted", lambda: True)
+            raise KeyboardInterrupt
+
+    fake.before = later
+    said = scenario("search", SEARCH)
+    assert said.code == ExitCode.INTERRUPTED
+    assert f"end it with `scenario cancel {SEARCH}`" in said.err
+
+
+@pytest.mark.parametrize(
+    ("phase", "note", "shown"),
+    [
+        ("confirm", "run 1 again, 5 times with other noise", True),
+        # The line has newer numbers.
+        ("explore", "1 of 60 runs, best -7.3 m", False),
+    ],
+)
+def test_what_a_search_does_is_said_where_it_is_watched(fake, phase, note, shown):
+    row = make_search("running", phase=phase, note=note)
+    _have(fake, row)
+    watched = WatchedSearch(SEARCH)
+    watched.look(fake, ProgressDisplay(Live(console=Console())))
+    console = Console(width=100, record=True)
+    console.print(watched.draw({}, "compiling kernels 7/42"))
+    _, about, *_, waiting = console.export_text().splitlines()
+    assert about == f"  {search_line(row).removeprefix('doors-in-time: ')}"
+    assert waiting == "  compiling kernels 7/42"
+    assert (note in about) is shown
+    assert (note in search_line(row)) is shown
+
+
+def test_submitting_a_campaign_says_which_searches_it_has(scenario, fake, campaigns, monkeypatch):
+    monkeypatch.setenv("SCENARIO_CONNECT", "tcp/127.0.0.1:7")
+    file = campaigns / "demo" / "campaign.yaml"
+    said = scenario("submit", str(file))
+    assert said.code == 0
+    assert f"doors-in-time is a search: start it with `scenario search {file}`" in said.err
+    both = f"a, b are searches: start one with `scenario search {file} a`"
+    assert searches_text(file, ("a", "b")) == both
+    assert searches_text(file, ()) == ""
+
+
+def test_commands_about_files_can_be_copied():
+    spaced = Path("a b/campaign.yaml")
+    assert "`scenario search 'a b/campaign.yaml'`" in searches_text(spaced, ("a",))
+
+
+def test_cancelling_a_search_says_that_it_has_ended(scenario, fake):
+    _have(fake, make_search("running"))
+    assert "which has ended" in scenario("cancel", "doors-in-time").err
+    assert ("cancel", SEARCH) in fake.calls
+    _have(fake, make_search())
+    assert "which has ended" not in scenario("cancel", SEARCH).err
+
+
+def test_results_of_a_search_are_its_answer(scenario, fake):
+    _have(fake, make_search())
+    said = scenario("results", SEARCH)
+    assert (said.code, said.err) == (0, "")
+    assert said.out.startswith("doors-in-time  ✗ keeps-clear fails in 5 of 5 repeats")
+    assert scenario("results", "doors-in-time").out == said.out
+    assert scenario("results", SEARCH, "--exit-status").code == ExitCode.UNEXPECTED
+    assert "doors-in-time.4/pilot" in scenario("results", SEARCH, "--runs").out
+    assert declared(scenario("results", SEARCH, "--json").out)["schema"] == "scenario/search/1"
+    assert scenario("results", SEARCH, "--baseline", "last-green").code == ExitCode.BAD_INPUT
+
+
+def test_waiting_for_a_search_leaves_with_its_code(scenario, fake):
+    _have(fake, make_search())
+    said = scenario("wait", SEARCH)
+    assert said.code == ExitCode.UNEXPECTED
+    assert len(said.err.splitlines()) == 1
+    assert "the budget of 60 runs is spent" in said.err
+    fake.found = (make_search("running"),)
+    said = scenario("wait", SEARCH, "--timeout", "0s")
+    assert said.code == ExitCode.INCONCLUSIVE
+    assert "looking for failures, 8 of 60 runs" in said.err
+
+
+def test_status_marks_searches_and_says_how_those_stand_that_run(scenario, fake):
+    _have(fake, make_search("running"))
+    said = scenario("status")
+    assert f"{SEARCH} (search)" in said.out
+    assert "search doors-in-time: looking for failures, 8 of 60 runs" in said.out
+    body = declared(scenario("status", "--json").out)
+    assert [row["campaign"] for row in body["searches"]] == [SEARCH]
+    fake.found = (make_search(),)
+    assert declared(scenario("status", "--json").out)["searches"] == []
+
+
+def test_a_run_of_a_search_says_which_point_it_is(scenario, fake):
+    _have(fake, make_search())
+    said = scenario("show", f"{SEARCH}.4")
+    assert "point 4 of the search doors-in-time, looking for failures (halton)" in said.out
+    assert "8 → 8.4 s" in said.out
+    assert f"scenario search {SEARCH}" in said.out
+    body = declared(scenario("show", f"{SEARCH}.4", "--json").out)
+    assert body["run"]["row"]["proposal"]["number"] == 4
+    plain = declared(scenario("show", f"{CAMPAIGN}.4", "--json").out)
+    assert plain["run"]["row"]["proposal"] is None

@@ -1,0 +1,133 @@
+"""``scenario report`` and ``scenario coverage`` of searches, from the ledger alone."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from daemon.batch.ledger import LedgerWriter, connect
+from daemon.batch.paths import StatePaths
+from daemon.batch.server._search_handlers import read_extension
+from daemon.batch.stores import file_sha256, file_size
+from daemon.judging.oracles import judge, overall_outcome
+from daemon.model.messages import Completion
+from daemon.model.proposals import ExtendRequest
+from daemon.model.search import OracleScale
+from daemon.model.search_answer import SearchAnswer, SearchProgress
+from daemon.model.spec import LeadingMargin, RunResult, Timing, TraceInfo
+from daemon.model.submission import Submission
+from daemon.model.trials import Trial
+from daemon.trace import read_trace
+from grammars.text import codec
+from scenario_tui.cli import invoke
+from tests.analysis.report.recordings import SHUT, SUTS, record, spec
+from tests.engine.judging.oracles.traces import CORRIDOR
+from tests.make import TASK, make_proposal, make_search
+from tests.people.cli.outputs import declared
+
+SEARCH = "corridor-doors-1"
+
+
+@pytest.fixture
+def ledger(tmp_path, monkeypatch):
+    """A state directory with a finished search of two runs."""
+    monkeypatch.setenv("SCENARIO_STATE", str(tmp_path / "state"))
+    monkeypatch.chdir(tmp_path)
+    places = StatePaths(tmp_path / "state")
+    places.make_folders()
+    connection = connect(places.ledger)
+    book = LedgerWriter(connection, paths=places)
+    first = spec(SHUT, SUTS[0], 0)
+    oracle = first.oracles[0].name
+    submission = make_search(SEARCH, minimise=oracle, scales=(OracleScale(oracle, 1.0, "m"),))
+    book.begin_search(submission, 1.0)
+    specs = tuple(replace(first, scenario=TASK.scenario_of(n), seed=n) for n in range(2))
+    runs = Submission.of(SEARCH, specs, (CORRIDOR,))
+    proposals = (make_proposal(0), make_proposal(1))
+    request = ExtendRequest("lab", proposals, runs)
+    staged = read_extension(codec.to_json(request), places)
+    with book.transaction():
+        book.extend(proposals, staged.runs, 1.0)
+    for grant in book.lease("w", 2, 1.0):
+        path = record(places.trace(grant.trace), grant.spec)
+        trace, kept = read_trace(path), TraceInfo(file_sha256(path), file_size(path), 1)
+        verdicts = judge(trace, grant.spec.oracles)
+        leads = (LeadingMargin(oracle, 0.25, "m", "door"),)
+        result = RunResult(
+            grant.spec.digest, overall_outcome(trace, verdicts), verdicts, "finished",
+            kept, Timing(1.5, 1.0, 20.0), leads=leads,
+        )  # fmt: skip
+        book.complete(Completion("w", grant.run, grant.attempt, grant.token, result), 2.0)
+    best = Trial(proposals[0], f"{SEARCH}.0", "doors.0/a/0", "d")
+    answer = SearchAnswer("errors", 2, 2, 0, 0, 0, 0, 2, 0, best=best, sentences=("", "a sentence"))
+    book.note_progress(SearchProgress(SEARCH, "lab", "explore", "", "finished", answer), 3.0)
+    connection.close()
+    return places
+
+
+@pytest.mark.parametrize("name", [SEARCH, "corridor", "doors", ""])
+def test_a_search_becomes_a_page(ledger, capsys, name):
+    assert invoke(["report", *filter(None, [name]), "-o", "s.html"]) == 0
+    out = capsys.readouterr().out
+    assert f"doors ({SEARCH}): reached does not fail in 2 runs" in out
+    page = Path("s.html").read_text()
+    assert "can it fail?" in page
+    assert "a sentence" in page
+    assert "the whole way" in page
+    assert "The margin over the values that were run" in page
+
+
+def test_a_folder_called_like_a_search_does_not_hide_it(ledger, capsys):
+    Path("doors").mkdir()  # as `scenario new doors` leaves it: files, and no traces
+    assert invoke(["report", "doors"]) == 0
+    assert f"doors ({SEARCH})" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", ["corridor", "doors"])
+def test_a_folder_of_its_name_hides_no_search(ledger, capsys, name):
+    Path(name).mkdir()
+    (Path(name) / "campaign.yaml").write_text("")
+    assert invoke(["report", name, "-o", "s.html"]) == 0
+    assert f"doors ({SEARCH}): reached does not fail in 2 runs" in capsys.readouterr().out
+
+
+def test_a_folder_that_names_nothing_else_is_said_to_hold_no_traces(ledger, capsys):
+    Path("elsewhere").mkdir()
+    assert invoke(["report", "elsewhere"]) == 2
+    assert "elsewhere holds no traces" in capsys.readouterr().err
+
+
+def test_as_json_it_is_a_report(ledger, capsys):
+    assert invoke(["report", SEARCH, "--json"]) == 0
+    body = declared(capsys.readouterr().out)
+    assert body["schema"] == "scenario/report/1"
+    assert body["written"] == {"page": "report.html"}
+    assert body["runs"] == 2
+
+
+def test_tables_of_a_search_are_refused(ledger, capsys):
+    assert invoke(["report", SEARCH, "--junit", "r.xml"]) == 2
+    said = " ".join(capsys.readouterr().err.replace("│", " ").split())
+    assert f"scenario search {SEARCH} --json" in said
+    assert not Path("r.xml").exists()
+
+
+def test_a_page_without_its_trace_has_no_map(ledger, capsys):
+    for trace in ledger.traces.rglob("*.mcap"):
+        trace.unlink()
+    assert invoke(["report", SEARCH]) == 0
+    assert "the whole way" not in Path("report.html").read_text()
+
+
+def test_coverage_has_the_runs_of_a_search(ledger, capsys):
+    assert invoke(["coverage", SEARCH]) == 0
+    assert capsys.readouterr().out.startswith("2 runs, by their traces")
+    assert invoke(["coverage", SEARCH, "--json", "--processes", "1"]) == 0
+    assert declared(capsys.readouterr().out)["recorded"] == 2
+    assert invoke(["coverage", f"{SEARCH}.1"]) == 0
+    assert capsys.readouterr().out.startswith("1 run, by their traces")
+
+
+def test_a_campaign_file_says_which_searches_it_has(campaigns, capsys):
+    assert invoke(["coverage", str(campaigns / "demo" / "campaign.yaml")]) == 0
+    assert "name its id here once it has run" in capsys.readouterr().err

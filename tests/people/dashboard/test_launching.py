@@ -1,0 +1,120 @@
+"""The dashboard starts a daemon on its machine when none answers, and says how it is stopped."""
+
+import threading
+from dataclasses import replace
+
+import pytest
+from textual.app import App
+
+from daemon.batch.errors import LaunchFailed
+from scenario_tui.cli import tui
+from scenario_tui.dashboard.config import Config
+from scenario_tui.dashboard.state import Known
+from scenario_tui.dashboard.widgets.status_line import StatusLine
+from tests.people.dashboard.driven import SteeredDaemon
+from tests.people.dashboard.inline import make_dashboard, press, screen_text, settle
+from tests.people.fake import CAMPAIGN
+from tests.people.idle import until_idle
+
+STARTED = (
+    "started a daemon on this machine at tcp/127.0.0.1:7447 (`scenario daemon --stop` ends it)"
+)
+
+
+async def test_a_daemon_is_started_when_none_answers_and_leaving_says_how_to_stop_it():
+    fake, begin = SteeredDaemon(reachable=False), threading.Event()
+
+    def launch():
+        begin.wait()
+        fake.reachable = True
+        return STARTED
+
+    app = make_dashboard(fake, launch_daemon=launch)
+    async with app.run_test(size=(80, 24)) as pilot:
+        app.update_state()
+        await until_idle(app)
+        assert "starting one on this machine" in "".join(screen_text(pilot))
+        assert screen_text(pilot)[0].strip() == "… starting a daemon"
+        begin.set()
+        await settle(pilot)
+        assert CAMPAIGN in "\n".join(screen_text(pilot))
+        assert STARTED in [notice.message for notice in app._notifications]
+    assert app.farewell().endswith("\nStop the daemon with: scenario daemon --stop")
+
+
+async def test_whether_one_is_started_is_said_only_once_nobody_answered():
+    state = Known()
+    line = StatusLine()
+    async with App[None]().run_test() as pilot:
+        await pilot.app.mount(line)
+        line.show(state, 0.0, launching=True)
+        assert "connecting" in str(line.content)
+        line.show(replace(state, problem="nobody"), 0.0, launching=True)
+        assert "starting a daemon" in str(line.content)
+
+
+async def test_a_daemon_that_answers_is_left_as_it_is():
+    app = make_dashboard(SteeredDaemon(), launch_daemon=lambda: "")
+    async with app.run_test(size=(80, 24)) as pilot:
+        await settle(pilot)
+        assert not list(app._notifications)
+    assert "stop" not in app.farewell()
+
+
+async def test_a_daemon_that_does_not_come_up_is_told_with_its_last_words():
+    def launch():
+        raise LaunchFailed("the daemon ended with code 70:\nno space left")
+
+    app = make_dashboard(SteeredDaemon(reachable=False), launch_daemon=launch)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await settle(pilot)
+        assert "no space left" in " ".join(notice.message for notice in app._notifications)
+        assert "d starts one. In another terminal" in "\n".join(screen_text(pilot))
+
+
+async def test_a_key_starts_a_daemon_that_is_gone_and_does_nothing_beside_one_that_answers():
+    fake, launches = SteeredDaemon(), []
+
+    def launch():
+        launches.append(fake.reachable)
+        fake.reachable = True
+        return ""
+
+    async with make_dashboard(fake, launch_daemon=launch).run_test(size=(80, 24)) as pilot:
+        await settle(pilot)
+        await press(pilot, "d")
+        assert launches == [True]
+        fake.reachable = False
+        await settle(pilot)
+        assert "d starts a daemon on this machine" in screen_text(pilot)[1]
+        await press(pilot, "d")
+        assert launches == [True, False]
+        assert "starts a daemon" not in screen_text(pilot)[1]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "read_only", "started"),
+    [
+        ((), False, True),
+        (("--connect", "tcp/127.0.0.1:9"), False, False),
+        (("--read-only",), False, False),
+        ((), True, False),
+    ],
+)
+def test_none_is_started_behind_the_back_of_who_named_one_or_only_looks(
+    scenario, tmp_path, monkeypatch, arguments, read_only, started
+):
+    launchers = []
+
+    def run(*given):
+        launchers.append(given[2])
+        return 0, "left"
+
+    monkeypatch.setattr(tui, "why_no_screen", lambda: "")
+    monkeypatch.setattr("scenario_tui.dashboard.app.run_dashboard", run)
+    monkeypatch.setattr(
+        "scenario_tui.dashboard.config.read_config", lambda: Config(read_only=read_only)
+    )
+    said = scenario("tui", "--state", str(tmp_path), *arguments)
+    assert said.code == 0, said.err
+    assert [launcher is not None for launcher in launchers] == [started]

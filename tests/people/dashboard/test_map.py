@@ -1,0 +1,340 @@
+"""The map in cells: one orientation, filled walls, texts that cover nothing, what decides."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from grammars.model.geometry import Pose2
+from grammars.model.mission import Mission, Waypoint
+from grammars.model.movers import with_planar_chain
+from grammars.model.scene import Link, SceneObject
+from scenario_tui.dashboard.widgets.block_cells import (
+    fill_areas,
+    mask_blocks,
+    mask_dots,
+    middle_line,
+    ring_edges,
+)
+from scenario_tui.dashboard.widgets.map_frame import View, draw_view
+from scenario_tui.dashboard.widgets.map_names import place_beside, place_inside
+from scenario_tui.dashboard.widgets.map_projection import cell_of, fit, main_axis, map_turn
+from scenario_tui.dashboard.widgets.map_style import Layer, MapSigns, legend_lines
+from templates.plan_shapes import MeasuredMark
+from tests.people.fake import MISSION, ROBOT, make_scene
+
+
+def view(**changes):
+    return View(make_scene(), ROBOT, MISSION, (0.0,), **changes)
+
+
+def rows_of(frame):
+    codes, _ = frame.cells()
+    return ["".join(map(chr, row)) for row in codes]
+
+
+def owners_of(frame, layer):
+    return int((frame.cells()[1] == layer).sum())
+
+
+def turned(scene, angle):
+    """Return the scene turned around the origin, without its door."""
+    pose = Pose2(0.0, 0.0, angle)
+    return replace(
+        scene,
+        solids=tuple(replace(s, polygon=pose.apply_ring(s.polygon)) for s in scene.solids),
+        regions=tuple(replace(r, outline=pose.apply_ring(r.outline)) for r in scene.regions),
+        objects=(),
+    )
+
+
+def askew(degrees, **changes):
+    pose = Pose2(0.0, 0.0, math.radians(degrees))
+    points = [pose.apply((w.x, w.y)) for w in MISSION.waypoints]
+    stops = tuple(Waypoint(f"w{i}", x, y) for i, (x, y) in enumerate(points))
+    scene = turned(make_scene(), pose.yaw)
+    mission = Mission("askew", pose @ MISSION.start, stops)
+    return View(scene, ROBOT, mission, (), **changes)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 33.0, -33.0, 90.0, 150.0])
+def test_a_building_that_stands_askew_fills_the_pane_as_one_that_does_not(degrees):
+    straight = draw_view(askew(0.0), 100, 20).still.projection.scale
+    frame = draw_view(askew(degrees), 100, 20)
+    assert frame.still.projection.scale == pytest.approx(straight, rel=0.02)
+    assert any("x" in text.text for text in frame.still.edge) == (degrees != 0.0)
+
+
+def test_a_robot_on_a_turned_map_points_along_the_building():
+    shown = askew(33.0, robot_pose=Pose2(5.0, 5.0, math.radians(33.0)))
+    assert "→" in "".join(rows_of(draw_view(shown, 100, 20)))
+
+
+@pytest.mark.parametrize(
+    ("degrees", "size", "turn"),
+    [
+        (0.0, (10.0, 15.0), 0.0),  # people know their map as it is drawn
+        (0.5, (10.0, 5.0), 0.0),
+        (0.0, (5.0, 15.0), 90.0),
+        (20.0, (10.0, 5.0), -20.0),
+        (20.0, (5.0, 10.0), 70.0),
+        (-20.0, (5.0, 10.0), -70.0),
+    ],
+)
+def test_walls_become_straight_and_long_buildings_lie(degrees, size, turn):
+    corners = np.array([(x, y) for x in (0.0, size[0]) for y in (0.0, size[1])])
+    axis = math.radians(degrees)
+    c, s = math.cos(axis), math.sin(axis)
+    found = map_turn(axis, corners @ np.array([[c, s], [-s, c]]))
+    assert math.degrees(found) == pytest.approx(turn)
+
+
+def test_a_map_has_one_orientation_in_every_pane():
+    sizes = [(40, 10), (20, 60), (100, 20), (100, 60), (200, 50)]
+    for shown in (askew(0.0), askew(33.0), askew(90.0)):
+        turns = {draw_view(shown, *size).still.projection.turn for size in sizes}
+        assert len(turns) == 1
+
+
+@given(st.floats(-math.pi, math.pi), st.floats(-50.0, 50.0), st.floats(-50.0, 50.0))
+def test_a_way_on_the_screen_is_as_long_on_the_map(axis, right, up):
+    corners = np.array([(0.0, 0.0), (30.0, 0.0), (30.0, 4.0), (0.0, 4.0)])
+    turn = np.array([[math.cos(axis), math.sin(axis)], [-math.sin(axis), math.cos(axis)]])
+    projection = fit(corners @ turn, -axis, 200, 80)
+    (a, b) = projection.dots(
+        np.array([(1.0, 2.0), np.add((1.0, 2.0), projection.metres(right, up))])
+    )
+    assert b - a == pytest.approx((right, -up), abs=1e-6)
+
+
+def test_the_axis_is_that_of_most_walls_not_the_mean():
+    square = ring_edges([np.array([(0.0, 0.0), (9.0, 0.0), (9.0, 5.0), (0.0, 5.0)])])
+    wing = np.array([[9.0, 0.0, 12.0, 2.0]])
+    assert main_axis(np.vstack([square, wing])) == pytest.approx(0.0)
+    assert main_axis(np.empty((0, 4))) == 0.0
+
+
+coordinate = st.integers(-4, 24)
+
+
+@given(coordinate, coordinate, st.integers(1, 20), st.integers(1, 20))
+def test_an_area_holds_the_squares_whose_middle_lies_in_it(x, y, wide, high):
+    ring = np.array([(x, y), (x + wide, y), (x + wide, y + high), (x, y + high)], dtype=float)
+    mask = fill_areas(ring_edges([ring]), 20, 16)
+    rows, columns = np.indices(mask.shape)
+    inside = (columns >= x) & (columns < x + wide) & (rows >= y) & (rows < y + high)
+    assert (mask == inside).all()
+
+
+def test_areas_that_overlap_are_one_and_holes_are_left_out():
+    outer, inner = (
+        np.array([(a, a), (b, a), (b, b), (a, b)], dtype=float) for a, b in ((0, 10), (3, 7))
+    )
+    assert fill_areas(ring_edges([outer, inner[::-1]]), 10, 10).sum() == 100
+    free = np.ones((10, 10), dtype=bool)
+    name = place_inside("a", Layer.SPACE_NAME, [outer, inner], free)
+    assert name is not None
+    assert not (3 <= name.row < 7 and 3 <= name.column < 7)
+
+
+def test_blocks_look_like_their_squares():
+    quarters = np.array([[1, 0, 1, 1], [0, 1, 0, 0]], dtype=bool)
+    assert [chr(c) for c in mask_blocks(quarters)[0]] == ["▚", "▀"]
+    dots = mask_dots(quarters.repeat(2, axis=0))
+    assert [chr(0x2800 + bits) for bits in dots[0].tolist()] == ["⢣", "⠛"]
+
+
+def test_walls_thinner_than_a_square_have_no_gaps():
+    frame = draw_view(view(), 40, 10)
+    walls = frame.still.walls > 0
+    ((left, below), (right, _)) = frame.still.projection.dots(np.array([(0.0, -0.1), (12.0, -0.1)]))
+    assert walls[int(below // 4), int(left // 2) : int(right // 2)].all()
+
+
+def test_rooms_and_doors_have_names_that_cover_no_wall():
+    frame = draw_view(view(), 100, 30)
+    shown = "\n".join(rows_of(frame))
+    assert "hall" in shown
+    assert "door-1" in shown
+    solid = frame.still.walls > 0
+    assert not any(solid[name.cells].any() for name in frame.still.names)
+
+
+def test_a_name_makes_room_for_the_robot():
+    still = draw_view(view(), 100, 30).still
+    (hall,) = (name for name in still.names if name.text == "hall")
+    off = np.array([2 * hall.column + 4, 4 * hall.row + 2]) - np.array(still.projection.centre)
+    way = still.projection.metres(off[0], -off[1])
+    x, y = np.add(still.projection.middle, way).tolist()
+    shown = rows_of(draw_view(view(robot_pose=Pose2(x, y, 0.0)), 100, 30))
+    assert not any("hall" in line for line in shown)
+
+
+def test_a_name_too_long_for_its_room_is_left_out():
+    room = [np.array([(0.0, 0.0), (14.0, 0.0), (14.0, 6.0), (0.0, 6.0)])]
+    free = np.ones((6, 14), dtype=bool)
+    name = place_inside("living_room_", Layer.SPACE_NAME, room, free)
+    assert name is not None
+    assert (name.row, name.column) in ((2, 1), (3, 1))
+    assert place_inside("x" * 13, Layer.SPACE_NAME, room, free) is None
+
+
+def with_waypoints(*places):
+    stops = tuple(Waypoint(f"w{i}", x, y) for i, (x, y) in enumerate(places))
+    return View(make_scene(), ROBOT, replace(MISSION, waypoints=stops), (0.0,))
+
+
+def test_waypoints_carry_their_numbers_those_in_one_cell_together():
+    shown = "".join(rows_of(draw_view(with_waypoints((4, 2), (8, 1), (11, 2), (4, 2)), 76, 20)))
+    assert all(mark in shown for mark in ("◆1,4", "◆2", "◆3"))
+
+
+near = st.tuples(st.floats(3.0, 5.0), st.floats(0.3, 3.7))
+
+
+@given(st.lists(near, min_size=1, max_size=9), st.integers(24, 120), st.integers(8, 40))
+def test_numbers_cover_neither_signs_nor_each_other(places, columns, rows):
+    # The robot, which hides numbers, is elsewhere.
+    shown = replace(with_waypoints(*places), robot_pose=Pose2(11.0, 2.0))
+    frame = draw_view(shown, columns, rows)
+    lines = rows_of(frame)
+    covered = set()
+    for number in frame.still.numbers.values():
+        row, cells = number.cells
+        assert lines[row][cells] == number.text
+        mine = {(row, column) for column in range(cells.start - 1, cells.stop + 1)}
+        assert not covered & mine
+        covered |= {(row, column) for column in range(cells.start, cells.stop)}
+    signs = set(frame.still.numbers)
+    assert not covered & signs
+    assert all(lines[row][column] in "◆→" for row, column in signs)
+
+
+@pytest.mark.parametrize("columns", [40, 80, 120, 200])
+def test_the_bar_is_as_long_as_it_says(columns):
+    frame = draw_view(view(), columns, 24)
+    bar = rows_of(frame)[-1]
+    cells = bar.index("┤") - bar.index("├")
+    length = float(bar.split("┤")[1].split()[0])
+    assert cells == pytest.approx(length * frame.still.projection.scale / 2, abs=0.5)
+    assert length in (0.5, 1.0, 2.0, 5.0)
+
+
+def test_a_trail_says_how_near_it_came_without_colours():
+    way = tuple((1.0 + 0.1 * i, 2.0) for i in range(90))
+    clear = tuple(1.0 if i < 30 else 0.1 if i < 60 else 0.0 for i in range(90))
+    pose = Pose2(11.5, 3.5)
+    plain = draw_view(view(trail=way, robot_pose=pose), 100, 30)
+    frame = draw_view(view(trail=way, robot_pose=pose, clearances=clear, limit=0.2), 100, 30)
+    assert owners_of(plain, Layer.NEAR_TRAIL) == owners_of(plain, Layer.TOUCHING_TRAIL) == 0
+    dots = [
+        int(np.unpackbits(frame.canvas.dots[layer]).sum())
+        for layer in (Layer.TRAIL, Layer.NEAR_TRAIL)
+    ]
+    assert dots[1] > 1.6 * dots[0]
+    assert "×××" in "".join(rows_of(frame))
+
+
+def test_walls_the_laser_meets_stay_walls_and_are_lit():
+    seen = tuple((2.0 + 0.05 * i, 4.0) for i in range(40))
+    frame = draw_view(view(returns=seen, robot_pose=Pose2(6.0, 2.0)), 100, 30)
+    codes, owners = frame.cells()
+    lit = owners == Layer.LIT
+    assert lit.sum() > 5
+    assert (codes[lit] == frame.still.blocks[lit]).all()
+
+
+def test_what_is_nowhere_on_the_map_is_not_in_the_legend():
+    frame = draw_view(view(), 76, 20)
+    words = " ".join(line.plain for line in legend_lines([MapSigns(frame.layers)], 200, 32))
+    assert "waypoint" in words
+    assert not {"laser", "contact", "plan", "reached"} & set(words.split())
+
+
+@given(st.integers(20, 200), st.integers(1, 6))
+def test_a_legend_is_never_cut(width, most):
+    everything = MapSigns(frozenset(Layer), 0.2)
+    whole = {
+        part for line in legend_lines([everything], 2000, 1) for part in line.plain.split("   ")
+    }
+    lines = legend_lines([everything], width, 8 * most)
+    assert len(lines) <= most
+    assert all(line.cell_len <= max(width, 24) for line in lines)
+    assert {part for line in lines for part in line.plain.split("   ")} <= whole
+
+
+def test_zooming_and_panning_keep_what_they_show_where_it_is():
+    for degrees in (0.0, 33.0):
+        shown = askew(degrees)
+        frame = draw_view(shown, 100, 30, zoom=4, middle=(3.0, 2.0))
+        ((x, y),) = frame.still.projection.dots(np.array([(3.0, 2.0)]))
+        assert (x, y) == pytest.approx(frame.still.projection.centre)
+
+
+def test_middle_lines_end_where_a_wall_is_cut_aslant():
+    mitred = np.array([(0.0, 0.0), (10.0, 0.0), (9.0, 1.0), (1.0, 1.0)])
+    assert middle_line(mitred) == pytest.approx([0.5, 0.5, 9.5, 0.5])
+
+
+def test_whoever_walks_takes_their_name_along():
+    body = Link("body", (((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2)),), 70.0, 0.0, 1.7)
+    links, joints = with_planar_chain((body,), (), "body")
+    visitor = SceneObject("visitor", "person", Pose2(), links, joints, (0.0, 0.0, 0.0))
+    scene = replace(make_scene(), objects=(visitor,))
+    for x in (3.0, 7.5):
+        frame = draw_view(View(scene, ROBOT, MISSION, (x, 1.0, 0.0)), 100, 30)
+        ((at, _),) = frame.still.projection.dots(np.array([(x, 1.0)]))
+        (line,) = (row for row in rows_of(frame) if "visitor" in row)
+        assert abs(line.index("visitor") + 3 - at / 2) < 9
+
+
+def test_a_text_stands_beside_its_thing_where_there_is_room():
+    free = np.ones((5, 20), dtype=bool)
+    box = (8, 2, 9, 2)
+    places = []
+    while (text := place_beside("door", Layer.DOOR_NAME, box, free)) is not None:
+        places.append((text.row, text.column))
+    assert places[:3] == [(2, 11), (2, 3), (1, 7)]
+    assert {row for row, _ in places} == set(range(5))
+
+
+def marked(**changes):
+    leaf = ((9.0, 1.0), (9.1, 1.0), (9.1, 2.0), (9.0, 2.0))
+    mark = MeasuredMark("door-1.leaf", ((6.3, 1.5), (9.0, 1.5)), "0.03 m, limit 0.05 m", (leaf,))
+    return view(robot_pose=Pose2(6.0, 1.5), decisive=replace(mark, **changes))
+
+
+@pytest.mark.parametrize("size", [(60, 14), (100, 30), (200, 50)])
+def test_what_decides_is_red_with_a_line_and_its_measure(size):
+    frame = draw_view(marked(), *size)
+    codes, owners = frame.cells()
+    red = owners == Layer.FAILURE
+    row, column = cell_at(frame, 9.0, 1.5)
+    assert chr(codes[row, column]) == "✗"
+    for x in (6.8, 7.5, 8.5):
+        assert red[cell_at(frame, x, 1.5)]
+    assert red[cell_at(frame, 9.05, 1.2)]
+    assert "✗ 0.03 m, limit 0.05 m" in "\n".join(rows_of(frame))
+    legend = legend_lines([MapSigns(frame.layers, decisive="door-1.leaf")], 300, 1)
+    assert "✗ door-1.leaf decides" in legend[0].plain
+
+
+def test_what_decides_for_a_run_has_another_sign_and_is_not_red():
+    frame = draw_view(marked(fails=False), 100, 30)
+    assert owners_of(frame, Layer.FAILURE) == 0
+    assert "● 0.03 m" in "\n".join(rows_of(frame))
+
+
+def test_a_measure_covers_no_wall_if_it_can():
+    frame = draw_view(marked(line=((6.0, 3.0), (6.0, 3.9))), 100, 30)
+    ((row, line),) = ((i, line) for i, line in enumerate(rows_of(frame)) if "limit" in line)
+    column = line.index("0.03 m")
+    assert not frame.still.walls[row, column - 2 : column + 20].any()
+
+
+def cell_at(frame, x, y):
+    ((right, down),) = frame.still.projection.dots(np.array([(x, y)])).tolist()
+    return cell_of(right, down)

@@ -1,0 +1,384 @@
+"""A search in the dashboard: seen while it runs, what it found, what is asked of the daemon."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from daemon.model.search import OracleScale
+from daemon.model.status import ChangeEvent
+from daemon.model.trials import read_trial
+from scenario_tui.dashboard import feed as feed_module
+from scenario_tui.dashboard.feed import Feed
+from scenario_tui.dashboard.screens.matrix import MatrixScreen
+from scenario_tui.dashboard.screens.run import RunScreen
+from scenario_tui.dashboard.screens.runs import RunsScreen
+from scenario_tui.dashboard.screens.search import SearchScreen
+from scenario_tui.dashboard.searches import KnownSearches, SearchTrials, TrialReader
+from scenario_tui.dashboard.widgets.search_curve import (
+    SearchGraph,
+    search_curve,
+    value_limits,
+)
+from scenario_tui.terminal.capabilities import TerminalLimits
+from scenario_tui.text.search_text import parameters_text, range_bar
+from tests.parts import eventually
+from tests.people.dashboard.driven import choose_from_palette
+from tests.people.dashboard.inline import make_dashboard, press, screen_text, settle
+from tests.people.dashboard.searching import (
+    NEAREST,
+    SEARCH,
+    TASK,
+    WRITTEN,
+    SearchingDaemon,
+    make_proposals,
+    make_search,
+    proposal_row,
+)
+from tests.people.fake import CAMPAIGN
+
+BEST = 37
+"""The run with the smallest margin."""
+
+
+def opened(fake, size=(120, 40)):
+    return make_dashboard(fake).run_test(size=size)
+
+
+def shown(pilot):
+    return "\n".join(screen_text(pilot))
+
+
+def search_runs(rows, state="running", **changes):
+    row = make_search(rows, state, **changes)
+    return SearchTrials(row, tuple(read_trial(row.task, one) for one in rows))
+
+
+async def test_the_list_says_what_a_search_does_and_what_it_found():
+    fake = SearchingDaemon.running()
+    async with opened(fake) as pilot:
+        await settle(pilot)
+        assert "explore " in shown(pilot)
+        assert " 38/60 " in shown(pilot)
+        assert "looking for" in shown(pilot)
+        fake.found = SearchingDaemon.finished().found
+        fake.proposed = SearchingDaemon.finished().proposed
+        await settle(pilot)
+        text = shown(pilot)
+        assert "✗ found −0.0468 m" in text
+        assert "no-contact fails with" in text
+        assert "scenario search" in text
+
+
+async def test_nothing_is_expected_of_a_search_and_it_has_no_matrix():
+    fake = SearchingDaemon.finished()
+    async with opened(fake) as pilot:
+        await settle(pilot)
+        assert SEARCH not in pilot.app.known.conclusions
+        assert CAMPAIGN in pilot.app.known.conclusions
+        await press(pilot, "m")
+        assert not isinstance(pilot.app.screen, MatrixScreen)
+        assert "nothing was expected of its runs" in shown(pilot)
+
+
+async def test_enter_opens_the_search_with_all_of_it():
+    async with opened(SearchingDaemon.finished()) as pilot:
+        await settle(pilot)
+        await press(pilot, "enter")
+        assert isinstance(pilot.app.screen, SearchScreen)
+        text = shown(pilot)
+    for words in (
+        "✗ 60/60 explore  6 fail  best −0.0468 m  and 1 run after",
+        "━ best so far",
+        "best               −0.0468 m  door-1",
+        "nearest failure     −0.018 m",
+        "as written          +0.105 m",
+        "✗ no-contact fails with",
+        "the first is run 34",
+        "→ 8.32 s",
+        "no-contact of busy-house  the budget of 60 runs is spent",
+    ):
+        assert words in text, words
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 50), (40, 10), (110, 12)])
+async def test_every_part_is_seen_in_every_size(size):
+    fake = SearchingDaemon.finished()
+    async with opened(fake, size) as pilot:
+        await settle(pilot)
+        await press(pilot, "enter")
+        seen = ""
+        for _ in SearchScreen.VIEWS:
+            seen += shown(pilot) + "\n"
+            await press(pilot, "tab")
+        for words in ("best", "≠ ", "doors-in-time", "No trace", "0 ┈"):
+            assert words in seen, words
+        assert all(len(line) <= size[0] for line in seen.split("\n"))
+
+
+@pytest.mark.parametrize("width", [60, 80, 120])
+async def test_an_id_keeps_its_ends_by_which_it_is_told_apart(width):
+    async with opened(SearchingDaemon.finished(), (width, 24)) as pilot:
+        await settle(pilot)
+        text = shown(pilot)
+        assert re.search(rf" {SEARCH[:5]}\S*{SEARCH[-5:]} ", text)
+        assert "✗ found −0.0468 m" in text
+        await press(pilot, "2")
+        assert f" {CAMPAIGN} " in shown(pilot)
+
+
+async def test_the_run_in_front_is_the_one_of_parameters_and_keys():
+    async with opened(SearchingDaemon.finished()) as pilot:
+        await settle(pilot)
+        await press(pilot, "enter", "n", "n")
+        text = shown(pilot)
+        assert "nearest failure  doors-in-time.60/pilot/0" in text
+        assert text.count("≠ kitchen_opens") == 1
+        assert "8 → 8.54 s" in text
+        await press(pilot, "x")
+        assert f"scenario verify {NEAREST.id}" in pilot.app.clipboard
+        await press(pilot, "y")
+        assert pilot.app.clipboard == f"scenario show {NEAREST.id}"
+        await press(pilot, "N", "enter")
+        assert isinstance(pilot.app.screen, RunScreen)
+        assert f"{SEARCH} › doors-in-time.34/pilot/0" in shown(pilot)
+
+
+async def test_a_key_lists_the_runs_of_the_search():
+    fake = SearchingDaemon.finished()
+    async with opened(fake) as pilot:
+        await settle(pilot)
+        await press(pilot, "enter", "a")
+        assert isinstance(pilot.app.screen, RunsScreen)
+        assert f"campaigns › {SEARCH}" in shown(pilot)
+
+
+async def test_it_is_live():
+    fake = SearchingDaemon.running(20)
+    async with opened(fake) as pilot:
+        await settle(pilot)
+        await press(pilot, "enter")
+        assert "▶ 20/60 explore  0 fail" in shown(pilot)
+        assert "first failure" not in shown(pilot)
+        fake.go_on(38)
+        await settle(pilot)
+        assert "▶ 38/60 explore  3 fail  best −0.0468 m" in shown(pilot)
+        assert "first failure" in shown(pilot)
+        fake.found = (replace(fake.found[0], phase="nearest"),)
+        fake.go_on(60)
+        await settle(pilot)
+        assert "nearest" in shown(pilot)
+
+
+async def test_a_search_before_its_first_result_and_one_that_could_not_go_on():
+    fake = SearchingDaemon(found=(make_search((), "running"),))
+    async with opened(fake) as pilot:
+        await settle(pilot)
+        await press(pilot, "enter")
+        assert "▶ 0/60 explore  0 fail" in shown(pilot)
+        await press(pilot, "x")
+        assert "No run of this search has a result yet" in shown(pilot)
+        await press(pilot, "escape")
+        why = "campaign.yaml:3: there is no layer doors_moving"
+        fake.found = (make_search((), "failed", note=why),)
+        await settle(pilot)
+        assert why in shown(pilot)
+        assert "it could not go on" in shown(pilot)
+
+
+async def test_the_palette_goes_to_a_search():
+    async with opened(SearchingDaemon.finished()) as pilot:
+        await settle(pilot)
+        await choose_from_palette(pilot, SEARCH, f"go to campaign {SEARCH}")
+        assert isinstance(pilot.app.screen, SearchScreen)
+
+
+async def test_without_colours_and_in_ascii_it_says_the_same():
+    dashboard = make_dashboard(SearchingDaemon.finished())
+    dashboard.apply_limits(TerminalLimits("none", ascii_only=True))
+    async with dashboard.run_test(size=(80, 24)) as pilot:
+        await settle(pilot)
+        await press(pilot, "enter", "tab")
+        update = pilot.app.screen._compositor.render_update(full=True)
+        text = update.render_segments(pilot.app.console)
+    assert text.isascii()
+    assert "38;" not in text
+    plain = re.sub(r"\x1b\[[^A-Za-z]*[A-Za-z]", "", text)
+    assert "# swing" in plain  # not as written
+    assert "x fails" in plain
+
+
+class SearchFront:
+    """A screen in front that shows a search."""
+
+    about = SEARCH
+
+    def __init__(self):
+        self.reader = TrialReader()
+
+    def fetch(self, daemon, known):
+        row = known.searches.get(SEARCH)
+        return row and self.reader.read(daemon, row)
+
+
+def test_the_thread_that_asks_hears_of_runs_by_events(monkeypatch):
+    monkeypatch.setattr(feed_module, "_BREATH", 0.005)
+    fake = SearchingDaemon.running(20)
+    feed, front = Feed(fake.open, clock=lambda: fake.now), SearchFront()
+    try:
+        feed.look_at(front)
+        feed.start()
+        eventually(lambda: feed._fetched[1])
+        fake.go_on(30)
+        fake.listeners[0][0](ChangeEvent(1, "run", f"{SEARCH}.20", SEARCH))
+        eventually(lambda: len(feed._fetched[1].trials) == 34)
+    finally:
+        feed.close()
+    offsets = [call[1] for call in asked(fake)]
+    assert offsets[0] == 0
+    assert set(offsets[1:]) == {20}
+
+
+def asked(fake):
+    """Campaign, offset and limit of the questions for runs with what they gave."""
+    return [(call[1], call[7], call[8]) for call in fake.calls if call[0] == "runs" and call[-1]]
+
+
+def test_only_new_runs_and_those_that_were_not_over_are_asked_for():
+    fake, watch, reader = SearchingDaemon.running(20), KnownSearches(), TrialReader()
+
+    def look():
+        watch.update_rows(fake, fake.campaign_page(limit=10))
+        return reader.read(fake, watch.rows[SEARCH])
+
+    first = look()
+    assert len(first.trials) == 24
+    assert look() is first
+    assert asked(fake) == [(SEARCH, 0, 500)]
+    assert sum(call[0] == "searches" for call in fake.calls) == 1
+    fake.go_on(30)
+    assert len(look().trials) == 34
+    assert asked(fake)[1:] == [(SEARCH, 20, 500)]
+    # Runs that were over are queued again: fewer are finished.
+    fake.go_on(25)
+    look()
+    assert asked(fake)[2:] == [(SEARCH, 0, 500)]
+    watch.touch(ChangeEvent(2, "run", f"{CAMPAIGN}.3", CAMPAIGN))
+    look()
+    assert len(asked(fake)) == 3
+    # In the end all of it, once: an event may have been lost.
+    fake.found = (replace(fake.found[0], state="finished"),)
+    look()
+    assert asked(fake)[3:] == [(SEARCH, 0, 500)]
+
+
+def test_thousands_of_runs_come_in_pages():
+    rows = make_proposals(1200)
+    fake, watch = (
+        SearchingDaemon(found=(make_search(rows, "running"),), proposed=rows),
+        KnownSearches(),
+    )
+    watch.update_rows(fake, fake.campaign_page(limit=10))
+    assert len(TrialReader().read(fake, watch.rows[SEARCH]).trials) == 1200
+    assert [call[1] for call in asked(fake)] == [0, 500, 1000]
+
+
+def test_a_search_that_is_gone_is_forgotten():
+    fake, watch = SearchingDaemon.finished(), KnownSearches()
+    watch.update_rows(fake, fake.campaign_page(limit=10))
+    assert SEARCH in watch.rows
+    fake.found = ()
+    watch.update_rows(fake, fake.campaign_page(limit=10))
+    assert not watch.rows
+
+
+def test_the_curve_is_the_best_so_far_and_says_what_has_no_margin():
+    curve = search_curve(search_runs(make_proposals(), "finished"))
+    assert len(curve.at) == 59  # one is inconclusive
+    assert curve.unknown == ((23, "?"),)
+    assert np.all(np.diff(curve.best) <= 0.0)
+    assert curve.best[-1] == curve.value.min()
+    low, high = value_limits(curve)
+    assert low < 0.0 < high
+
+
+def test_repeats_and_what_is_done_with_a_failure_are_no_part_of_the_best():
+    rows = (*make_proposals(20), proposal_row(20, WRITTEN, -1.0, phase="confirm"))
+    curve = search_curve(search_runs(rows))
+    assert curve.value.min() == -1.0
+    assert np.nanmin(curve.best) > -1.0
+    assert curve.phases == ((20, "confirm"),)
+
+
+def test_limits_leave_out_a_few_runs_far_away_but_never_nought():
+    rows = [proposal_row(i, WRITTEN, 0.1 + i / 1000) for i in range(30)]
+    rows.append(proposal_row(30, WRITTEN, 900.0))
+    low, high = value_limits(search_curve(search_runs(rows)))
+    assert low < 0.0
+    assert high < 1.0
+
+
+def drawn(curve, columns=78, rows=10):
+    return ["".join(map(chr, row)).rstrip() for row in SearchGraph(curve, columns, rows).codes]
+
+
+def test_a_graph_of_thousands_shows_the_worst_failure_of_each_column():
+    lines = drawn(search_curve(search_runs(make_proposals(2000), "finished")))
+    assert lines[-1].endswith("1999")
+    assert sum(line.count("✗") for line in lines) <= 67  # one a column
+
+
+def test_marks_of_runs_without_a_margin_leave_the_numbers_of_the_axis_as_they_are():
+    curve = search_curve(search_runs(make_proposals(64), "finished"))
+    lost = replace(curve, unknown=((0, "‼"), (30, "‼"), (62, "‼"), (63, "‼")))
+    axis = drawn(lost)[-1]
+    assert axis.endswith("‼63")
+    assert "run  0‼" in axis
+    assert axis.count("‼") == 3
+
+
+def test_a_graph_without_a_run_has_its_limit():
+    assert "0 ┈" in "\n".join(drawn(search_curve(search_runs(()))))
+
+
+def test_the_budget_makes_room_step_by_step():
+    def room(known, budget):
+        rows = make_proposals(known)
+        task = replace(TASK, runs=budget)
+        return search_curve(search_runs(rows, task=task)).room
+
+    assert room(5, 60) == 60
+    assert room(70, 200) == 120
+    assert room(130, 200) == 200
+    assert room(5, 20) == 20
+
+
+def test_of_several_oracles_what_is_compared_has_no_unit():
+    scales = (*TASK.scales, OracleScale("reached", 0.3, "m"))
+    task = replace(TASK, minimise="any", scales=scales)
+    curve = search_curve(search_runs(make_proposals(10), task=task))
+    assert curve.unit == ""
+    assert curve.value[0] == pytest.approx(0.105 / 0.25)
+
+
+def test_a_parameter_has_its_place_in_its_range():
+    opens, noise, leading = TASK.parameters[2], TASK.parameters[6], TASK.parameters[7]
+    assert range_bar(opens, 8.9) == "─────│────●"
+    assert range_bar(opens, 8.0) == "─────●─────"
+    assert range_bar(noise, 0.05) == "│─────────●"
+    assert range_bar(leading, "kitchen_door") == "│─────────●"
+    assert range_bar(replace(opens, written=99.0), 7.1) == "●─────────>"
+    assert range_bar(replace(opens, written=None), 7.1) == "●──────────"
+
+
+def test_parameters_fit_and_say_what_is_not_as_written():
+    values = (3.0, 6.0, 8.54, 12.0, 60.0, 0.0, 0.01, "kitchen_door")
+    for width in (48, 76):
+        lines = parameters_text(TASK, values, width).plain.splitlines()
+        assert all(len(line) <= width for line in lines)
+        assert [line[0] for line in lines[:-1]] == list("  ≠    ≠")
+    wide = parameters_text(TASK, values, 100).plain
+    assert "8 → 8.54 s" in wide
+    assert "≠ kitchen_opens" in wide
+    assert "doors_moving." not in wide

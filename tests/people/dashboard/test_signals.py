@@ -1,0 +1,395 @@
+"""Signals of a run along time: which ones, where they spoke against an oracle, how drawn."""
+
+import contextlib
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from textual import events
+
+from daemon.judging.oracles import DOOR_CLEARANCE, SignalSampler, oracle_timeline
+from daemon.judging.signals import RunSignal
+from daemon.model.live_judgement import DoorMotion, SignalLimit
+from daemon.model.spec import OracleText
+from scenario_tui.dashboard.playback import open_playback
+from scenario_tui.dashboard.run_timeline import RunTimeline
+from scenario_tui.dashboard.widgets.cell_view import Canvas, changed_spans
+from scenario_tui.dashboard.widgets.timeline import ZOOM, TimelineView, at_playhead, draw_frame
+from scenario_tui.dashboard.widgets.timeline_drawing import (
+    CURSOR,
+    TimelineDrawing,
+    fit_heights,
+    ranges,
+)
+from scenario_tui.terminal.limited_terminal import LimitedTerminalApp
+from tests.people.recorded import TURNED, record_run
+
+
+@pytest.fixture(scope="module")
+def playback(tmp_path_factory):
+    return open_playback(record_run(tmp_path_factory.mktemp("traces") / "run.mcap"))
+
+
+def drawn(playback, columns=80, rows=24, time=2.0):
+    return drawn_of(playback.timeline, columns, rows, time)
+
+
+def drawn_of(timeline, columns=80, rows=24, time=2.0):
+    view = TimelineView()
+    view._timelines, view._time = (timeline,), time
+    cells = view.cells(columns, rows)
+    assert cells is not None
+    assert cells[0].shape == (rows, columns)
+    return ["".join(map(chr, row)).rstrip() for row in cells[0]]
+
+
+def test_the_usual_signals_come_first_then_those_oracles_read(playback):
+    names = [signal.name for signal in playback.timeline.signals]
+    assert names == ["loc.error", "clearance", DOOR_CLEARANCE, "speed", "speed.angular", "contact"]
+    signals = {signal.name: signal for signal in playback.timeline.signals}
+    assert signals["speed"].limits == (SignalLimit(0.6, "above"),)
+    assert signals["speed"].against == ()
+    assert signals["speed.angular"].against == (
+        (pytest.approx(TURNED), pytest.approx(TURNED + 0.05)),
+    )
+    assert signals["loc.error"].at(2.0) == pytest.approx((0.2, 0.2))
+    assert signals["contact"].unit == "bool"
+
+
+@pytest.mark.parametrize(
+    ("oracle", "against", "limits"),
+    [
+        ("always(speed.angular <= 0.5 rad/s)", 1, [("speed.angular", 0.5)]),
+        ("never(speed.angular > 0.5 rad/s or contact)", 2, [("speed.angular", 0.5)]),
+        ("max(speed.angular) <= 0.5 rad/s", 1, [("speed.angular", 0.5)]),
+        ("fraction(speed.angular <= 0.5 rad/s) >= 50 %", 1, [("speed.angular", 0.5)]),
+        ("count(contact) <= 0", 1, []),
+        ("always(loc.error.yaw >= -0.1 rad)", 0, [("loc.error.yaw", -0.1)]),
+        ("eventually(contact)", 0, []),
+        ("reached(mission, 0.3 m)", 0, []),
+        ("min(clearance)", 0, []),
+        ("this is no oracle", 0, []),
+    ],
+)
+def test_a_course_says_when_the_run_spoke_against_an_oracle(playback, oracle, against, limits):
+    course = oracle_timeline(OracleText("it", oracle), SignalSampler(playback.trace))
+    assert len(course.against) == against
+    assert [(one.signal, one.value) for one in course.limits] == limits
+
+
+def test_until_counts_before_its_release_only(playback):
+    sampler = SignalSampler(playback.trace)
+    before, after = (
+        oracle_timeline(
+            OracleText("it", f"always(elapsed < 3 s) until (elapsed >= {t} s)"), sampler
+        )
+        for t in (5, 2)
+    )
+    assert before.against == ((pytest.approx(3.0), pytest.approx(5.0)),)
+    assert after.against == ()
+
+
+def test_a_spike_of_one_sample_is_seen_however_long_the_run():
+    values = np.zeros(100_000)
+    values[77_777] = 5.0
+    signal = RunSignal("it", "m", np.linspace(0.0, 1.0, 100_000), values, values)
+    _, high = ranges(signal, 0.0, 1.0, 60)
+    assert (high.max(), np.count_nonzero(high == 5.0)) == (5.0, 1)
+
+
+def test_the_playhead_hides_nothing(playback):
+    still = TimelineDrawing((playback.timeline,), playback.timeline.signals, 80, 24)
+    for time in np.arange(0.0, 10.0, 0.1):
+        codes, _ = draw_frame(still, time, (time,), CURSOR)
+        column = still.gutter + still.span.column(time)
+        changed = np.flatnonzero(codes[:, column] != still.codes[:, column])
+        assert len(changed) > 4
+        assert {chr(code) for code in still.codes[changed, column]} <= set(" ·─░")
+        assert set(map(chr, codes[changed, column])) == {"│"}
+
+
+def test_a_stretch_that_was_shaded_stays_to_be_seen_under_the_playhead(playback):
+    assert "░" in "".join(drawn(playback, time=TURNED))
+
+
+def test_the_timeline_shows_values_limits_violations_doors_and_verdicts(playback):
+    lines = drawn(playback, time=TURNED)
+    text = "\n".join(lines)
+    assert "speed.angular" in text
+    assert "0.9 rad/s" in text
+    assert "≤ 0.5 rad/s" in text
+    assert "░" in text
+    assert lines[-3].startswith("door-1 ")
+    assert "·━━━" in lines[-3]
+    assert lines[-2].startswith("mission")
+    assert "─1 w1─◇─" in lines[-2]
+    assert lines[-2].endswith("2 w2")
+    assert lines[-1].count("✗") == 2
+    assert sum("│" in line for line in lines) > 10
+
+
+@pytest.mark.parametrize("size", [(12, 2), (20, 5), (40, 10), (300, 80)])
+def test_the_timeline_fits_into_any_room(playback, size):
+    drawn(playback, *size)
+
+
+def test_rows_fill_the_room_there_is(playback):
+    signals = playback.timeline.signals
+    assert sum(fit_heights(signals, 60)) == 60
+    assert fit_heights(signals[:1], 30) == [30]
+
+
+def test_limits_are_marked_with_the_side_that_is_asked_for(playback):
+    lines = drawn(playback, 90, 30, time=2.0)
+    at = next(i for i, line in enumerate(lines) if line.startswith("speed.angular"))
+    assert any("0.5┤" in line for line in lines[at : at + 5])
+    assert "≤ 0.5 rad/s" in lines[at + 2]
+
+
+def test_a_limit_far_away_is_named_at_the_edge(playback):
+    signal = playback.timeline.signals[1]
+    assert signal.name == "clearance"
+    far = replace(signal, limits=(SignalLimit(20.0, "above"),))
+    lines = drawn_of(replace(playback.timeline, signals=(far,)))
+    assert "↑20┤" in lines[0]
+
+
+def test_what_only_counts_is_left_out_unless_it_is_asked_for(playback):
+    clock = replace(playback.timeline.signals[0], name="elapsed", readers=("in-time",))
+    view = TimelineView()
+    view._timelines = (replace(playback.timeline, signals=(*playback.timeline.signals, clock)),)
+    assert "elapsed" not in [signal.name for signal in view.signals]
+    view._oracle = "in-time"
+    assert view.signals[0].name == "elapsed"
+    view._oracle, view._counting = "", True
+    assert "elapsed" in [signal.name for signal in view.signals]
+
+
+def test_signals_that_oracles_read_come_first(playback):
+    view = TimelineView()
+    view._timelines = (playback.timeline,)
+    read = [bool(signal.readers) for signal in view.signals]
+    assert read == sorted(read, reverse=True)
+
+
+def test_every_door_that_moved_has_a_lane_until_they_have_to_share_one(playback):
+    moves = tuple(DoorMotion(float(i), f"door-{i}.hinge", opens=True) for i in range(5))
+    shut = DoorMotion(6.0, "door-0.hinge", opens=False)
+    timeline = replace(playback.timeline, doors=(*moves, shut))
+    lines = drawn_of(timeline, 90, 36)
+    assert [line.split()[0] for line in lines[-7:-2]] == [f"door-{i}" for i in range(5)]
+    assert lines[-7].partition(" ")[2].strip().strip("━") != ""  # shut again before the end
+    few = drawn_of(timeline, 90, 15)
+    assert few[-4].startswith("door-0 ")
+    assert few[-3].startswith("4 more doors")
+
+
+def test_a_door_that_closes_first_was_open_before(playback):
+    timeline = replace(playback.timeline, doors=(DoorMotion(5.0, "door-1.hinge", opens=False),))
+    lane = next(line for line in drawn_of(timeline) if line.startswith("door-1"))
+    assert lane.split()[1].startswith("━━")
+    assert lane.rstrip().endswith("··")
+
+
+def test_a_thinned_signal_says_what_it_knows_of_a_moment():
+    time = np.array([0.0, 1.0])
+    signal = RunSignal("it", "m", time, np.array([0.1, 0.2]), np.array([0.3, 0.2]))
+    assert [at_playhead(signal, t) for t in (0.5, 1.5)] == ["0.1–0.3 m", "0.2 m"]
+    low, high = ranges(signal, 0.0, 2.0, 2)
+    assert (low[0], high[0]) == (0.1, 0.3)
+
+
+def test_an_end_of_a_range_has_no_more_digits_than_the_other():
+    time = np.array([0.0, 1.0, 2.0])
+    least, most = np.array([0.0000986, 0.03, -0.00276]), np.array([0.0063, 1.9, 1.19])
+    signal = RunSignal("it", "m", time, least, most)
+    shown = [at_playhead(signal, t) for t in (0.5, 1.5, 2.5)]
+    assert shown == ["0.0001–0.0063 m", "0.03–1.9 m", "0–1.2 m"]
+
+
+def test_of_two_runs_the_doors_of_both_are_drawn(playback):
+    opens, shuts = (DoorMotion(at, "door-0.hinge", opens=at < 5.0) for at in (2.0, 8.0))
+    first = replace(playback.timeline, doors=(opens, shuts))
+    second = replace(first, doors=(opens, DoorMotion(4.0, "door-1.hinge", opens=True)))
+    drawing = TimelineDrawing((first, second), (), 90, 20)
+    lines = ["".join(map(chr, row)) for row in drawing.codes]
+    lanes = {line[:24].strip(): line[24:] for line in lines if "door-" in line}
+    assert list(lanes) == ["door-0", "┊ door-0", "door-1", "┊ door-1"]
+    assert lanes["┊ door-0"].count("━") > lanes["door-0"].count("━") > 0
+    assert "does not move" in lanes["door-1"]
+    assert "━" in lanes["┊ door-1"]
+
+
+def test_doors_of_which_none_moves_are_not_drawn_as_shut(playback):
+    lane = next(
+        line for line in drawn_of(replace(playback.timeline, doors=())) if line.startswith("doors")
+    )
+    assert "none moves" in lane
+
+
+def test_what_does_not_fit_is_counted(playback):
+    assert any("> 3 more" in line for line in drawn(playback, 80, 8))
+    few = [replace(playback.timeline.signals[0])] * 3
+    assert fit_heights(few, 7) == [3, 2, 2]
+    assert fit_heights(few, 3) == [3]
+
+
+def test_values_at_the_cursor_are_those_of_the_last_sample():
+    values = np.array([1.0, 0.0])
+    signal = RunSignal("it", "bool", np.array([1.0, 2.0]), values, values)
+    assert [at_playhead(signal, t) for t in (0.5, 1.0, 1.9, 9.0)] == ["–", "yes", "yes", "no"]
+
+
+def test_only_changed_parts_of_rows_are_drawn_again():
+    before = np.stack(Canvas(40, 5, 1).cells())
+    after = before.copy()
+    after[0, 2, [3, 5, 30]] = ord("x")
+    after[1, 4, 39] = 0
+    found = [(r.x, r.y, r.width) for r in changed_spans(before, after)]
+    assert found == [(3, 2, 3), (30, 2, 1), (39, 4, 1)]
+    assert changed_spans(before, before) == []
+
+
+def test_a_long_name_is_written_on_two_lines_cut_between_its_words():
+    time = np.array([0.0, 10.0])
+    signal = RunSignal("clearance(0.35 m, 0.20 m)", "m", time, time, time)
+    timeline = RunTimeline(0.0, 10.0, (signal,), None, (), (), ())
+    lines = drawn_of(timeline, 72, 8)
+    assert lines[0].startswith("clearance(0.35 m, ")
+    assert lines[1].startswith("0.20 m) ")
+
+
+def test_the_names_of_common_signals_are_whole_beside_the_map_of_a_terminal_of_120():
+    time = np.array([0.0, 10.0])
+    names = ("clearance(doors)", "clearance(0.55 m)", "mission.distance")
+    signals = tuple(RunSignal(name, "m", time, time, time) for name in names)
+    lines = drawn_of(RunTimeline(0.0, 10.0, signals, None, (), (), ()), 72, 14)
+    assert [name for name in names if any(line.startswith(f"{name} ") for line in lines)] == [
+        *names
+    ]
+
+
+class Plots(LimitedTerminalApp):
+    """Shows signals, and goes to the moments that are pointed at."""
+
+    CSS = "TimelineView { border: round green; }"
+
+    def __init__(self, timeline):
+        super().__init__()
+        self.timeline = timeline
+        self.sought = []
+
+    def compose(self):
+        """Lay them out, with a border that a pointer has to be corrected by."""
+        yield TimelineView()
+
+    def on_mount(self):
+        """Show the run from its start."""
+        self.query_one(TimelineView).show((self.timeline,), self.timeline.start)
+
+    def on_timeline_view_seek(self, event):
+        """Go there."""
+        self.sought.append(event.time)
+        self.query_one(TimelineView).move(event.time)
+
+
+@contextlib.asynccontextmanager
+async def plots(timeline, size=(92, 26)):
+    async with Plots(timeline).run_test(size=size) as pilot:
+        view = pilot.app.query_one(TimelineView)
+        await pilot.pause()
+        yield pilot, view
+
+
+def axis(view):
+    """What stands below the signals."""
+    return "".join(map(chr, view._cells[0][-1])).rstrip()
+
+
+async def test_a_click_seeks_and_a_drag_seeks_all_along_also_beyond_the_plot(playback):
+    async with plots(playback.timeline) as (pilot, view):
+        gutter = view._drawing.gutter
+        columns = view.size.width - gutter
+        await pilot.click(view, offset=(1 + gutter + columns // 2, 5))
+        assert pilot.app.sought == [pytest.approx(5.0, abs=0.1)]
+        await pilot.mouse_down(view, offset=(1 + gutter, 5))
+        for x in (gutter + 10, gutter + 20, gutter + columns + 1):
+            await pilot.hover(view, offset=(1 + min(x, view.size.width), 9))
+        await pilot.mouse_up(view, offset=(view.size.width, 5))
+        assert pilot.app.sought[1] == 0.0
+        assert pilot.app.sought[1:] == sorted(pilot.app.sought[1:])
+        assert pilot.app.sought[-1] == 10.0
+        count = len(pilot.app.sought)
+        await pilot.hover(view, offset=(1 + gutter + 30, 5))  # the button is not held any more
+        await pilot.click(view, offset=(3, 5))  # beside the plots
+        assert len(pilot.app.sought) == count
+
+
+async def test_a_click_on_what_was_decided_goes_to_that_very_moment(playback):
+    async with plots(playback.timeline, (60, 20)) as (pilot, view):
+        first = playback.timeline.decided[0]
+        column = view._drawing.gutter + view._drawing.span.column(first)
+        await pilot.click(view, offset=(1 + column, view.size.height))
+        assert pilot.app.sought == [first]
+
+
+async def wheel(pilot, view, kind, x, turns=1):
+    for _ in range(turns):
+        await pilot._post_mouse_events([kind], view, offset=(1 + x, 5))
+        await pilot.pause()
+
+
+async def test_the_wheel_shows_less_of_the_time_around_the_pointer_and_all_again(playback):
+    async with plots(playback.timeline) as (pilot, view):
+        at = view._drawing.gutter + 40
+        before = view._drawing.span.moment(40)
+        await wheel(pilot, view, events.MouseScrollUp, at, 3)
+        assert view._drawing.span.moment(40) == pytest.approx(before)
+        assert view._drawing.span.end - view._drawing.span.start == pytest.approx(10.0 * ZOOM**3)
+        assert re.match(r"\d\.\d+–\d\.\d+ s of 10\.0 s", axis(view))
+        assert pilot.app.sought == []
+        await wheel(pilot, view, events.MouseScrollDown, at, 3)
+        assert "of 10.0 s" not in axis(view)
+        await wheel(pilot, view, events.MouseScrollUp, at, 99)
+        assert view._drawing.span.end - view._drawing.span.start == pytest.approx(0.1)
+        view.fit_time()
+        assert "of 10.0 s" not in axis(view)
+
+
+async def test_only_what_happens_in_a_stretch_is_drawn(playback):
+    async with plots(playback.timeline) as (_, view):
+        for _ in range(2):
+            view.zoom_time(nearer=True, around=0.0)  # 0 to 4.9 s: before anything went wrong
+        lines = ["".join(map(chr, row)) for row in view._cells[0]]
+        assert not set("✗░◇") & set("".join(lines))
+        assert lines[-2].rstrip().endswith("1 w1")  # the leg goes on beyond the stretch
+        view.fit_time()
+        assert {"✗", "░", "◇"} <= set("".join(map(chr, view._cells[0].ravel())))
+
+
+async def test_a_stretch_goes_along_with_the_playhead_that_was_in_it(playback):
+    async with plots(playback.timeline) as (_, view):
+        view.zoom_time(nearer=True)
+        view.zoom_time(nearer=True)
+        assert view._stretch == pytest.approx((0.0, 4.9))
+        view.move(4.8)
+        assert view._stretch == pytest.approx((0.0, 4.9))
+        view.move(5.0)
+        assert view._stretch == pytest.approx((4.51, 9.41))
+        view.move(1.0)
+        assert view._stretch == pytest.approx((0.0, 4.9))
+        view.zoom_time(nearer=True, around=4.9)
+        assert not view._stretch[0] <= 1.0
+        looked = view._stretch
+        view.move(1.1)  # somebody looks at another stretch: it stays
+        assert view._stretch == looked
+        view.reveal()  # a key has moved the playhead
+        assert view._stretch[0] <= 1.1 <= view._stretch[1]
+
+
+async def test_a_run_that_begins_anew_is_shown_as_a_whole(playback):
+    async with plots(playback.timeline) as (_, view):
+        view.zoom_time(nearer=True, around=10.0)
+        view.show((replace(playback.timeline, end=1.0),), 0.5)
+        assert view._stretch is None

@@ -1,0 +1,259 @@
+"""The dashboard of a real daemon in a real terminal: typed at, resized, left alone, suspended."""
+
+import os
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from tests.make import make_spec, submission_of
+from tests.parts import ROOT, daemon_at, eventually, finished
+from tests.people.recorded import record_run
+from tests.people.terminal.pseudo_terminal import (
+    ALTERNATE,
+    MOUSE,
+    PASTE,
+    scenario,
+    terminal,
+)
+
+OUTCOMES = {"S1": "pass", "S2": "fail", "S3": "inconclusive"}
+FEW_BYTES = 400
+"""What may be sent to a dashboard in a second in which only ages grow."""
+
+
+@pytest.fixture(scope="module")
+def daemon(tmp_path_factory):
+    """A daemon with a small campaign that is over."""
+    with daemon_at(tmp_path_factory.mktemp("terminal") / "state", slots=1) as part:
+        specs = (make_spec(scenario=name, outcome=outcome) for name, outcome in OUTCOMES.items())
+        with part.client() as client:
+            client.submit(submission_of("corridor-1", *specs))
+            eventually(lambda: finished(client, len(OUTCOMES)))
+        yield part
+
+
+def dashboard(daemon):
+    return scenario("tui", "--connect", daemon.endpoint)
+
+
+def restored(shown):
+    """Whether the terminal is as it was found."""
+    modes = (ALTERNATE, PASTE, *MOUSE)
+    return not any(shown.mode(mode) for mode in modes) and not shown.screen.cursor.hidden
+
+
+def test_it_is_typed_at_resized_and_left_while_the_daemon_goes_and_comes(daemon):
+    with terminal(dashboard(daemon)) as shown:
+        shown.until("corridor-1")
+        shown.until("✗1 fail")
+        assert shown.mode(ALTERNATE)
+        shown.type("\r")
+        shown.until("S3/pilot/0")
+        shown.type("/S2")
+        shown.until(lambda: "S2/pilot/0" in shown.text and "S3/pilot/0" not in shown.text)
+        shown.type("\x1b")
+        shown.until("S3/pilot/0")
+
+        shown.resize(120, 40)
+        shown.until(lambda: len(shown.lines[0]) <= 120 and "worker" in shown.text)
+        shown.resize(40, 10)
+        shown.until(lambda: "S1/pilot/0" in shown.text and shown.lines[0].startswith(" ✓"))
+        shown.resize(80, 24)
+        shown.until(lambda: shown.lines[0].startswith(" ✓"))
+
+        daemon.kill()
+        shown.until("no daemon answers, data is")
+        assert "S3/pilot/0" in shown.text
+        daemon.restart()
+        shown.until(lambda: shown.lines[0].startswith(" ✓"))
+
+        shown.type("q")
+        assert shown.wait() == 0
+        assert "Left the dashboard" in shown.text
+        assert restored(shown)
+    with daemon.client() as client:
+        assert client.overview().done == len(OUTCOMES)
+
+
+def test_suspended_it_gives_the_terminal_back_and_takes_it_again(daemon):
+    with terminal(dashboard(daemon)) as shown:
+        shown.until("corridor-1")
+        shown.type("\x1a")
+        eventually(lambda: (shown.read(0.05), shown.stopped())[1])
+        shown.until(lambda: restored(shown))
+        shown.clear()
+        os.kill(shown.pid, signal.SIGCONT)
+        shown.until("corridor-1")
+        assert shown.mode(ALTERNATE)
+        shown.type("\x0c")
+        shown.until("corridor-1")
+        shown.type("q")
+        assert shown.wait() == 0, bytes(shown.raw[-2000:])
+        assert restored(shown)
+
+
+def test_while_nothing_happens_next_to_nothing_is_sent(daemon):
+    with terminal(dashboard(daemon)) as shown:
+        shown.until("corridor-1")
+        shown.until("✗1 fail")
+
+        def sent_in(seconds):
+            before, began = shown.sent, time.monotonic()
+            while time.monotonic() < began + seconds:
+                shown.read(0.3)
+            return (shown.sent - before) / (time.monotonic() - began)
+
+        # On a busy machine it may be late with what is painted first.
+        eventually(lambda: sent_in(1.0) < FEW_BYTES and sent_in(4.0) < FEW_BYTES)
+        shown.type("q")
+        assert shown.wait() == 0, "it is at rest, not dead"
+
+
+def test_sixteen_colours_and_ascii_are_enough(daemon):
+    plain = {"TERM": "linux", "LANG": "C"}
+    with terminal(dashboard(daemon), environ=plain) as shown:
+        shown.until("corridor-1")
+        shown.until("x1 fail")
+        shown.type("\r")
+        shown.until("+ pass")
+
+        def is_reverse(run):
+            rows = [y for y, line in enumerate(shown.lines) if run in line]
+            return bool(rows) and shown.screen.buffer[rows[0]][1].reverse
+
+        shown.until(lambda: is_reverse("S1/pilot/0"))
+        drawn = bytes(shown.raw)
+        assert drawn.isascii()
+        assert b"38;" not in drawn
+        assert b"48;" not in drawn
+        assert not is_reverse("S2/pilot/0")
+
+
+@pytest.mark.parametrize(("told", "shown_on"), [("0;15", "fbfbf9"), ("15;0", "12151a")])
+def test_colours_follow_the_background_of_the_terminal(daemon, told, shown_on):
+    colours = {"COLORTERM": "truecolor", "COLORFGBG": told}
+    with terminal(dashboard(daemon), environ=colours) as shown:
+        shown.until("corridor-1")
+        shown.until(lambda: shown.screen.buffer[10][2].bg == shown_on)
+
+
+def test_the_terminal_is_asked_nothing(tmp_path):
+    trace = record_run(tmp_path / "run.mcap")
+    with terminal(scenario("replay", str(trace)), environ={"COLORTERM": "truecolor"}) as shown:
+        shown.until(lambda: shown.screen.buffer[10][2].bg == "12151a")
+        assert b"\x1b[6n" not in shown.raw
+        assert b"\x1b]11;?" not in shown.raw
+        shown.type("q")
+        assert shown.wait() == 0
+        assert restored(shown)
+
+
+def test_keys_typed_while_it_loads_are_not_lost(daemon):
+    with terminal(dashboard(daemon)) as shown:
+        shown.until("connecting")
+        shown.type("q")
+        assert shown.wait() == 0
+        assert "Left the dashboard" in shown.text
+        assert restored(shown)
+
+
+def test_it_leaves_while_a_thread_is_still_told_something_by_the_daemon(daemon):
+    asking = (
+        "from scenario_tui.cli import main\n"
+        "from scenario_tui.dashboard import feed\n"
+        "feed.Feed.close = lambda _: None\n"  # as when the daemon hangs
+        "feed.Feed._breathe = lambda *_: None\n"
+        "feed.REFRESH = feed._BREATH\n"
+        "main()\n"
+    )
+    command = [sys.executable, "-c", asking, "tui", "--connect", daemon.endpoint]
+    with terminal(command) as shown:
+        shown.until("corridor-1")
+        shown.type("q")
+        assert shown.wait() == 0, bytes(shown.raw[-2000:])
+
+
+@pytest.mark.parametrize(
+    "late", ["scenario_tui.dashboard.app.Dashboard.__init__", "textual.app.App.run"]
+)
+def test_interrupted_before_it_is_drawn_it_gives_the_terminal_back(daemon, late):
+    module, _, attribute = late.rpartition(".")[0].rpartition(".")
+    interrupted = (
+        "import importlib\n"
+        f"kind = getattr(importlib.import_module({module!r}), {attribute!r})\n"
+        "def interrupt(*_, **__):\n"
+        "    raise KeyboardInterrupt\n"
+        f"setattr(kind, {late.rpartition('.')[2]!r}, interrupt)\n"
+        "from scenario_tui.cli import main\n"
+        "main()\n"
+    )
+    command = [sys.executable, "-c", interrupted, "tui", "--connect", daemon.endpoint]
+    with terminal(command) as shown:
+        assert shown.wait() == 130
+        assert restored(shown)
+
+
+def test_a_dumb_terminal_is_told_what_to_do():
+    with terminal(scenario("tui"), environ={"TERM": "dumb"}) as shown:
+        assert shown.wait() == 2
+        text = shown.text.replace("\n", "")
+        assert "cannot be drawn on" in text
+        assert "scenario status" in text
+
+
+class Tmux:
+    """A tmux of this test alone, with one window."""
+
+    def __init__(self, folder, command):
+        # Named from its folder: the whole path of a socket may be too long.
+        self._folder, self._base = folder, ["tmux", "-S", "socket", "-f", "/dev/null"]
+        line = " ".join(map(shlex.quote, command))
+        self.call("new-session", "-d", "-c", str(ROOT), "-x", "80", "-y", "24", f"{line}; cat")
+
+    def call(self, *arguments):
+        around = {"PATH": os.environ["PATH"], "LANG": "C.UTF-8", "HOME": "/nowhere",
+                  "SHELL": "/bin/sh", "SCENARIO_GLYPHS": "unicode"}  # fmt: skip
+        done = subprocess.run(
+            [*self._base, *arguments], env=around, cwd=self._folder, capture_output=True, text=True,
+            check=True,
+        )  # fmt: skip
+        return done.stdout
+
+    @property
+    def text(self):
+        return self.call("capture-pane", "-p")
+
+    def until(self, seen):
+        try:
+            eventually(lambda: seen in self.text)
+        except AssertionError:
+            raise AssertionError(f"not in time: {seen!r}\n{self.text}") from None
+
+
+@pytest.mark.skipif(shutil.which("tmux") is None, reason="tmux is not installed")
+def test_inside_tmux_it_is_typed_at_and_resized(daemon, tmp_path):
+    window = Tmux(tmp_path, dashboard(daemon))
+    try:
+        window.until("corridor-1")
+        window.call("send-keys", "Enter")
+        window.until("S3/pilot/0")
+        window.call("resize-window", "-x", "120", "-y", "40")
+        window.until("worker")
+        window.call("resize-window", "-x", "40", "-y", "10")
+        window.until("S1/pilot/0")
+        window.call("send-keys", "q")
+        window.until("Left the dashboard")
+    finally:
+        window.call("kill-server")
+
+
+def test_a_dashboard_leaves_with_its_terminal_also_where_hang_ups_are_ignored(daemon):
+    start = ["/bin/sh", "-c", f"trap '' HUP; exec {shlex.join(dashboard(daemon))}"]
+    with terminal(start) as shown:
+        shown.until("corridor-1")
+        assert shown.hang_up() == -signal.SIGHUP

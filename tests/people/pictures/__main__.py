@@ -1,0 +1,88 @@
+"""Record the pictures of the documentation: ``python -m tests.people.pictures``.
+
+``docs/pictures`` holds every view of the dashboard and the output of the main commands, of a small
+campaign that is executed for them: the tests say when they are not true any more. ``docs/demo.svg``
+is what ``scenario demo`` prints, ``docs/flat.svg`` the flat as ``scenario export`` draws it;
+``--views`` leaves these two, which take a while, as they are. ``--cast`` records the first hour
+with the dashboard for asciinema instead, ``docs/pictures/first-hour.cast``.
+"""
+
+import asyncio
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from rich.console import Console
+from rich.text import Text
+
+from tests.people.pictures.executed_campaign import execute_campaign
+from tests.people.pictures.session_cast import record_session
+from tests.people.pictures.shots import COMMANDS, FOLDER, KEYS, SHOTS, draw, key_table, typed
+
+ROOT = Path(__file__).parents[3]
+DOCS = ROOT / "docs"
+CAMPAIGN = ROOT / "campaigns" / "demo" / "campaign.yaml"
+SCENARIO = Path(sys.executable).with_name("scenario")
+WIDTH = 90
+
+
+def record_demo():
+    """Run the demo in an empty folder and keep what it prints."""
+    with tempfile.TemporaryDirectory() as folder:
+        done = subprocess.run(
+            [SCENARIO, "demo"],
+            cwd=folder,
+            env=os.environ | {"FORCE_COLOR": "1", "COLUMNS": str(WIDTH), "LINES": "50"},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+            check=True,
+        )
+    with Path(os.devnull).open("w") as nowhere:
+        console = Console(record=True, width=WIDTH, file=nowhere, force_terminal=True)
+        console.print(Text("$ scenario demo\n") + Text.from_ansi(done.stdout))
+    console.save_svg(str(DOCS / "demo.svg"), title="scenario demo")
+
+
+def record_flat():
+    """Draw the flat of the demo with its doors, mission and robot."""
+    with tempfile.TemporaryDirectory() as folder:
+        subprocess.run(
+            [SCENARIO, "export", CAMPAIGN, "picture", "-o", folder],
+            stdout=subprocess.DEVNULL,
+            check=True,
+        )
+        drawn = Path(folder) / "busy-house" / "busy-house.svg"
+        (DOCS / "flat.svg").write_text(drawn.read_text())
+
+
+def record_views():
+    """Draw every view and type every command of the documentation, and list the keys."""
+    document = DOCS / "dashboard.md"
+    before, _, _ = document.read_text().partition(KEYS)
+    document.write_text(before + KEYS + key_table())
+    FOLDER.mkdir(exist_ok=True)
+    with tempfile.TemporaryDirectory() as kept:
+        executed = execute_campaign(Path(kept))
+        for name in (*SHOTS, *COMMANDS):
+            with tempfile.TemporaryDirectory() as place:
+                folder = Path(place)
+                svg = (
+                    asyncio.run(draw(name, folder, executed))
+                    if name in SHOTS
+                    else typed(name, folder, executed)
+                )
+            (FOLDER / f"{name}.svg").write_text(svg)
+
+
+if __name__ == "__main__":
+    if "--cast" in sys.argv[1:]:
+        record_session()
+        sys.exit()
+    record_views()
+    if "--views" in sys.argv[1:]:
+        sys.exit()
+    record_demo()
+    record_flat()

@@ -1,0 +1,232 @@
+"""A small campaign that was executed, for pictures: the demo with a second, daring pilot.
+
+Its runs are those that anybody gets; only what depends on the clock on the wall is made up.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from daemon.batch.errors import Refused
+from daemon.campaign import expand, load_campaign
+from daemon.judging.live import judge_running, least_margin
+from daemon.model.live_judgement import LiveJudgement
+from daemon.model.messages import FilePart
+from daemon.model.run_state import RunState
+from daemon.model.spec import RunResult, RunSpec, Snapshot, Timing
+from daemon.model.status import (
+    LiveSnapshot,
+    RunDetail,
+    RunRow,
+)
+from daemon.model.submission import Submission
+from daemon.model.sut import TICK_RATE
+from daemon.model.verdicts import deciding_verdict
+from daemon.run import execute
+from daemon.run_loop import RunLoop
+from daemon.trace import TraceWriter
+from grammars.text import codec
+from tests.people.fake import NOW, FakeDaemon, campaign_row
+
+CAMPAIGN = "demo-5d0c1e7a"
+NIGHTLY = "nightly-00ff00ff"
+FAILED = "busy-house/daring/0"
+"""A run that fails and is not expected to: a door swings into the robot."""
+PASSED = "busy-house/pilot/0"
+"""The same with the other pilot; of this campaign it is under way."""
+REPEATS = 2
+_CAMPAIGNS = Path(__file__).parents[3] / "campaigns"
+_DARING = """\
+sut: daring
+about: the pilot with hardly any distance to what is not on its map
+like: pilot
+parameters: {stop_distance: 0.0, blocked_distance: 0.1, safety_margin: 0.0}
+"""
+_UNDER_WAY = {PASSED: 61.0, "busy-house/pilot/1": 38.0}
+"""Runs that are not over, and how far they are [s]."""
+
+
+@dataclass(frozen=True)
+class UnderWay:
+    """A run that goes on: what was told of it so far, and what it would be judged by now."""
+
+    snapshots: tuple[Snapshot, ...]
+    judgement: LiveJudgement
+
+
+@dataclass(frozen=True)
+class ExecutedCampaign:
+    """The runs of a campaign with their results; ``folder`` holds its traces."""
+
+    folder: Path
+    submission: Submission
+    results: Mapping[str, RunResult]
+    under_way: Mapping[str, UnderWay]
+
+
+def name_of(spec):
+    """Return what a run is called."""
+    return f"{spec.scenario}/{spec.sut.name}/{spec.repeat}"
+
+
+def trace_of(name):
+    """Return the trace of a run, from the folder in which the daemon was started."""
+    return f"state/traces/{CAMPAIGN}/{name.replace('/', '.')}.mcap"
+
+
+def write_campaign(folder):
+    """Write the demo with two pilots and ``REPEATS`` repeats below ``folder``; return its file."""
+    for part in ("demo", "robots", "suts"):
+        shutil.copytree(_CAMPAIGNS / part, folder / part)
+    (folder / "suts" / "daring.yaml").write_text(_DARING)
+    file = folder / "demo" / "campaign.yaml"
+    text = re.sub(r"^repeats: \d+", f"repeats: {REPEATS}", file.read_text(), flags=re.M)
+    # A search is of one system under test.
+    text, _, _ = text.partition("\nsearch:")
+    text = text.replace("{sut: [pilot]}", "{sut: [daring, pilot]}")
+    # What is most to be seen comes last, since the last runs are those under way.
+    head, busy, rude, expected = re.split(
+        r"(?=^  busy-house:|^  rude-house:|^expect:)", text, flags=re.M
+    )
+    file.write_text(head + rude + busy + expected)
+    return file
+
+
+def execute_campaign(folder):
+    """Execute it below ``folder``: all runs to their end, two also to a moment in the middle."""
+    submission = expand(load_campaign(write_campaign(folder / "campaigns")))
+    scenes = {scene.digest: scene for scene in submission.scenes}
+    results, under_way = {}, {}
+    for spec in submission.specs:
+        name, scene = name_of(spec), scenes[spec.scene]
+        if name in _UNDER_WAY:
+            under_way[name] = _execute_until(spec, scene, _UNDER_WAY[name], folder / "under-way")
+        path = folder / trace_of(name)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        found = execute(spec, scene, trace_path=path)
+        simulated = found.timing.simulated
+        timing = Timing(simulated / 300.0, simulated / 300.0, simulated, NOW - 60.0)
+        results[name] = replace(found, timing=timing, machine="")
+    return ExecutedCampaign(folder, submission, results, under_way)
+
+
+def _execute_until(spec, scene, end, folder):
+    """Execute a run up to a moment [s], and judge it there as its worker would."""
+    folder.mkdir(exist_ok=True)
+    told = []
+    with TraceWriter(folder / "run.mcap", spec, scene) as trace:
+        loop = RunLoop(spec, scene, trace, told.append, lambda: "everything")
+        try:
+            loop.begin()
+            loop.advance(round(end * TICK_RATE))
+            recorded = trace.so_far()
+            judgement = judge_running(recorded)
+            least = least_margin(judgement.verdicts)
+        finally:
+            loop.close()
+    assert least is not None
+    told[-1] = replace(told[-1], margin=least.margin, unit=least.unit, oracle=least.oracle)
+    return UnderWay(tuple(told), judgement)
+
+
+@dataclass
+class ExecutedDaemon(FakeDaemon):
+    """Answers with the executed campaign, two runs of which are under way.
+
+    In the night before, the runs of the shipped pilot were executed alone.
+    """
+
+    executed: ExecutedCampaign | None = None
+    specs: dict[str, RunSpec] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, executed):
+        """Return it with the runs of ``executed``."""
+        specs = {f"{CAMPAIGN}.{i}": spec for i, spec in enumerate(executed.submission.specs)}
+        begun = [_row(i, run, spec) for i, (run, spec) in enumerate(specs.items())]
+        rows = tuple(r if _name(r) in executed.under_way else _done(r, executed) for r in begun)
+        live, judged = [], {}
+        for row in rows:
+            found = executed.under_way.get(_name(row))
+            if found is not None:
+                live += [LiveSnapshot(row.id, snapshot) for snapshot in found.snapshots]
+                judged[row.id] = replace(found.judgement, run=row.id)
+        for index, spec in enumerate(s for s in executed.submission.specs if s.sut.name == "pilot"):
+            run = f"{NIGHTLY}.{index}"
+            specs[run] = spec
+            rows += (_done(_row(index, run, spec), executed),)
+        return cls(
+            rows, live=tuple(live), judged=judged, declares=executed.submission.declared,
+            executed=executed, specs=specs,
+        )  # fmt: skip
+
+    def result_of(self, row):
+        """Return the result of a run, ``None`` while there is none."""
+        assert self.executed is not None
+        return self.executed.results[_name(row)] if row.state is RunState.DONE else None
+
+    def _overview(self, request):
+        return replace(super()._overview(request), rate=150.0, seconds_left=2.0)
+
+    def _campaign_rows(self):
+        assert self.executed is not None
+        about = self.executed.submission.about
+        today = tuple(row for row in self.rows if row.campaign == CAMPAIGN)
+        before = tuple(row for row in self.rows if row.campaign == NIGHTLY)
+        demo = campaign_row("demo", CAMPAIGN, today, NOW - 20.0)
+        nightly = campaign_row("nightly", NIGHTLY, before, NOW - 40_000.0)
+        return (replace(demo, about=about, seconds_left=2.0), replace(nightly, about=about))
+
+    def _runs(self, query):
+        page = super()._runs(replace(query, offset=0, limit=len(self.rows)))
+        rows = page.rows
+        if query.sort == "index":
+            rows = tuple(sorted(rows, key=lambda row: row.campaign, reverse=not query.descending))
+        return replace(page, rows=rows[query.offset : query.offset + query.limit])
+
+    def _with_result(self, row):
+        spec = self.specs[row.id]
+        return replace(row, digest=spec.digest, seed=spec.seed, result=self.result_of(row))
+
+    def _run(self, request):
+        for row in self.rows:
+            if row.id == request.id:
+                return RunDetail(self._with_result(row), self.specs[row.id])
+        raise Refused(f"there is no run {request.id}")
+
+    def _get(self, request):
+        assert self.executed is not None
+        scenes = {scene.digest: scene for scene in self.executed.submission.scenes}
+        scene = codec.to_json(scenes[request.sha256])
+        return FilePart(len(scene), scene[request.offset :])
+
+    def _declared(self, _):
+        return self.declares
+
+
+def _name(row):
+    return f"{row.scenario}/{row.sut}/{row.repeat}"
+
+
+def _row(index, run, spec):
+    """Return the row of a run that was begun."""
+    return RunRow(
+        run, run.rpartition(".")[0], index, spec.scenario, spec.sut.name, spec.repeat,
+        RunState.RUNNING, 1, "bench-1", None, "", None, "", 0.0, spec.limit, 0.0, "",
+    )  # fmt: skip
+
+
+def _done(row, executed):
+    """Return the row of a run with its result."""
+    result = executed.results[_name(row)]
+    verdict = deciding_verdict(result.verdicts)
+    assert verdict is not None
+    return replace(
+        row, state=RunState.DONE, outcome=result.outcome, oracle=verdict.oracle,
+        margin=verdict.margin, unit=verdict.unit, simulated=result.timing.simulated,
+        wall=result.timing.wall, trace=trace_of(_name(row)),
+    )  # fmt: skip

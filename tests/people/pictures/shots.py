@@ -1,0 +1,268 @@
+"""Every view of the dashboard as pictures for the documentation: of executed runs, at a fixed time.
+
+``python -m tests.people.pictures`` writes them, the tests compare what is written in them.
+"""
+
+from __future__ import annotations
+
+import html
+import os
+import re
+import shutil
+from collections.abc import Awaitable, Callable
+from contextlib import ExitStack, chdir
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+from rich.console import Console
+from textual.app import App
+from textual.command import CommandList
+from textual.keys import format_key
+from textual.pilot import Pilot
+from textual.widgets import Input, Static
+
+from scenario_tui.cli import invoke
+from scenario_tui.dashboard.key_bindings import list_key_bindings
+from scenario_tui.dashboard.live_tracks import Tracks
+from scenario_tui.dashboard.playback import open_playback
+from scenario_tui.dashboard.screens.compare import CompareScreen
+from scenario_tui.dashboard.screens.replay import ReplayScreen
+from scenario_tui.dashboard.screens.standalone import StandaloneApp
+from scenario_tui.dashboard.widgets.map_style import MapSigns
+from scenario_tui.dashboard.widgets.top_view import TopView
+from scenario_tui.source import DaemonTarget
+from scenario_tui.terminal import printable_console
+from scenario_tui.text.styles import terminal_theme
+from tests.people.dashboard.driven import until
+from tests.people.dashboard.inline import make_dashboard, press, settle
+from tests.people.dashboard.searching import SEARCH, SearchingDaemon
+from tests.people.pictures.executed_campaign import (
+    FAILED,
+    PASSED,
+    ExecutedCampaign,
+    ExecutedDaemon,
+    trace_of,
+)
+
+ROOT = Path(__file__).parents[3]
+FOLDER = ROOT / "docs" / "pictures"
+CAMPAIGNS = ROOT / "campaigns"
+KEYS = "## All keys\n\n"
+"""What stands above the table of keys."""
+HERE = Path("robot")
+"""Where the dashboard was opened."""
+NARROW = (92, 26)
+WIDE = (126, 32)
+_TEXT = re.compile(r'<text class="[^"]*" x="([\d.]+)" y="([\d.]+)"[^>]*>(.*?)</text>')
+
+
+def _executed(folder, executed):
+    dashboard = make_dashboard(ExecutedDaemon.of(executed))
+    # On a busy machine it would be said how long ago the last was heard.
+    dashboard.tracks = Tracks(clock=lambda: 0.0)
+    return dashboard
+
+
+def _replay(folder, executed):
+    playback = open_playback(Path(trace_of(FAILED)))
+    touched = next(found for found in playback.verdicts if found.oracle == "no-contact")
+    assert touched.evidence.time is not None
+    return StandaloneApp(ReplayScreen(playback, touched.evidence.time - 0.5, clock=lambda: 0.0))
+
+
+def _compared(folder, executed):
+    first, second = (open_playback(Path(trace_of(name))) for name in (FAILED, PASSED))
+    return StandaloneApp(CompareScreen(first, second, clock=lambda: 0.0))
+
+
+def _submitting(folder, executed):
+    for name in ("demo", "ortega2024", "robots", "suts"):
+        shutil.copytree(CAMPAIGNS / name, folder / HERE / name)
+    for age, path in enumerate(sorted(folder.rglob("*.yaml"))):
+        os.utime(path, (1e9 - age, 1e9 - age))
+    return _executed(folder, executed)
+
+
+async def _checked(pilot):
+    await until(pilot, lambda: "✓" in str(pilot.app.screen.query_one("#about", Static).render()))
+
+
+async def _found(pilot):
+    found = []
+
+    def settled():
+        found.append(pilot.app.screen.query_one(CommandList).option_count)
+        return len(found) > 20 and len(set(found[-20:])) == 1 and found[-1] > 1
+
+    await until(pilot, settled)
+
+
+async def _read(pilot):
+    await until(pilot, lambda: pilot.app.screen.transport)
+
+
+async def _mapped(pilot):
+    await until(pilot, lambda: pilot.app.screen.query_one(TopView).display)
+
+
+def _searching(folder, executed):
+    return make_dashboard(SearchingDaemon.running())
+
+
+def _search_over(folder, executed):
+    fake = SearchingDaemon.finished()
+    fake.record(Path("state"), f"{SEARCH}.37")
+    return make_dashboard(fake)
+
+
+async def _gone(pilot):
+    fake = pilot.app.feed.fake
+    fake.reachable = False
+    fake.now += 75.0
+    await settle(pilot)
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A picture: what is opened, how large, and the keys that lead to the view."""
+
+    keys: tuple[str, ...] = ()
+    size: tuple[int, int] = NARROW
+    open: Callable[[Path, ExecutedCampaign], App[Any]] = _executed
+    before: Callable[[Pilot[Any]], Awaitable[None]] | None = None
+
+
+_TO_FAILED = ("enter", *["j"] * 8)
+_TO_LIVE = ("enter", *["j"] * 10)
+
+SHOTS = {
+    "campaigns": Shot(),
+    "matrix": Shot(("m", "n")),
+    "runs": Shot(_TO_FAILED, WIDE),
+    "all-runs": Shot(("2",), (99, 26)),
+    "run": Shot((*_TO_FAILED, "enter"), before=_read),
+    "timeline": Shot((*_TO_FAILED, "enter", "tab"), before=_read),
+    "finished": Shot((*_TO_FAILED, "enter"), (150, 42), before=_read),
+    "live": Shot((*_TO_LIVE, "enter"), (126, 40)),
+    "replay": Shot(open=_replay),
+    "comparison": Shot(("n",), (112, 27), open=_compared),
+    "searches": Shot(open=_searching),
+    "search": Shot(("enter",), (110, 25), open=_search_over, before=_mapped),
+    "parameters": Shot(("enter", "n", "n", "tab"), open=_search_over),
+    "submit": Shot(("s",), open=_submitting, before=_checked),
+    "workers": Shot(("3",)),
+    "help": Shot(("enter", "question_mark")),
+    "palette": Shot(("colon", *"re"), before=_found),
+    "cancel": Shot(("c",)),
+    "gone": Shot(before=_gone),
+}
+
+_TRACE = f"{FAILED.replace('/', '.')}.mcap"
+COMMANDS = {
+    "command-status": ("status",),
+    "command-results": ("results",),
+    "command-show": ("show", "demo.8"),
+    "command-logs": ("show", _TRACE, "--log"),
+    "command-plot": ("plot", _TRACE, "clearance", "speed"),
+    "command-frame": ("replay", _TRACE, "--frame", "no-contact"),
+}
+"""Commands whose output is pictured, about the dashboard's data and a trace in their folder."""
+
+
+def typed(name, folder, executed):
+    """Return what a command prints about the runs of ``executed`` as SVG, typed in ``folder``."""
+    arguments = COMMANDS[name]
+    width, height = 80, 26
+    environment = {
+        "COLUMNS": str(width),
+        "LINES": str(height),
+        "SCENARIO_CONNECT": "tcp/127.0.0.1:7447",
+    }
+    with Path(os.devnull).open("w") as nowhere, chdir(folder), ExitStack() as patched:
+        _put_traces(folder, executed)
+        Path(_TRACE).symlink_to(trace_of(FAILED))
+        fake = ExecutedDaemon.of(executed)
+        console = Console(
+            record=True, width=width, file=nowhere, force_terminal=True, color_system="truecolor",
+            highlight=False, legacy_windows=False, theme=terminal_theme(),
+        )  # fmt: skip
+        line = f"scenario {' '.join(arguments)}"
+        console.print(f"$ {line}", markup=False, style="bold")
+        for patch in (
+            mock.patch.object(DaemonTarget, "open", side_effect=fake.open),
+            mock.patch.object(DaemonTarget, "read", side_effect=fake.open),
+            mock.patch.object(printable_console, "open_console", return_value=console),
+            mock.patch.dict(os.environ, environment),
+        ):
+            patched.enter_context(patch)
+        assert invoke(arguments) == 0
+        return _slim(console.export_svg(title=line, unique_id=name))
+
+
+async def draw(name, folder, executed):
+    """Return a view of ``executed`` as SVG; ``folder`` is for what it needs on disk."""
+    shot = SHOTS[name]
+    _put_traces(folder, executed)
+    # Paths are relative, so that they are the same everywhere.
+    with chdir(folder), mock.patch.object(Path, "cwd", return_value=HERE):
+        app = shot.open(folder, executed)
+        async with app.run_test(size=shot.size) as pilot:
+            await pilot.pause(0)
+            if hasattr(app, "update_state"):
+                await settle(pilot)
+                await press(pilot, *shot.keys)
+            else:
+                await pilot.press(*shot.keys)
+                await pilot.pause(0)
+            if shot.before is not None:
+                await shot.before(pilot)
+            for line in app.screen.query(Input):
+                line.cursor_blink = False
+            # What was on a map on the way here would stay in its legend, if it was painted.
+            for top in app.screen.query(TopView):
+                top.signs = MapSigns()
+                top.redraw()
+            for _ in range(2):
+                app.export_screenshot()
+                await (settle(pilot) if hasattr(app, "update_state") else pilot.pause(0))
+            svg = app.export_screenshot(title=f"scenario tui: {name}")
+    return _slim(svg.replace(_identifier(svg), name))
+
+
+def _put_traces(folder, executed):
+    """Let the traces be where a daemon that was started in ``folder`` has put them."""
+    (folder / "state").symlink_to(executed.folder / "state")
+
+
+def _identifier(svg):
+    """Return what all names in a picture begin with; it is made of what is drawn."""
+    found = re.search(r"terminal-[0-9]+", svg)
+    assert found is not None
+    return found[0]
+
+
+def _slim(svg):
+    """Take out what cuts lines of text off where they end anyway."""
+    svg = re.sub(r' clip-path="url\(#[^)]*-line-\d+\)"', "", svg)
+    svg = re.sub(r'<clipPath id="[^"]*-line-\d+">\s*<rect[^>]*/>\s*</clipPath>\s*', "", svg)
+    return re.sub(r"\n\s*", "\n", svg)
+
+
+def key_table():
+    """Return every key of the dashboard as a table of the documentation."""
+    rows = ["| keys | id | where | what it does |", "|---|---|---|---|"]
+    for bound in list_key_bindings():
+        keys = " ".join(f"`{format_key(key)}`" for key in bound.keys.split(","))
+        rows.append(f"| {keys} | {bound.id} | {bound.place} | {bound.meaning} |")
+    return "\n".join(rows) + "\n"
+
+
+def visible(svg):
+    """Return the lines of text in a picture, whatever its colours and identifiers are."""
+    lines = {}
+    for x, y, text in _TEXT.findall(svg):
+        lines.setdefault(float(y), []).append((float(x), html.unescape(text)))
+    joined = ("".join(text for _, text in sorted(parts)) for _, parts in sorted(lines.items()))
+    return [line.replace("\xa0", " ").rstrip() for line in joined]

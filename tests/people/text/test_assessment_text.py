@@ -1,0 +1,182 @@
+"""What is said of cells and campaigns whose runs have not all finished."""
+
+from dataclasses import replace
+from typing import get_args
+
+import pytest
+
+from daemon.analysis.results import CampaignResults
+from daemon.judging.assessment import assess
+from daemon.model.assessments import (
+    AssessmentRules,
+    Expectation,
+    ExpectedVerdict,
+    RepeatPolicy,
+    group_errors,
+)
+from daemon.model.run_state import RunState
+from daemon.model.status import RunDetail
+from daemon.model.verdicts import Evidence, Outcome, Verdict
+from scenario_tui.text.assessment_text import cell_notes, undecided_text
+from scenario_tui.text.results import (
+    NONE_JUDGED,
+    SO_FAR_FINE,
+    Conclusion,
+    conclude,
+    worst_conclusion,
+)
+from scenario_tui.text.run_text import run_text
+from tests.make import run_result, run_row
+from tests.people.fake import campaign_row, make_row, make_spec
+
+UNFINISHED = ("queued", "running")
+
+
+def record(repeat, state, outcome=None):
+    result = outcome and run_result(Verdict("buffer", "", outcome, 0.1, 0.1, "m"), outcome=outcome)
+    return run_row(f"c.{repeat}", repeat=repeat, result=result, state=RunState(state))
+
+
+def judged(*records, expected="pass", finished=True, **policy):
+    rules = AssessmentRules(
+        RepeatPolicy(n=len(records), **policy),
+        expectations=(Expectation("S1", "buffer", (), expected, "it is narrow"),),
+    )
+    row = replace(campaign_row("first", "first-1", (), 0.0), queued=0 if finished else 1)
+    return CampaignResults(row, records, rules, assess(rules, records))
+
+
+def notes(*records, **more):
+    results = judged(*records, **more)
+    return cell_notes(results.assessment.cells[0], results.expectations).plain
+
+
+@pytest.mark.parametrize("state", UNFINISHED)
+@pytest.mark.parametrize("expected", get_args(ExpectedVerdict))
+@pytest.mark.parametrize("rule", ["all", "rate", "mean"])
+def test_an_oracle_with_runs_to_come_is_neither_inconclusive_nor_unexpected(state, expected, rule):
+    passing = Outcome.FAIL if expected in ("fail", "mixed") else Outcome.PASS
+    said = notes(record(0, "done", passing), record(1, state), expected=expected, rule=rule)
+    assert "inconclusive" not in said
+    assert "!" not in said
+    assert "\n" in said
+    if expected == "pass":
+        assert state in said
+        assert "1 of 2 pass, 1 not finished" in said
+    if expected == "fail":
+        assert "so far as expected (fail)" in said
+
+
+@pytest.mark.parametrize("state", UNFINISHED)
+def test_what_runs_to_come_cannot_mend_is_marked_at_once(state):
+    said = notes(record(0, "done", Outcome.FAIL), record(1, state))
+    assert "✗ fail  buffer  ! expected pass" in said
+    said = notes(record(0, "done", Outcome.PASS), record(1, state), expected="fail")
+    assert "! expected fail" in said
+
+
+@pytest.mark.parametrize(
+    ("state", "words"),
+    [
+        ("queued", "2 runs queued, none was judged yet"),
+        ("running", "2 runs, none was judged yet"),
+        ("cancelled", "2 runs, none was judged: they were cancelled"),
+        ("lost", "2 runs, none was judged: what was executed gave no result"),
+    ],
+)
+def test_a_cell_without_a_verdict_says_why(state, words):
+    assert words in notes(record(0, state), record(1, state))
+
+
+def test_a_cell_says_running_when_one_of_its_runs_runs_and_others_wait():
+    (cell,) = judged(record(0, "queued"), record(1, "running"), record(2, "lost")).assessment.cells
+    assert (cell.word, cell.state) == ("running", "running")
+
+
+@pytest.mark.parametrize(
+    ("records", "finished", "words"),
+    [
+        ((record(0, "queued"), record(1, "queued")), False, "… none judged"),
+        ((record(0, "running"), record(1, "queued")), False, "▶ none judged"),
+        ((record(0, "done", Outcome.PASS), record(1, "queued")), False, "▶ so far fine"),
+        ((record(0, "done", Outcome.FAIL), record(1, "queued")), False, "✗ 1 run unexpected"),
+        ((record(0, "done", Outcome.PASS), record(1, "cancelled")), True, "- cancelled"),
+        ((record(0, "cancelled"), record(1, "cancelled")), True, "- cancelled"),
+        ((record(0, "lost"), record(1, "queued")), False, "∅ not all judged"),
+        ((record(0, "done", Outcome.INCONCLUSIVE),), True, "? undecided"),
+    ],
+)
+def test_the_conclusion_is_about_what_was_judged(records, finished, words):
+    assert conclude(judged(*records, finished=finished)).glyph_text == words
+
+
+def test_a_conclusion_counts_verdicts_runs_and_known_failures():
+    runs = (record(0, "done", Outcome.FAIL), record(1, "lost"))
+    known = conclude(judged(*runs, expected="mixed"))
+    assert (known.verdicts, known.runs, known.known, known.unexpected) == (1, 2, 1, 0)
+    assert (known.margins, known.expectations.mark(runs[0]).letter) == ((0.1,), "a")
+
+
+NEWS, FINE = Conclusion("fail", "2 unexpected", 2), Conclusion("pass", "as expected")
+CANCELLED, WAITING = Conclusion("cancelled", "cancelled"), Conclusion("queued", NONE_JUDGED)
+
+
+@pytest.mark.parametrize(
+    ("conclusions", "worst"),
+    [
+        ((CANCELLED, NEWS), NEWS),
+        ((FINE, NEWS, Conclusion("fail", "1 unexpected", 1)), NEWS),
+        ((CANCELLED, FINE), FINE),
+        ((CANCELLED,), CANCELLED),
+        ((WAITING, FINE), Conclusion("running", SO_FAR_FINE)),
+        ((WAITING,), WAITING),
+        ((), None),
+    ],
+)
+def test_the_worst_state_is_that_of_any_campaign(conclusions, worst):
+    rows = [campaign_row("doors", f"doors-{i}", (), 0.0) for i in range(len(conclusions))]
+    told = worst_conclusion(rows, {f"doors-{i}": one for i, one in enumerate(conclusions)})
+    assert (told and told[1]) == worst
+
+
+def test_neither_acknowledged_campaigns_nor_searches_are_told():
+    row = campaign_row("doors", "doors-1", (), 0.0)
+    for quiet in (replace(row, acknowledged=True), replace(row, search="finished")):
+        assert worst_conclusion([quiet], {"doors-1": NEWS}) is None
+
+
+def test_an_error_is_told_once_and_not_for_each_oracle():
+    error = Evidence(note="amcl died with exit code -9\nthe stack printed:\n  [ERROR] bye")
+    verdicts = (
+        Verdict("reached", "", Outcome.ERROR, None, None, "m", error),
+        Verdict("in-time", "", Outcome.PASS, 0.1, 0.1, "s"),
+        Verdict("buffer", "", Outcome.ERROR, None, None, "m", error),
+    )
+    row = run_row(result=run_result(*verdicts, outcome=Outcome.ERROR))
+    (cell,) = assess(AssessmentRules(), (row,)).cells
+    alone, together = sorted(group_errors(cell.oracles), key=len)
+    assert [oracle.oracle for oracle in alone] == ["in-time"]
+    said = undecided_text(together).plain
+    assert "pilot S1 reached, buffer  " in said
+    assert said.endswith("  amcl died with exit code -9")
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"state": RunState.QUEUED}, ("… queued", "has not started yet", "will be judged by")),
+        ({"state": RunState.QUEUED, "reason": "it broke"}, ("it broke", "will be judged by")),
+        ({"state": RunState.RUNNING}, ("▶ running", "starting")),
+        ({"state": RunState.CANCELLED}, ("was cancelled before it ended", "was to be judged by")),
+        ({"state": RunState.LOST}, ("∅ lost", "no attempt left a result", "was to be judged by")),
+        ({"state": RunState.LOST, "reason": "it broke"}, ("it broke", "was to be judged by")),
+    ],
+)  # fmt: skip
+def test_a_run_without_a_result_says_how_it_stands(changes, words):
+    fresh = {"outcome": None, "oracle": "", "margin": None, "worker": "", "trace": ""}
+    row = replace(make_row(0), **(fresh | changes))
+    said = run_text(RunDetail(row, make_spec(row, "0" * 64)), None).plain
+    for part in words:
+        assert part in said
+    assert "inconclusive" not in said
+    assert "no oracle" not in said

@@ -1,0 +1,146 @@
+"""A search in words: how far it is, what it found, what decides."""
+
+import math
+import shlex
+from dataclasses import replace
+
+import pytest
+
+from daemon.search.answers.sentences import phase_words, search_word
+from scenario_tui.text.search_text import (
+    answer_lines,
+    finding_lines,
+    influence_lines,
+    parameters_text,
+    proposal_text,
+    search_commands,
+    search_line,
+)
+from tests.people.fake_search import (
+    SEARCH,
+    TASK,
+    make_answer,
+    make_proposal_row,
+    make_search,
+)
+
+
+def test_a_run_of_a_search_is_shown_with_what_it_was_for_and_its_values():
+    proposal = make_proposal_row(1).proposal
+    assert proposal_text(TASK, proposal, 80).plain.splitlines() == [
+        "point 1 of the search doors-in-time, looking for failures (halton)",
+        "≠ kitchen_opens                   8 → 8.1 s ─────│●────",
+        "≠ laser.noise                 0.01 → 0.02 m │───●──────",
+        "≠ leading       bedroom_door → kitchen_door │─────────●",
+        "│ as written  ● in this run  ≠ not as written",
+    ]
+
+
+def test_a_value_below_nought_has_the_minus_of_margins_and_files_keep_theirs():
+    swing = replace(TASK.parameters[1], low=-0.5, written=-0.1, unit="m")
+    assert "−0.1 → −0.124 m" in parameters_text(replace(TASK, parameters=(swing,)), (-0.124,), 80)
+    assert swing.override(-0.124) == "-0.124 m"
+    named = replace(TASK.parameters[2], choices=("left-door",))
+    assert named.shown("left-door") == "left-door"
+
+
+@pytest.mark.parametrize(
+    ("row", "word", "phase"),
+    [
+        (make_search("running"), "running", "looking for failures"),
+        (make_search(), "fail", "the budget of 60 runs is spent"),
+        (make_search("running", answer=make_answer()), "fail", "looking for failures"),
+        (make_search("cancelled"), "cancelled", "it was cancelled"),
+        (make_search("failed", note="no"), "error", "it could not go on"),
+        (
+            make_search(answer=replace(make_answer(), first=None, failed=0, ended="settled")),
+            "pass",
+            "it ends because nothing better and nothing new was found for a while",
+        ),
+        (
+            make_search(answer=replace(make_answer(), first=None, failed=0, best=None)),
+            "inconclusive",
+            "the budget of 60 runs is spent",
+        ),
+    ],
+)
+def test_one_word_and_one_phrase_for_how_a_search_stands(row, word, phase):
+    assert search_word(row) == word
+    assert phase_words(row) == phase
+    assert phase in search_line(row)
+
+
+def test_a_line_for_a_search():
+    assert search_line(make_search("running")) == (
+        "doors-in-time: looking for failures, 8 of 60 runs"
+    )
+    assert search_line(make_search()) == (
+        "doors-in-time: the budget of 60 runs is spent, 8 runs, 2 failures, "
+        "smallest margin −0.031 m"
+    )
+
+
+def test_a_finding_has_the_margin_of_the_oracle_that_fails():
+    answer = make_answer()
+    (finding,) = answer.findings
+    other = replace(finding.example.value, oracle="reached", margin=0.5)
+    example = replace(finding.example, value=other)
+    (line,) = finding_lines(replace(answer, findings=(replace(finding, example=example),)))
+    assert "−0.031 m at 31.5 s" in line.plain
+
+
+def test_the_answer_begins_with_its_sentences():
+    text = "\n".join(line.plain for line in answer_lines(make_search()))
+    assert text == (
+        "doors-in-time  ✗ keeps-clear fails in 5 of 5 repeats with laser.noise 0.02 m instead of "
+        "0.01 m and kitchen_opens 8.4 s instead of 8 s (margin −0.012 m near kitchen_door)\n"
+        "Doors a little early or late\n"
+        "keeps-clear over 3 parameters of busy-house (pilot), method auto, seed 7\n"
+        "8 runs, 3 of them were there already\n"
+        "\n"
+        "- 2 of 8 runs fail, the first is run 4\n"
+        "\n"
+        "findings:\n"
+        "  keeps-clear near kitchen_door on the way to kitchen (2 runs)  −0.031 m at 31.5 s  "
+        f"{SEARCH}.6\n"
+        "\n"
+        "influence on the margin, rank correlation in 6 unguided runs:\n"
+        "  kitchen_opens  ▐███████│          −0.93\n"
+        "  leading                │██        +0.20\n"
+        "  laser.noise            │█         +0.08"
+    )
+
+
+def test_a_search_without_an_answer_says_how_it_stands():
+    lines = [line.plain for line in answer_lines(make_search("failed", note="flat.fpm:3: gone"))]
+    assert lines[0] == "doors-in-time  ‼ flat.fpm:3: gone"
+    assert "it could not go on" in lines[-1]
+
+
+def test_what_chance_gives_as_well_is_dim():
+    first, *others = influence_lines(TASK, make_answer())
+    assert not first.style
+    assert all(line.style for line in others)
+
+
+def test_influence_of_a_flat_margin_is_nothing():
+    answer = make_answer()
+    flat = replace(answer.influence[0], correlation=math.nan)
+    (line,) = influence_lines(TASK, replace(answer, influence=(flat,)))
+    assert line.plain.endswith("nan")
+
+
+def test_what_to_type_about_a_search():
+    running = dict(search_commands(make_search("running")))
+    assert f"scenario cancel {SEARCH}" in running
+    done = dict(search_commands(make_search()))
+    assert f"scenario replay {SEARCH}.4 --from keeps-clear" in done
+    assert f"scenario report {SEARCH}" in done
+    assert not [command for command in done if command.startswith("scenario blame")]
+
+
+def test_commands_about_the_found_file_can_be_copied():
+    lines = [shlex.split(line) for line, _ in search_commands(make_search(), "a b/x.found.yaml")]
+    about = [words for words in lines if "a b/x.found.yaml" in words]
+    assert [words[1] for words in about] == ["run", "blame", "export"]
+    assert about[1][3:] == ["doors-in-time.4", "pilot"]

@@ -1,0 +1,157 @@
+"""Objects stand where the layers say, and open to the side they say."""
+
+import math
+
+import pytest
+from shapely.geometry import Point, Polygon
+
+from grammars.floorplan import parse_floorplan
+from grammars.model.geometry import Pose2
+from grammars.model.kinematics import link_poses
+from grammars.scenery.composition import compile_scene
+from tests.languages.plans import TWO_ROOMS, layer, resolved, scene_with, two_rooms
+
+
+def outline(body, link, *positions):
+    pose = link_poses(body, positions)[link]
+    shape = next(part for part in body.links if part.name == link)
+    return Polygon(pose.apply_ring(shape.polygons[0]))
+
+
+def the_door(text):
+    return scene_with(text).objects[0]
+
+
+def room_of(scene, point):
+    return next((r.name for r in scene.regions if Polygon(r.outline).covers(Point(point))), "")
+
+
+def test_an_object_stands_in_the_frame_of_a_wall():
+    # wall 1 of the hall is the east one: its frame at (5, 0) looks down (-y)
+    door = the_door("d is a hinged_door at hall.walls[1], x 1 m, y 0.1 m, turned 90 deg")
+    assert door.pose == Pose2(5.1, -1.0, 0.0)
+
+
+def test_an_object_stands_in_any_frame():
+    for frame, expected in {
+        "world": (0.0, 0.0),
+        "kitchen": (0.0, 3.9),
+        "kitchen.pillar": (1.0, 4.4),
+        "pillar": (1.0, 4.4),
+        "kitchen_doorway": (0.5, 2.0),
+    }.items():
+        pose = the_door(f"d is a hinged_door at {frame}").pose
+        assert (pose.x, pose.y) == pytest.approx(expected)
+
+
+def column(name):
+    return (
+        f"Column {name}:\n    shape: Rectangle width=0.3 m, length=0.3 m\n    height: 2 m\n"
+        "    location: wrt: hall translation: x: 1 m, y: 1 m\n"
+    )
+
+
+PERSON = """
+mover person
+    link body circle radius 20 cm from 0 m to 1.7 m, mass 70 kg
+p is a person at hall, x 3 m, y 1 m
+"""
+
+
+@pytest.mark.parametrize(
+    ("added", "frame"),
+    [
+        (column("kitchen"), "kitchen"),
+        (column("way_out"), "way_out"),
+        (column("pillar"), "pillar"),
+        (column("pillar"), "kitchen.pillar"),
+    ],
+    ids=["space and column", "opening and column", "column and feature", "full name"],
+)
+def test_a_name_means_one_frame_whoever_says_it(added, frame):
+    plan = parse_floorplan(TWO_ROOMS + added, "two_rooms.fpm")
+    objects = layer(PERSON + f"d is a hinged_door at {frame}\n")
+    walk = layer(f"p walks along (0 m, 0 m), (1 m, 0 m) of {frame}", "walk", models=False)
+    scene = compile_scene(plan, [objects, walk])
+    stands = next(body.pose for body in scene.objects if body.name == "d")
+    (walks,) = resolved(scene, [objects, walk]).behaviours
+    assert (stands.x, stands.y) == walks.route[0]
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("towards", ["inwards", "outwards", "into hall", "into kitchen"])
+def test_a_hinged_door_fits_its_doorway_and_opens_to_the_side_it_should(side, towards):
+    scene = scene_with(f"d is a hinged_door in kitchen_doorway, hinge {side}, opening {towards}")
+    door = scene.objects[0]
+    joint = door.joints[0]
+    wide_open = joint.upper if not door.mirrored else joint.lower
+    closed = outline(door, "leaf", 0.0)
+    passage = Polygon(scene.doorways[0].footprint)
+    assert passage.buffer(1e-6).covers(closed)
+    assert door.doorway == "kitchen_doorway"
+    # seen from the hall, looking north, left is west: the doorway reaches from x 0 to x 1
+    hinge = door.pose.apply(joint.anchor)
+    assert hinge[0] < 0.1 if side == "left" else hinge[0] > 0.9
+    tip = outline(door, "leaf", wide_open * 0.7).centroid
+    expected = "hall" if towards in ("inwards", "into hall") else "kitchen"
+    assert room_of(scene, (tip.x, tip.y)) == expected
+
+
+def test_left_and_right_may_be_seen_from_the_other_room():
+    text = "d is a hinged_door in kitchen_doorway, hinge {} seen from {}, opening into hall"
+    assert the_door(text.format("left", "kitchen")) == the_door(text.format("right", "hall"))
+
+
+def test_a_recessed_door_stands_deeper_in_the_wall():
+    text = "d is a hinged_door in kitchen_doorway, hinge left, opening inwards"
+    flush, deep = the_door(text), the_door(text + ", recessed 12 cm")
+    assert outline(flush, "leaf", 0.0).bounds[1] == pytest.approx(2.0)
+    assert outline(deep, "leaf", 0.0).bounds[1] == pytest.approx(2.12)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize(("on", "y"), [("on the inside", 2.0), ("on the side of kitchen", 2.4)])
+def test_a_slider_hangs_on_its_side_of_the_wall(side, on, y):
+    scene = scene_with(f"d is a slider in kitchen_doorway, sliding {side}, {on}")
+    panel = outline(scene.objects[0], "panel", 0.0)
+    opened = outline(scene.objects[0], "panel", 1.0)
+    assert panel.bounds[0] < 0.0 < 1.0 < panel.bounds[2]
+    assert panel.distance(Point(0.5, y)) == pytest.approx(0.01, abs=1e-6)
+    assert (opened.centroid.x < panel.centroid.x) == (side == "left")
+
+
+def test_a_double_slider_stands_in_the_middle_of_its_doorway():
+    lift = the_door("d is a lift_door in kitchen_doorway")
+    assert (lift.pose.x, lift.pose.y) == pytest.approx((0.5, 2.2))
+    assert lift.doorway == "kitchen_doorway"
+    assert lift.initial == (0.0, 0.0)
+
+
+def test_objects_start_closed_unless_something_else_is_said():
+    place = "at kitchen_doorway"
+    assert the_door(f"d is a hinged_door {place}").initial == (0.0,)
+    assert the_door(f"d is a hinged_door {place}, starts open").initial == (1.7,)
+    assert the_door(f"d is a hinged_door {place}, starts 30 deg").initial == (
+        pytest.approx(math.pi / 6),
+    )
+    mirrored = the_door("d is a hinged_door in kitchen_doorway, hinge left, opening inwards")
+    started = the_door(
+        "d is a hinged_door in kitchen_doorway, hinge left, opening inwards, starts open"
+    )
+    assert mirrored.mirrored
+    assert started.initial == (-1.7,)
+    assert (started.joints[0].lower, started.joints[0].upper) == (-2.0, 0.0)
+
+
+def test_a_second_layer_changes_how_a_door_starts_without_touching_the_first():
+    doors = layer("d is a hinged_door at kitchen_doorway\ne is a hinged_door at hall")
+    more = layer("every hinged_door starts ajar\nd is frozen", "more", models=False)
+    d, e = compile_scene(two_rooms(), [doors, more]).objects
+    assert (d.initial, e.initial) == ((pytest.approx(math.pi / 6),), (pytest.approx(math.pi / 6),))
+    assert (d.frozen, e.frozen) == (True, False)
+
+
+def test_a_door_placed_by_hand_knows_its_doorway():
+    beside = "d is a hinged_door at kitchen_doorway, x {} m, y 0.2 m, turned -90 deg"
+    assert the_door(beside.format("-0.475")).doorway == "kitchen_doorway"
+    assert the_door(beside.format("2")).doorway == ""

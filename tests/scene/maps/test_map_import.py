@@ -1,0 +1,212 @@
+"""Buildings made from maps: exact to a cell, the same each time, with doorways where doors are."""
+
+import gzip
+import math
+import shutil
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+
+from grammars.maps import walls_text
+from grammars.maps.map_import import EmptyMapError, ImportSettings, vectorise
+from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from grammars.model.map_files import read_map
+from tests.scene.maps.imported import (
+    CELL,
+    compared,
+    hexagon_world,
+    house,
+    measured,
+    painted,
+)
+
+RECTANGLE = st.tuples(
+    st.integers(0, 26),
+    st.integers(0, 26),
+    st.integers(1, 14),
+    st.integers(1, 14),
+    st.sampled_from((FREE, FREE, OCCUPIED, UNKNOWN)),
+)
+
+
+def published(data, name, folder):
+    source = data / "maps"
+    text = (source / f"{name}.yaml").read_text(encoding="utf-8").replace("map.pgm", f"{name}.pgm")
+    (folder / f"{name}.yaml").write_text(text, encoding="utf-8")
+    if (packed := source / f"{name}.pgm.gz").exists():
+        (folder / f"{name}.pgm").write_bytes(gzip.decompress(packed.read_bytes()))
+    else:
+        shutil.copy(source / f"{name}.pgm", folder)
+    return read_map(folder / f"{name}.yaml").grid
+
+
+def widths(grid):
+    doors = vectorise(grid).building.entryways.values()
+    return [round(math.dist(door.start, door.end), 3) for door in doors]
+
+
+@pytest.mark.parametrize(
+    ("name", "corners", "doorways"),
+    [
+        ("hbrs", 60, 2),
+        ("kitchen", 60, 3),
+        ("robile_lab", 100, 1),
+        ("brsu_building_c_static", 800, 6),
+        ("brsu_building_c_dynamic", 800, 6),
+    ],
+)
+def test_the_building_of_a_published_map_has_that_map(
+    reference_data, tmp_path, name, corners, doorways
+):
+    grid = published(reference_data, name, tmp_path)
+    found = compared(grid, tmp_path)
+    report = found.made.report
+    left_out = report.dropped_floor / CELL**2 + report.dropped_walls + report.filled_cells
+    assert found.astray <= round(left_out)
+    assert found.differing < 0.006
+    assert report.largest_error <= 1.0
+    assert report.corners < corners
+    assert len(found.plan.openings) == doorways
+    assert not found.plan.warnings
+
+
+@pytest.mark.parametrize("grid", [hexagon_world(), house(), measured(house())])
+def test_the_building_of_a_drawn_map_has_that_map(tmp_path, grid):
+    found = compared(grid, tmp_path, "touch")
+    assert found.astray <= found.made.report.filled_cells
+    assert found.made.report.largest_error <= 1.0
+
+
+def test_walls_along_the_cells_are_drawn_exactly(tmp_path):
+    found = compared(house(), tmp_path, "touch")
+    assert found.differing == 0.0
+    assert found.made.report.corners == 36
+    assert found.made.report.largest_error < 1e-9
+
+
+def test_doorways_part_rooms_that_are_named_in_reading_order():
+    made = vectorise(house()).building
+    assert list(made.spaces) == ["room_1", "room_2", "room_3", "room_4"]
+    assert list(made.entryways) == ["doorway_1", "doorway_2", "doorway_3"]
+    assert {(door.depth, door.height) for door in made.entryways.values()} == {(0.1, 2.0)}
+    assert widths(house()) == [0.9, 0.9, 0.9]
+    (first, *_) = made.entryways.values()
+    assert first.start == (3.5, 2.95)
+    assert first.end == (4.4, 2.95)
+    whole = vectorise(house(), ImportSettings(doorways=False)).building
+    assert (len(whole.spaces), len(whole.entryways)) == (1, 0)
+
+
+def test_what_merely_stands_near_a_wall_makes_no_doorway():
+    assert widths(hexagon_world()) == []
+    # A passage as wide as a door between a wall and a shelf in the middle of a room.
+    shelf = painted(
+        80, 80, (8, 8, 64, 64, OCCUPIED), (10, 10, 60, 60, FREE), (30, 28, 4, 12, OCCUPIED)
+    )
+    assert widths(shelf) == []
+
+
+@pytest.mark.parametrize(("degrees", "turned"), [(0, 0.0), (33, 0.0), (-20, 0.5)])
+def test_doorways_are_found_in_buildings_that_stand_aslant(degrees, turned):
+    original = house()
+    # The house, turned about its middle on a larger map, as the nearest cells have it.
+    row, column = np.mgrid[0:260, 0:260] - 130.0
+    cos, sin = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    x = np.floor(column * cos + row * sin + 100).astype(int)
+    y = np.floor(row * cos - column * sin + 70).astype(int)
+    inside = (x >= 0) & (x < 200) & (y >= 0) & (y < 140)
+    cells = np.full(x.shape, UNKNOWN, dtype=np.int8)
+    cells[inside] = original.cells[y[inside], x[inside]]
+    made = vectorise(OccupancyGrid(CELL, 0.0, 0.0, cells), yaw=turned)
+    assert [math.dist(d.start, d.end) for d in made.building.entryways.values()] == [
+        pytest.approx(0.9, abs=0.1)
+    ] * 3
+    expected = math.remainder(math.radians(degrees), math.pi / 2)
+    assert made.report.directions[0] == pytest.approx(expected, abs=0.005)
+    assert len(made.building.spaces) == 4
+    (door, *_) = made.building.entryways.values()
+    heading = math.atan2(door.end[1] - door.start[1], door.end[0] - door.start[0])
+    off = math.remainder(heading - math.radians(degrees) - turned, math.pi / 2)
+    assert off == pytest.approx(0.0, abs=0.02)
+
+
+def test_a_turned_map_is_turned_about_its_origin():
+    straight, turned = vectorise(house()), vectorise(house(), yaw=math.pi / 2)
+    (before, *_), (after, *_) = (made.building.standing for made in (straight, turned))
+    moved = shapely.Polygon([(-1.0 - (y + 2.0), -2.0 + (x + 1.0)) for x, y in before.outline])
+    assert shapely.Polygon(after.outline).symmetric_difference(moved).area < 1e-3
+
+
+def test_small_pockets_and_specks_are_left_out_and_counted():
+    grid = painted(
+        60,
+        60,
+        (5, 5, 50, 50, OCCUPIED),
+        (7, 7, 46, 46, FREE),
+        (1, 1, 3, 3, FREE),
+        (0, 58, 1, 2, OCCUPIED),
+        (20, 20, 1, 2, UNKNOWN),
+        (30, 30, 4, 4, UNKNOWN),
+        (40, 40, 1, 1, OCCUPIED),
+    )
+    made = vectorise(grid)
+    report = made.report
+    assert report.dropped_floor == pytest.approx(9 * CELL**2)
+    assert (report.dropped_walls, report.filled_cells) == (2, 2)
+    # A single occupied cell inside is something the robot meets; what nobody saw is a hole.
+    assert len(made.building.standing) == 2
+    (space,) = made.building.spaces.values()
+    assert len(space.holes) == 2
+
+
+def test_floor_that_ends_without_a_wall_is_measured():
+    # Unseen: 30 cells of the outer wall on the right, and 4 by 4 cells inside.
+    window = (20, 58, 30, 2, UNKNOWN)
+    grid = painted(
+        80, 60, (0, 0, 80, 60, OCCUPIED), (2, 2, 76, 56, FREE), window, (40, 20, 4, 4, UNKNOWN)
+    )
+    report = vectorise(grid).report
+    assert report.open_border == pytest.approx((30 + 16) * CELL)
+    assert report.widest_opening == (1.9, -0.2)
+    assert vectorise(house()).report.widest_opening is None
+
+
+def test_equal_maps_become_equal_texts():
+    texts = {walls_text(vectorise(measured(house())).building) for _ in range(2)}
+    assert len(texts) == 1
+
+
+def test_a_map_without_floor_is_refused():
+    with pytest.raises(EmptyMapError, match="no free floor"):
+        vectorise(painted(4, 4, (0, 0, 4, 4, OCCUPIED)))
+
+
+@given(st.lists(RECTANGLE, min_size=1, max_size=9))
+def test_any_map_becomes_polygons_that_do_not_overlap(rectangles):
+    grid = painted(42, 42, (1, 1, 12, 12, FREE), *rectangles)
+    if not (grid.cells == FREE).any():
+        return
+    made = vectorise(grid, ImportSettings(least_room=0.0, specks=1, doorways=False))
+    floors, walls = (
+        [shapely.Polygon(part.outline, part.holes) for part in parts]
+        for parts in (made.building.spaces.values(), made.building.standing)
+    )
+    assert all(polygon.is_valid for polygon in (*floors, *walls))
+    assert made.report.largest_error <= 1.0
+    together = shapely.union_all([*floors, *walls]).area
+    assert sum(polygon.area for polygon in (*floors, *walls)) == pytest.approx(together, abs=1e-6)
+    # No cell vanishes, and none appears, further than a cell from a border.
+    for polygons, kind in ((floors, FREE), (walls, OCCUPIED)):
+        area = shapely.union_all(polygons)
+        cells = grid.cells == kind
+        row, column = np.nonzero(cells)
+        boxes = shapely.box(
+            *((k * CELL + o) for k, o in ((column, -1.0), (row, -2.0))),
+            *((k * CELL + o) for k, o in ((column + 1, -1.0), (row + 1, -2.0))),
+        )
+        original = shapely.union_all(boxes)
+        assert area.difference(original.buffer(1.5 * CELL)).area < 1e-9
+        assert original.difference(area.buffer(1.5 * CELL)).area < 1e-9

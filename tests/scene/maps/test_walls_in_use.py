@@ -1,0 +1,203 @@
+"""What is made of a walls layer: scenes with doors, maps, artefacts, campaigns, JSON-LD."""
+
+import json
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+from shapely.geometry import Polygon
+
+from daemon.campaign import examine, load_campaign
+from grammars.jsonld import check_jsonld, load_floorplan_jsonld, scene_document
+from grammars.maps import load_walls
+from grammars.model.free_space import FreeSpace
+from grammars.model.geometry import Pose2
+from grammars.model.grid import FREE, OCCUPIED, UNKNOWN
+from grammars.model.scene import Region, Scene
+from grammars.preflight import check_scene
+from grammars.scenery import parse_scenery
+from grammars.scenery.composition import compile_scene, static_segments
+from grammars.text import codec
+from grammars.text.diagnostics import InputError
+from scenario_tui.library.checking import check_file
+from templates.artefacts import export
+from templates.occupancy import occupancy_grid
+from templates.tasks import inset_contour
+from templates.world import ArtefactWorld
+from tests.scene.maps.houses import DOOR, HUT, hut
+
+
+@pytest.fixture(scope="module")
+def plan(tmp_path_factory):
+    return hut(tmp_path_factory.mktemp("hut"))
+
+
+@pytest.fixture(scope="module")
+def scene(plan):
+    return compile_scene(plan)
+
+
+def test_walls_become_convex_pieces_that_cover_them(plan, scene):
+    walls = shapely.union_all([Polygon(f.footprint, f.holes) for f in plan.features])
+    pieces = [Polygon(solid.polygon) for solid in scene.solids]
+    assert shapely.union_all(pieces).symmetric_difference(walls).area < 1e-6
+    assert sum(piece.area for piece in pieces) == pytest.approx(walls.area)
+    assert all(piece.convex_hull.area - piece.area < 1e-9 for piece in pieces)
+    assert {(s.owner, s.kind, s.z_max) for s in scene.solids} == {
+        ("wall_1", "wall", 2.5),
+        ("post", "wall", 1.0),
+    }
+    segments, _, owners = static_segments(scene, 0.3)
+    assert owners == ("wall_1", "post")
+    # Outer face 4, inner face 12, post 4.
+    assert len(segments) == 20
+    assert check_scene(scene) == ()
+
+
+def test_jagged_walls_of_many_corners_are_cut_in_pieces(plan):
+    random = np.random.default_rng(3)
+    holes = []
+    for k in range(12):
+        angle = np.sort(random.uniform(0, 2 * np.pi, 150))
+        away = random.uniform(2, 3, 150)
+        x, y = 4 + 7 * (k % 4) + away * np.cos(angle), 4 + 7 * (k // 4) + away * np.sin(angle)
+        holes.append(tuple(zip(np.round(x, 3).tolist(), np.round(y, 3).tolist(), strict=True)))
+    outline = ((0.0, 0.0), (30.0, 0.0), (30.0, 22.0), (0.0, 22.0))
+    wall = replace(plan.features[0], footprint=outline, holes=tuple(holes))
+    pieces = [Polygon(s.polygon) for s in compile_scene(replace(plan, features=(wall,))).solids]
+    area = Polygon(outline, holes)
+    assert sum(piece.area for piece in pieces) == pytest.approx(area.area)
+    assert area.symmetric_difference(shapely.union_all(pieces)).area < 1e-6
+    assert all(piece.convex_hull.area - piece.area < 1e-9 for piece in pieces)
+    # Triangles alone would be 1826.
+    assert len(pieces) < 1200
+
+
+def test_holes_count_in_digests_only_where_there_are_some(scene):
+    assert "holes" not in codec.to_plain(Region("room", ((0, 0), (1, 0), (1, 1))))
+    assert [("holes" in region) for region in codec.to_plain(scene)["regions"]] == [True, False]
+    assert codec.from_json(Scene, codec.to_json(scene), exactly=True) == scene
+
+
+@pytest.mark.parametrize(
+    ("words", "hinge", "tip"),
+    [
+        # Inwards the kitchen lies; left and right are seen from there, looking at the hall.
+        ("hinge left, opening inwards", 1.0, "kitchen"),
+        ("hinge right, opening inwards", 2.0, "kitchen"),
+        ("hinge left, opening outwards", 1.0, "hall"),
+        ("hinge right, opening into hall", 2.0, "hall"),
+        ("hinge left, opening into kitchen", 1.0, "kitchen"),
+    ],
+)
+def test_doors_hang_in_gaps(words, hinge, tip, plan):
+    layer = parse_scenery(f"{DOOR}\nfront is a door in gap, {words}", "doors.scenery")
+    scene = compile_scene(plan, [layer])
+    (door,) = scene.objects
+    assert door.doorway == "gap"
+    assert door.pose.y == pytest.approx(hinge, abs=0.06)
+    # Open, the leaf lies in the room that it opens to.
+    (joint,) = door.joints
+    swung = door.pose @ Pose2(*joint.anchor, joint.upper or joint.lower)
+    leaf = door.links[1].polygons[0]
+    away = [swung.apply((x - joint.anchor[0], y - joint.anchor[1])) for x, y in leaf]
+    middle = sum(x for x, _ in away) / len(away)
+    assert (middle > 6.2) if tip == "kitchen" else (middle < 6.0)
+    assert [d for d in check_scene(scene) if "starts inside" in d.message] == []
+
+
+def test_a_space_on_both_sides_of_a_gap_is_no_way_to_open(tmp_path):
+    around = [[0, 0], [10, 0], [10, 4], [0, 4]]
+    text = f"walls: one\nspaces:\n  office: {{outline: {around}}}\nstanding:\n"
+    text += "  - outline: [[5, 0], [5.2, 0], [5.2, 1], [5, 1]]\n"
+    text += "  - outline: [[5, 2], [5.2, 2], [5.2, 4], [5, 4]]\n"
+    text += "entryways:\n  gap: {from: [5.1, 1], to: [5.1, 2], depth: 20 cm}\n"
+    (tmp_path / "one.walls.yaml").write_text(text)
+    one = load_walls(tmp_path / "one.walls.yaml")
+    sentence = f"{DOOR}\nfront is a door in gap, hinge left, opening into office"
+    with pytest.raises(InputError, match="lies on both sides of gap"):
+        compile_scene(one, [parse_scenery(sentence, "doors.scenery")])
+    inwards = sentence.replace("into office", "inwards")
+    assert compile_scene(one, [parse_scenery(inwards, "doors.scenery")]).objects
+
+
+@pytest.mark.parametrize("rule", ["outline", "touch", "centre"])
+def test_holes_are_unknown_on_maps_unless_something_stands_there(rule, scene):
+    grid = occupancy_grid(scene, laser_height=0.3, rule=rule)
+
+    def at(x, y):
+        row, column = ((v - o) / grid.resolution for v, o in ((y, grid.y), (x, grid.x)))
+        return int(grid.cells[int(row), int(column)])
+
+    assert at(1.02, 2.02) == at(8.02, 2.02) == at(6.12, 1.52) == FREE
+    assert at(4.22, 3.22) == at(-1.0, 2.0) == UNKNOWN
+    assert at(2.22, 1.22) == at(6.12, 3.02) == OCCUPIED
+
+
+def test_floor_is_counted_without_holes(scene):
+    hall = scene.regions[0]
+    assert FreeSpace(scene, 1.0).area.area == pytest.approx(24 - 0.5 + 15.2 + 0.2, abs=0.01)
+    (around,) = inset_contour(hall, 0.6).parts
+    assert (
+        min(Polygon(hole).distance(shapely.Point(c)) for hole in hall.holes for c in around) > 0.59
+    )
+
+
+def test_jsonld_reads_back(plan, tmp_path):
+    path = tmp_path / "hut.jsonld"
+    path.write_text(json.dumps(scene_document(plan)), encoding="utf-8")
+    again = load_floorplan_jsonld(path)
+    assert again == plan
+    assert again.warnings == ()
+    assert compile_scene(again).digest == compile_scene(plan).digest
+    assert check_jsonld(path) == ()
+
+
+def test_all_artefacts_can_be_made(plan, scene, tmp_path):
+    world = ArtefactWorld("hut", scene, plan)
+    kinds = ["picture", "sdf", "mesh", "tasks", "launch", "foxglove", "map"]
+    made = export(world, kinds, tmp_path).made
+    assert set(made) == set(kinds)
+    assert all(path.stat().st_size for paths in made.values() for path in paths)
+
+
+CAMPAIGN = """\
+campaign: huts
+repeats: 1
+limit: 1 min
+robot: courier
+oracles: mine
+matrix: {sut: [pilot]}
+scenarios:
+  by-name: {floorplan: hut, objects: doors, mission: there, oracles: [reached]}
+  by-file: {floorplan: hut.walls.yaml, objects: doors, mission: there, oracles: [reached]}
+"""
+
+
+def test_campaigns_take_a_layer_for_a_floor_plan(campaigns, tmp_path):
+    (tmp_path / "hut.walls.yaml").write_text(HUT)
+    (tmp_path / "doors.scenery").write_text(
+        f"{DOOR}\nfront is a door in gap, hinge left, opening inwards"
+    )
+    (tmp_path / "there.mission.yaml").write_text("start: {x: 1, y: 3}\nwaypoints: [{x: 8, y: 2}]")
+    (tmp_path / "mine.oracles.yaml").write_text("reached: reached(mission, 0.3 m)")
+    shutil.copy(campaigns / "robots" / "courier.yaml", tmp_path)
+    path = tmp_path / "campaign.yaml"
+    path.write_text(CAMPAIGN)
+    assert [str(d) for d in examine(path)[1]] == []
+    first, second = load_campaign(path).cells
+    assert first.scene.digest == second.scene.digest
+    path.write_text(CAMPAIGN.replace("floorplan: hut,", "floorplan: hat,"))
+    with pytest.raises(InputError, match='did you mean "hut"'):
+        load_campaign(path)
+    path.write_text(CAMPAIGN.replace("floorplan: hut,", "floorplan: {hut: {width: 1 m}},"))
+    with pytest.raises(InputError, match=r"hut\.walls\.yaml has no variables"):
+        load_campaign(path)
+
+
+def test_check_says_what_a_layer_holds(tmp_path):
+    (tmp_path / "hut.walls.yaml").write_text(HUT)
+    about, found = check_file(tmp_path / "hut.walls.yaml")
+    assert (about, found) == ("walls layer with 2 spaces, 2 walls, 1 entryway", ())

@@ -1,0 +1,35 @@
+"""Objects and missions for the two rooms of :mod:`tests.languages.plans`, and what is found."""
+
+import functools
+
+from grammars.model.geometry import Pose2
+from grammars.model.mission import Mission, Waypoint
+from grammars.preflight import check_run
+from grammars.text.diagnostics import Where
+from tests.languages import plans
+
+DOOR = "d is a hinged_door in kitchen_doorway, hinge left, opening into kitchen\n"
+
+PERSON = """
+mover person
+    link body circle radius 25 cm from 0 m to 1.7 m, mass 75 kg
+v is a person in hall, x -4 m
+"""
+
+
+scene_with = functools.cache(plans.scene_with)
+"""The two rooms with objects, compiled once for all tests that ask for the same ones."""
+
+
+def mission(*points, start=None):
+    waypoints = tuple(Waypoint(f"w{i}", x, y) for i, (x, y) in enumerate(points))
+    return Mission("m", start or Pose2(), waypoints)
+
+
+def messages(robot, scene, task, *behaviours):
+    """Return every finding: its message and hint, with a ``?`` in front of warnings."""
+    found = check_run(scene, robot, task, behaviours, where=Where("task.yaml"))
+    return [
+        "? " * (d.severity == "warning") + d.message + (f" ({d.hint})" if d.hint else "")
+        for d in found
+    ]

@@ -1,0 +1,339 @@
+import hashlib
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import jsonschema
+import pytest
+import yaml
+from PIL import Image
+from rdflib import Graph, Namespace
+from rdflib.namespace import DCTERMS, PROV, RDF
+
+from grammars.floorplan import load_floorplan
+from grammars.model.behaviour import Jump, LegBegins, Reaction, Walk
+from grammars.text.diagnostics import InputError
+from templates.artefacts import KINDS, export
+from templates.mesh import wall_mesh
+from templates.naming import file_name
+from templates.picture import PNG_SCALE
+from templates.rendering import BUILT_IN, number
+from templates.world import BehaviourDraw, ExportSettings
+from tests.scene.templates.test_bodies import walker
+from tests.scene.templates.worlds import BEHAVIOURS, mission, robot, scene, world
+
+SCHEMA = Namespace("https://schema.org/")
+PANELS = Path(__file__).with_name("foxglove_panels.schema.json")
+SPLITS = {
+    "anyOf": [
+        {"type": "string"},
+        {
+            "type": "object",
+            "properties": {
+                "direction": {"enum": ["row", "column"]},
+                "splitPercentage": {"type": "number", "minimum": 1, "maximum": 99},
+                "first": {"$ref": "#"},
+                "second": {"$ref": "#"},
+            },
+            "required": ["direction", "first", "second"],
+            "additionalProperties": False,
+        },
+    ]
+}
+"""How panels are arranged."""
+HOSTILE = '<b onload="x">&\u0007 ../../etc/..'
+
+
+def digests(folder):
+    return {
+        path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+def test_all_is_every_single_one(tmp_path, campaigns):
+    plan = load_floorplan(campaigns / "demo" / "flat.fpm")
+    whole = world(plan=plan)
+    done = export(whole, ["all"], tmp_path / "all")
+    assert list(done.made) == list(KINDS)
+    assert {path for path in (tmp_path / "all").rglob("*") if path.is_file()} == set(done.paths)
+    for kind in KINDS:
+        export(whole, [kind], tmp_path / "single")
+    single, together = digests(tmp_path / "single"), digests(tmp_path / "all")
+    # Provenance lists the files of one export.
+    assert single.pop("errand.prov.ttl") != together.pop("errand.prov.ttl")
+    assert single == together
+
+
+def test_the_same_world_gives_the_same_bytes(tmp_path):
+    export(world(), ["all"], tmp_path / "a")
+    export(world(), ["all"], tmp_path / "b")
+    assert digests(tmp_path / "a") == digests(tmp_path / "b")
+
+
+def test_kinds_are_refused_or_left_out_where_they_do_not_fit(tmp_path):
+    with pytest.raises(InputError, match="jsonld cannot be made of errand"):
+        export(world(), ["map", "jsonld"], tmp_path)
+    with pytest.raises(InputError, match="keyframes cannot be made"):
+        export(world(mission=None), ["keyframes"], tmp_path)
+    with pytest.raises(InputError, match='did you mean "picture"'):
+        export(world(), ["pictures"], tmp_path)
+    assert "jsonld" not in export(world(), ["all"], tmp_path).made
+
+
+def test_maps_show_the_doors_in_every_state(tmp_path):
+    states = (("open", (("entrance.hinge", 1.9),)), ("shut", (("entrance.hinge", 0.0),)))
+    export(world(states=states), ["map"], tmp_path)
+    images = {p.stem: p.read_bytes() for p in (tmp_path / "maps").glob("*.pgm")}
+    assert set(images) == {"rooms", "rooms-start", "rooms-open", "rooms-shut"}
+    assert len(set(images.values())) == 4
+    for path in (tmp_path / "maps").glob("*.yaml"):
+        assert yaml.safe_load(path.read_text())["image"] == f"{path.stem}.pgm"
+
+
+def test_launch_files_point_at_files_that_are_there(tmp_path):
+    export(world(), ["all"], tmp_path)
+    for name, marker in (("errand.launch", "$(arg root)/"), ("errand.launch.xml", "$(var root)/")):
+        root = ElementTree.parse(tmp_path / "launch" / name).getroot()
+        arguments = {arg.get("name"): arg.get("default") or "" for arg in root.findall("arg")}
+        assert [arguments[n] for n in ("x", "y", "yaw")] == ["0.4", "0.3", "0.7"]
+        named = [arguments["world"], arguments["map"]]
+        named += [e.get("file") or "" for e in root.findall("rosparam")]
+        for path in named:
+            assert path.startswith(marker)
+            assert (tmp_path / path.removeprefix(marker)).is_file()
+
+
+def test_the_layout_shows_topics_that_traces_have(tmp_path):
+    from daemon.trace import TOPICS
+
+    export(world(), ["foxglove"], tmp_path)
+    layout = json.loads((tmp_path / "errand.foxglove.json").read_text())
+    known = {topic.name for topic in TOPICS}
+    panels = layout["configById"]
+    shown = set(panels["3D!top"]["topics"]) | {panels["RosOut!events"]["topicToRender"]}
+    plotted = [path["value"] for panel in panels.values() for path in panel.get("paths", ())]
+    shown |= {value.split(".")[0] for value in plotted}
+    assert shown <= known
+    assert sum(value.startswith("/joint_states") for value in plotted) == 4
+
+    def leaves(node):
+        if isinstance(node, dict):
+            return leaves(node["first"]) + leaves(node["second"])
+        return [str(node)]
+
+    assert sorted(leaves(layout["layout"])) == sorted(panels)
+
+
+def test_the_layout_says_what_the_viewer_knows_of(tmp_path):
+    """Against the panels its makers publish: a name they do not know is dropped without a word."""
+    from daemon.trace import TOPICS
+
+    published = json.loads(PANELS.read_text())
+    kinds = {topic.name: topic.kind for topic in TOPICS}
+    without_joints = replace(scene(), objects=())
+    for shown in (scene(), without_joints):
+        export(replace(world(), scene=shown), ["foxglove"], tmp_path)
+        layout = json.loads((tmp_path / "errand.foxglove.json").read_text())
+        assert layout.keys() == {
+            "configById", "globalVariables", "userNodes", "playbackConfig", "layout",
+        }  # fmt: skip
+        for name, config in layout["configById"].items():
+            # The title is every panel's, and not of its configuration.
+            config.pop("foxglovePanelTitle", None)
+            kind = published["panels"][name.partition("!")[0]]
+            jsonschema.validate(config, kind | {"$defs": published["$defs"]})
+            for topic, settings in config.get("topics", {}).items():
+                drawn = published["topics"][kinds[topic]]
+                jsonschema.validate(settings, drawn | {"$defs": published["$defs"]})
+        jsonschema.validate(layout["layout"], SPLITS)
+
+
+def test_the_layout_shows_every_laser(tmp_path):
+    one = robot()
+    rear = replace(one.laser, name="rear")
+    both = replace(one, laser=replace(one.laser, name="front"), other_lasers=(rear,))
+    export(world(robot=both), ["foxglove"], tmp_path)
+    layout = json.loads((tmp_path / "errand.foxglove.json").read_text())
+    shown = [name for name in layout["configById"]["3D!top"]["topics"] if "scan" in name]
+    assert shown == ["/scan_front", "/scan_rear"]
+
+
+def test_provenance_is_prov_o_with_the_hash_of_every_file(tmp_path):
+    source = tmp_path / "plan.fpm"
+    source.write_text("Floor plan: x\n")
+    out = tmp_path / "out"
+    done = export(
+        world(sources=(source,)),
+        ["all"],
+        out,
+        settings=ExportSettings(timestamp="2026-01-31T12:00:00"),
+    )
+    graph = Graph().parse(out / "errand.prov.ttl")
+    made = [path for kind, paths in done.made.items() if kind != "prov" for path in paths]
+    hashes = {str(h) for h in graph.objects(None, SCHEMA.sha256)}
+    for path in (*made, source):
+        assert hashlib.sha256(path.read_bytes()).hexdigest() in hashes, path
+    outputs = set(graph.subjects(PROV.wasGeneratedBy))
+    assert len(outputs) == len(made)
+    for output in outputs:
+        activity = graph.value(output, PROV.wasGeneratedBy)
+        assert (activity, RDF.type, PROV.Activity) in graph
+        assert graph.value(output, PROV.generatedAtTime)
+        for agent in graph.objects(activity, PROV.wasAssociatedWith):
+            assert (agent, RDF.type, PROV.SoftwareAgent) in graph
+    parameters = {
+        str(graph.value(node, DCTERMS.title)): value.toPython()
+        for node, value in graph.subject_objects(PROV.value)
+    }
+    assert parameters["distance"] == 0.7
+    assert parameters["laser_height"] == 0.25
+    assert parameters["closed"] is False
+    assert str(tmp_path) not in (out / "errand.prov.ttl").read_text()
+
+
+def test_sources_of_the_same_name_are_told_apart(tmp_path):
+    files = [tmp_path / folder / "cart.yaml" for folder in ("robots", "suts")]
+    for file in files:
+        file.parent.mkdir()
+        file.write_text(file.parent.name)
+    export(world(sources=tuple(files)), ["prov"], tmp_path / "out")
+    graph = Graph().parse(tmp_path / "out" / "errand.prov.ttl")
+    assert len(set(graph.objects(None, PROV.wasDerivedFrom))) == 2
+
+
+def test_pictures_have_everything_in_them(tmp_path):
+    export(world(), ["picture"], tmp_path)
+    root = ElementTree.parse(tmp_path / "errand.svg").getroot()
+    texts = ["".join(e.itertext()) for e in root.iter("{http://www.w3.org/2000/svg}text")]
+    for text in ("errand", "left", "right", "entrance", "slider", "1, 3", "2", "start, cart"):
+        assert text in texts
+    assert any(text.endswith(" m") for text in texts)
+    groups = {e.get("id") for e in root.iter("{http://www.w3.org/2000/svg}g")}
+    assert {"walls", "swings", "doors", "way", "waypoints", "robot", "scale"} <= groups
+    with Image.open(tmp_path / "errand.png") as image:
+        box = [float(v) for v in (root.get("viewBox") or "").split()]
+        assert image.size == pytest.approx((PNG_SCALE * box[2], PNG_SCALE * box[3]), abs=1)
+        colours = image.convert("RGB").getcolors(1 << 24)
+    shown = {colour for _, colour in colours or ()}
+    wall, door, route, cart = (
+        (0x3B, 0x40, 0x48),
+        (0xC8, 0x55, 0x3D),
+        (0x22, 0x63, 0x8F),
+        (0x2F, 0x9E, 0x6E),
+    )
+    assert {wall, door, route, cart} <= shown
+
+
+def test_what_takes_a_library_that_is_missing_is_left_out_of_all_and_said(tmp_path, monkeypatch):
+    wall_mesh.cache_clear()
+    monkeypatch.setitem(sys.modules, "manifold3d", None)
+    found = export(world(), ["all"], tmp_path)
+    assert "mesh" not in found.made
+    assert any('pip install "scenario-tui[mesh]"' in note for note in found.notes)
+    with pytest.raises(InputError, match="a mesh takes the library manifold3d"):
+        export(world(), ["mesh"], tmp_path)
+
+
+def test_a_picture_of_a_bare_plan_needs_no_mission(tmp_path):
+    export(world(mission=None, robot=None, draws=(BehaviourDraw("", ()),)), ["picture"], tmp_path)
+    assert (tmp_path / "errand.png").stat().st_size > 1000
+
+
+def test_movers_and_events_are_drawn_and_what_gazebo_lacks_is_said(tmp_path):
+    import dataclasses
+
+    crowd = dataclasses.replace(scene(), objects=(*scene().objects, walker()))
+    acts = (
+        Walk("walker", ((1.0, 0.3), (1.8, 0.3), (1.8, 1.7)), speed=1.0),
+        Reaction("entrance.hinge", 0.9, 0.0, LegBegins(2), Jump()),
+    )
+    done = export(world("errand", BehaviourDraw("", acts), scene=crowd), ["all"], tmp_path)
+    assert "walker: no plugin walks, it stands where it starts" in done.notes
+    assert "entrance.hinge: no plugin waits for events, it stays where it starts" in done.notes
+    frames = json.loads((tmp_path / "keyframes/entrance.json").read_text())["keyframes"]
+    assert frames == [{"position": 0.9, "time": 0.0}]
+    svg = (tmp_path / "errand.svg").read_text()
+    assert '<g id="walks">' in svg
+    assert ">walker</text>" in svg
+
+
+def test_hostile_names_stay_text_and_inside_the_folder(tmp_path):
+    import dataclasses
+
+    named = dataclasses.replace(scene(), name=HOSTILE)
+    evil = world(HOSTILE, scene=named, mission=mission(HOSTILE))
+    done = export(evil, ["all"], tmp_path / "out")
+    for path in done.paths:
+        assert path.resolve().is_relative_to((tmp_path / "out").resolve())
+        if path.suffix in (".sdf", ".world", ".svg", ".launch", ".xml", ".config"):
+            ElementTree.parse(path)
+    svg = next(path for path in done.paths if path.suffix == ".svg").read_text()
+    assert "<b onload" not in svg
+    task = next((tmp_path / "out/tasks/mission").iterdir())
+    assert yaml.safe_load(task.read_text())["task"][0]["name"] == HOSTILE
+
+
+@pytest.mark.parametrize(
+    "name", ["", ".", "..", "../x", "a/b", "a\\b", ".hidden", "x" * 300, "ß", "a b", "a\0b"]
+)
+def test_unsafe_names_become_safe_and_stay_different(name):
+    safe = file_name(name)
+    assert safe == Path(safe).name
+    assert len(safe) <= 100
+    assert not safe.startswith(".")
+    assert safe != file_name(name + "-")
+    assert file_name("hall_2.a-b") == "hall_2.a-b"
+
+
+def test_every_template_of_ours_is_used():
+    used = set(BUILT_IN.glob("*.j2"))
+    assert len(used) == 14
+    sources = "".join(p.read_text() for p in BUILT_IN.parent.rglob("*.py"))
+    sources += "".join(p.read_text() for p in used)
+    assert all(f'"{path.name}"' in sources for path in used)
+
+
+def test_the_manual_names_every_kind():
+    manual = (BUILT_IN.parents[1] / "docs" / "artefacts.md").read_text()
+    assert all(f"| `{kind}` |" in manual for kind in KINDS)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.0, "0"),
+        (-0.0, "0"),
+        (-1e-12, "0"),
+        (1e20, "1" + "0" * 20),
+        (0.1 + 0.2, "0.3"),
+        (100.0, "100"),
+    ],
+)
+def test_numbers_are_plain(value, text):
+    assert number(value) == text
+
+
+def test_what_is_no_number_is_refused():
+    with pytest.raises(ValueError, match="no number"):
+        number(float("nan"))
+
+
+def test_heights_and_resolutions_come_from_the_robot_and_the_campaign(tmp_path):
+    export(world(resolution=0.1), ["map"], tmp_path)
+    text = (tmp_path / "maps/rooms.yaml").read_text()
+    assert "resolution: 0.1\n" in text
+    assert f"laser at {robot().laser.z:g} m" in text
+    export(world(), ["map"], tmp_path, settings=ExportSettings(laser_height=1.0, resolution=0.2))
+    text = (tmp_path / "maps/rooms.yaml").read_text()
+    assert "resolution: 0.2\n" in text
+    assert "laser at 1 m" in text
+
+
+def test_draws_may_share_everything(tmp_path):
+    several = world("errand", BehaviourDraw("repeat-0", BEHAVIOURS), BehaviourDraw("repeat-1", ()))
+    done = export(several, ["sdf", "keyframes"], tmp_path)
+    assert len(done.paths) == len(set(done.paths))

@@ -1,0 +1,152 @@
+import math
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from grammars.model.geometry import Pose2
+from grammars.model.kinematics import link_poses
+from grammars.model.scene import Joint, Link, SceneObject
+from templates.bodies import body_of
+from tests.scene.templates.worlds import ROUND, box, cabinet, hinged, slider
+
+HERE = Pose2(3.0, -2.0, 0.4)
+
+
+def single(*polygons, height=1.0):
+    link = Link("part", polygons, 6.0, 0.2, 0.2 + height)
+    return body_of(SceneObject("thing", "thing", HERE, (link,), (), ()))
+
+
+@given(
+    st.lists(st.tuples(st.floats(-2, 2), st.floats(-2, 2)), min_size=3, max_size=8),
+    st.floats(0.1, 3.0),
+)
+def test_inertia_is_that_of_the_solid(corners, height):
+    # Here, for every process of a round reads this file: with scipy it takes 0.3 s.
+    import trimesh.creation
+
+    hull = shapely.MultiPoint(corners).convex_hull
+    assume(hull.geom_type == "Polygon" and hull.area > 0.05)
+    (link,) = single(tuple(hull.exterior.coords[:-1]), height=height).links
+    solid = trimesh.creation.extrude_polygon(hull, height)
+    solid.density = 6.0 / solid.volume
+    expected = solid.moment_inertia
+    ixx, iyy, izz, ixy = link.inertia
+    scale = np.abs(expected).max()
+    assert [ixx, iyy, izz, ixy] == pytest.approx(
+        [expected[0, 0], expected[1, 1], expected[2, 2], expected[0, 1]], abs=1e-5 * scale
+    )
+    assert link.pose[:3] == pytest.approx((*solid.center_mass[:2], 0.2 + height / 2), abs=1e-5)
+
+
+def test_a_link_of_several_polygons_is_one_body():
+    (two,) = single(box(-2, -1, 0, 1), box(0, -1, 2, 1)).links
+    (one,) = single(box(-2, -1, 2, 1)).links
+    assert two.inertia == pytest.approx(one.inertia)
+    assert (len(two.boxes), len(one.boxes)) == (2, 1)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.3, 1.2, -2.5, math.pi / 2])
+def test_a_turned_rectangle_is_a_box(yaw):
+    ring = Pose2(0.4, 0.1, yaw).apply_ring(box(-1.0, -0.25, 1.0, 0.25))
+    (link,) = single(ring).links
+    (shape,) = link.boxes
+    c, s = math.cos(shape.pose[5]), math.sin(shape.pose[5])
+    half = shape.size[0] / 2, shape.size[1] / 2
+    corners = {
+        (round(c * a - s * b, 9), round(s * a + c * b, 9))
+        for a in (-half[0], half[0])
+        for b in (-half[1], half[1])
+    }
+    assert corners == {(round(x - 0.4, 9), round(y - 0.1, 9)) for x, y in ring}
+    assert abs(shape.pose[5]) <= math.pi / 4 + 1e-9
+
+
+def test_what_is_no_rectangle_stays_a_polygon():
+    (link,) = single(ROUND).links
+    assert link.boxes == ()
+    assert len(link.prisms[0].points) == 5
+
+
+def test_a_hinge_is_where_the_scene_has_it():
+    thing = hinged("door", 1.0, 2.0)
+    body = body_of(thing)
+    leaf = body.links[1]
+    hinge = next(joint for joint in body.joints if joint.of == "hinge")
+    at = (leaf.pose[0] + hinge.pose[0], leaf.pose[1] + hinge.pose[1])
+    assert at == pytest.approx(thing.joints[0].anchor)
+    assert (hinge.parent, hinge.child, hinge.axis) == ("post", "leaf", (0.0, 0.0, 1.0))
+    assert (hinge.friction, hinge.damping, hinge.stiffness, hinge.rest) == (1.0, 0.5, 2.0, 0.1)
+    arm = math.dist(at, leaf.pose[:2])
+    assert hinge.moment == pytest.approx(leaf.inertia[2] + leaf.mass * arm**2)
+
+
+def test_links_without_a_joint_are_fixed_to_the_world():
+    fixed = [joint for joint in body_of(hinged("door", 0, 0)).joints if joint.kind == "fixed"]
+    assert [(joint.parent, joint.child) for joint in fixed] == [("world", "post")]
+
+
+def test_a_slider_moves_along_its_axis():
+    (rail,) = body_of(slider()).joints
+    assert (rail.kind, rail.parent, rail.upper) == ("prismatic", "world", 1.0)
+    assert rail.axis == pytest.approx((math.sqrt(0.5), math.sqrt(0.5), 0.0))
+
+
+def test_frozen_objects_stand_as_they_start():
+    thing = hinged("door", 1.0, 2.0, frozen=True, at=1.1)
+    body = body_of(thing)
+    assert body.static
+    assert body.joints == ()
+    leaf = body.links[1]
+    ring = link_poses(thing, (1.1,))["leaf"].apply_ring(thing.links[1].polygons[0])
+    middle = np.mean(ring, axis=0)
+    assert thing.pose.apply((leaf.pose[0], leaf.pose[1])) == pytest.approx(tuple(middle))
+
+
+def test_names_a_simulator_reserves_are_changed():
+    assert [link.name for link in body_of(cabinet()).links] == ["world-link"]
+    same = Link("part", (box(0, 0, 1, 1),), 1.0, 0.0, 1.0)
+    turn = Joint("part", "revolute", "world", "part", (0.0, 0.0), (1.0, 0.0), 0.0, 1.0)
+    body = body_of(SceneObject("x", "x", HERE, (same,), (turn,), (0.0,)))
+    assert body.links[0].name != body.joints[0].name
+    assert body.joint_name("part") == body.joints[0].name
+
+
+def walker():
+    """Return a body on two shapeless carriers, at (1, 2) and turned, with a bag that swings."""
+    links = (
+        Link("x_carrier", (), 0.0, 0.0, 0.0),
+        Link("y_carrier", (), 0.0, 0.0, 0.0),
+        Link("person", (box(-0.2, -0.2, 0.2, 0.2),), 70.0, 0.0, 1.8),
+        Link("bag", (box(0.2, -0.05, 0.4, 0.05),), 3.0, 0.5, 0.8),
+    )
+    joints = (
+        Joint("x", "prismatic", "world", "x_carrier", (0.0, 0.0), (1.0, 0.0), -1e4, 1e4),
+        Joint("y", "prismatic", "x_carrier", "y_carrier", (0.0, 0.0), (0.0, 1.0), -1e4, 1e4),
+        Joint("yaw", "revolute", "y_carrier", "person", (0.0, 0.0), (0.0, 0.0), -1e4, 1e4),
+        Joint("strap", "revolute", "person", "bag", (0.2, 0.0), (0.0, 0.0), -1.0, 1.0),
+    )
+    return SceneObject("walker", "walker", HERE, links, joints, (1.0, 2.0, math.pi / 2, 0.0))
+
+
+def test_a_mover_stands_where_it_starts_without_its_carriers():
+    body = body_of(walker())
+    assert [link.name for link in body.links] == ["person", "bag"]
+    assert body.links[0].pose[:2] == pytest.approx((1.0, 2.0))
+    assert body.links[1].pose[:2] == pytest.approx((1.0, 2.3))
+    kinds = [(joint.kind, joint.parent, joint.child) for joint in body.joints]
+    assert kinds == [("fixed", "world", "person"), ("revolute", "person", "bag")]
+    assert body.joints[1].pose[:2] == pytest.approx((0.0, -0.1))
+
+
+def test_a_fixed_joint_holds_its_link_to_its_parent():
+    thing = hinged("door", 0.0, 0.0)
+    handle = Link("handle", (box(0.02, 0.8, 0.06, 0.9),), 0.5, 1.0, 1.1)
+    grip = Joint("grip", "revolute", "leaf", "handle", (0.0, 0.8), (1.0, 0.0), 0.0, 0.0)
+    body = body_of(
+        SceneObject("door", "door", HERE, (*thing.links, handle), (*thing.joints, grip), (0.0, 0.0))
+    )
+    assert ("fixed", "leaf", "handle") in [(j.kind, j.parent, j.child) for j in body.joints]

@@ -1,0 +1,149 @@
+import math
+
+import pytest
+import shapely
+import yaml
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from grammars.floorplan import load_floorplan
+from grammars.model.geometry import Pose2
+from grammars.model.mission_files import load_mission
+from grammars.model.scene import Region, Scene, Solid
+from grammars.scenery.composition import compile_scene
+from templates.tasks import contour_route, inset_contour, too_close, write_tasks
+from templates.world import ArtefactWorld, ExportJob, ExportSettings
+from tests.scene.templates.test_occupancy import box
+from tests.scene.templates.worlds import job
+
+L_SHAPE = ((0.0, 0.0), (0.0, 6.0), (2.0, 6.0), (2.0, 2.0), (6.0, 2.0), (6.0, 0.0))
+BARBELL = (
+    (0.0, 0.0), (0.0, 4.0), (4.0, 4.0), (4.0, 2.5), (6.0, 2.5), (6.0, 4.0),
+    (10.0, 4.0), (10.0, 0.0), (6.0, 0.0), (6.0, 1.5), (4.0, 1.5), (4.0, 0.0),
+)  # fmt: skip
+
+
+def near(ring):
+    return [(pytest.approx(x, abs=1e-9), pytest.approx(y, abs=1e-9)) for x, y in ring]
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_an_l_shape_keeps_its_inner_corner(mirrored):
+    outline = tuple((-x, y) for x, y in L_SHAPE) if mirrored else L_SHAPE
+    expected = ((0.3, 5.7), (1.7, 5.7), (1.7, 1.7), (5.7, 1.7), (5.7, 0.3), (0.3, 0.3))
+    contour = inset_contour(Region("l", outline), 0.3)
+    assert contour.findings == ()
+    assert list(contour.parts[0]) == near(
+        tuple((-x, y) for x, y in expected) if mirrored else expected
+    )
+
+
+def test_collinear_corners_need_no_waypoint():
+    ring = ((0.0, 0.0), (0.0, 2.0), (0.0, 4.0), (4.0, 4.0), (4.0, 0.0))
+    contour = inset_contour(Region("hall", ring), 1.0)
+    assert len(contour.parts[0]) == 4
+    assert contour.findings == ()
+
+
+def test_a_narrow_room_has_no_contour_and_says_so():
+    contour = inset_contour(Region("closet", box(0, 0, 1.3, 9)), 0.7)
+    assert contour.parts == ()
+    assert contour.findings == ("closet: nowhere 0.7 m from its walls, so no waypoints",)
+    assert contour_route(contour) == ()
+
+
+def test_a_room_with_a_narrow_middle_has_two_parts():
+    contour = inset_contour(Region("wing", BARBELL), 0.7)
+    assert [len(part) for part in contour.parts] == [4, 4]
+    assert "falls into 2 parts" in contour.findings[0]
+    assert [stop.part for stop in contour_route(contour)] == [0] * 4 + [1] * 4
+
+
+def test_start_direction_and_closing_can_be_chosen():
+    contour = inset_contour(Region("room", box(0, 0, 4, 4)), 1.0)
+    numbers = lambda **how: [stop.number for stop in contour_route(contour, **how)]  # noqa: E731
+    assert numbers() == [0, 1, 2, 3]
+    assert numbers(first=1, closed=True) == [1, 2, 3, 0, 1]
+    assert numbers(first=6, forward=False) == [2, 1, 0, 3]
+
+
+def test_the_robot_may_look_where_it_goes():
+    contour = inset_contour(Region("room", ((0, 0), (4, 0), (4, 4), (0, 4))), 1.0)
+    yaws = [stop.yaw for stop in contour_route(contour, closed=True, yaw="path")]
+    assert yaws == pytest.approx([math.pi / 2, math.pi, -math.pi / 2, 0.0, 0.0])
+    assert {stop.yaw for stop in contour_route(contour)} == {0.0}
+
+
+@pytest.mark.parametrize("distance", [0.0, -1.0, math.inf, math.nan])
+def test_a_contour_lies_inside(distance):
+    with pytest.raises(ValueError, match="lies inside"):
+        inset_contour(Region("room", box(0, 0, 4, 4)), distance)
+
+
+@given(
+    st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), min_size=3, max_size=9),
+    st.floats(0.05, 0.8),
+    st.floats(-math.pi, math.pi),
+)
+def test_every_waypoint_keeps_its_distance(corners, distance, yaw):
+    hull = shapely.MultiPoint(corners).convex_hull
+    assume(hull.geom_type == "Polygon" and hull.area > 0.5)
+    outline = Pose2(20.0, -10.0, yaw).apply_ring(tuple(hull.exterior.coords[:-1]))
+    floor = shapely.Polygon(outline)
+    for part in inset_contour(Region("room", outline), distance).parts:
+        for corner in part:
+            assert floor.contains(shapely.Point(corner))
+            away = floor.exterior.distance(shapely.Point(corner))
+            assert away == pytest.approx(distance, abs=1e-6)
+
+
+def test_a_column_on_the_way_is_found():
+    pillar = Solid("pillar", "column", box(0.8, 0.8, 1.2, 1.2), 0.0, 2.0)
+    lamp = Solid("lamp", "column", box(2.8, 2.8, 3.2, 3.2), 1.9, 2.0)
+    scene = Scene("s", (Region("room", box(0, 0, 4, 4)),), (), (pillar, lamp))
+    contour = inset_contour(scene.regions[0], 0.6)
+    found = too_close(scene, contour, 0.6, height=1.0)
+    assert [(owner, round(away, 3)) for _, owner, away in found] == [("pillar", 0.283)]
+
+
+def test_both_published_forms_are_written(tmp_path):
+    work = job(tmp_path)
+    paths = {path.relative_to(tmp_path).as_posix() for path in write_tasks(work)}
+    assert paths == {
+        "tasks/left_route.yaml", "tasks/era/left_task.yaml",
+        "tasks/right_route.yaml", "tasks/era/right_task.yaml",
+        "tasks/mission/rounds_route.yaml", "tasks/era/mission/rounds_task.yaml",
+    }  # fmt: skip
+    now = yaml.safe_load((tmp_path / "tasks/left_route.yaml").read_text())
+    assert now["id"] == "left_route"
+    (task,) = now["task"]
+    assert (task["name"], task["type"]) == ("left", "waypoint_following")
+    first = task["waypoints"][0]
+    assert first == {"id": "left-point-0000", "x": 1.3, "y": 1.3, "yaw": 0, "z": 0}
+    era = yaml.safe_load((tmp_path / "tasks/era/left_task.yaml").read_text())
+    assert [w["id"] for w in era["waypoints"]] == [f"left-point-{i}" for i in range(4)]
+
+
+def test_a_mission_survives_as_a_task_file(tmp_path):
+    write_tasks(job(tmp_path))
+    mission, _ = load_mission(tmp_path / "tasks/era/mission/rounds_task.yaml")
+    assert [(w.id, w.x, w.y) for w in mission.waypoints] == [
+        ("a", 1.5, 1.5), ("b", 3.8, 1.7), ("a", 1.5, 1.5),
+    ]  # fmt: skip
+    assert mission.waypoints[0].yaw == pytest.approx(math.atan2(1.2, 1.1), abs=1e-4)
+    assert mission.waypoints[1].yaw == 0.5
+
+
+def _published(path):
+    waypoints = yaml.safe_load(path.read_text())["waypoints"]
+    return [(w["x"], w["y"]) for w in waypoints]
+
+
+def test_the_shared_task_files_come_out_to_the_centimetre(campaigns, reference_data, tmp_path):
+    scene = compile_scene(load_floorplan(campaigns / "ortega2024" / "building_c.fpm"))
+    settings = ExportSettings(distance=0.7, first=1, closed=True)
+    write_tasks(ExportJob(ArtefactWorld("building_c", scene), tmp_path, settings))
+    missions = reference_data / "missions"
+    ours = lambda space: _published(tmp_path / "tasks/era" / f"{space}_task.yaml")  # noqa: E731
+    assert ours("left_long_corridor") == _published(missions / "left_long_corridor_task.yaml")
+    assert ours("classroom_c069") == _published(missions / "task_4.yaml")[5:]

@@ -1,0 +1,180 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from daemon.stacks.pilot import driver
+from grammars.model.geometry import Pose2, wrap_angle
+from grammars.model.robot import Mount, OdometryNoise
+from tests.stacks.pilot.plans import DOOR, ONE_DOORWAY, SIZE, TWO_DOORWAYS
+from tests.stacks.pilot.world import a_robot, drive
+
+START = Pose2(1.2, 3.6, 0.0)
+ACROSS = (7.6, 1.5)
+
+
+@pytest.mark.parametrize("kind", ["omnidirectional", "differential"])
+def test_it_drives_through_a_doorway_without_touching_it(kind):
+    log = drive(ONE_DOORWAY, SIZE, START, [ACROSS, (1.2, 3.6)], robot=a_robot(kind))
+    assert log.state == "succeeded"
+    assert not log.collided
+    assert log.last is not None
+    assert log.last.progress.reached == 2
+    assert math.hypot(log.poses[-1].x - 1.2, log.poses[-1].y - 3.6) < 0.15
+    assert [text for _, text in log.events] == [
+        "waypoint 1 reached", "waypoint 2 reached", "mission complete",
+    ]  # fmt: skip
+
+
+def test_a_differential_base_is_never_told_to_strafe():
+    log = drive(ONE_DOORWAY, SIZE, START, [ACROSS], robot=a_robot("differential"))
+    assert all(command.vy == 0.0 for command in log.commands)
+
+
+def test_commands_keep_to_the_limits():
+    log = drive(ONE_DOORWAY, SIZE, START, [ACROSS], max_speed=0.4, acceleration=0.3)
+    speeds = np.array([(c.vx, c.vy, c.wz) for c in log.commands])
+    assert np.hypot(speeds[:, 0], speeds[:, 1]).max() <= 0.4 + 1e-9
+    assert np.abs(speeds[:, 2]).max() <= 1.0 + 1e-9
+    assert np.diff(speeds[:, 0]).max() <= 0.3 * 0.05 + 1e-9
+
+
+@pytest.mark.parametrize("yaw", [math.pi / 2, -2.5])
+def test_a_waypoint_with_a_heading_is_left_with_that_heading(yaw):
+    log = drive(ONE_DOORWAY, SIZE, START, [(2.5, 2.5, yaw)])
+    assert log.state == "succeeded"
+    assert abs(wrap_angle(log.poses[-1].yaw - yaw)) < 0.12
+
+
+def test_it_waits_for_a_door_to_open_and_goes_on():
+    log = drive(ONE_DOORWAY, SIZE, START, [ACROSS], doors={DOOR: lambda now: now < 25.0})
+    assert log.state == "succeeded"
+    assert not log.collided
+    waiting, free = log.said("blocked, waiting"), log.said("the way is free again")
+    assert waiting is not None
+    assert free is not None
+    assert waiting < 25.0 <= free < 30.0
+
+
+def test_it_drives_around_through_another_door():
+    log = drive(TWO_DOORWAYS, SIZE, Pose2(1.2, 1.5), [ACROSS], doors={DOOR: lambda now: now > 1.0})
+    assert log.state == "succeeded"
+    assert not log.collided
+    assert log.said("replanning around an obstacle") is not None
+    assert max(pose.y for pose in log.poses if abs(pose.x - 4.5) < 0.2) > 3.5
+
+
+def test_a_door_that_shuts_right_in_front_stops_it():
+    """The leaf appears when the front edge is 0.35 m away, at the usual speed."""
+    shut = {"at": math.inf}
+    log = drive(ONE_DOORWAY, SIZE, Pose2(1.2, 1.575), [ACROSS], limit=8.0)
+    shut["at"] = next(k * 0.05 for k, p in enumerate(log.poses) if p.x > 4.47 - 0.3495 - 0.35)
+    again = drive(
+        ONE_DOORWAY, SIZE, Pose2(1.2, 1.575), [ACROSS],
+        doors={DOOR: lambda now: now >= shut["at"]}, limit=20.0,
+    )  # fmt: skip
+    assert not again.collided
+    assert max(pose.x for pose in again.poses) < 4.47 - 0.3495
+
+
+def test_it_gives_up_when_the_door_stays_shut():
+    log = drive(
+        ONE_DOORWAY, SIZE, START, [ACROSS], doors={DOOR: lambda _: True}, patience=15.0, limit=60.0
+    )
+    assert log.state == "aborted"
+    assert not log.collided
+    assert log.said("giving up: no way to waypoint 1") is not None
+    assert 15.0 < log.time < 40.0
+
+
+def test_backing_off_takes_nothing_from_its_patience(monkeypatch):
+    shut = {DOOR: lambda _: True}
+    moving = drive(ONE_DOORWAY, SIZE, START, [ACROSS], doors=shut, patience=25.0)
+    monkeypatch.setattr(driver, "_RETREATS", 0)
+    standing = drive(ONE_DOORWAY, SIZE, START, [ACROSS], doors=shut, patience=25.0)
+    assert moving.said("to make room") is not None
+    assert standing.said("to make room") is None
+    assert moving.time > standing.time + 1.0
+
+
+def test_it_gives_up_at_once_when_the_map_shows_no_way():
+    log = drive([*ONE_DOORWAY, DOOR], SIZE, START, [(2.0, 2.0), ACROSS])
+    assert log.state == "aborted"
+    assert log.last is not None
+    assert log.last.progress.reached == 1
+    assert log.events[-1][1] == "giving up: no way to waypoint 2"
+    assert log.events[-1][0] == log.said("waypoint 1 reached")
+
+
+def test_waypoints_are_visited_in_strict_order():
+    points = [(2.5, 1.0), (1.0, 4.0), (3.5, 4.0)]
+    log = drive(ONE_DOORWAY, SIZE, START, points)
+    closest = [
+        min(range(len(log.poses)), key=lambda k: math.hypot(log.poses[k].x - x, log.poses[k].y - y))
+        for x, y in points
+    ]
+    assert closest == sorted(closest)
+
+
+def test_a_mission_without_waypoints_is_complete():
+    assert drive(ONE_DOORWAY, SIZE, START, []).state == "succeeded"
+
+
+def test_equal_seeds_give_equal_drives():
+    first, second = (drive(ONE_DOORWAY, SIZE, START, [ACROSS], seed=3) for _ in range(2))
+    assert first.commands == second.commands
+    other = drive(ONE_DOORWAY, SIZE, START, [ACROSS], seed=4)
+    assert first.commands != other.commands
+
+
+def test_it_goes_on_when_what_boxed_it_in_is_taken_away():
+    """Crates all around, too close to turn or back off, until somebody removes them."""
+    crates = [
+        (1.7, 2.8, 1.8, 4.2), (0.6, 2.8, 0.7, 4.2), (0.6, 3.95, 1.8, 4.05), (0.6, 3.1, 1.8, 3.2),
+    ]  # fmt: skip
+    doors = {crate: (lambda now: now < 30.0) for crate in crates}
+    robot = a_robot(view=1.99 * math.pi, rays=300)
+    log = drive(ONE_DOORWAY, SIZE, Pose2(1.2, 3.575), [(3.0, 2.0)], doors=doors, robot=robot)
+    assert not log.collided
+    assert log.state == "succeeded"
+    assert log.time > 30.0
+
+
+def short_sighted(*, z=0.3, kind="omnidirectional"):
+    """A robot whose first laser sees half a metre far; a slower one sees far and behind."""
+    robot = a_robot(kind)
+    near = replace(robot.laser, name="near", range_max=0.5)
+    far = replace(
+        robot.laser, name="far", mount=Mount(0.0), z=z, rate=5.0,
+        angle_min=-math.pi, angle_max=math.pi, rays=240,
+    )  # fmt: skip
+    return replace(robot, laser=near, other_lasers=(far,))
+
+
+def worst_error(log):
+    return max(math.hypot(t.x - e.pose.x, t.y - e.pose.y) for t, e in log.estimates)
+
+
+def test_every_laser_at_the_height_of_the_map_tells_where_it_is():
+    log = drive(ONE_DOORWAY, SIZE, START, [ACROSS, (1.2, 3.6)], robot=short_sighted())
+    assert log.state == "succeeded"
+    assert not log.collided
+    assert worst_error(log) < 0.1
+    # One at another height would meet other walls; the map is not held against what it sees.
+    above = drive(ONE_DOORWAY, SIZE, START, [ACROSS, (1.2, 3.6)], robot=short_sighted(z=1.0))
+    assert worst_error(above) > worst_error(log)
+
+
+def test_what_any_laser_sees_is_in_the_way():
+    robot = short_sighted(z=1.0)
+    log = drive(
+        TWO_DOORWAYS, SIZE, Pose2(1.2, 1.5), [ACROSS], doors={DOOR: lambda now: now > 1.0},
+        robot=replace(robot, odometry=OdometryNoise(20.0, 0.0, 0.0, 0.0)),
+    )  # fmt: skip
+    assert log.state == "succeeded"
+    assert not log.collided
+    replanned = log.said("replanning around an obstacle")
+    assert replanned is not None
+    # From far away, as the first laser could not.
+    assert 4.47 - log.poses[round(replanned / 0.05)].x > 1.0

@@ -1,0 +1,294 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from daemon.stacks.ros1.amcl.node import Amcl
+from daemon.stacks.ros1.quirks import FAST
+from grammars.model.geometry import Pose2, wrap_angle
+from grammars.model.robot import Mount
+from tests.stacks.ros1.amcl import plain
+from tests.stacks.ros1.amcl.world import LASER, PUBLISHED, a_room, map_of, see
+
+WALLS = a_room(5.0, 4.0, 0.2)
+WALLS.append((2.6, 2.9, 3.0, 3.3))
+START = Pose2(1.2, 1.3, 0.3)
+SAME = Pose2()
+NOTHING = np.full(LASER.rays, np.inf, dtype=np.float32)
+
+
+def an_amcl(p=PUBLISHED, walls=WALLS, start=START, seed=0):
+    return Amcl(p, FAST, map_of(walls), (LASER,), start, np.random.SeedSequence(seed))
+
+
+def drive(amcl, poses, walls=WALLS, odom=SAME, seed=0):
+    """Take a noisy scan at every pose; return the true pose of everything published.
+
+    ``odom`` is the pose of odom in map, which no odometry error moves.
+    """
+    random = np.random.default_rng(seed)
+    published = []
+    for k, pose in enumerate(poses):
+        answer = amcl.scan(0.1 * k, see(walls, pose, random), odom.inverse() @ pose)
+        if answer is not None:
+            published.append((pose, answer))
+    return published
+
+
+def a_loop(steps):
+    """A round trip through the room: an ellipse about its middle, heading along it."""
+    turns = np.linspace(0.0, math.tau, steps, endpoint=False).tolist()
+    points = [(2.8 + 1.6 * math.cos(t), 2.0 + 0.8 * math.sin(t)) for t in turns]
+    return [
+        Pose2(x, y, math.atan2(0.8 * math.cos(t), -1.6 * math.sin(t)))
+        for (x, y), t in zip(points, turns, strict=True)
+    ]
+
+
+def off(pose, truth):
+    return math.hypot(pose.x - truth.x, pose.y - truth.y)
+
+
+def test_at_first_particles_surround_the_start_pose():
+    amcl = an_amcl()
+    assert amcl.particles.shape == (2000, 3)
+    np.testing.assert_allclose(amcl.particles.mean(axis=0), [1.2, 1.3, 0.3], atol=0.04)
+    np.testing.assert_allclose(amcl.particles.std(axis=0), [0.5, 0.5, math.pi / 12.0], rtol=0.05)
+    np.testing.assert_allclose(amcl.weights, 1.0 / 2000)
+
+
+def test_the_first_scan_publishes_the_start_distribution_without_resampling():
+    amcl = an_amcl()
+    before = amcl.particles.copy()
+    first = amcl.scan(0.3, see(WALLS, START), Pose2())
+    assert first is not None
+    assert (first.time, first.count) == (0.3, 2000)
+    np.testing.assert_array_equal(amcl.particles, before)
+    assert amcl.weights.std() > 0.0
+    _, mean, covariance = plain.summary(before, np.full(2000, 1.0 / 2000))
+    np.testing.assert_allclose([first.mean.x, first.mean.y, first.mean.yaw], mean, atol=1e-9)
+    np.testing.assert_allclose(first.covariance, covariance, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("step", "moves"),
+    [
+        (Pose2(0.099, 0.099, 0.249), False),  # 0.14 m in all, but per axis
+        (Pose2(0.101), True),
+        (Pose2(0.0, -0.101), True),
+        (Pose2(0.0, 0.0, -0.251), True),
+    ],
+)
+def test_updates_are_due_per_axis_of_the_odom_frame(step, moves):
+    amcl = an_amcl()
+    odom = Pose2(3.0, -2.0, 3.1)
+    amcl.scan(0.0, NOTHING, odom)
+    before = amcl.particles.copy()
+    after = Pose2(odom.x + step.x, odom.y + step.y, wrap_angle(odom.yaw + step.yaw))
+    published = amcl.scan(0.1, NOTHING, after)
+    assert (published is not None) is moves
+    assert np.array_equal(amcl.particles, before) is not moves
+
+
+def test_motion_adds_up_since_the_last_update_not_since_the_last_scan():
+    amcl = an_amcl()
+    published = [amcl.scan(0.1 * k, NOTHING, Pose2(0.04 * k)) for k in range(8)]
+    # Updates at 0.12 and 0.24 m: every second one resamples, the first scan counts as one.
+    assert [k for k, answer in enumerate(published) if answer is not None] == [0, 3]
+
+
+@pytest.mark.parametrize(("interval", "expected"), [(1, [0, 1, 2, 3, 4, 5]), (3, [0, 2, 5])])
+def test_poses_are_published_upon_resampling(interval, expected):
+    amcl = an_amcl(replace(PUBLISHED, resample_interval=interval))
+    published = [amcl.scan(0.1 * k, NOTHING, Pose2(0.2 * k)) for k in range(6)]
+    assert [k for k, answer in enumerate(published) if answer is not None] == expected
+
+
+@pytest.fixture(scope="module")
+def field():
+    return plain.brushfire(map_of(WALLS), PUBLISHED.laser_likelihood_max_dist)[0]
+
+
+@pytest.mark.parametrize("model", ["omni-corrected", "diff-corrected"])
+def test_whole_updates_are_those_of_the_plain_version(model, field):
+    p = replace(PUBLISHED, min_particles=50, max_particles=300, odom_model_type=model)
+    amcl = an_amcl(p, seed=5)
+    reference = plain.PlainAmcl(p, map_of(WALLS), LASER, START, 5, field)
+    pose = START
+    for k in range(7):
+        ranges = see(WALLS, pose)
+        published = amcl.scan(0.1 * k, ranges, pose)
+        resampled = reference.update(ranges, pose)
+        assert (published is not None) == (resampled or k == 0)
+        np.testing.assert_allclose(amcl.particles, reference.poses, atol=1e-9)
+        np.testing.assert_allclose(amcl.weights, reference.weights, rtol=1e-9)
+        if published is not None and resampled:
+            expected, _, covariance = plain.summary(reference.poses, reference.weights)
+            got = published.pose
+            np.testing.assert_allclose([got.x, got.y, got.yaw], expected, atol=1e-9)
+            np.testing.assert_allclose(published.covariance, covariance, atol=1e-9)
+        pose = pose @ Pose2(0.15, 0.02, 0.1)
+
+
+@pytest.mark.parametrize("model", ["omni-corrected", "diff-corrected"])
+def test_the_estimate_converges_and_stays(model):
+    p = replace(PUBLISHED, odom_model_type=model)
+    poses = a_loop(80)
+    odom = Pose2(4.0, -1.0, 2.0)
+    told = poses[0] @ Pose2(0.3, -0.2, 0.15)
+    amcl = an_amcl(p, start=told)
+    published = drive(amcl, poses, odom=odom)
+    assert len(published) > 20
+    later = published[10:]
+    assert max(off(answer.pose, truth) for truth, answer in later) < 0.3
+    assert np.mean([off(answer.pose, truth) for truth, answer in later]) < 0.15
+    assert max(abs(wrap_angle(a.pose.yaw - t.yaw)) for t, a in later) < 0.25
+    believed = amcl.map_to_odom @ (odom.inverse() @ later[-1][0])
+    assert off(believed, later[-1][1].pose) < 1e-9
+    assert all(PUBLISHED.min_particles <= a.count <= 2000 for _, a in published)
+
+
+def test_the_spread_covers_the_error_as_the_paper_saw():
+    published = drive(an_amcl(start=a_loop(80)[0]), a_loop(80))[3:]
+    inside = [
+        abs(truth.x - a.mean.x) <= 2.0 * math.sqrt(a.covariance[0, 0])
+        and abs(truth.y - a.mean.y) <= 2.0 * math.sqrt(a.covariance[1, 1])
+        for truth, a in published
+    ]
+    assert np.mean(inside) > 0.95
+
+
+def ahead_of_truth(thickness):
+    """Mean error along the heading [m] on a drive down a corridor, its end wall in sight."""
+    walls = a_room(7.0, 2.0, thickness)
+    poses = [Pose2(2.0 + 0.11 * k, 1.3, 0.0) for k in range(28)]
+    errors = [
+        answer.pose.x - truth.x
+        for seed in range(3)
+        for truth, answer in drive(
+            an_amcl(walls=walls, start=poses[0], seed=seed), poses, walls, seed=seed
+        )[5:]
+    ]
+    return float(np.mean(errors))
+
+
+def test_thick_painted_walls_push_the_estimate_along_the_heading():
+    thick, thin = ahead_of_truth(0.25), ahead_of_truth(0.05)
+    assert thick > 0.05
+    assert thick - thin > 0.04
+
+
+def test_equal_seeds_give_equal_bytes_and_others_do_not():
+    def run(seed):
+        amcl = an_amcl(seed=seed)
+        published = drive(amcl, a_loop(40)[:12])
+        return amcl.particles.tobytes(), [answer.pose for _, answer in published]
+
+    assert run(1) == run(1)
+    assert run(1) != run(2)
+
+
+@pytest.mark.parametrize("value", [np.inf, np.nan])
+def test_bad_scans_leave_odometry_in_charge(value):
+    amcl = an_amcl()
+    published = [
+        amcl.scan(0.1 * k, np.full(LASER.rays, value, dtype=np.float32), Pose2(0.11 * k))
+        for k in range(6)
+    ]
+    last = next(answer for answer in reversed(published) if answer is not None)
+    assert off(last.mean, START @ Pose2(0.55)) < 0.1
+    assert np.isfinite(last.covariance).all()
+    np.testing.assert_allclose(amcl.weights.sum(), 1.0)
+
+
+def test_particles_off_the_map_are_carried_along():
+    far = Pose2(500.0, -300.0, 1.0)
+    amcl = an_amcl(start=far)
+    for k in range(5):
+        amcl.scan(0.1 * k, see(WALLS, START), Pose2(0.15 * k))
+    assert off(Pose2(*amcl.particles.mean(axis=0).tolist()), far @ Pose2(0.6)) < 0.2
+
+
+def test_random_particles_come_in_only_when_scans_stop_fitting_and_recovery_is_on():
+    """The fast average of likelihoods falls below the slow one (Probabilistic Robotics, 8.3.3)."""
+    poses = a_loop(80)
+    spreads = {}
+    for slow, fast in ((0.0, 0.0), (0.001, 0.5)):
+        p = replace(PUBLISHED, recovery_alpha_slow=slow, recovery_alpha_fast=fast)
+        amcl = an_amcl(p, start=poses[0])
+        drive(amcl, poses[:30])
+        elsewhere = a_room(1.0, 1.2, 0.2)
+        published = [
+            amcl.scan(0.0, see(elsewhere, Pose2(0.6, 0.6, pose.yaw)), pose) for pose in poses[30:60]
+        ]
+        sigmas = [math.sqrt(a.covariance[0, 0]) for a in published if a is not None]
+        spreads[fast] = max(sigmas)
+    assert spreads[0.0] < 0.6 < spreads[0.5]
+
+
+def test_a_scan_of_another_laser_is_refused():
+    with pytest.raises(ValueError, match="the laser has 150 rays"):
+        an_amcl().scan(0.0, np.zeros(151, dtype=np.float32), Pose2())
+
+
+FRONT = replace(LASER, name="front")
+REAR = replace(LASER, name="rear", mount=Mount(-0.3, 0.1, math.pi), rays=90, range_max=4.0)
+NO_RETURN = np.full(REAR.rays, np.inf, dtype=np.float32)
+
+
+def two_lasers(p=PUBLISHED, seed=0):
+    seeds = np.random.SeedSequence(seed)
+    return Amcl(p, FAST, map_of(WALLS), (FRONT, REAR), START, seeds)
+
+
+def test_each_laser_weighs_once_for_each_motion():
+    p = replace(PUBLISHED, resample_interval=100)
+    amcl = two_lasers(p)
+
+    def weighs(laser, odom):
+        before = amcl.weights.copy()
+        amcl.scan(0.0, see(WALLS, START @ odom, laser=laser), odom, laser.name)
+        return not np.array_equal(before, amcl.weights)
+
+    # Its first scan counts for each, then none until the robot has moved.
+    assert weighs(FRONT, Pose2())
+    assert not weighs(FRONT, Pose2())
+    assert weighs(REAR, Pose2())
+    assert not weighs(REAR, Pose2(0.09))
+    # Whichever laser sees the motion first, it is due for both, also when that is used up.
+    assert weighs(REAR, Pose2(0.11))
+    assert not weighs(REAR, Pose2(0.11))
+    assert weighs(FRONT, Pose2(0.11))
+    assert not weighs(FRONT, Pose2(0.2))
+    # Motion counts from the last scan that weighed, of whatever laser.
+    assert weighs(FRONT, Pose2(0.22))
+    assert weighs(REAR, Pose2(0.31))
+    assert not weighs(FRONT, Pose2(0.4))
+    assert weighs(FRONT, Pose2(0.42))
+
+
+def test_two_lasers_update_as_the_plain_version(field):
+    p = replace(PUBLISHED, min_particles=50, max_particles=300, resample_interval=3)
+    amcl = two_lasers(p, seed=5)
+    reference = plain.PlainAmcl(p, map_of(WALLS), FRONT, START, 5, field)
+    pose = START
+    for k in range(6):
+        for laser in (FRONT, REAR):
+            ranges = see(WALLS, pose, laser=laser)
+            published = amcl.scan(0.1 * k, ranges, pose, laser.name)
+            resampled = reference.update(ranges, pose, laser)
+            assert (published is not None) == (resampled or (k == 0 and laser is FRONT))
+            np.testing.assert_allclose(amcl.particles, reference.poses, atol=1e-9)
+            np.testing.assert_allclose(amcl.weights, reference.weights, rtol=1e-9)
+            # The second one sees the first half of the next way.
+            pose = pose @ Pose2(0.02, 0.0, 0.01)
+        pose = pose @ Pose2(0.15, 0.02, 0.1)
+
+
+def test_a_scan_has_as_many_rays_as_its_own_laser():
+    amcl = two_lasers()
+    amcl.scan(0.0, NOTHING, SAME, "front")
+    amcl.scan(0.0, NO_RETURN, SAME, "rear")
+    with pytest.raises(ValueError, match="the laser has 90 rays"):
+        amcl.scan(0.1, NOTHING, SAME, "rear")

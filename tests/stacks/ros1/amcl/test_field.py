@@ -1,0 +1,196 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from daemon.stacks.ros1.amcl.distance_field import distance_field, spread_distances
+from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from tests.stacks.ros1.amcl.plain import brushfire, distances, single
+
+_A_CELL_IS_SKIPPED = (
+    ".......#..........",
+    "....#....#........",
+    "....#.....#.......",
+    "....#......#......",
+    "....#.......#.....",
+    "....#........#....",
+    "....#..........##.",
+    "....#..........#.#",
+    "....#..........#..",
+)
+
+
+def metres(field, cap):
+    """Distances without the frame."""
+    return field.distances(cap)[field.squared[1:-1, 1:-1]]
+
+
+def drawn(*rows, radius=40):
+    """Squared distances on a map of ``.`` and ``#``, the lowest row first."""
+    occupied = np.array([[mark == "#" for mark in row] for row in rows], dtype=np.uint8)
+    return spread_distances(occupied, radius)[1:-1, 1:-1].tolist()
+
+
+def scattered(rows, columns, share, seed, resolution=0.05):
+    random = np.random.default_rng(seed)
+    cells = random.choice(np.array([FREE, UNKNOWN], dtype=np.int8), (rows, columns))
+    cells[random.random((rows, columns)) < share] = OCCUPIED
+    return OccupancyGrid(resolution, 1.0, -2.0, cells)
+
+
+def slanted(rows, columns, walls, seed):
+    """Walls at random angles, whose cells lead far past what is nearest to others."""
+    random = np.random.default_rng(seed)
+    cells = np.full((rows, columns), FREE, dtype=np.int8)
+    for _ in range(walls):
+        begin, angle = random.uniform((0.0, 0.0), (rows, columns)), random.uniform(0.0, np.pi)
+        along = np.arange(0.0, random.uniform(10.0, 60.0), float(random.choice([0.3, 1.0, 1.7])))
+        ends = begin + along[:, None] * (np.sin(angle), np.cos(angle))
+        on_map = ((ends >= 0.0) & (ends < (rows, columns))).all(axis=1)
+        row, column = ends[on_map].astype(int).T
+        cells[row, column] = OCCUPIED
+    return OccupancyGrid(0.05, 0.0, 0.0, cells)
+
+
+@given(
+    rows=st.integers(1, 30),
+    columns=st.integers(1, 30),
+    share=st.floats(0.0, 0.4),
+    cap=st.sampled_from([0.05, 0.2, 0.52, 2.0]),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_exact_distances_are_those_of_brute_force_up_to_the_cap(rows, columns, share, cap, seed):
+    grid = scattered(rows, columns, share, seed)
+    away = metres(distance_field(grid, cap, brushfire=False), cap)
+    np.testing.assert_allclose(away, distances(grid, cap), atol=1e-12)
+
+
+@given(
+    rows=st.integers(1, 30),
+    columns=st.integers(1, 30),
+    share=st.sampled_from([0.0, 0.003, 0.01, 0.05, 0.3, 1.0]),
+    resolution=st.sampled_from([0.05, 0.1, 0.03]),
+    cap=st.sampled_from([0.04, 0.2, 0.52, 2.0]),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_spread_distances_are_those_of_the_plain_queue(rows, columns, share, resolution, cap, seed):
+    grid = scattered(rows, columns, share, seed, resolution)
+    found = metres(distance_field(grid, cap, brushfire=True), cap)
+    np.testing.assert_array_equal(found, brushfire(grid, cap)[0])
+
+
+@given(walls=st.integers(1, 8), seed=st.integers(0, 2**32 - 1))
+def test_distances_between_slanted_walls_are_those_of_the_plain_queue(walls, seed):
+    grid = slanted(40, 50, walls, seed)
+    found = metres(distance_field(grid, 2.0, brushfire=True), 2.0)
+    np.testing.assert_array_equal(found, brushfire(grid, 2.0)[0])
+
+
+def test_a_cell_nearer_than_the_one_it_is_reached_from_leaves_the_queue_in_its_stead():
+    """Rare: on a published map of building C it happens to 609 cells, here to one."""
+    marks = np.array([list(row) for row in (*["." * 18] * 5, *_A_CELL_IS_SKIPPED)])
+    cells = np.where(marks == "#", OCCUPIED, FREE).astype(np.int8)
+    grid = OccupancyGrid(0.05, 0.0, 0.0, cells)
+    expected, skipped = brushfire(grid, 2.0)
+    assert skipped == 1
+    found = metres(distance_field(grid, 2.0, brushfire=True), 2.0)
+    np.testing.assert_array_equal(found, expected)
+
+
+def test_a_cell_keeps_the_first_obstacle_to_reach_it():
+    """Obstacles a, lower left, and b, upper right, spread by increasing distance.
+
+    Column 3 of the lowest row lies 3 cells right of a (squared 9) and 2 left of, 2 below b
+    (squared 8). Its left neighbour is at squared 4 from a; the other two, above it and to its
+    right, at squared 5 from b. So a comes first. The same happens to column 2 of the highest row.
+    """
+    found = drawn(
+        "#.....",
+        "......",
+        ".....#",
+    )
+    assert found == [
+        [0, 1, 4, 9, 5, 4],
+        [1, 2, 5, 5, 2, 1],
+        [4, 5, 9, 4, 1, 0],
+    ]
+
+
+def test_of_equal_distances_the_heap_decides():
+    """Of two cells at distance 1 the one that was put in last goes first.
+
+    a and b are column 0, upwards, c stands right of b; p is right of a, q right of c.
+    Waiting are a, b, c, in a heap a above b and c. a puts in p, below b. When a goes, the second
+    of the equals b and c rises, and p fills its gap: c, b, p. c puts in q, below b. When c goes,
+    b rises, being nearer than p, and q fills its gap: b, q, p. b finds nothing. When it goes, q
+    rises, its only child left: q, p. So q, not p, reaches the cell between them, and from c its
+    squared distance is 2; from a it would be 4.
+    """
+    assert drawn("#..", "##.") == [[0, 1, 2], [0, 0, 1]]
+
+
+def test_distances_end_a_cell_short_where_the_resolution_is_rounded_up():
+    """5 cm are a little more in single precision: 2 m / 0.05000000075 m are 39 cells."""
+    cells = np.full((1, 60), FREE, dtype=np.int8)
+    cells[0, 0] = OCCUPIED
+    grid = OccupancyGrid(0.05, 0.0, 0.0, cells)
+    spread, exact = (distance_field(grid, 2.0, brushfire=quirk) for quirk in (True, False))
+    assert (spread.radius, exact.radius) == (39, 40)
+    assert metres(spread, 2.0)[0, 38:42].tolist() == [
+        38 * single(0.05), 39 * single(0.05), 2.0, 2.0,
+    ]  # fmt: skip
+    away = metres(exact, 5.0)[0, 38:42]
+    assert away.tolist() == pytest.approx([1.9, 1.95, 2.0, 5.0])
+    # Coarser or finer cells may be rounded down, and then nothing is lost.
+    tenths = OccupancyGrid(0.3, 0.0, 0.0, cells)
+    assert distance_field(tenths, 3.0, brushfire=True).radius == int(3.0 / single(0.3))
+
+
+def test_nothing_is_nearer_than_it_is():
+    grid = slanted(60, 60, 5, 3)
+    exact = metres(distance_field(grid, 2.0, brushfire=False), 2.0)
+    spread = metres(distance_field(grid, 2.0, brushfire=True), 2.0)
+    assert (spread >= exact - 1e-9).all()
+    assert (spread > exact + 0.01).any()
+
+
+@pytest.mark.parametrize(("brushfire", "radius"), [(True, 39), (False, 40)])
+def test_the_map_is_framed_by_the_value_of_far(brushfire, radius):
+    grid = OccupancyGrid(0.05, 0.0, 0.0, np.full((3, 4), OCCUPIED, np.int8))
+    field = distance_field(grid, 2.0, brushfire=brushfire)
+    assert field.radius == radius
+    assert field.squared.shape == (5, 6)
+    ring = np.ones((5, 6), dtype=bool)
+    ring[1:-1, 1:-1] = False
+    assert (field.squared[ring] == field.far).all()
+    assert (field.squared[~ring] == 0).all()
+    assert field.distances(2.0)[field.far] == 2.0
+
+
+@pytest.mark.parametrize("brushfire", [True, False])
+@pytest.mark.parametrize(("radius", "kind"), [(255, np.uint16), (256, np.int32)])
+def test_a_field_is_as_small_as_its_largest_value_allows(brushfire, radius, kind):
+    cells = np.full((1, 300), FREE, dtype=np.int8)
+    cells[0, 0] = OCCUPIED
+    grid = OccupancyGrid(0.125, 0.0, 0.0, cells)
+    field = distance_field(grid, radius * 0.125, brushfire=brushfire)
+    assert field.squared.dtype == kind
+    within = [min(k * k, field.far) if k <= radius else field.far for k in range(300)]
+    assert field.squared[1, 1:-1].tolist() == within
+
+
+def test_equal_maps_share_a_field_that_nobody_can_change():
+    cells = np.zeros((5, 5), dtype=np.int8)
+    cells[2, 2] = OCCUPIED
+    one = distance_field(OccupancyGrid(0.05, 0.0, 0.0, cells.copy()), 1.0, brushfire=True)
+    two = distance_field(OccupancyGrid(0.05, 7.0, 3.0, cells.copy()), 1.0, brushfire=True)
+    assert one is two
+    exact = distance_field(OccupancyGrid(0.05, 7.0, 3.0, cells.copy()), 1.0, brushfire=False)
+    assert exact is not one
+    coarse = distance_field(OccupancyGrid(0.1, 0.0, 0.0, cells.copy()), 2.0, brushfire=True)
+    assert coarse is not one
+    cells[0, 0] = OCCUPIED
+    other = distance_field(OccupancyGrid(0.05, 0.0, 0.0, cells), 1.0, brushfire=True)
+    assert other is not one
+    with pytest.raises(ValueError, match="read-only"):
+        one.squared[0, 0] = 0

@@ -1,0 +1,133 @@
+"""The fast search commands what the plain one does, to the last bit, cycle after cycle."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from daemon.stacks.ros1.quirks import FAST, FIXED
+from daemon.stacks.ros1.trajectory_planner import TrajectoryPlannerParameters
+from daemon.stacks.ros1.trajectory_planner._parameters import strafe_speeds
+from daemon.stacks.ros1.trajectory_planner._settings import settings_of
+from daemon.stacks.ros1.trajectory_planner.controller import TrajectoryPlanner
+from grammars.model.geometry import Pose2, Twist2
+from tests.stacks.ros1.dwa.helpers import LARGE, SMALL, blobs
+from tests.stacks.ros1.trajectory_planner.helpers import (
+    ROBOTS,
+    costs_around,
+    drive,
+    straight,
+)
+from tests.stacks.ros1.trajectory_planner.plain import PlainPlanner
+
+FEW = TrajectoryPlannerParameters(
+    vx_samples=3, vtheta_samples=6, sim_time=1.2, sim_granularity=0.05, xy_goal_tolerance=0.0,
+    angular_sim_granularity=0.08, controller_frequency=10.0, prune_plan=False,
+)  # fmt: skip
+VARIANTS = (
+    FEW,
+    replace(FEW, dwa=True, acc_lim_x=1.0, acc_lim_theta=2.0),
+    replace(FEW, holonomic_robot=False, occdist_scale=0.1, meter_scoring=True),
+    replace(FEW, heading_scoring=True, heading_scoring_timestep=0.6),
+    replace(FEW, heading_scoring=True, meter_scoring=True, occdist_scale=0.5, dwa=True),
+    replace(FEW, y_vels="-0.3, -0.1, 0.1, 0.3", oscillation_reset_dist=0.4, acc_lim_y=0.8),
+    replace(FEW, max_vel_theta=0.0, min_vel_theta=0.0, oscillation_reset_dist=0.4),
+    replace(FEW, path_distance_bias=0.0, goal_distance_bias=0.0, occdist_scale=0.0),
+    replace(FEW, min_vel_x=0.2, escape_vel=-0.3, escape_reset_theta=0.1),
+    replace(FEW, heading_lookahead=1.4, min_in_place_vel_theta=0.9),
+)
+
+
+def winding(rng, start):
+    """Return a plan from about ``start``."""
+    heading = start.yaw + rng.normal(0.0, 0.9) + np.cumsum(rng.normal(0.0, 0.08, 60))
+    step = 0.04 if rng.random() < 0.8 else 0.12
+    way = np.cumsum(step * np.column_stack([np.cos(heading), np.sin(heading)]), axis=0)
+    plan = way[: int(rng.integers(2, 60))] + np.array((start.x, start.y)) + rng.normal(0, 0.05, 2)
+    return np.column_stack([plan, np.zeros(len(plan))])
+
+
+def near(plan, pose, reach):
+    """Return the points of a plan from the first near one to the first that is not any more."""
+    far = np.hypot(plan[:, 0] - pose.x, plan[:, 1] - pose.y) > reach
+    first = int(np.argmin(far))
+    beyond = np.flatnonzero(far[first:])
+    return plan[first : first + int(beyond[0]) + 1 if beyond.size else len(plan), :2]
+
+
+@given(seed=st.integers(0, 2**32 - 1), variant=st.sampled_from(range(len(VARIANTS))))
+def test_fast_and_plain_command_the_same(seed, variant):
+    rng = np.random.default_rng(seed)
+    parameters, quirks = VARIANTS[variant], FAST if rng.random() < 0.7 else FIXED
+    outline = (SMALL, 2.0 * SMALL, LARGE, SMALL[:2])[int(rng.integers(4))]
+    pose = Pose2(*rng.uniform(-80, 80, 2).tolist(), float(rng.uniform(-3, 3)))
+    cells = 60 if rng.random() < 0.7 else 70
+    local = costs_around(pose, cells, 0.05)
+    local.cells[:] = blobs(rng, (cells, cells), int(rng.integers(0, 9)), 0.002)
+    local.x, local.y = local.x + rng.uniform(-0.2, 0.2), local.y + rng.uniform(-0.2, 0.2)
+    fast = TrajectoryPlanner(parameters, quirks, outline, 0.1)
+    s = settings_of(parameters, quirks, 0.05, 0.1)
+    plain = PlainPlanner(s, strafe_speeds(parameters), outline)
+    plain.reset_after = parameters.oscillation_reset_dist
+    plain.escape_after = parameters.escape_reset_dist
+    plain.escape_turn = parameters.escape_reset_theta
+    plan = winding(rng, pose)
+    fast.set_plan(plan)
+    twist = Twist2(float(rng.uniform(-0.1, 0.5)), 0.0, float(rng.normal(0.0, 0.5)))
+    for _ in range(4):
+        state = np.array(
+            (pose.x, pose.y, pose.yaw, twist.vx, twist.vy, twist.wz), dtype=np.float32
+        ).astype(np.float64)
+        answer = fast.command(pose, twist, Pose2(), local)
+        expected = plain.best(state, near(plan, pose, cells * 0.025), local)
+        assert answer.ok == (expected.cost >= 0.0)
+        if answer.ok:
+            assert (answer.twist.vx, answer.twist.vy, answer.twist.wz) == expected.velocity
+            points = np.array(expected.points).reshape(-1, 3)
+            np.testing.assert_array_equal(answer.local_plan, points[:, :2])
+        twist = answer.twist
+        pose = pose @ Pose2(0.2 * twist.vx, 0.2 * twist.vy, 0.2 * twist.wz)
+
+
+SLALOM = ((1.2, -0.9, 1.5, -0.3),)
+# Measured with the C++ of Noetic's base_local_planner: the first commands (vx, wz) in this scene.
+MEASURED = {
+    "husky": [
+        (0.0, -0.2), (0.075, -0.309473687), (0.040000001, -0.351578957), (0.033, -0.326315793),
+        (0.0632, -0.200000001), (0.037639999, -0.225263161), (0.032528, -0.216842111),
+        (0.0315056, -0.174736852), (0.03130112, -0.1494737), (0.031260224, -0.141052644),
+    ],
+    "jackal": [
+        (0.1, -0.578947368), (0.1, -0.626869805), (0.1, -0.547299894), (0.1, -0.494668343),
+        (0.1, -0.442036756), (0.1, -0.389405169), (0.1, -0.44203674), (0.1, -0.389405169),
+        (0.1, -0.336773582), (0.1, -0.284141995),
+    ],
+    "fetch": [
+        (0.15, -0.8), (0.325000003, -0.833333339), (0.15, -0.685185174),
+        (0.325000003, -0.596296305), (0.15, -0.685185199), (0.325000003, -0.596296305),
+        (0.15, -0.507407422), (0.15, -0.596296316), (0.15, -0.507407422), (0.15, -0.418518538),
+    ],
+    "mir": [
+        (0.0, -0.4), (0.0, -0.71578948), (0.0, -0.423822734), (0.0, -0.360664836),
+        (0.0, -0.29750695), (0.0, -0.234349064), (0.0, -0.213296425), (0.0, -0.318559586),
+        (0.0, -0.255401692), (0.0, -0.2),
+    ],
+    "robile_amr": [
+        (0.0, -0.4), (0.0, -0.40526316), (0.0, -0.4), (0.0, -0.40526316), (0.0, -0.406925207),
+        (0.0, -0.4), (0.0, -0.436842107), (0.0, -0.41689751), (0.0, -0.4), (0.0, -0.5),
+    ],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", list(ROBOTS))
+def test_commands_are_those_of_the_original(name):
+    robot = ROBOTS[name]
+    period = 1.0 / robot.frequency
+    planner = TrajectoryPlanner(robot.parameters, FAST, robot.outline, period)
+    planner.set_plan(straight(3.0, end=1.0))
+    answers = [answer for _, answer in drive(planner, robot, Pose2(yaw=0.6), 10, *SLALOM)]
+    assert all(answer.ok and answer.twist.vy == 0.0 for answer in answers)
+    got = [(answer.twist.vx, answer.twist.wz) for answer in answers]
+    np.testing.assert_allclose(got, MEASURED[name], atol=2e-9)

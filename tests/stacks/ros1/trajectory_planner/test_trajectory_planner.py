@@ -1,0 +1,295 @@
+"""What the controller does with plans, goals, blocked ways and obstacles."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from daemon.stacks.ros1.cost_grid import CostGrid
+from daemon.stacks.ros1.quirks import FAST, FIXED
+from daemon.stacks.ros1.trajectory_planner.controller import TrajectoryPlanner
+from grammars.model.geometry import Pose2, Twist2
+from tests.stacks.ros1.trajectory_planner.helpers import (
+    ROBOTS,
+    costs_around,
+    drive,
+    rectangle,
+    straight,
+)
+
+HUSKY = ROBOTS["husky"].parameters
+OMNI = replace(
+    HUSKY, holonomic_robot=True, y_vels="-0.3, -0.1, 0.1, 0.3", min_vel_x=0.1,
+    min_in_place_vel_theta=0.4, heading_lookahead=0.0,
+)  # fmt: skip
+OUTLINE = rectangle(-0.3, 0.3, 0.2)
+
+
+def controller(parameters=HUSKY, quirks=FAST):
+    return TrajectoryPlanner(parameters, quirks, OUTLINE, 0.2)
+
+
+def around(pose=Pose2(), *boxes):  # noqa: B008
+    return costs_around(pose, 80, 0.05, *boxes)
+
+
+def first(
+    planner,
+    twist=Twist2(),  # noqa: B008
+    *boxes,
+    yaw=0.0,
+):
+    pose = Pose2(yaw=yaw)
+    return planner.command(pose, twist, Pose2(), around(pose, *boxes))
+
+
+def test_it_speeds_up_as_much_as_one_period_allows():
+    planner = controller()
+    planner.set_plan(straight(1.5))
+    assert first(planner).twist == Twist2(0.125, 0.0, 0.0)
+    assert first(planner, Twist2(0.125)).twist.vx == 0.25
+
+
+def test_the_period_is_that_of_move_base_unless_it_has_one_of_its_own():
+    planner = controller(replace(HUSKY, controller_frequency=None))
+    planner.set_plan(straight(1.5))
+    assert first(planner).twist.vx == 0.5
+    planner = controller(replace(HUSKY, controller_frequency=-1.0))
+    planner.set_plan(straight(1.5))
+    assert first(planner).twist.vx == 0.125
+
+
+def test_it_slows_down_before_the_end_of_the_plan():
+    planner = controller()
+    planner.set_plan(straight(0.7))
+    assert 0.3 < first(planner, Twist2(0.4)).twist.vx <= 0.35
+
+
+def test_a_plan_behind_makes_it_turn_on_the_spot():
+    planner = controller()
+    planner.set_plan(straight(1.5, 2.0))
+    answer = first(planner)
+    assert answer.twist == Twist2(0.0, 0.0, 0.2)
+    assert answer.local_plan.tolist() == [[0.0, 0.0]] * 10
+
+
+def test_the_plan_is_taken_through_the_correction_of_the_map():
+    correction, twist = Pose2(5.0, -3.0, 0.7), Twist2(0.2, 0.0, 0.1)
+    here, moved = controller(), controller()
+    here.set_plan(straight(1.5))
+    points = [correction @ Pose2(x, y, yaw) for x, y, yaw in straight(1.5).tolist()]
+    moved.set_plan(np.array([(p.x, p.y, p.yaw) for p in points]))
+    pose = Pose2(0.003, 0.004, 0.1)
+    expected = here.command(pose, twist, Pose2(), around())
+    assert moved.command(pose, twist, correction, around()).twist == expected.twist
+
+
+def test_no_command_without_a_plan_nearby():
+    planner = controller()
+    assert not first(planner).ok
+    planner.set_plan(straight(1.5) + np.array((9.0, 9.0, 0.0)))
+    assert not first(planner).ok
+    assert first(planner).twist == Twist2()
+
+
+WALL_AHEAD = (0.9, -3.0, 1.1, 3.0)
+
+
+def test_a_blocked_way_is_not_driven():
+    planner = controller()
+    planner.set_plan(straight(1.8))
+    pose, twist = Pose2(0.1), Twist2(0.3)
+    for _ in range(30):
+        answer = planner.command(pose, twist, Pose2(), around(pose, WALL_AHEAD))
+        twist = answer.twist
+        pose = pose @ Pose2(0.05 * twist.vx, 0.0, 0.05 * twist.wz)
+    assert pose.x + 0.3 < WALL_AHEAD[0]
+
+
+def test_with_nothing_legal_it_backs_up_until_it_is_out():
+    planner = controller()
+    planner.set_plan(straight(1.5))
+    on_the_bumper = (0.26, -0.1, 0.34, 0.1)
+    assert first(planner, Twist2(), on_the_bumper).twist == Twist2(-0.1, 0.0, 0.0)
+    # Though the way is free again, it drives no arc before it is 0.1 m away.
+    assert first(planner).twist.vx <= 0.0
+    moved = Pose2(-0.11)
+    planner.command(moved, Twist2(), Pose2(), around(moved))
+    assert planner.command(moved, Twist2(), Pose2(), around(moved)).twist.vx > 0.0
+
+
+def test_it_does_not_back_up_when_the_plan_leads_nowhere():
+    planner = controller()
+    planner.set_plan(straight(1.5))
+    walls = ((1.2, -0.5, 1.3, 0.5), (1.7, -0.5, 1.8, 0.5))
+    closed = ((1.2, 0.5, 1.8, 0.6), (1.2, -0.6, 1.8, -0.5))
+    answer = first(planner, Twist2(), *walls, *closed)
+    assert (answer.ok, answer.twist, answer.local_plan.shape) == (False, Twist2(), (0, 2))
+
+
+def test_with_room_only_at_the_side_an_omnidirectional_robot_strafes():
+    for side in (1.0, -1.0):
+        planner = controller(OMNI)
+        planner.set_plan(straight(0.6, side * math.pi / 2.0))
+        slot = ((0.35, -1.5, 0.5, 1.5), (-0.5, -1.5, -0.35, 1.5))
+        answer = first(planner, Twist2(), *slot)
+        assert answer.ok
+        assert (answer.twist.vx, answer.twist.vy * side > 0.0) == (0.0, True)
+        planner = controller(replace(OMNI, holonomic_robot=False))
+        planner.set_plan(straight(0.6, side * math.pi / 2.0))
+        assert first(planner, Twist2(), *slot).twist == Twist2(-0.1, 0.0, 0.0)
+
+
+def test_strafes_are_compared_by_where_they_look_so_the_first_wins_before_a_wall():
+    planner = controller(replace(OMNI, heading_lookahead=0.325))
+    planner.set_plan(straight(0.6, math.pi / 2.0))
+    slot = ((0.35, -1.5, 0.5, 1.5), (-0.5, -1.5, -0.35, 1.5))
+    assert first(planner, Twist2(), *slot).twist == Twist2(0.0, -0.3, 0.0)
+
+
+def test_what_stands_on_the_robot_is_free_on_the_way_to_the_path():
+    planner = controller()
+    planner.set_plan(straight(1.5))
+    local = around()
+    local.cells[38:42, 36:39] = 254
+    local.touch((0, 0, 80, 80))
+    assert planner.command(Pose2(), Twist2(), Pose2(), local).twist.vx > 0.0
+
+
+def test_only_the_outline_of_the_footprint_is_looked_at():
+    for quirks, drives in ((FAST, True), (FIXED, False)):
+        planner = controller(HUSKY, quirks)
+        planner.set_plan(straight(1.5))
+        local = around()
+        local.cells[42, 42] = 254
+        answer = planner.command(Pose2(), Twist2(), Pose2(), local)
+        assert (answer.twist.vx > 0.0) is drives
+
+
+def test_meters_and_cells_weigh_the_same_times_the_resolution():
+    box = (0.9, 0.25, 1.2, 0.6)
+    answers = []
+    for metres in (True, False):
+        factor = 1.0 if metres else 0.05
+        weights = {"path_distance_bias": 1.5 * factor, "goal_distance_bias": 2.0 * factor}
+        planner = controller(replace(HUSKY, meter_scoring=metres, **weights))
+        planner.set_plan(straight(1.8, 0.2))
+        answers.append(first(planner, Twist2(0.3), box).twist)
+    assert answers[0] == answers[1]
+
+
+def at_goal(
+    yaw_error,
+    twist=Twist2(),  # noqa: B008
+    parameters=HUSKY,
+    quirks=FAST,
+    *boxes,
+):
+    planner, pose = controller(parameters, quirks), Pose2(0.9, 0.0, -yaw_error)
+    planner.set_plan(straight(1.0))
+    answer = planner.command(pose, twist, Pose2(), around(pose, *boxes))
+    assert answer.local_plan.shape == (0, 2)
+    return planner, answer
+
+
+def test_within_tolerance_it_stands_and_the_goal_is_reached():
+    planner, answer = at_goal(0.09, Twist2(0.3, 0.0, 0.2))
+    assert (answer.ok, answer.twist) == (True, Twist2())
+    assert planner.goal_reached(Pose2(), Twist2(), Pose2())
+    planner.set_plan(straight(1.0))
+    assert not planner.goal_reached(Pose2(0.9), Twist2(), Pose2())
+
+
+def test_it_slows_down_before_it_turns():
+    planner, answer = at_goal(1.0, Twist2(0.3, 0.02, -0.4))
+    assert answer.ok
+    assert (answer.twist.vx, answer.twist.vy) == (pytest.approx(0.175), 0.0)
+    assert answer.twist.wz == pytest.approx(-0.24)
+    assert not planner.goal_reached(Pose2(), Twist2(), Pose2())
+
+
+def test_it_turns_within_its_acceleration_and_so_that_it_can_stop():
+    assert at_goal(2.0)[1].twist == Twist2(0.0, 0.0, 0.2)
+    slow = replace(HUSKY, acc_lim_theta=0.1, min_in_place_vel_theta=0.1)
+    assert at_goal(-0.2, Twist2(0.0, 0.0, 0.01), slow)[1].twist.wz == pytest.approx(-0.1)
+    assert at_goal(-0.2, Twist2(0.0, 0.0, 0.01), slow, FIXED)[1].twist.wz == pytest.approx(-0.015)
+    fast = replace(HUSKY, acc_lim_theta=20.0)
+    assert at_goal(0.5, Twist2(), fast)[1].twist.wz == pytest.approx(0.5)
+    assert at_goal(2.0, Twist2(), fast)[1].twist.wz == 1.0
+
+
+def test_the_turn_at_the_goal_has_a_limit_of_its_own():
+    slow = replace(HUSKY, acc_lim_theta=20.0, max_vel_theta=0.5, min_vel_theta=-0.3)
+    assert at_goal(2.0, Twist2(), slow)[1].twist.wz == 1.0
+    assert at_goal(2.0, Twist2(), replace(slow, max_rotational_vel=0.7))[1].twist.wz == 0.7
+    assert at_goal(2.0, Twist2(), slow, FIXED)[1].twist.wz == 0.5
+    assert at_goal(-2.0, Twist2(), slow, FIXED)[1].twist.wz == -0.3
+
+
+def test_once_turning_it_goes_on_turning_though_it_moves():
+    planner, _ = at_goal(2.0)
+    answer = planner.command(Pose2(0.9, 0.0, -1.9), Twist2(0.0, 0.0, 0.2), Pose2(), around())
+    assert answer.twist.wz == pytest.approx(0.36)
+
+
+def test_a_turn_in_collision_is_refused():
+    _, answer = at_goal(2.0, Twist2(), HUSKY, FAST, (0.5, -1.0, 1.5, 1.0))
+    assert (answer.ok, answer.twist) == (False, Twist2())
+
+
+@pytest.mark.parametrize("latch", [False, True])
+def test_a_latched_goal_is_only_turned_to_until_the_next_plan(latch):
+    planner, _ = at_goal(2.0, Twist2(), replace(HUSKY, latch_xy_goal_tolerance=latch))
+    off = Pose2(0.5, 0.0, -2.0)
+    answer = planner.command(off, Twist2(), Pose2(), around(off))
+    assert (len(answer.local_plan) == 0) is latch
+    planner.set_plan(straight(1.0))
+    assert len(planner.command(off, Twist2(), Pose2(), around(off)).local_plan) > 0
+
+
+def test_the_goal_it_turns_at_is_the_end_of_the_window():
+    planner = controller()
+    planner.set_plan(straight(4.0, end=1.0))
+    # A window of half a metre either way ends beside the robot, where the plan looks ahead.
+    near = costs_around(Pose2(0.0), 6, 0.05)
+    answer = planner.command(Pose2(0.05), Twist2(), Pose2(), near)
+    assert (answer.ok, answer.twist) == (True, Twist2())
+    assert planner.goal_reached(Pose2(), Twist2(), Pose2())
+
+
+@pytest.mark.parametrize("prune", [False, True])
+def test_pruning_forgets_the_plan_behind_the_robot(prune):
+    plan = np.concatenate([straight(2.5), straight(2.5)[::-1]])
+    planner = controller(replace(HUSKY, prune_plan=prune))
+    planner.set_plan(plan)
+    pose = Pose2(1.5)
+    planner.command(pose, Twist2(), Pose2(), around(pose))
+    assert planner._plan.forgotten == (11 if prune else 0)
+
+
+@pytest.mark.parametrize("name", list(ROBOTS))
+@pytest.mark.parametrize("yaw", [0.6, 2.8])
+def test_published_robots_reach_their_goal_in_an_empty_world(name, yaw):
+    robot = ROBOTS[name]
+    planner = TrajectoryPlanner(
+        robot.parameters, FAST, robot.outline, 1.0 / robot.frequency, latch_goal=False
+    )
+    # Off the corner of a cell: there MiR turns on the spot for ever, here as in the original.
+    goal = Pose2(2.02, 0.02, 1.0)
+    planner.set_plan(straight(2.0, end=goal.yaw) + np.array((goal.x - 2.0, goal.y, 0.0)))
+    poses = [pose for pose, answer in drive(planner, robot, Pose2(yaw=yaw), 1000) if answer.ok]
+    assert planner.goal_reached(poses[-1], Twist2(), Pose2())
+    assert math.hypot(poses[-1].x - goal.x, poses[-1].y - goal.y) < 0.3
+    assert abs(poses[-1].yaw - goal.yaw) <= robot.parameters.yaw_goal_tolerance
+
+
+def test_a_costmap_of_another_shape_is_taken():
+    planner = controller()
+    planner.set_plan(straight(1.5))
+    for cells in (80, 60, 100):
+        local = costs_around(Pose2(), cells, 0.05)
+        assert planner.command(Pose2(), Twist2(), Pose2(), local).twist.vx == 0.125
+    other = CostGrid(0.05, local.x, local.y, local.cells.copy())
+    other.cells[:] = 254
+    assert planner.command(Pose2(), Twist2(), Pose2(), other).twist.vx <= 0.0
