@@ -8,23 +8,29 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --co
 WARM := $(BIN)/python -m tests.kernels
 # What pytest makes of the tests when it reads them for the first time, for the same reason.
 READ_ONCE := $(BIN)/pytest --ignore tests/ros2 --collect-only -qq > /dev/null
+SPREAD := --numprocesses 4 --dist loadfile --no-loadscope-reorder
 # Each of the test processes reads every test; without bytecode of the last time that takes twice as
 # long. Some containers switch it off.
 KEEP_BYTECODE := PYTHONDONTWRITEBYTECODE=
 
-.PHONY: demo test thorough test-ros2 test-ros2-short bench bench-campaign fuzz chaos docs lint format lock clean
+.PHONY: demo test test-long test-all thorough test-ros2 test-ros2-short bench bench-campaign fuzz chaos docs lint format lock clean
 
 demo: $(VENV)/.installed          ## run the main job: a campaign with moving doors, judged
 	@$(BIN)/scenario demo
 	@[ "$$(command -v scenario)" = "$(abspath $(BIN))/scenario" ] || \
 		printf '\nThese lines can be typed after: . %s/activate\n' '$(BIN)'
 
-test: $(VENV)/.installed-test     ## lint, types, import contracts and every test
+test: $(VENV)/.installed-test     ## lint, types, import contracts, and all tests that are not long
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy --num-workers 2
 	$(BIN)/lint-imports --no-cache
-	$(KEEP_BYTECODE) $(BIN)/pytest --ignore tests/ros2 --numprocesses 4 --dist loadfile --no-loadscope-reorder
+	$(KEEP_BYTECODE) $(BIN)/pytest --ignore tests/ros2 --ignore tests/long $(SPREAD)
+
+test-long: $(VENV)/.installed-test $(VENV)/.installed-docs ## tutorials, examples, the site, a browser
+	$(KEEP_BYTECODE) $(BIN)/pytest tests/long $(SPREAD)
+
+test-all: test test-long test-ros2-short ## what every submission must pass
 
 thorough: $(VENV)/.installed-test   ## every property with 500 examples instead of 25; hours
 	$(KEEP_BYTECODE) $(BIN)/pytest --ignore tests/ros2 --numprocesses 2 --hypothesis-profile thorough

@@ -1,5 +1,6 @@
 """Fixtures every room's tests may use."""
 
+import difflib
 import functools
 import gc
 import os
@@ -9,8 +10,8 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from grammars.text.parsing import Language
-from tests.file_order import order_by_file
 from tests.may_skip import pytest_make_collect_report, pytest_runtest_makereport
+from tests.rings import order_by_ring
 
 __all__ = ["pytest_make_collect_report", "pytest_runtest_makereport"]
 
@@ -34,8 +35,12 @@ settings.load_profile("project")
 gc.set_threshold(20_000, 20, 50)
 
 
+def pytest_addoption(parser):
+    parser.addoption("--update", action="store_true", help="write golden files anew; review them")
+
+
 def pytest_collection_modifyitems(items):
-    order_by_file(items)
+    order_by_ring(items)
 
 
 def pytest_collection_finish():
@@ -79,3 +84,27 @@ def reference_data():
 def campaigns():
     """The folder of campaigns that ship with the project."""
     return Path(__file__).parent.parent / "campaigns"
+
+
+@pytest.fixture
+def golden(request):
+    """Compare a text with the golden file of that name beside the test: ``golden(name, text)``.
+
+    ``pytest --update`` writes what differs.
+    """
+
+    def compare(name, text):
+        path = request.path.with_name(name)
+        expected = path.read_text("utf-8") if path.exists() else ""
+        if text == expected:
+            return
+        if request.config.getoption("--update"):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, "utf-8")
+            return
+        lines = difflib.unified_diff(
+            expected.splitlines(), text.splitlines(), name, "today", n=3, lineterm=""
+        )
+        pytest.fail("\n".join([*lines, "To keep what is new: pytest --update"]), pytrace=False)
+
+    return compare
