@@ -79,7 +79,6 @@ def length(path):
 def test_a_path_leads_through_the_middle_of_the_doorway():
     planner = a_planner(ONE_DOORWAY)
     path = planner.plan((1.0, 4.0), (8.0, 4.0))
-    assert path is not None
     assert tuple(path.points[0]) == (1.0, 4.0)
     assert tuple(path.points[-1]) == (8.0, 4.0)
     in_wall = path.points[np.abs(path.points[:, 0] - 4.5) < 0.1]
@@ -90,7 +89,6 @@ def test_a_path_leads_through_the_middle_of_the_doorway():
 
 def test_a_path_in_the_open_is_hardly_longer_than_a_straight_line():
     path = a_planner(OUTER).plan((1.5, 1.5), (7.3, 3.1))
-    assert path is not None
     # Steps to eight neighbours make a way at most 8.3 % longer.
     assert length(path) < 1.083 * math.hypot(5.8, 1.6)
 
@@ -105,7 +103,6 @@ def test_there_is_no_path_through_walls_or_the_unknown():
 def test_a_goal_too_close_to_a_wall_is_approached_within_tolerance():
     planner = a_planner(OUTER)
     path = planner.plan((4.0, 2.5), (8.6, 2.5))
-    assert path is not None
     end = path.points[-1]
     assert math.hypot(end[0] - 8.6, end[1] - 2.5) <= 0.15
     assert planner.plan((4.0, 2.5), (8.75, 2.5)) is None
@@ -113,7 +110,6 @@ def test_a_goal_too_close_to_a_wall_is_approached_within_tolerance():
 
 def test_a_robot_too_close_to_a_wall_finds_its_way_out():
     path = a_planner(OUTER).plan((0.35, 2.5), (4.0, 2.5))
-    assert path is not None
     assert length(path) == pytest.approx(3.65, abs=0.1)
 
 

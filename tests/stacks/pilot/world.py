@@ -14,8 +14,6 @@ from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from grammars.model.mission import Mission, Waypoint
 from grammars.model.robot import Drive, Laser, Mount, OdometryNoise, Robot
 
-Box = tuple[float, float, float, float]
-"""x_min, y_min, x_max, y_max [m]."""
 TICK = 0.05
 
 
@@ -100,7 +98,6 @@ class Log:
 
     @property
     def state(self):
-        assert self.last is not None
         return self.last.progress.state
 
     def said(self, words):

@@ -27,7 +27,6 @@ def line(start, end=10.0, y=0.0):
 
 def test_a_plan_is_recorded_thinly_from_start_to_goal():
     points = PlanRecorder().take(0.0, line(0.0))
-    assert points is not None
     assert points[0].tolist() == [0.0, 0.0]
     assert points[-1].tolist() == [10.0, 0.0]
     assert np.diff(points[:, 0]).max() == pytest.approx(0.1)
@@ -81,7 +80,6 @@ def test_trajectories_are_recorded_in_the_map_frame_five_times_a_second():
 def test_beliefs_fill_the_time_between_two_publications():
     log = EstimateRecorder(np.eye(3))
     before = log.record_dead_reckoned(0.0, Pose2(), Pose2())
-    assert before is not None
     assert before.covariance.tolist() == np.eye(3).tolist()
     estimate, cloud = log.record_published(
         AmclPose(0.5, Pose2(1.0), 2.0 * np.eye(3), Pose2(1.1), 700)
@@ -89,7 +87,6 @@ def test_beliefs_fill_the_time_between_two_publications():
     assert (estimate.time, cloud.count, cloud.mean) == (0.5, 700, Pose2(1.1))
     assert log.record_dead_reckoned(1.4, Pose2(), Pose2()) is None
     later = log.record_dead_reckoned(1.55, Pose2(3.0), Pose2(1.0))
-    assert later is not None
     assert later.pose.x == 4.0
     assert later.covariance[0, 0] == 2.0, "the spread last published"
 
@@ -100,7 +97,6 @@ def test_at_most_a_hundred_particles_once_a_second():
         poses = EstimateRecorder(np.eye(3)).record_particles(
             0.0, np.arange(3.0 * count).reshape(count, 3)
         )
-        assert poses is not None
         assert min(count, 50) <= len(poses) <= 100
     assert log.record_particles(0.0, np.zeros((5, 3))) is not None
     assert log.record_particles(0.9, np.zeros((5, 3))) is None
@@ -109,7 +105,6 @@ def test_at_most_a_hundred_particles_once_a_second():
 def test_the_local_costmap_is_shown_at_its_publish_frequency_and_once_a_second_at_most():
     grid = CostGrid(0.05, 1.0, 2.0, np.zeros((4, 5), np.uint8))
     picture = CostmapRecorder(0.5, "odom").take(0.0, grid)
-    assert picture is not None
     assert (picture.frame, picture.x, picture.y) == ("odom", 1.0, 2.0)
     grid.cells[:] = 254
     assert picture.cells.max() == 0, "a copy"

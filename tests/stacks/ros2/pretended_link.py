@@ -8,8 +8,6 @@ from daemon.stacks.ros2.link import (
     StackIdentity,
 )
 
-Pose = tuple[float, float, float]
-
 
 class PretendedLink:
     """Remembers goals; answers cycles with ``answer``."""

@@ -6,7 +6,6 @@ import secrets
 import signal
 import sys
 import tempfile
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
@@ -55,8 +54,6 @@ print("launched", flush=True)
 if sys.argv[2] == "stays":
     time.sleep(600)
 """
-
-StartStack = Callable[..., StackProcess]
 
 
 @pytest.fixture(autouse=True)
@@ -386,8 +383,6 @@ def test_it_is_started_as_in_a_terminal_though_a_run_is_not(tmp_path):
     with holder(launch=launch, as_run=True) as (process, told):
         output = Path(told["folder"], "stack.output")
         eventually(lambda: output.read_bytes().count(b"\n") == 2)
-        assert process.stdin is not None
-        assert process.stdout is not None
         process.stdin.write("end\n")
         process.stdin.flush()
         (said,) = json.loads(process.stdout.readline())

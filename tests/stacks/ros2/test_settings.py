@@ -86,7 +86,6 @@ def test_values_come_with_units_and_in_words():
         {"RMW_IMPLEMENTATION": "rmw_fastrtps_cpp"},
     )
     assert (found.qos.scan, found.qos.odom) == ("reliable", "best effort")
-    assert found.container is not None
     assert (found.container.engine, found.container.network) == ("podman", "none")
     assert found.container.options == ("--gpus", "all")
 
@@ -138,7 +137,6 @@ def test_only_the_command_is_quoted():
     filled = fill_settings(settings, values)
     assert filled.launch.endswith("map:=/m params_file:='a b'")
     assert filled.environment.variables == {"PARAMS": "a b"}
-    assert filled.container is not None
     assert filled.container.image == "nav2:r"
     assert filled.container.options == ("-v", "a b:/p")
 

@@ -146,27 +146,6 @@ def test_distances_end_a_cell_short_where_the_resolution_is_rounded_up():
     assert distance_field(tenths, 3.0, brushfire=True).radius == int(3.0 / single(0.3))
 
 
-def test_nothing_is_nearer_than_it_is():
-    grid = slanted(60, 60, 5, 3)
-    exact = metres(distance_field(grid, 2.0, brushfire=False), 2.0)
-    spread = metres(distance_field(grid, 2.0, brushfire=True), 2.0)
-    assert (spread >= exact - 1e-9).all()
-    assert (spread > exact + 0.01).any()
-
-
-@pytest.mark.parametrize(("brushfire", "radius"), [(True, 39), (False, 40)])
-def test_the_map_is_framed_by_the_value_of_far(brushfire, radius):
-    grid = OccupancyGrid(0.05, 0.0, 0.0, np.full((3, 4), OCCUPIED, np.int8))
-    field = distance_field(grid, 2.0, brushfire=brushfire)
-    assert field.radius == radius
-    assert field.squared.shape == (5, 6)
-    ring = np.ones((5, 6), dtype=bool)
-    ring[1:-1, 1:-1] = False
-    assert (field.squared[ring] == field.far).all()
-    assert (field.squared[~ring] == 0).all()
-    assert field.distances(2.0)[field.far] == 2.0
-
-
 @pytest.mark.parametrize("brushfire", [True, False])
 @pytest.mark.parametrize(("radius", "kind"), [(255, np.uint16), (256, np.int32)])
 def test_a_field_is_as_small_as_its_largest_value_allows(brushfire, radius, kind):

@@ -1,4 +1,3 @@
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -40,11 +39,9 @@ def around(pose, count, sigma=0.3, seed=0):
     return np.array([pose.x, pose.y, pose.yaw]) + noise
 
 
-def test_every_fifth_of_150_rays_is_used():
-    np.testing.assert_array_equal(beam_indices(PUBLISHED, 150), np.arange(0, 146, 5))
-
-
-@pytest.mark.parametrize(("rays", "beams", "step"), [(10, 30, 1), (1, 30, 1), (181, 60, 3)])
+@pytest.mark.parametrize(
+    ("rays", "beams", "step"), [(150, 30, 5), (10, 30, 1), (1, 30, 1), (181, 60, 3)]
+)
 def test_beams_are_so_many_rays_apart(rays, beams, step):
     p = replace(PUBLISHED, laser_max_beams=beams)
     np.testing.assert_array_equal(beam_indices(p, rays), np.arange(0, rays, step))
@@ -114,11 +111,3 @@ def test_thick_walls_let_the_estimate_slide_along_the_view(thickness, slides):
     ranges[np.abs(ahead - 75) > 20] = np.inf  # nothing but the wall ahead
     weights = weigh(PUBLISHED, ranges, poses, grid=map_of(walls))
     assert (weights[-1] > 0.99 * weights[0]) is np.bool_(slides)
-
-
-def test_the_true_pose_is_preferred():
-    off = TRUTH @ Pose2(0.1, -0.4, 0.3)
-    poses = np.array([[q.x, q.y, q.yaw] for q in (TRUTH, off)])
-    right, wrong = weigh(PUBLISHED, see(WALLS, TRUTH), poses)
-    assert right > 1.2 * wrong
-    assert math.isfinite(right)

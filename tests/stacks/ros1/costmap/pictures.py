@@ -1,11 +1,17 @@
 """Small costmaps drawn with characters: cells of one metre, the lowest row at the bottom."""
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 
-from daemon.stacks.ros1.costmap import LayeredCostmap, ObservationSource, ObstacleLayer, SensedScan
+from daemon.stacks.ros1.costmap import (
+    LayeredCostmap,
+    ObservationSource,
+    ObstacleLayer,
+    SensedScan,
+    VoxelLayer,
+)
 from daemon.stacks.ros1.costmap.costmap import Costmap
 from daemon.stacks.ros1.quirks import FAST
 from grammars.model.geometry import Pose2
@@ -44,6 +50,11 @@ def build(
         track_unknown_space=unknown,
     )  # fmt: skip
     return Costmap(parameters, np.array(under or SMALL, dtype=float), FAST)
+
+
+def with_voxels(layer, **column):
+    """Return an obstacle layer as a voxel layer."""
+    return VoxelLayer(**{f.name: getattr(layer, f.name) for f in fields(layer)}, **column)
 
 
 def rays(begin, *ends, yaw=0.0, nearest=0.05, farthest=60.0):

@@ -1,10 +1,12 @@
-"""Costs of published robots, quirks, what is told of changes, and costmaps that are refused."""
+"""Costs of published robots, footprints, windows, quirks, and costmaps that are refused."""
 
 import math
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from daemon.stacks.ros1.costmap import (
     InflationLayer,
@@ -13,12 +15,15 @@ from daemon.stacks.ros1.costmap import (
     ObstacleLayer,
     SensedScan,
     StaticLayer,
-    VoxelLayer,
+    hears_height,
+    radii,
 )
 from daemon.stacks.ros1.costmap.costmap import Costmap
-from daemon.stacks.ros1.quirks import FAST, FIXED
+from daemon.stacks.ros1.quirks import FAST
 from grammars.model.geometry import Pose2
 from grammars.model.grid import OccupancyGrid
+from tests.stacks.ros1.costmap import plain
+from tests.stacks.ros1.costmap.pictures import build
 
 A2S = ((-0.08, -0.075), (-0.08, 0.075), (0.105, 0.075), (0.105, -0.075))
 DIFF = ((-0.35, -0.233), (-0.35, 0.233), (0.35, 0.233), (0.35, -0.233))
@@ -30,46 +35,24 @@ STILL = LayeredCostmap((StaticLayer(), OBSTACLES, INFLATION), footprint=A2S)
 ROLLING = LayeredCostmap(
     (OBSTACLES, INFLATION), "odom", footprint=A2S, rolling_window=True, width=3.0, height=3.0
 )
-FAR_AWAY = Pose2(9.0, 1.0)
+HERE = Pose2(1.0, 1.0)
 
 
-def world(rows=60, columns=200):
-    return OccupancyGrid(0.05, 0.0, 0.0, np.zeros((rows, columns), dtype=np.int8))
+def inflated(**values):
+    """Return the costmap that stands still with another inflation."""
+    return replace(STILL, layers=(*STILL.layers[:2], replace(INFLATION, **values)))
 
 
-def layered(parameters=STILL, *, static=None, obstacles=None, source=None, inflation=None):
-    """Return the costmap with values of its layers changed."""
-
-    def changed(layer):
-        if isinstance(layer, StaticLayer):
-            return replace(layer, **(static or {}))
-        if isinstance(layer, InflationLayer):
-            return replace(layer, **(inflation or {}))
-        sources = tuple(replace(each, **(source or {})) for each in layer.sources)
-        return replace(layer, **{"sources": sources, **(obstacles or {})})
-
-    return replace(parameters, layers=tuple(changed(layer) for layer in parameters.layers))
+def made(parameters=STILL, cells=None, quirks=FAST):
+    cells = np.zeros((60, 200), dtype=np.int8) if cells is None else cells.astype(np.int8)
+    grid = OccupancyGrid(0.05, 0.0, 0.0, cells)
+    return Costmap(parameters, parameters.padded_footprint(), quirks, grid)
 
 
-def build(parameters=STILL, grid=None, quirks=FAST):
-    return Costmap(parameters, parameters.padded_footprint(), quirks, grid or world())
-
-
-def with_voxels(layer, **column):
-    """Return an obstacle layer as a voxel layer."""
-    return VoxelLayer(**{f.name: getattr(layer, f.name) for f in fields(layer)}, **column)
-
-
-def looking(away, x=1.025, y=1.025):
-    """One ray along x from (x, y)."""
+def looking(away):
+    """One ray along x from (1.025, 1.025)."""
     ranges = np.array([away], dtype=np.float32)
-    return SensedScan(Pose2(x, y), ranges, np.zeros(1), 0.05, 5.6)
-
-
-def value(costmap, x, y):
-    found = costmap.grid.cell(x, y)
-    assert found is not None
-    return int(costmap.grid.cells[found[1], found[0]])
+    return SensedScan(Pose2(1.025, 1.025), ranges, np.zeros(1), 0.05, 5.6)
 
 
 @pytest.mark.parametrize(
@@ -83,86 +66,43 @@ def value(costmap, x, y):
     ],
 )
 def test_costs_fall_with_the_distance_from_a_wall(footprint, radius, scaling, costs):
-    grid = world()
-    grid.cells[:, 100] = 100
-    inflation = {"inflation_radius": radius, "cost_scaling_factor": scaling}
-    parameters = replace(layered(inflation=inflation), footprint=footprint)
-    costmap = build(parameters, grid)
+    cells = np.zeros((60, 200))
+    cells[:, 100] = 100
+    parameters = inflated(inflation_radius=radius, cost_scaling_factor=scaling)
+    grid = made(replace(parameters, footprint=footprint), cells).grid
     for away, cost in costs.items():
-        assert value(costmap, 5.025 + away, 1.5) == cost
-        assert value(costmap, 5.025 - away, 1.5) == cost
-
-
-@pytest.mark.parametrize(
-    ("parameters", "quirks"),
-    [(STILL, FIXED), (layered(obstacles={"track_unknown_space": True}), FAST)],
-)
-def test_unknown_cells_stay_unknown_until_a_ray_crosses_them(parameters, quirks):
-    grid = world()
-    grid.cells[:, 30:] = -1
-    costmap = build(parameters, grid, quirks)
-    for _ in range(4):
-        costmap.update(Pose2(1.0, 1.0), (looking(3.2),))
-    assert value(costmap, 2.0, 1.025) == 0
-    assert value(costmap, 2.0, 1.6) == 255
-
-
-def test_a_ray_without_return_neither_marks_nor_clears():
-    costmap = build()
-    costmap.update(Pose2(1.0, 1.0), (looking(1.5),))
-    for lost in (math.inf, math.nan, 5.6, 0.04):
-        costmap.update(Pose2(1.0, 1.0), (looking(lost),))
-        assert value(costmap, 2.525, 1.025) == 254
-
-
-def test_the_footprint_is_free_of_obstacles_but_not_of_walls():
-    grid = world()
-    grid.cells[20, 20] = 100
-    costmap = build(layered(inflation={"inflation_radius": 0.0}), grid)
-    costmap.update(FAR_AWAY, (looking(1.5),))
-    assert value(costmap, 2.525, 1.025) == 254
-    costmap.update(Pose2(2.5, 1.0))
-    assert value(costmap, 2.525, 1.025) == 0
-    costmap.update(Pose2(1.0, 1.0))
-    assert value(costmap, 1.025, 1.025) == 254
-
-
-def test_without_the_quirk_the_window_moves_to_the_nearest_cell():
-    costmap = build(ROLLING, quirks=FIXED)
-    costmap.update(Pose2(0.0, 0.0))
-    centre = costmap.grid.x
-    costmap.update(Pose2(0.049, 0.0))
-    assert costmap.grid.x == pytest.approx(centre + 0.05)
+        for x in (5.025 + away, 5.025 - away):
+            column, row = grid.cell(x, 1.5)
+            assert grid.cells[row, column] == cost
 
 
 def test_each_reader_learns_tightly_what_changed():
-    costmap = build()
-    scan = looking(1.5)
-    costmap.update(Pose2(1.0, 1.0), (scan,))
+    costmap = made()
+    costmap.update(HERE, (looking(1.5),))
     readers = costmap.grid.watch(), costmap.grid.watch()
     version = costmap.grid.version
-    costmap.update(Pose2(1.0, 1.0), (scan,))
+    costmap.update(HERE, (looking(1.5),))
     assert costmap.grid.version == version
-    costmap.update(Pose2(1.0, 1.0), (looking(1.55),))
+    costmap.update(HERE, (looking(1.55),))
     assert [each.take() for each in readers] == [(40, 10, 62, 31)] * 2
 
 
 def test_costmaps_of_one_map_do_not_share_their_cells():
-    one, other = build(), build()
-    one.update(Pose2(1.0, 1.0), (looking(1.5),))
+    one, other = made(), made()
+    one.update(HERE, (looking(1.5),))
     assert not other.grid.cells.any()
 
 
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
-        (layered(inflation={"inflation_radius": 20.0}), "inflation_radius 20 m is 400 cells"),
+        (inflated(inflation_radius=20.0), "inflation_radius 20 m is 400 cells"),
         (replace(ROLLING, width=0.01), "has no cell"),
     ],
 )
 def test_impossible_costmaps_are_refused(parameters, message):
     with pytest.raises(ValueError, match=message):
-        build(parameters)
+        made(parameters)
 
 
 def test_a_static_costmap_needs_a_map():
@@ -173,4 +113,150 @@ def test_a_static_costmap_needs_a_map():
 def test_a_scan_has_as_many_ranges_as_angles():
     scan = replace(looking(1.0), ranges=np.ones(2, dtype=np.float32))
     with pytest.raises(ValueError, match="2 ranges at 1 angles"):
-        build().update(Pose2(1.0, 1.0), (scan,))
+        made().update(HERE, (scan,))
+
+
+def test_points_have_single_precision_so_a_limit_may_be_passed_by_its_own_height():
+    low = ObservationSource("scan", "/scan", max_obstacle_height=0.3)
+    assert not hears_height(low, 0.3)
+    assert hears_height(replace(low, max_obstacle_height=0.5), 0.5)
+    assert not hears_height(replace(low, min_obstacle_height=0.7, max_obstacle_height=1.0), 0.7)
+
+
+def test_resets_say_which_of_the_layers_they_name_they_forgot():
+    front, rear = replace(OBSTACLES, name="a/front"), replace(OBSTACLES, name="rear")
+    costmap = made(replace(STILL, layers=(StaticLayer("map"), front, rear, INFLATION)))
+    names = ("front", "map", "inflation_layer", "nobody")
+    assert costmap.clear_layers(HERE, 3.0, names) == ("map", "front")
+    assert costmap.clear_layers(HERE, 3.0, ("nobody",)) == ()
+    assert costmap.clear_layers(HERE, 3.0, None) == ("front", "rear")
+
+
+@pytest.mark.parametrize(
+    ("points", "inscribed", "circumscribed"),
+    [(A2S, 0.085, 0.143), (DIFF, 0.243, 0.434), (OMNI, 0.230, 0.427)],
+)
+def test_radii_of_the_padded_footprint(points, inscribed, circumscribed):
+    padded = LayeredCostmap(footprint=points).padded_footprint()
+    assert padded.max(axis=0) == pytest.approx(np.array(points).max(axis=0) + 0.01)
+    assert padded.min(axis=0) == pytest.approx(np.array(points).min(axis=0) - 0.01)
+    assert radii(padded) == pytest.approx((inscribed, circumscribed), abs=5e-4)
+
+
+def test_a_coordinate_of_zero_is_not_padded():
+    corners = ((0.0, 0.2), (-0.1, 0.0), (0.1, 0.0))
+    padded = LayeredCostmap(footprint=corners).padded_footprint()
+    assert padded.tolist() == [[0.0, 0.2 + 0.01], [-0.1 - 0.01, 0.0], [0.1 + 0.01, 0.0]]
+
+
+def test_a_footprint_beside_the_origin_has_an_inscribed_radius_all_the_same():
+    assert radii([(1.0, -1.0), (2.0, -1.0), (2.0, 1.0), (1.0, 1.0)])[0] == 1.0
+
+
+def test_a_radius_stands_for_sixteen_corners():
+    corners = LayeredCostmap(robot_radius=0.3, footprint_padding=0.0).padded_footprint()
+    assert corners.shape == (16, 2)
+    assert radii(corners) == pytest.approx((0.3 * math.cos(math.pi / 16), 0.3))
+
+
+# Rolling windows, followed on paper through LayeredCostmap::updateMap, getSizeInMetersX and
+# Costmap2D::updateOrigin. The window aims at having the robot in the middle of what the original
+# takes for its size, which is half a cell too little: (columns - 0.5) cells, here 5.5 by 3.5. It
+# moves by (int)((aim - origin) / resolution) cells.
+@pytest.mark.parametrize(
+    ("aim", "moved"),
+    [
+        ((0.99, -0.99), (0, 0)),
+        ((1.0, -1.0), (1, -1)),
+        ((1.99, -1.99), (1, -1)),
+        ((2.7, 0.3), (2, 0)),
+        ((-0.3, -2.7), (0, -2)),
+        ((7.5, 0.0), (7, 0)),
+        ((-300.25, 4000.75), (-300, 4000)),
+    ],
+)
+@pytest.mark.parametrize("origin", [(0.0, 0.0), (-8.0, 4.0)])
+def test_the_window_moves_by_whole_cells_cut_off_toward_zero(aim, moved, origin):
+    costmap = build(6, 4, rolling=True, origin=origin)
+    costmap.update(Pose2(origin[0] + aim[0] + 2.75, origin[1] + aim[1] + 1.75))
+    assert (costmap.grid.x, costmap.grid.y) == (origin[0] + moved[0], origin[1] + moved[1])
+
+
+def test_a_new_window_of_three_metres_leaves_the_robot_out_of_its_middle():
+    # 60 cells are 2.975 m to the original: it aims at -1.4875, 29.75 cells from where a window
+    # begins, and moves 29.
+    costmap = made(ROLLING)
+    costmap.update(Pose2())
+    assert (costmap.grid.x, costmap.grid.y) == (-29 * 0.05, -29 * 0.05)
+    # Half a metre on: (-0.9875 + 1.45) / 0.05 = 9.25, (-1.9875 + 1.45) / 0.05 = -10.75.
+    costmap.update(Pose2(0.5, -0.5))
+    assert (costmap.grid.x, costmap.grid.y) == (-29 * 0.05 + 9 * 0.05, -29 * 0.05 - 10 * 0.05)
+
+
+# Costs in the order of the original's queue (inflation_queue_order), for a robot so small that only
+# its middle counts.
+ORDERED = replace(FAST, inflation_queue_order=True)
+NEAR = InflationLayer(inflation_radius=0.25, cost_scaling_factor=3.0)
+POINT = 0.02
+SQUARE = ((-POINT, -POINT), (-POINT, POINT), (POINT, POINT), (POINT, -POINT))
+
+
+def below_inflation(layer):
+    return LayeredCostmap((StaticLayer(), layer), footprint=SQUARE, footprint_padding=0.0)
+
+
+@pytest.mark.parametrize("updates", [0, 1, 3])
+def test_a_cell_whose_neighbours_have_other_obstacles_never_hears_of_its_own(updates):
+    """Four rows of four cells, the highest first, a and b and c occupied::
+
+        . . . c
+        . . . .
+        . . b .
+        a . . .
+
+    The upper left corner is nearest to b, at squared distance 4 + 4; to a and c it is 9. The cell
+    below it has a, at 4, not b, at 4 + 1; the cell right of it c, at 4, not b, at 4 + 1. Neither
+    passes b on, and the corner gets a or c.
+    """
+    cells = np.zeros((4, 4))
+    cells[0, 0] = cells[1, 2] = cells[3, 3] = 100
+    first = np.array([[0, 1, 1, 2], [1, 1, 0, 1], [4, 2, 1, 1], [9, 4, 1, 0]])
+    nearest = first.copy()
+    nearest[3, 0] = 8
+    for quirks, squared in ((ORDERED, first), (FAST, nearest)):
+        costmap = made(below_inflation(NEAR), cells, quirks)
+        for _ in range(updates):
+            costmap.update(Pose2(0.1, 0.1))
+        costs = [[plain.cost(math.sqrt(n), NEAR, POINT, 0.05) for n in row] for row in squared]
+        np.testing.assert_array_equal(costmap.grid.cells, costs)
+
+
+def slanted(rng, rows, columns, walls):
+    """Walls at random angles, and free and unknown cells around them."""
+    cells = rng.choice(np.array([0, -1]), (rows, columns), p=[0.9, 0.1])
+    for _ in range(walls):
+        begin, angle = rng.uniform((0.0, 0.0), (rows, columns)), rng.uniform(0.0, math.pi)
+        along = np.arange(0.0, rng.uniform(5.0, 40.0), float(rng.choice([0.3, 1.0, 1.7])))
+        ends = begin + along[:, None] * (math.sin(angle), math.cos(angle))
+        row, column = ends[((ends >= 0.0) & (ends < (rows, columns))).all(axis=1)].astype(int).T
+        cells[row, column] = 100
+    return cells
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    walls=st.integers(0, 6),
+    radius=st.sampled_from([0.04, 0.1, 0.27, 0.55]),
+)
+def test_distances_are_those_of_the_plain_queue(seed, walls, radius):
+    cells = slanted(np.random.default_rng(seed), 40, 50, walls)
+    layer = replace(NEAR, inflation_radius=radius)
+    first = made(below_inflation(layer), cells, ORDERED)
+    lethal = [(int(x), int(y)) for y, x in np.argwhere(cells == 100)]
+    away = plain.by_queue(lethal, (40, 50), math.ceil(radius / 0.05))
+    expected = np.where(cells == -1, 255, 0)
+    for y, x in np.argwhere(away < np.inf).tolist():
+        value = plain.cost(float(away[y, x]), layer, POINT, 0.05)
+        if cells[y, x] != -1 or value >= 253:
+            expected[y, x] = value
+    np.testing.assert_array_equal(first.grid.cells, expected)

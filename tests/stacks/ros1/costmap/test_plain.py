@@ -19,8 +19,8 @@ from daemon.stacks.ros1.costmap.costmap import Costmap
 from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2
 from grammars.model.grid import OccupancyGrid
+from tests.stacks.ros1.costmap.pictures import with_voxels
 from tests.stacks.ros1.costmap.plain import PlainCostmap
-from tests.stacks.ros1.costmap.test_costmap import with_voxels
 
 ROWS, COLUMNS = 22, 30
 ANGLES = {"front": np.linspace(-2.0, 2.0, 23), "rear": np.linspace(-1.0, 1.5, 11)}
@@ -51,6 +51,7 @@ class RandomLasers:
             if self.rng.random() < 0.7:
                 ranges = self.rng.uniform(0.02, 1.1, angles.size).astype(np.float32)
                 ranges[self.rng.random(angles.size) < 0.2] = np.inf
+                ranges[self.rng.random(angles.size) < 0.05] = np.nan
                 pose, height = base @ MOUNTS[name], self.heights[name]
                 stamps = (self.now, self.now + 0.051)
                 scan = SensedScan(pose, ranges, angles, 0.05, 1.0, height, name, *stamps)

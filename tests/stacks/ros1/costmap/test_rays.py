@@ -15,8 +15,6 @@ import pytest
 from grammars.model.geometry import Pose2
 from tests.stacks.ros1.costmap.pictures import HERE, build, drawn, free, marked, rays
 
-Cells = list[tuple[int, int]]
-
 
 # raytraceLine: the axis with more cells leads (x of equals), the error begins at half its cells
 # rounded down, grows by the cells of the other axis, and steps aside when it reaches the cells of

@@ -45,15 +45,6 @@ def test_a_differential_robot_cannot_start_a_turn_on_the_spot():
     assert answer.twist.wz == pytest.approx(-0.32, abs=1e-6)
 
 
-def test_it_drives_along_the_plan_at_full_speed():
-    dwa = controller()
-    dwa.set_plan(straight())
-    answer = dwa.command(Pose2(), Twist2(0.22, 0.0, 0.0), Pose2(), empty())
-    assert answer.twist.vx == pytest.approx(0.22)
-    assert answer.local_plan.shape == (14, 2)
-    assert answer.local_plan[0].tolist() == [0.0, 0.0]
-
-
 def test_the_plan_is_taken_through_the_correction_of_the_map():
     correction, twist = Pose2(5.0, -3.0, 0.7), Twist2(0.2, 0.0, 0.1)
     plan = straight()
@@ -166,14 +157,6 @@ def test_a_turn_in_collision_is_refused():
     assert at_goal(2.0, Twist2(), cells=254) == (False, Twist2())
 
 
-def test_once_turning_it_goes_on_turning_though_it_moves():
-    dwa = controller()
-    dwa.set_plan(straight(1.0))
-    dwa.command(Pose2(1.0, 0.0, -2.5), Twist2(), Pose2(), empty(1.0))
-    answer = dwa.command(Pose2(1.0, 0.0, -2.4), Twist2(0.0, 0.0, 1.37), Pose2(), empty(1.0))
-    assert answer.twist.wz == pytest.approx(1.69)
-
-
 def test_turns_are_checked_against_the_distances_of_the_last_sampling_cycle():
     dwa = controller()
     dwa.set_plan(straight(1.0))
@@ -218,13 +201,6 @@ def test_tolerances_belong_to_the_goal():
     assert dwa.goal_reached(Pose2(0.5, 0.0, -0.25), Twist2(), Pose2())
     assert not dwa.goal_reached(Pose2(0.499, 0.0, -0.25), Twist2(), Pose2())
     assert not dwa.goal_reached(Pose2(0.5, 0.0, -0.251), Twist2(), Pose2())
-
-
-def test_a_latch_holds_what_was_reached_and_nothing_else():
-    dwa = controller(latch=True)
-    dwa.set_plan(straight(1.0))
-    for x, reached in ((0.8, False), (0.8, False), (0.95, True), (0.8, True), (0.5, True)):
-        assert dwa.goal_reached(Pose2(x, 0.0, 0.0), Twist2(), Pose2()) is reached
 
 
 def test_a_latched_goal_stays_reached_until_the_next_plan():
@@ -287,16 +263,6 @@ def test_the_nose_counts_until_the_end_of_the_plan_is_near():
             assert answer.twist == chosen(pose, plan, aligned, end)
             answers.append(answer.twist)
     assert answers[::2] != answers[1::2]
-
-
-def test_a_robot_that_turns_faster_than_its_limit_is_followed():
-    dwa = controller(replace(A2S, max_vel_theta=1.0, min_vel_theta=0.4))
-    dwa.set_plan(straight())
-    answer = dwa.command(Pose2(), Twist2(0.0, 0.0, 3.0), Pose2(), empty())
-    # 3 rad/s less 0.32 rad/s is the slowest turn within reach.
-    assert answer.ok
-    assert 1.0 <= answer.twist.wz <= 2.68 + 1e-6
-    assert len(answer.local_plan) == math.ceil(answer.twist.wz * 15.0)
 
 
 def test_a_costmap_of_another_size_or_place_takes_the_place_of_the_last():

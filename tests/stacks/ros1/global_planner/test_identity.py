@@ -9,10 +9,12 @@ from hypothesis import strategies as st
 
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.global_planner import GlobalPlannerParameters
-from daemon.stacks.ros1.global_planner.planner import GlobalPlanner
+from daemon.stacks.ros1.global_planner.planner import GlobalPlanner, potential_field
+from daemon.stacks.ros1.navfn.propagation import propagate_wave
 from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2
 from tests.stacks.ros1.global_planner import plain
+from tests.stacks.ros1.navfn.fields import a_grid, centre
 from tests.stacks.ros1.navfn.test_identity import disturb, random_cells
 
 seeds = st.integers(0, 2**32 - 1)
@@ -89,5 +91,94 @@ def test_plans_are_those_of_the_original(settings_of_it, points, expected):
     found = GlobalPlanner(GlobalPlannerParameters(**settings_of_it), FAST).plan(
         rooms(), START, GOAL
     )
-    assert found is not None
     assert (len(found), digest(found)) == (points, expected)
+
+
+def a_planner(grid, parameters, quirks, **given):
+    """Return a planner whose field has other margins, or is sooner restricted."""
+    planner = GlobalPlanner(parameters, quirks)
+    planner._field = potential_field(grid, parameters, quirks, **given)
+    return planner
+
+
+@given(
+    st.integers(0, 2**32 - 1),
+    st.booleans(),
+    st.sampled_from([FAST, FIXED]),
+    st.sampled_from([(3.0, 50), (0.55, 66), (1.0, 30), (3.0, 200)]),
+    st.booleans(),
+)
+def test_plans_stay_the_same_while_costs_and_start_change(seed, old, quirks, costs, outline):
+    random = np.random.default_rng(seed)
+    cells = random_cells(random, 20, 110)
+    grids = [CostGrid(0.05, 0.0, 0.0, cells.copy()) for _ in range(2)]
+    parameters = GlobalPlannerParameters(
+        old_navfn_behavior=old,
+        cost_factor=costs[0],
+        neutral_cost=costs[1],
+        outline_map=outline,
+    )
+    size = np.array(cells.shape[::-1]) * 0.05
+    goal = Pose2(*(random.random(2) * size).tolist())
+    place = random.random(2) * size
+    chosen = tuple(np.sort(random.integers(100, 2500, 3)).astype(float).tolist())
+    planners = [
+        a_planner(grid, parameters, quirks, margins=margins, worthwhile=1)
+        for grid, margins in zip(grids, (chosen, ()), strict=True)
+    ]
+    for _ in range(10):
+        start = Pose2(*place.tolist())
+        found, expected = (
+            planner.plan(grid, start, goal) for planner, grid in zip(planners, grids, strict=True)
+        )
+        assert (found is None) == (expected is None)
+        assert found is None or expected is None or np.array_equal(found, expected)
+        place = np.clip(place + random.normal(size=2) * 0.05, 0.0, size - 1e-6)
+        if random.random() < 0.5:
+            window = disturb(random, grids[0])
+            grids[1].cells[:] = grids[0].cells
+            grids[1].touch(window)
+    assert planners[1]._field.restricted == 0
+
+
+def plan(grid, start, goal, **given):
+    return GlobalPlanner(GlobalPlannerParameters(**given), FAST).plan(grid, start, goal)
+
+
+def test_the_start_cell_is_freed_in_the_costmap_for_good():
+    grid = a_grid()
+    grid.cells[10, 5] = 254
+    start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
+    assert GlobalPlanner(GlobalPlannerParameters(), FIXED).plan(grid, start, goal) is not None
+    assert grid.cells[10, 5] == 254
+    version = grid.version
+    assert plan(grid, start, goal) is not None
+    assert grid.cells[10, 5] == 0
+    assert grid.version == version + 1
+
+
+def test_what_did_not_change_is_not_planned_again(monkeypatch):
+    calls = []
+
+    def counted(*arguments):
+        calls.append(arguments)
+        return propagate_wave(*arguments)
+
+    monkeypatch.setattr("daemon.stacks.ros1.navfn.field.propagate_wave", counted)
+    grid = a_grid()
+    planner = GlobalPlanner(GlobalPlannerParameters(), FAST)
+    start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
+    first, second = planner.plan(grid, start, goal), planner.plan(grid, start, goal)
+    assert second is not None
+    assert first is not second
+    assert np.array_equal(first, second)
+    assert len(calls) == 1
+    grid.touch((0, 0, 40, 20))
+    planner.plan(grid, start, goal)
+    assert len(calls) == 1
+    grid.cells[5, 5] = 30
+    grid.touch((5, 5, 6, 6))
+    planner.plan(grid, start, goal)
+    assert len(calls) == 2
+    planner.plan(grid, Pose2(start.x + 0.001, start.y), goal)
+    assert len(calls) == 3

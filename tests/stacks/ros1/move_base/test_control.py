@@ -17,18 +17,6 @@ def test_planning_as_often_as_controlling_leaves_a_cycle_without_a_new_plan_now_
     assert cycles - bench.controller.plans == pytest.approx(cycles / 51, abs=2)
 
 
-def test_without_a_plan_recoveries_begin_after_the_planner_s_patience():
-    bench = Bench(plans=lambda now: False)
-    bench.accept()
-    bench.run(60.0)
-    begun = [time for time, _ in bench.tried]
-    # Every recovery restarts the patience; its end is noticed by the next plan and the next cycle.
-    assert begun == pytest.approx([5.1, 10.2, 15.3, 20.4])
-    assert bench.result == "aborted"
-    assert bench.now == pytest.approx(25.5)
-    assert bench.said("goal aborted: no valid plan, even after recoveries") == 1
-
-
 def test_controller_patience_starts_anew_after_a_recovery_without_the_quirk():
     bench = Bench(
         works=lambda now: now < 3.0,

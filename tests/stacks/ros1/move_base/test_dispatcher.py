@@ -58,9 +58,3 @@ def test_an_aborted_goal_ends_the_mission():
     progress = dispatcher.progress
     assert (progress.current, progress.reached, progress.state) == (1, 1, "aborted")
     assert len(asked) == 2
-
-
-def test_it_need_not_ask_for_plans():
-    dispatcher, asked = make(make_plan=False)
-    dispatcher.step(0.0, None, HERE)
-    assert asked == []

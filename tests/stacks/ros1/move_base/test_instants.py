@@ -12,7 +12,6 @@ from grammars.model.geometry import Pose2, Twist2
 from tests.stacks.ros1.move_base.bench import FORWARD, Bench
 
 STILL = Twist2()
-Times = list[float]
 
 
 def close(times):

@@ -126,8 +126,6 @@ def test_the_restricted_wave_is_at_work_and_exact_in_the_corridor_of_building_c(
     trips = building.drive(0.04)[1100:1140]
     for k, (start, goal) in enumerate(trips):
         here, there = grid.cell(start.x, start.y), grid.cell(goal.x, goal.y)
-        assert here is not None
-        assert there is not None
         low, up = here[1] - 60, here[0] - 60
         window = (up, low, up + 120, low + 120)
         cells = grid.cells[low : low + 120, up : up + 120]
@@ -141,3 +139,21 @@ def test_the_restricted_wave_is_at_work_and_exact_in_the_corridor_of_building_c(
             assert np.array_equal(found, path(whole, *trip))
             assert found.shape[0] > 1000
     assert restricted.restricted > 30
+
+
+def test_a_goal_walled_in_has_no_path_until_the_wall_is_gone():
+    grid = CostGrid(0.05, 0.0, 0.0, np.zeros((150, 150), dtype=np.uint8))
+    twin = CostGrid(0.05, 0.0, 0.0, grid.cells)
+    field = a_field(grid, worthwhile=1)
+    whole = a_field(twin, margins=())
+    goal, wall = 75 * 150 + 120, (110, 65, 131, 86)
+    for step, value in enumerate((0, 0, 0, 254, 254, 254, 0, 0, 0)):
+        grid.cells[65:86, 110:131] = value
+        grid.cells[66:85, 111:130] = 0
+        grid.touch(wall)
+        twin.touch(wall)
+        start = 75 * 150 + 20 + step
+        found = path(field, start, goal)
+        assert np.array_equal(found, path(whole, start, goal))
+        assert (len(found) == 0) is (value == 254)
+    assert field.restricted > 3

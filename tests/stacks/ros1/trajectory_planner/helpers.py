@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -99,9 +98,6 @@ ROBOTS = {
 }  # fmt: skip
 """Facts of five published configurations, with move_base's rate and the costmap's size."""
 
-Box = tuple[float, float, float, float]
-"""Least x, least y, largest x, largest y of an obstacle [m]."""
-
 
 def costs_around(pose, cells, resolution, *boxes):
     """Return the window around ``pose``: lethal boxes, inscribed 0.2 m and costs 0.6 m around."""
@@ -126,16 +122,6 @@ def straight(length, yaw=0.0, end=None):
     plan = np.column_stack([along * math.cos(yaw), along * math.sin(yaw), np.zeros(len(along))])
     plan[-1, 2] = yaw if end is None else end
     return plan
-
-
-class Controller(Protocol):
-    """What can be driven."""
-
-    def set_plan(self, plan): ...
-
-    def goal_reached(self, pose, twist, map_to_odom): ...
-
-    def command(self, pose, twist, map_to_odom, local): ...
 
 
 def drive(controller, robot, pose, steps, *boxes):

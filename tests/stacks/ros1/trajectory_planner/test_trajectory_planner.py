@@ -5,11 +5,30 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import yaml
 
+from daemon.stacks.findings import FindingCollector
 from daemon.stacks.ros1.cost_grid import CostGrid
+from daemon.stacks.ros1.parameters import read_section
 from daemon.stacks.ros1.quirks import FAST, FIXED
+from daemon.stacks.ros1.trajectory_planner import (
+    TrajectoryPlannerParameters,
+)
+from daemon.stacks.ros1.trajectory_planner._parameters import slowest_turn_at_goal, strafe_speeds
+from daemon.stacks.ros1.trajectory_planner._rollout import (
+    count_points,
+    normalize_angle,
+)
+from daemon.stacks.ros1.trajectory_planner._search import (
+    velocity_window,
+)
+from daemon.stacks.ros1.trajectory_planner._settings import (
+    longest_trajectory,
+    settings_of,
+)
 from daemon.stacks.ros1.trajectory_planner.controller import TrajectoryPlanner
-from grammars.model.geometry import Pose2, Twist2
+from grammars.model.geometry import Pose2, Twist2, wrap_angle
+from tests.stacks.ros1.trajectory_planner import plain
 from tests.stacks.ros1.trajectory_planner.helpers import (
     ROBOTS,
     costs_around,
@@ -19,10 +38,6 @@ from tests.stacks.ros1.trajectory_planner.helpers import (
 )
 
 HUSKY = ROBOTS["husky"].parameters
-OMNI = replace(
-    HUSKY, holonomic_robot=True, y_vels="-0.3, -0.1, 0.1, 0.3", min_vel_x=0.1,
-    min_in_place_vel_theta=0.4, heading_lookahead=0.0,
-)  # fmt: skip
 OUTLINE = rectangle(-0.3, 0.3, 0.2)
 
 
@@ -44,13 +59,6 @@ def first(
     return planner.command(pose, twist, Pose2(), around(pose, *boxes))
 
 
-def test_it_speeds_up_as_much_as_one_period_allows():
-    planner = controller()
-    planner.set_plan(straight(1.5))
-    assert first(planner).twist == Twist2(0.125, 0.0, 0.0)
-    assert first(planner, Twist2(0.125)).twist.vx == 0.25
-
-
 def test_the_period_is_that_of_move_base_unless_it_has_one_of_its_own():
     planner = controller(replace(HUSKY, controller_frequency=None))
     planner.set_plan(straight(1.5))
@@ -58,20 +66,6 @@ def test_the_period_is_that_of_move_base_unless_it_has_one_of_its_own():
     planner = controller(replace(HUSKY, controller_frequency=-1.0))
     planner.set_plan(straight(1.5))
     assert first(planner).twist.vx == 0.125
-
-
-def test_it_slows_down_before_the_end_of_the_plan():
-    planner = controller()
-    planner.set_plan(straight(0.7))
-    assert 0.3 < first(planner, Twist2(0.4)).twist.vx <= 0.35
-
-
-def test_a_plan_behind_makes_it_turn_on_the_spot():
-    planner = controller()
-    planner.set_plan(straight(1.5, 2.0))
-    answer = first(planner)
-    assert answer.twist == Twist2(0.0, 0.0, 0.2)
-    assert answer.local_plan.tolist() == [[0.0, 0.0]] * 10
 
 
 def test_the_plan_is_taken_through_the_correction_of_the_map():
@@ -91,80 +85,6 @@ def test_no_command_without_a_plan_nearby():
     planner.set_plan(straight(1.5) + np.array((9.0, 9.0, 0.0)))
     assert not first(planner).ok
     assert first(planner).twist == Twist2()
-
-
-WALL_AHEAD = (0.9, -3.0, 1.1, 3.0)
-
-
-def test_a_blocked_way_is_not_driven():
-    planner = controller()
-    planner.set_plan(straight(1.8))
-    pose, twist = Pose2(0.1), Twist2(0.3)
-    for _ in range(30):
-        answer = planner.command(pose, twist, Pose2(), around(pose, WALL_AHEAD))
-        twist = answer.twist
-        pose = pose @ Pose2(0.05 * twist.vx, 0.0, 0.05 * twist.wz)
-    assert pose.x + 0.3 < WALL_AHEAD[0]
-
-
-def test_with_nothing_legal_it_backs_up_until_it_is_out():
-    planner = controller()
-    planner.set_plan(straight(1.5))
-    on_the_bumper = (0.26, -0.1, 0.34, 0.1)
-    assert first(planner, Twist2(), on_the_bumper).twist == Twist2(-0.1, 0.0, 0.0)
-    # Though the way is free again, it drives no arc before it is 0.1 m away.
-    assert first(planner).twist.vx <= 0.0
-    moved = Pose2(-0.11)
-    planner.command(moved, Twist2(), Pose2(), around(moved))
-    assert planner.command(moved, Twist2(), Pose2(), around(moved)).twist.vx > 0.0
-
-
-def test_it_does_not_back_up_when_the_plan_leads_nowhere():
-    planner = controller()
-    planner.set_plan(straight(1.5))
-    walls = ((1.2, -0.5, 1.3, 0.5), (1.7, -0.5, 1.8, 0.5))
-    closed = ((1.2, 0.5, 1.8, 0.6), (1.2, -0.6, 1.8, -0.5))
-    answer = first(planner, Twist2(), *walls, *closed)
-    assert (answer.ok, answer.twist, answer.local_plan.shape) == (False, Twist2(), (0, 2))
-
-
-def test_with_room_only_at_the_side_an_omnidirectional_robot_strafes():
-    for side in (1.0, -1.0):
-        planner = controller(OMNI)
-        planner.set_plan(straight(0.6, side * math.pi / 2.0))
-        slot = ((0.35, -1.5, 0.5, 1.5), (-0.5, -1.5, -0.35, 1.5))
-        answer = first(planner, Twist2(), *slot)
-        assert answer.ok
-        assert (answer.twist.vx, answer.twist.vy * side > 0.0) == (0.0, True)
-        planner = controller(replace(OMNI, holonomic_robot=False))
-        planner.set_plan(straight(0.6, side * math.pi / 2.0))
-        assert first(planner, Twist2(), *slot).twist == Twist2(-0.1, 0.0, 0.0)
-
-
-def test_strafes_are_compared_by_where_they_look_so_the_first_wins_before_a_wall():
-    planner = controller(replace(OMNI, heading_lookahead=0.325))
-    planner.set_plan(straight(0.6, math.pi / 2.0))
-    slot = ((0.35, -1.5, 0.5, 1.5), (-0.5, -1.5, -0.35, 1.5))
-    assert first(planner, Twist2(), *slot).twist == Twist2(0.0, -0.3, 0.0)
-
-
-def test_what_stands_on_the_robot_is_free_on_the_way_to_the_path():
-    planner = controller()
-    planner.set_plan(straight(1.5))
-    local = around()
-    local.cells[38:42, 36:39] = 254
-    local.touch((0, 0, 80, 80))
-    assert planner.command(Pose2(), Twist2(), Pose2(), local).twist.vx > 0.0
-
-
-def test_only_the_outline_of_the_footprint_is_looked_at():
-    for quirks, drives in ((FAST, True), (FIXED, False)):
-        planner = controller(HUSKY, quirks)
-        planner.set_plan(straight(1.5))
-        local = around()
-        local.cells[42, 42] = 254
-        answer = planner.command(Pose2(), Twist2(), Pose2(), local)
-        assert (answer.twist.vx > 0.0) is drives
 
 
 def test_meters_and_cells_weigh_the_same_times_the_resolution():
@@ -293,3 +213,84 @@ def test_a_costmap_of_another_shape_is_taken():
     other = CostGrid(0.05, local.x, local.y, local.cells.copy())
     other.cells[:] = 254
     assert planner.command(Pose2(), Twist2(), Pose2(), other).twist.vx <= 0.0
+
+
+DEFAULT = TrajectoryPlannerParameters()
+HUSKY = ROBOTS["husky"].parameters
+
+
+def settings(parameters=DEFAULT):
+    return settings_of(parameters, FAST, 0.05, 0.1)
+
+
+def test_weights_are_per_metre_when_asked_and_go_by_older_names():
+    s = settings(HUSKY)
+    assert (s.path_scale, s.goal_scale) == (0.75 * 0.05, 1.0 * 0.05)
+    assert s.occdist_scale == 0.1
+    both = replace(HUSKY, path_distance_bias=2.0, meter_scoring=False)
+    assert settings(both).path_scale == 2.0
+    assert settings(replace(DEFAULT, gdist_scale=9.0)).goal_scale == 5.0
+
+
+def test_the_older_name_of_the_slowest_turn_is_heard_at_the_goal_only():
+    older = replace(DEFAULT, min_in_place_rotational_vel=0.7)
+    assert (settings(older).slowest_turn, slowest_turn_at_goal(older)) == (0.4, 0.7)
+    both = replace(older, min_in_place_vel_theta=0.2)
+    assert (settings(both).slowest_turn, slowest_turn_at_goal(both)) == (0.2, 0.2)
+
+
+@pytest.mark.parametrize(
+    ("text", "speeds"),
+    [
+        ("0.2, -0.2", (0.2, -0.2)),
+        ("[-0.3, 1e-1]", (0.0, 0.1)),
+        ("0.1 ,, x", (0.1, 0.0)),
+        ("", (0.0,)),
+    ],
+)
+def test_strafe_speeds_are_read_as_c_reads_numbers(text, speeds):
+    assert strafe_speeds(replace(DEFAULT, y_vels=text)) == speeds
+
+
+PUBLISHED = (
+    ("husky/husky_navigation/config/planner.yaml",),
+    ("jackal/jackal_navigation/params/base_local_planner_params.yaml",),
+    (
+        "fetch/fetch_navigation/config/move_base.yaml",
+        "fetch/fetch_navigation/config/fetch/move_base.yaml",
+    ),
+    ("mir/mir_navigation/config/base_local_planner_params.yaml",),
+    ("robile_amr/config/base_local_planner_params.yaml",),
+)
+
+
+@pytest.mark.parametrize(("files", "name"), list(zip(PUBLISHED, ROBOTS, strict=True)))
+def test_published_files_are_read(files, name, reference_data):
+    given = {}
+    for file in files:
+        text = (reference_data / "robots" / file).read_text("utf-8")
+        given |= yaml.safe_load(text)["TrajectoryPlannerROS"]
+    report = FindingCollector()
+    read = read_section(TrajectoryPlannerParameters, given, ("x",), report)
+    assert (report.fatal, [each.path for each in report.problems]) == ([], [("x", "meter_scoring")])
+    assert settings(read) == settings(ROBOTS[name].parameters)
+    assert read.xy_goal_tolerance == ROBOTS[name].parameters.xy_goal_tolerance
+    assert read.latch_xy_goal_tolerance == ROBOTS[name].parameters.latch_xy_goal_tolerance
+
+
+def test_no_trajectory_is_longer_than_there_is_room():
+    for robot in ROBOTS.values():
+        p, s = robot.parameters, settings(robot.parameters)
+        for vx, wz in ((0.0, 0.0), (0.9, 2.0), (-0.4, -3.0)):
+            most = longest_trajectory(p, s, (vx, 0.0, wz))
+            edges = np.zeros((2, 2))
+            velocity_window(np.array((0.0, 0.0, 0.0, vx, 0.0, wz)), 9.0, s, edges)
+            for sample in (*edges[1].tolist(), -s.slowest_turn, 1.0):
+                for speed in (*edges[0].tolist(), s.escape_vel):
+                    assert count_points(speed, 0.0, sample, s) <= most
+
+
+def test_angles_are_wrapped_as_others_do_but_for_rounding():
+    for angle in np.linspace(-9.0, 9.0, 181).tolist():
+        assert normalize_angle(angle) == pytest.approx(wrap_angle(angle), abs=1e-14)
+        assert normalize_angle(angle) == plain.between(0.0, angle)
