@@ -3,10 +3,13 @@
 import difflib
 import functools
 import gc
+import json
 import os
+import shutil
 from pathlib import Path
 
 import pytest
+import yaml
 from hypothesis import HealthCheck, settings
 
 from grammars.text.parsing import Language
@@ -84,6 +87,54 @@ def reference_data():
 def campaigns():
     """The folder of campaigns that ship with the project."""
     return Path(__file__).parent.parent / "campaigns"
+
+
+SMALL_CAMPAIGN = {
+    "campaign": "tiny",
+    "seed": 3,
+    "limit": "30 s",
+    "robot": "courier",
+    "oracles": "navigation",
+    "matrix": {"sut": ["pilot"]},
+    "scenarios": {
+        "calm": {
+            "floorplan": "flat",
+            "objects": "doors",
+            "behaviours": "doors_open",
+            "mission": "courier",
+            "oracles": ["reached"],
+        }
+    },
+}
+
+
+@pytest.fixture
+def demo(tmp_path, campaigns):
+    """A copy of the demonstration's folder; the robots and systems that ship are found anyway."""
+    return Path(shutil.copytree(campaigns / "demo", tmp_path / "demo"))
+
+
+@pytest.fixture
+def campaign(demo):
+    """Write a small campaign beside the layers of the demonstration: ``campaign(repeats=2)``.
+
+    The campaign has one scenario, ``calm``. Each key replaces a key of the campaign, None removes
+    one; ``scenarios`` come after ``calm``, or replace it by its name. The result is the path.
+    """
+
+    def write(**changes):
+        scenarios = SMALL_CAMPAIGN["scenarios"] | (changes.get("scenarios") or {})
+        content = SMALL_CAMPAIGN | changes | {"scenarios": _without_none(scenarios)}
+        path = demo / "campaign.yaml"
+        plain = json.loads(json.dumps(_without_none(content)))  # twice the same is no alias
+        path.write_text(yaml.safe_dump(plain, sort_keys=False), "utf-8")
+        return path
+
+    return write
+
+
+def _without_none(values):
+    return {key: value for key, value in values.items() if value is not None}
 
 
 @pytest.fixture

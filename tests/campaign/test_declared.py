@@ -1,6 +1,6 @@
-"""What campaign files say about their results, and what is reported about how they say it."""
+"""Words of campaign files about their results: repeats, comparisons, expectations, references."""
 
-import shutil
+from itertools import count
 
 import pytest
 
@@ -14,54 +14,53 @@ from daemon.model.assessments import (
     ScenarioComparison,
 )
 
-CAMPAIGN = """\
-campaign: tiny
-seed: 3
-repeats: {n: 2, pass: rate >= 80 %, until: decided, at-most: 5}
-limit: 30 s
-robot: courier
-oracles: navigation
-matrix: {sut: [pilot, idle]}
-scenarios:
-  base:
-    abstract: true
-    floorplan: flat
-    objects: doors
-    behaviours: doors_open
-    mission: courier
-    oracles: [reached, nearest]
-  calm.1: {like: base}
-  rude.1:
-    like: base
-    behaviours: doors_in_your_face
-    oracles+: [no-contact]
-compare:
-  slower: delay(rude.1 vs calm.1) <= 0.5 min
-  kitchen: delay( rude.1 vs calm.1 on leg kitchen ) < 10 s
-  closer: nearest(rude.1 vs calm.1) >= -20 cm
-expect:
-  - {scenario: rude.*, oracle: reached, verdict: fail, why: "doors shut", sut: pilot}
-  - {oracle: slower, verdict: any, why: "nobody knows"}
-gate: {baseline: last-green, worse-by: 10 %}
-"""
+PATIENT = {"n": 2, "pass": "rate >= 80 %", "until": "decided", "at-most": 5}
+COMPARE = {
+    "slower": "delay(rude.1 vs calm.1) <= 0.5 min",
+    "kitchen": "delay( rude.1 vs calm.1 on leg kitchen ) < 10 s",
+    "closer": "nearest(rude.1 vs calm.1) >= -20 cm",
+}
+EXPECT = [
+    {"scenario": "rude.*", "oracle": "reached", "verdict": "fail", "why": "shut", "sut": "pilot"},
+    {"oracle": "slower", "verdict": "any", "why": "nobody knows"},
+]
+VALUES = [
+    {"scenario": "rude.1", "sut": "pilot", "oracle": "duration", "value": "0.5 min",
+     "deviation": "2 s", "runs": 4},
+    {"scenario": "*", "oracle": "nearest", "value": "5 cm", "statistic": "min",
+     "range": ["4 cm", "6 cm"], "note": "n"},
+    {"scenario": "calm.1", "oracle": "reached", "value": "3 of 5"},
+    {"oracle": "slower", "sut": "pilot", "value": "-8.9 s"},
+]  # fmt: skip
+SOURCE = "The same robot, last year"
 
 
 @pytest.fixture
-def folder(tmp_path, campaigns):
-    for name in ("demo", "robots", "suts"):
-        shutil.copytree(campaigns / name, tmp_path / name)
-    return tmp_path / "demo"
+def declared(campaign):
+    """Write a campaign of two scenarios that are compared."""
+    oracles = {"like": "calm", "oracles": ["reached", "nearest"]}
+    rude = {"like": "calm.1", "behaviours": "doors_in_your_face", "oracles+": ["no-contact"]}
+
+    def load(repeats=PATIENT, expect=EXPECT, **more):
+        more |= {"repeats": repeats, "expect": expect, "compare": COMPARE}
+        more |= {"gate": {"baseline": "last-green", "worse-by": "10 %"}}
+        scenarios = {"calm.1": oracles, "rude.1": rude}
+        return load_campaign(
+            campaign(scenarios=scenarios, matrix={"sut": ["pilot", "idle"]}, **more)
+        )
+
+    return load
 
 
-def load(folder, text):
-    path = folder / "tiny.yaml"
-    path.write_text(text)
-    return load_campaign(path)
+def place_of(campaign, words):
+    """Return the place of the first line that holds some words."""
+    lines = zip(count(1), campaign.source.splitlines(), strict=False)
+    return f"campaign.yaml:{next(number for number, line in lines if words in line)}"
 
 
-def test_sentences_become_values(folder):
-    declared = load(folder, CAMPAIGN).declared
-    assert declared == AssessmentRules(
+def test_sentences_become_values(declared):
+    campaign = declared()
+    assert campaign.declared == AssessmentRules(
         RepeatPolicy(2, "rate", 0.8, until_decided=True, at_most=5),
         (
             ScenarioComparison("slower", "delay", "rude.1", "calm.1", None, "<=", 30.0, "s",
@@ -73,75 +72,61 @@ def test_sentences_become_values(folder):
                        "nearest(rude.1 vs calm.1) >= -20 cm"),
         ),
         (
-            Expectation("rude.*", "reached", ("pilot",), "fail", "doors shut", "tiny.yaml:26"),
-            Expectation("*", "slower", (), "any", "nobody knows", "tiny.yaml:27"),
+            Expectation("rude.*", "reached", ("pilot",), "fail", "shut",
+                        place_of(campaign, "rude.*")),
+            Expectation("*", "slower", (), "any", "nobody knows",
+                        place_of(campaign, "- oracle: slower")),
         ),
         RegressionGate("last-green", 0.1),
     )  # fmt: skip
 
 
-def test_a_plain_number_of_repeats_is_what_it_was(folder):
-    plain = load(
-        folder, CAMPAIGN.replace("{n: 2, pass: rate >= 80 %, until: decided, at-most: 5}", "2")
-    )
+def test_a_plain_number_of_repeats_has_nothing_in_reserve(declared):
+    plain = declared(repeats=2)
     assert plain.declared.policy == RepeatPolicy(2, "all", 1.0, until_decided=False, at_most=2)
     assert expand(plain).reserve == ()
 
 
-def test_repeats_in_reserve_continue_those_that_run(folder):
-    patient = expand(load(folder, CAMPAIGN))
-    longer = expand(load(folder, CAMPAIGN.replace(
-        "{n: 2, pass: rate >= 80 %, until: decided, at-most: 5}", "5"
-    )))  # fmt: skip
-    assert [r.repeat for r in patient.specs] == [0, 1] * 4
-    assert [r.repeat for r in patient.reserve] == [2, 3, 4] * 4
+def test_repeats_in_reserve_continue_those_that_run(declared):
+    patient, longer = expand(declared()), expand(declared(repeats=5))
+    cells = len(patient.specs) // 2
+    assert [r.repeat for r in patient.specs] == [0, 1] * cells
+    assert [r.repeat for r in patient.reserve] == [2, 3, 4] * cells
     digests = {patient.spec(run).digest for run in (*patient.runs, *patient.reserve)}
     assert digests == set(longer.digests)
 
 
-def test_a_leg_that_is_compared_is_timed_in_both_scenarios(folder):
-    for run in expand(load(folder, CAMPAIGN)).specs:
-        timed = [o.text for o in run.oracles if o.name == "elapsed-on-leg-kitchen"]
-        assert timed == ["max(mission.leg.elapsed) on leg kitchen"]
+def test_a_leg_that_is_compared_is_timed_in_both_scenarios(declared):
+    timed = {run.scenario: [o.text for o in run.oracles if o.name == "elapsed-on-leg-kitchen"]
+             for run in expand(declared()).specs}  # fmt: skip
+    leg = ["max(mission.leg.elapsed) on leg kitchen"]
+    assert timed == {"calm": [], "calm.1": leg, "rude.1": leg}
 
 
-def test_any_change_of_what_is_declared_is_another_campaign(folder):
-    first = expand(load(folder, CAMPAIGN))
-    other = expand(load(folder, CAMPAIGN.replace("nobody knows", "somebody knows")))
-    assert first.campaign != other.campaign
-    assert first.digests == other.digests
+def test_any_change_of_a_declaration_is_another_campaign_of_the_same_runs(declared):
+    first = expand(declared())
+    for other in (
+        expand(declared(expect=[EXPECT[0], EXPECT[1] | {"why": "somebody knows"}])),
+        expand(declared(reference={"earlier": {"source": SOURCE, "values": VALUES}})),
+    ):
+        assert first.campaign != other.campaign
+        assert first.digests == other.digests
 
 
-REFERENCE = """\
-reference:
-  earlier:
-    source: "The same robot, last year"
-    values:
-      - {scenario: rude.1, sut: pilot, oracle: duration, value: 0.5 min, deviation: 2 s, runs: 4}
-      - {scenario: "*", oracle: nearest, value: 5 cm, statistic: min, range: [4 cm, 6 cm], note: n}
-      - {scenario: calm.1, oracle: reached, value: 3 of 5}
-      - {oracle: slower, sut: pilot, value: -8.9 s}
-"""
+def test_reference_values_are_in_si_and_keep_their_words(declared):
+    campaign = declared(expect=None, reference={"earlier": {"source": SOURCE, "values": VALUES}})
 
+    def value(scenario, suts, oracle, first_line, **more):
+        where = place_of(campaign, first_line)
+        return ReferenceValue("earlier", SOURCE, scenario, suts, oracle, where=where, **more)
 
-def test_reference_values_are_in_si_and_keep_their_words(folder):
-    def value(scenario, suts, oracle, **more):
-        return ReferenceValue(
-            "earlier", "The same robot, last year", scenario, suts, oracle, **more
-        )
-
-    assert load(folder, CAMPAIGN + REFERENCE).declared.references == (
-        value("rude.1", ("pilot",), "duration", statistic="mean", value=30.0, unit="s",
-              text="0.5 min ± 2 s", deviation=2.0, runs=4, where="tiny.yaml:33"),
-        value("*", (), "nearest", statistic="min", value=0.05, unit="m",
-              text="5 cm (4 cm to 6 cm)", low=0.04, high=0.06, note="n", where="tiny.yaml:34"),
-        value("calm.1", (), "reached", statistic="rate", value=0.6, unit="1", text="3 of 5",
-              runs=5, where="tiny.yaml:35"),
-        value("", ("pilot",), "slower", statistic="mean", value=-8.9, unit="s", text="-8.9 s",
-              where="tiny.yaml:36"),
+    assert campaign.declared.references == (
+        value("rude.1", ("pilot",), "duration", "- scenario: rude.1", statistic="mean", value=30.0,
+              unit="s", text="0.5 min ± 2 s", deviation=2.0, runs=4),
+        value("*", (), "nearest", "- scenario: '*'", statistic="min", value=0.05, unit="m",
+              text="5 cm (4 cm to 6 cm)", low=0.04, high=0.06, note="n"),
+        value("calm.1", (), "reached", "- scenario: calm.1", statistic="rate", value=0.6, unit="1",
+              text="3 of 5", runs=5),
+        value("", ("pilot",), "slower", "- oracle: slower", statistic="mean", value=-8.9, unit="s",
+              text="-8.9 s"),
     )  # fmt: skip
-
-
-def test_a_reference_value_changes_no_run(folder):
-    plain, told = (expand(load(folder, text)) for text in (CAMPAIGN, CAMPAIGN + REFERENCE))
-    assert plain.digests == told.digests
