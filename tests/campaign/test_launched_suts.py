@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from campaigns.studies.published_robots.folder import SUTS
 from daemon.campaign import LayerLibrary, LayerReference, RefusedSutError
 from grammars.text import codec
 from grammars.text.diagnostics import InputError, Severity, Where
@@ -301,7 +302,7 @@ PUBLISHED = {
 
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_published_robots_become_sections(tmp_path, reference_data, name):
-    described = Path(__file__).parents[1] / "published_robots" / "suts" / f"{name}.yaml"
+    described = SUTS / f"{name}.yaml"
     text = described.read_text().replace("ROBOTS/", f"{reference_data / 'robots'}/")
     (tmp_path / f"{name}.yaml").write_text(text)
     try:

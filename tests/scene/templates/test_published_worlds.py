@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.published_worlds import fits
+from campaigns.studies.published_worlds import fits
 
 
 @pytest.fixture(scope="module")

@@ -2,13 +2,13 @@
 
 import pytest
 
+from campaigns.studies.published_robots.folder import SUTS
 from daemon.campaign import LayerLibrary
 from daemon.stacks.ros1.configuration import read_ros
 from daemon.stacks.ros1.costmap import InflationLayer, ObstacleLayer, StaticLayer, VoxelLayer
 from daemon.stacks.ros1.dwa import DwaParameters
 from daemon.stacks.ros1.trajectory_planner import TrajectoryPlannerParameters
 from grammars.text.diagnostics import InputError
-from tests.published_robots.folder import SUTS
 
 
 def load(reference_data, folder, name, parameters=None):

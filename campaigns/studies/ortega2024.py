@@ -1,7 +1,7 @@
 """The tables of ``docs/ortega2024.md``, made from a finished campaign.
 
-``python -m tests.ortega2024 RESULTS`` prints them; with ``--write`` they take the place of those in
-the page, between its markers, and its two pictures are drawn again. RESULTS is a folder as
+``python -m campaigns.studies.ortega2024 RESULTS`` prints them; with ``--write`` they replace those
+in the page, between its markers, and its two pictures are drawn again. RESULTS is a folder as
 `scenario run` leaves it, or a campaign of the state directory (``--state``) by its name; several
 are one campaign with the runs of all of them.
 
@@ -9,13 +9,11 @@ Intervals are 95 %: exact (Clopper, Pearson) of counts, Student's t of means. A 
 finished when the robot says so and has been where it was to go; times are of those.
 """
 
-from __future__ import annotations
-
 import argparse
-import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from campaigns.studies.pages import NOTHING, count_text, mean_text, number, write_tables
 from daemon.analysis.report import (
     ReportRun,
     read_report_data,
@@ -23,17 +21,13 @@ from daemon.analysis.report import (
 from daemon.analysis.report.run_maps import draw_run
 from daemon.analysis.results import read_results
 from daemon.judging.assessment import assess, mission_completed, reference_comparisons
-from daemon.judging.statistics import mean_difference, mean_interval, proportion_interval
+from daemon.judging.statistics import mean_difference, mean_interval
 from daemon.model.verdicts import Outcome
 from daemon.trace import read_trace
 from scenario_tui.cli.report import with_traces
 from scenario_tui.source import DaemonTarget, find_campaign, open_source
 
-PAGE = Path(__file__).parents[1] / "docs" / "ortega2024.md"
-_BLOCK = re.compile(
-    r"(<!-- table (?P<name>[a-z-]+)[^>]*-->\n).*?(<!-- end of table -->)", re.DOTALL
-)
-NOTHING = "–"
+PAGE = Path(__file__).parents[2] / "docs" / "ortega2024.md"
 DANCE = PAGE.with_name("dance.svg")
 ABORT = PAGE.with_name("abort.svg")
 _INTO_DANCE, _DANCE_SHOWN, _ABORT_SHOWN = 60.0, 12.0, 30.0
@@ -83,28 +77,6 @@ def _read_input(name, state):
         results = read_results(source, find_campaign(source, str(name)))
         specs = [source.run(row.id).spec for row in results.rows]
         return with_traces(results, source, target), specs
-
-
-def number(value, digits):
-    """Return a number with so many decimals and a true minus."""
-    return f"{round(value, digits) + 0.0:.{digits}f}".replace("-", "−")
-
-
-def mean_text(values, digits):
-    """Return a mean with its 95 % t interval: ``691.2 (688.0 to 694.4)``."""
-    if not values:
-        return NOTHING
-    found = mean_interval(values)
-    text = number(found.mean, digits)
-    if found.low is None or found.high is None:
-        return text
-    return f"{text} ({number(found.low, digits)} to {number(found.high, digits)})"
-
-
-def count_text(passed, n):
-    """Return a count with the exact 95 % interval of its rate: ``3 of 5 (15 to 95 %)``."""
-    low, high = proportion_interval(passed, n)
-    return f"{passed} of {n} ({100 * low:.0f} to {100 * high:.0f} %)"
 
 
 def _extreme(values, pick, digits):
@@ -242,11 +214,6 @@ def unexpected_table(assessment):
     yield f"| {len(assessment.surprises)} in all | {assessment.exit_code} |"
 
 
-def page_with(page, tables):
-    """Return the page with the tables between its markers."""
-    return _BLOCK.sub(lambda found: found[1] + tables[found["name"]] + found[3], page)
-
-
 def draw_pictures(cells):
     """Draw the longest dance at a goal and the first abort of S3.6; say what was drawn."""
     records = [run.record for cell in cells for run in cell.runs if run.record.trace is not None]
@@ -284,7 +251,7 @@ def main():
     for name, text in tables.items():
         print(f"{name}:\n\n{text}")
     if options.write:
-        PAGE.write_text(page_with(PAGE.read_text("utf-8"), tables), encoding="utf-8")
+        write_tables(PAGE, tables)
         for drawn in draw_pictures(cells):
             print(drawn)
 

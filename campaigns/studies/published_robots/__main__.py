@@ -1,10 +1,8 @@
 """Try every published robot and print the table of ``docs/ros1.md``.
 
-``SCENARIO_REFERENCE_DATA=FOLDER python -m tests.published_robots [NAME ...]``; the packages are
-expected in FOLDER/robots. Everything is done through the command line, as a user would.
+``SCENARIO_REFERENCE_DATA=FOLDER python -m campaigns.studies.published_robots [NAME ...]``
+expects the packages in FOLDER/robots. Everything is done through the command line, as a user would.
 """
-
-from __future__ import annotations
 
 import json
 import os
@@ -14,7 +12,7 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.published_robots.folder import SUTS, robot_of, write_campaign
+from campaigns.studies.published_robots.folder import SUTS, robot_of, write_campaign
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +60,7 @@ def _told(cell):
 
 
 def main(names):
+    """Print a row for each robot, of all robots without names."""
     packages = Path(os.environ["SCENARIO_REFERENCE_DATA"]) / "robots"
     known = sorted(path.stem for path in SUTS.glob("*.yaml"))
     folder = Path(tempfile.mkdtemp(prefix="published-robots-"))

@@ -1,11 +1,11 @@
-"""How well building C fits the meshes of Ortega et al. 2024: ``python -m tests.published_worlds``.
+"""Fit of building C to the meshes of Ortega et al. 2024.
+
+``python -m campaigns.studies.published_worlds``
 
 The meshes are looked for in ``worlds/`` of the folder that ``SCENARIO_REFERENCE_DATA`` names. Both
 the mesh and the plan are cut at the height of the laser. Compared are the edges that can be seen
 from where the robot can be, in both directions: how much of one lies within 2 cm of the other.
 """
-
-from __future__ import annotations
 
 import gzip
 import math
@@ -191,7 +191,7 @@ def main():
     if not folder or not (Path(folder) / "worlds").is_dir():
         print("SCENARIO_REFERENCE_DATA names no folder with worlds/", file=sys.stderr)
         return 2
-    for name, fit in fits(Path(folder), Path(__file__).parents[1] / "campaigns").items():
+    for name, fit in fits(Path(folder), Path(__file__).parents[2] / "campaigns").items():
         theirs, own = (math.floor(share * 1e4) / 100 for share in fit.shares)
         print(
             f"{name}: of {fit.published:.0f} m of published edges {theirs:.2f} % lie within "

@@ -1,6 +1,6 @@
 """The tables and the figure of ``docs/safe-region.md``, made from finished searches.
 
-``python -m tests.safe_region RESULTS`` prints the tables; with ``--write`` they take the place of
+``python -m campaigns.studies.safe_region RESULTS`` prints the tables; with ``--write`` they replace
 those in the page, between its markers, and its figure is drawn again. RESULTS is a folder with
 what ``scenario search SEARCH --json`` writes of each search of
 ``campaigns/ortega2024/safe_region.yaml`` as NAME.json; beside it NAME.seconds may have two numbers:
@@ -9,8 +9,6 @@ by the clock on the wall, how long it explored, and when its answer was there.
 How large a region is, is estimated from runs alone that were drawn without looking at results. The
 intervals are 95 % (Clopper, Pearson).
 """
-
-from __future__ import annotations
 
 import argparse
 import json
@@ -21,14 +19,14 @@ from statistics import median
 
 from pydantic import TypeAdapter
 
+from campaigns.studies.pages import NOTHING, count_text, number, write_tables
 from daemon.analysis.charts import draw_charts, standalone_svg, table
 from daemon.model.search_answer import SearchRow
 from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome
 from daemon.search.answers.sentences import headline
-from tests.ortega2024 import NOTHING, count_text, number, page_with
 
-PAGE = Path(__file__).parents[1] / "docs" / "safe-region.md"
+PAGE = Path(__file__).parents[2] / "docs" / "safe-region.md"
 FIGURE = PAGE.with_name("safe-region.svg")
 SYSTEMS = ("a2s", "fro-omni")
 SPACES = {"door-17": "door 17 (S3.2)", "both-doors": "doors 17 and 12 (S3.3)",
@@ -339,7 +337,7 @@ def _ending(row):
 
 def main():
     """Print the tables, or write them and the figure."""
-    parser = argparse.ArgumentParser(prog="python -m tests.safe_region")
+    parser = argparse.ArgumentParser(prog="python -m campaigns.studies.safe_region")
     parser.add_argument("results", type=Path, help="a folder with NAME.json of every search")
     parser.add_argument("--write", action="store_true", help="write them and the figure")
     options = parser.parse_args()
@@ -348,7 +346,7 @@ def main():
     for name, text in tables.items():
         print(f"{name}:\n\n{text}")
     if options.write:
-        PAGE.write_text(page_with(PAGE.read_text("utf-8"), tables), encoding="utf-8")
+        write_tables(PAGE, tables)
         FIGURE.write_text(draw_regions(searches), encoding="utf-8")
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 HERE = Path(__file__).parent
 SUTS = HERE / "suts"
-DEMO = HERE.parents[1] / "campaigns" / "demo"
+DEMO = HERE.parents[1] / "demo"
 _ROBOTS = {
     "husky-trajectory": "husky",
     "ridgeback-dwa": "ridgeback",

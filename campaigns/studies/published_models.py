@@ -1,4 +1,6 @@
-"""Which published models load, run and come back: ``python -m tests.published_models [--write]``.
+"""Table of the published models that load, run and come back.
+
+``python -m campaigns.studies.published_models [--write]``
 
 Models are looked for in the folder that ``SCENARIO_REFERENCE_DATA`` names, and in those given by
 ``--more FOLDER``, checkouts of the published repositories. ``--write`` writes the table into
@@ -6,8 +8,6 @@ Models are looked for in the folder that ``SCENARIO_REFERENCE_DATA`` names, and 
 *runs* when the pilot is driven to a waypoint in it without an error, and *comes back* when it is
 the same after it was written by this program and read again.
 """
-
-from __future__ import annotations
 
 import argparse
 import gzip
@@ -23,6 +23,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from campaigns.studies.pages import write_tables
 from daemon.campaign import expand, load_campaign
 from daemon.model.verdicts import Outcome
 from daemon.run import execute
@@ -41,11 +42,10 @@ from grammars.variation import load_variation, sample, write_variants
 from templates.jsonld import write_jsonld
 from templates.sdf import frames_text
 from templates.tasks import contour_route, inset_contour
-from tests.languages.plans import world_of
+from templates.world import ArtefactWorld
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "published-models.md"
-_BEGIN, _END = "<!-- table -->", "<!-- end of table -->"
 _NOT_PUBLISHED = {"goldens", "acceptance", "reports"}
 """Folders of the reference data that hold inputs made for tests."""
 _NEAR = 1e-6
@@ -163,9 +163,10 @@ def _plan_folder(folder, scratch):
 
 def _returned(plan, scratch):
     """Write a plan as JSON-LD, read it, and compare the scenes."""
-    written = write_jsonld(world_of(plan), scratch / "jsonld")
+    scene = compile_scene(plan)
+    written = write_jsonld(ArtefactWorld(plan.name, scene, plan, layers=()), scratch / "jsonld")
     again = load_floorplan_jsonld(next(p for p in written if p.suffix == ".jsonld"))
-    return "yes" if alike(compile_scene(plan), compile_scene(again)) else "another scene"
+    return "yes" if alike(scene, compile_scene(again)) else "another scene"
 
 
 def alike(one, other):
@@ -338,9 +339,7 @@ def main(arguments):
     if not chosen.write:
         print(made)
         return 0
-    before, _, rest = PAGE.read_text(encoding="utf-8").partition(_BEGIN)
-    after = rest.partition(_END)[2]
-    PAGE.write_text(f"{before}{_BEGIN}\n{made}\n{_END}{after}", encoding="utf-8")
+    write_tables(PAGE, {"models": made + "\n"})
     return 0
 
 

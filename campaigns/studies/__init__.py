@@ -1,0 +1,1 @@
+"""Studies whose tables stand in the documentation: how each table was made, to make it again."""
