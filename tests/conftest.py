@@ -145,7 +145,7 @@ def golden(request):
     """
 
     def compare(name, text):
-        path = request.path.with_name(name)
+        path = request.path.parent / name
         expected = path.read_text("utf-8") if path.exists() else ""
         if text == expected:
             return

@@ -173,7 +173,6 @@ def test_margins_of_all_runs_are_found_without_a_judgement(tmp_path):
     assert judged.found == []
     assert seen[0].margin is None
     assert {(s.oracle, s.unit) for s in seen[1:]} == {(seen[1].oracle, seen[1].unit)}
-    assert seen[1].margin is not None
 
 
 def test_a_judge_that_fails_fails_alone(tmp_path, monkeypatch, capfd):

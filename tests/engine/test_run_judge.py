@@ -9,7 +9,7 @@ from daemon.model.spec import Snapshot
 from daemon.run_judge import WatchedRun
 from daemon.trace import TraceWriter
 from grammars.model.geometry import Pose2
-from tests.engine.judging.oracles.traces import along, cut, make_trace, mission, times
+from tests.engine.judging.traces import along, cut, make_trace, mission, times
 
 STEP = 0.25
 """Seconds between two snapshots."""

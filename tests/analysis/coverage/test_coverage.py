@@ -16,7 +16,7 @@ from daemon.campaign import expand, load_campaign
 from daemon.run import execute
 from grammars.model.scene import Region
 from grammars.text import codec
-from tests.engine.judging.oracles.traces import CORRIDOR, along, box, make_trace, mission
+from tests.engine.judging.traces import CORRIDOR, along, box, make_trace, mission
 
 
 @pytest.fixture(scope="module")

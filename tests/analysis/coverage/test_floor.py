@@ -12,7 +12,7 @@ from grammars.model.geometry import Pose2, Twist2
 from grammars.model.grid import OccupancyGrid
 from grammars.model.robot import Mount
 from grammars.model.scene import Region, Scene, Solid
-from tests.engine.judging.oracles.traces import box
+from tests.engine.judging.traces import box
 from tests.engine.trace.recordings import RAYS, ROBOT, specification
 
 WALL = Solid("wall", "wall", box(4.0, 0.0, 4.2, 4.0), 0.0, 2.5)

@@ -8,7 +8,7 @@ from daemon.analysis.report import SuggestedCommand, write_page
 from daemon.analysis.results import write_campaign_note
 from daemon.model.submission import Submission
 from tests.analysis.report.recordings import ABOUT, DECLARED, NAME, record_all, report_of
-from tests.engine.judging.oracles.traces import CORRIDOR
+from tests.engine.judging.traces import CORRIDOR
 
 COMMAND = SuggestedCommand("scenario judge {run}", "judge it again")
 

@@ -15,7 +15,7 @@ from daemon.trace import TraceWriter
 from grammars.model.behaviour import Jump, Trigger
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.grid import OccupancyGrid
-from tests.engine.judging.oracles.traces import CORRIDOR, ROBOT, mission
+from tests.engine.judging.traces import CORRIDOR, ROBOT, mission
 
 NAME = 'evil <script>alert("1")</script> & $x^2$'
 ABOUT = "Is <b>everything</b> & all of it escaped?"

@@ -14,7 +14,7 @@ from daemon.analysis.report._measures import (
 from daemon.analysis.report._safety_buffer import SafetyBuffer
 from daemon.judging.oracles import judge
 from tests.analysis.report.recordings import OPEN, SUTS
-from tests.engine.judging.oracles.traces import along, make_trace, track, with_tree
+from tests.engine.judging.traces import along, make_trace, track, with_tree
 
 BOX = SafetyBuffer((0.55, 0.433), 0.0, "")
 MARGIN = SafetyBuffer(None, 0.7, "")

@@ -22,7 +22,7 @@ from daemon.trace import TraceWriter
 from grammars.model.geometry import Pose2, Twist2
 from scenario_tui.dashboard.playback import open_playback, render_frame
 from tests.analysis.report.recordings import SHUT, SUTS, spec
-from tests.engine.judging.oracles.traces import CORRIDOR
+from tests.engine.judging.traces import CORRIDOR
 
 SPEED, SHUTS, TOUCHES, OFF = 0.5, 9.0, 9.5, 0.3
 """The door begins to shut at 9 s and takes one; the robot is touched at 9.5 s.

@@ -1,8 +1,6 @@
 """What is known of leading margins before anything runs, and what a search is told instead."""
 
 import re
-import subprocess
-import sys
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
@@ -14,7 +12,7 @@ from daemon.model.spec import OracleText
 from grammars.oracle import CustomOracle, CustomSignal, parse_oracle
 from grammars.text import plugins
 from grammars.text.diagnostics import Where
-from tests.engine.judging.oracles.traces import ROBOT, along, make_trace, times
+from tests.engine.judging.traces import ROBOT, along, make_trace, times
 
 ROOT = Path(__file__).parents[3]
 PAGE = ROOT / "docs" / "oracles.md"
@@ -117,12 +115,6 @@ def test_what_is_flat_is_told_with_a_better_one(text, reason, better):
 def test_margins_are_compared_by_their_limits(text, scale, unit):
     found = oracle_scale(oracle(text), ROBOT)
     assert (found.oracle, found.scale, found.unit) == ("it", pytest.approx(scale), unit)
-
-
-def test_a_check_loads_nothing_that_judges():
-    code = "import sys; from daemon.judging.leading_kind import leading_kind, oracle_scale; " \
-           "sys.exit('numba' in sys.modules or 'shapely' in sys.modules)"  # fmt: skip
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 def test_the_table_of_the_documentation_has_every_operator():

@@ -1,5 +1,6 @@
-"""A run along time, and the judgement of one that goes on: signals, verdicts and log so far."""
+"""Judgement of a run that goes on: signals, verdicts and log so far, the least margin."""
 
+import zlib
 from dataclasses import replace
 
 import numpy as np
@@ -10,10 +11,12 @@ from daemon.judging.live import (
     MOST_LINES,
     door_motions,
     judge_running,
+    least_margin,
     limits_of,
     sample_run_signals,
 )
-from daemon.judging.oracles import DOOR_CLEARANCE, SignalSampler, judge
+from daemon.judging.oracles import DOOR_CLEARANCE, SignalSampler, judge, judge_so_far
+from daemon.judging.run_log import run_log
 from daemon.judging.signals import RunSignal, merge_spans, received_signal, thin_signal
 from daemon.model.live_judgement import (
     LiveJudgement,
@@ -23,10 +26,13 @@ from daemon.model.live_judgement import (
     unpack_judgement,
 )
 from daemon.model.spec import OracleText
+from daemon.model.sut import BehaviorTreeLog, CollisionMonitorState, SpeedLimit, TreeChange
+from daemon.model.verdicts import deciding_verdict
 from daemon.trace import ContactRecord, EventRecord, JointTrack, ProgressRecord
 from grammars import oracle as language
 from grammars.text import codec
-from tests.engine.judging.oracles.traces import (
+from tests.engine.judging.test_verdicts import TRACES
+from tests.engine.judging.traces import (
     CORRIDOR,
     along,
     cut,
@@ -125,26 +131,24 @@ def test_a_judgement_travels_small():
     assert len(packed) < 4000
 
 
-@pytest.mark.parametrize("change", [lambda d: d[:-5], lambda d: b"x" + d, lambda d: b""])
-def test_what_is_no_judgement_is_refused(change):
-    packed = pack_judgement(LiveJudgement("c.0", 1.0, (), (), (), (), ()))
-    with pytest.raises(ValueError):  # noqa: PT011
-        unpack_judgement(change(packed))
+EMPTY = LiveJudgement("c.0", 1.0, (), (), (), (), ())
+UNEVEN = LiveSignal("speed", "m/s", 0.0, 1.0, (0.0, 0.1), (0.2,))
 
 
-def test_a_judgement_whose_values_do_not_go_together_is_refused():
-    signal = LiveSignal("speed", "m/s", 0.0, 1.0, (0.0, 0.1), (0.2,))
-    packed = pack_judgement(LiveJudgement("c.0", 1.0, (signal,), (), (), (), ()))
-    with pytest.raises(ValueError, match="speed"):
-        unpack_judgement(packed)
-
-
-def test_a_judgement_that_unpacks_without_end_is_refused():
-    import zlib
-
-    bomb = zlib.compress(b" " * 2**24 + codec.to_json(LiveJudgement("c", 1.0, (), (), (), (), ())))
-    with pytest.raises(ValueError, match="more than"):
-        unpack_judgement(bomb)
+@pytest.mark.parametrize(
+    ("data", "reason"),
+    [
+        (pack_judgement(EMPTY)[:-5], None),
+        (b"x" + pack_judgement(EMPTY), None),
+        (b"", None),
+        (pack_judgement(replace(EMPTY, signals=(UNEVEN,))), "speed"),
+        (zlib.compress(b" " * 2**24 + codec.to_json(EMPTY)), "more than"),
+    ],
+    ids=["cut", "foreign", "empty", "uneven", "endless"],
+)
+def test_what_is_no_judgement_is_refused(data, reason):
+    with pytest.raises(ValueError, match=reason):
+        unpack_judgement(data)
 
 
 def test_a_limit_has_the_side_on_which_a_signal_speaks_against_oracles():
@@ -184,7 +188,6 @@ def test_a_thinned_signal_keeps_its_extremes_and_says_what_is_not_known():
     assert (len(thin.low), len(thin.high), thin.limits) == (50, 50, (SignalLimit(0.5),))
     assert thin.low[:5] == (None,) * 5
     assert thin.high[38] == 5.123
-    assert thin.low[38] is not None
     assert thin.low[38] < 1.0
 
 
@@ -224,3 +227,78 @@ def test_the_clearance_of_doors_is_the_least_of_every_object():
     ]
     assert np.array_equal(found.low, np.min(each, axis=0))
     assert 0.0 < found.low.min() < 1.0
+
+
+CUT = cut(TRACES["going on"](), 4.0)
+
+
+def test_the_least_margin_is_none_that_waits_for_something():
+    trace = CUT
+    texts = {
+        "arrives": "reached(mission, 0.3 m)",
+        "contact": "never(speed > 9 m/s or contact)",
+        "accuracy": "always(loc.error <= 0.5 m)",
+        "speed": "always(speed <= 1 m/s)",
+    }
+    spec = replace(trace.spec, oracles=tuple(OracleText(k, v) for k, v in texts.items()))
+    trace = replace(trace, spec=spec)
+    least = least_margin(judge_so_far(trace, spec.oracles))
+    assert least.oracle == "contact"  # it has failed
+    quiet = replace(trace, contacts=())
+    least = least_margin(judge_so_far(quiet, spec.oracles))
+    assert (least.oracle, least.unit, least.margin) == ("accuracy", "m", pytest.approx(0.1))
+
+
+@pytest.mark.parametrize(
+    ("texts", "shown"),
+    [
+        # As a share of its limit the margin of the time is less, 1 of 5 s.
+        (("time(speed > 0.1 m/s) <= 5 s", "always(speed <= 1 m/s)"), 1),
+        (("always(speed <= 1 m/s)", "time(speed > 0.1 m/s) <= 5 s"), 0),
+        # The first that fails, though another fails by more.
+        (("always(speed <= 0.4 m/s)", "always(speed <= 0.1 m/s)"), 0),
+        (("always(speed <= 0.6 m/s)", "always(speed <= 0.1 m/s)"), 1),
+        # What only is true or false, and what measures.
+        (("never(contact)", "always(loc.error <= 0.3 m)"), 0),
+        (("max(speed)", "always(speed <= 1 m/s)"), 1),
+    ],
+)
+def test_a_list_shows_the_same_oracle_of_a_run_before_and_after_its_end(texts, shown):
+    trace = CUT
+    written = tuple(OracleText(str(i), text) for i, text in enumerate(texts))
+    least = least_margin(judge_so_far(trace, written))
+    assert least.oracle == str(shown)
+    over = replace(trace, complete=True, ended="limit")
+    assert deciding_verdict(judge(over, written)) == least
+
+
+def test_recoveries_failed_nodes_interventions_and_limits_are_told():
+    reports = (
+        BehaviorTreeLog(
+            1.0,
+            (
+                TreeChange("FollowPath", 1, "IDLE", "RUNNING"),
+                TreeChange("GoalUpdated", 2, "IDLE", "FAILURE"),
+            ),
+        ),
+        BehaviorTreeLog(
+            2.0,
+            (
+                TreeChange("FollowPath", 1, "RUNNING", "FAILURE"),
+                TreeChange("Spin", 3, "IDLE", "RUNNING"),
+            ),
+        ),
+        CollisionMonitorState(3.0, "approach", "Footprint"),
+        SpeedLimit(4.0, 0.25, False),
+        CollisionMonitorState(5.0, "none", ""),
+        SpeedLimit(6.0, 0.0, False),
+    )
+    trace = replace(make_trace(along(times(10.0))), reports=reports)
+    assert [(line.time, line.level, f"{line.source}: {line.text}") for line in run_log(trace)] == [
+        (2.0, "info", "behavior tree: FollowPath failed"),
+        (2.0, "warn", "behavior tree: Spin begins"),
+        (3.0, "info", "collision monitor: approach by Footprint"),
+        (4.0, "info", "speed limit: 0.25 m/s"),
+        (5.0, "info", "collision monitor: no action"),
+        (6.0, "info", "speed limit: none"),
+    ]

@@ -446,7 +446,6 @@ def test_a_killed_writer_leaves_a_readable_partial_file(tmp_path):
     trace = read_trace(tmp_path / ("run.mcap" + PARTIAL), scans=True)
     assert not trace.complete
     assert trace.valid_until == pytest.approx(18.75)
-    assert trace.scans is not None
     assert trace.scans[0].time[-1] == pytest.approx(18.7)
 
 
@@ -567,7 +566,6 @@ def test_scans_of_each_laser_come_back(tmp_path):
     path = tmp_path / "run.mcap"
     record_two_lasers(path)
     trace = read_trace(path, scans=True)
-    assert trace.scans is not None
     front, rear = trace.scans
     assert (front.laser, rear.laser) == ("front", "rear")
     np.testing.assert_array_equal(front.time, np.arange(30) / 10)

@@ -12,7 +12,7 @@ from daemon.model.assessments import AssessmentRules, Expectation
 from daemon.model.submission import Submission
 from scenario_tui.cli import invoke
 from tests.analysis.report.recordings import DECLARED, NAME, OPEN, SHUT, SUTS, record, spec
-from tests.engine.judging.oracles.traces import CORRIDOR
+from tests.engine.judging.traces import CORRIDOR
 from tests.people.cli.outputs import declared
 
 FAILS = "my traces/a.mcap"

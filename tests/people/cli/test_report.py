@@ -20,7 +20,7 @@ from daemon.model.submission import Submission
 from daemon.trace import read_trace
 from scenario_tui.cli import invoke
 from tests.analysis.report.recordings import DECLARED, OPEN, SHUT, SUTS, record, spec
-from tests.engine.judging.oracles.traces import CORRIDOR
+from tests.engine.judging.traces import CORRIDOR
 from tests.people.cli.outputs import declared
 
 

@@ -21,7 +21,7 @@ from daemon.trace import read_trace
 from grammars.text import codec
 from scenario_tui.cli import invoke
 from tests.analysis.report.recordings import SHUT, SUTS, record, spec
-from tests.engine.judging.oracles.traces import CORRIDOR
+from tests.engine.judging.traces import CORRIDOR
 from tests.make import TASK, make_proposal, make_search
 from tests.people.cli.outputs import declared
 

@@ -23,7 +23,7 @@ from scenario_tui.dashboard.screens.standalone import StandaloneApp
 from scenario_tui.dashboard.widgets.map_frame import draw_view
 from scenario_tui.dashboard.widgets.map_style import Layer
 from scenario_tui.dashboard.widgets.top_view import TopView
-from tests.engine.judging.oracles.traces import along, make_trace, times, track
+from tests.engine.judging.traces import along, make_trace, times, track
 from tests.people.dashboard.inline import screen_text
 
 CELLS = np.array([[253, 254, 255], [0, 252, 0]], np.uint8)

@@ -9,7 +9,7 @@ from daemon.judging.oracles import judge, overall_outcome, trace_problems
 from daemon.model.spec import OracleText
 from daemon.model.verdicts import Outcome
 from daemon.trace import CommandTrack, ContactRecord, ProgressRecord
-from tests.engine.judging.oracles.traces import (
+from tests.engine.judging.traces import (
     ROBOT,
     along,
     cut,

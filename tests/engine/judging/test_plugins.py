@@ -13,9 +13,9 @@ from daemon.model.verdicts import Outcome
 from grammars.oracle import parse_oracle
 from grammars.text import plugins
 from grammars.text.diagnostics import InputError, Where
-from tests.engine.judging.oracles.traces import along, cut, make_trace, times, verdict
+from tests.engine.judging.traces import along, cut, make_trace, times, verdict
 
-PAGE = Path(__file__).parents[4] / "docs" / "oracles.md"
+PAGE = Path(__file__).parents[3] / "docs" / "oracles.md"
 MODULE = """
 import numpy as np
 from daemon.model.verdicts import Evidence
@@ -53,21 +53,7 @@ nothing = CustomOracle(lambda trace: None, "m")
 quits = CustomOracle(lambda trace: exit(1), "m")
 number = 42
 """
-SIGNALS = (
-    "pace",
-    "busy",
-    "short",
-    "words",
-    "boundless",
-    "broken",
-    "vandal",
-    "inches",
-    "unmade",
-    "listed",
-    "switched",
-    "idle",
-)
-ORACLES = ("vague", "halts", "sure", "upside", "nothing", "quits", "odd")
+NAMED = re.findall(r"^(\w+) = Custom(Signal|Oracle)", MODULE, re.MULTILINE)
 
 
 @pytest.fixture(autouse=True)
@@ -77,21 +63,21 @@ def plugged(tmp_path, monkeypatch):
     (example,) = re.findall(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
     (tmp_path / "their_documentation.py").write_text(example)
     monkeypatch.syspath_prepend(str(tmp_path))
-    objects = {name: f"their_oracles:{name}" for name in SIGNALS} | {
+    signals, oracles = (
+        {name: f"their_oracles:{name}" for name, what in NAMED if what == kind}
+        for kind in ("Signal", "Oracle")
+    )
+    signals |= {
         "my.pace": "their_oracles:pace",
         "speed": "their_oracles:busy",
         "stop.distance": "their_documentation:stop_distance",
         "imports": "their_imports:signal",
         "number": "their_oracles:number",
     }
-    groups = {
-        "scenario.signals": objects,
-        "scenario.oracles": {name: f"their_oracles:{name}" for name in ORACLES}
-        | {"smooth": "their_documentation:smooth"},
-    }
+    oracles["smooth"] = "their_documentation:smooth"
     entries = {
         group: {name: EntryPoint(name, value, group) for name, value in named.items()}
-        for group, named in groups.items()
+        for group, named in (("scenario.signals", signals), ("scenario.oracles", oracles))
     }
     plugins.load_plugin.cache_clear()
     monkeypatch.setattr(plugins, "installed", entries.__getitem__)

@@ -1,4 +1,4 @@
-"""What holds for all oracles: verdicts never flip as a run goes on, limits act one way."""
+"""Laws of all oracles: verdicts never flip as a run goes on, limits act one way."""
 
 import math
 from dataclasses import replace
@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daemon.judging.oracles import judge
+from daemon.judging.oracles import judge, judge_so_far
 from daemon.model.spec import OracleText
 from daemon.model.verdicts import Outcome
 from daemon.trace import ContactRecord, ProgressRecord
-from tests.engine.judging.oracles.traces import along, cut, make_trace, mission, track, verdict
+from tests.engine.judging.traces import along, cut, make_trace, mission, track, verdict
 
 LIMIT = 6.0
 QUARTERS = st.integers(0, 4).map(lambda n: n / 4.0)
@@ -200,9 +200,31 @@ def test_judging_again_gives_the_same_verdicts(trace, texts):
     assert judge(trace, written) == tuple(judge(trace, (one,))[0] for one in written)
 
 
-@pytest.mark.parametrize("outcome", [Outcome.PASS, Outcome.FAIL])
-def test_outcomes_follow_from_the_interval(outcome):
-    trace = make_trace(along(np.arange(5) / 4.0))
-    found = verdict(trace, f"max(speed) <= {'1' if outcome is Outcome.PASS else '0.1'} m/s")
-    assert found.outcome is outcome
-    assert (bounds(found)[0] >= 0.0) == (outcome is Outcome.PASS)
+def so_far(trace, text):
+    return judge_so_far(trace, (OracleText("it", text),))[0]
+
+
+@pytest.mark.parametrize("form", FORMS)
+@given(data=st.data())
+def test_a_failure_is_never_taken_back(form, data):
+    whole, text = data.draw(traces()), data.draw(oracles(form))
+    at = data.draw(st.integers(0, len(whole.ground_truth.time) - 1)) / 4.0
+    if so_far(cut(whole, at), text).outcome is Outcome.FAIL:
+        (late,) = judge(whole, (OracleText("it", text),))
+        assert late.outcome in (Outcome.FAIL, Outcome.ERROR)  # an error if it never moves
+
+
+@pytest.mark.parametrize("form", FORMS)
+@given(data=st.data())
+def test_so_far_is_what_the_run_would_be_judged_if_it_ended_now(form, data):
+    whole, text = data.draw(traces()), data.draw(oracles(form))
+    found = so_far(cut(whole, whole.valid_until), text)
+    (late,) = judge(whole, (OracleText("it", text),))
+    mended = replace(late, outcome=Outcome.INCONCLUSIVE, upper=None)
+    assert found in (late, mended) if late.outcome is Outcome.FAIL else found == late
+
+
+@given(traces(), st.lists(oracles(), min_size=1, max_size=4))
+def test_of_a_run_that_is_over_so_far_is_the_verdict(trace, texts):
+    written = tuple(OracleText(str(i), text) for i, text in enumerate(texts))
+    assert judge_so_far(trace, written) == judge(trace, written)

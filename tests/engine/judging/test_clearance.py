@@ -1,4 +1,4 @@
-"""Clearance: what is sampled against shapely, and the links against their kinematics."""
+"""Clearance and distance against shapely and plain geometry, links against their kinematics."""
 
 import math
 from dataclasses import replace
@@ -15,9 +15,10 @@ from grammars.model.geometry import Pose2
 from grammars.model.kinematics import link_poses
 from grammars.model.scene import Joint, Link, Scene, SceneObject, Solid
 from grammars.oracle import Signal
-from tests.engine.judging.oracles.traces import (
+from tests.engine.judging.traces import (
     CORRIDOR,
     ROBOT,
+    along,
     box,
     door,
     make_trace,
@@ -148,12 +149,6 @@ def test_what_the_robot_passes_under_or_over_is_no_obstacle():
     assert SignalSampler(make_trace(still(times(0.0)), scene=scene)).obstacles.names == ("step",)
 
 
-def test_an_empty_scene_has_no_clearance_to_judge():
-    trace = make_trace(still(times(1.0)), scene=Scene("field", (), (), ()))
-    found = verdict(trace, "always(clearance > 0 m)")
-    assert found.outcome == "inconclusive"
-
-
 def test_an_uneven_footprint_is_measured_from_its_own_middle():
     ring = ((0.5, 0.2), (-0.1, 0.2), (-0.1, -0.2), (0.5, -0.2))
     for obstacle, expected in (
@@ -253,3 +248,30 @@ def test_links_that_never_move_are_where_they_would_be_at_each_moment():
     moving[5] = 0.8
     leaf = moved(item, at_rest).obstacles.tracks
     assert leaf.tobytes() == moved(item, moving).obstacles.tracks[:5].tobytes()
+
+
+def to_segment(p, a, b):
+    length = (b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2
+    t = ((p[0] - a[0]) * (b[0] - a[0]) + (p[1] - a[1]) * (b[1] - a[1])) / length
+    t = min(1.0, max(0.0, t))
+    return math.hypot(p[0] - a[0] - t * (b[0] - a[0]), p[1] - a[1] - t * (b[1] - a[1]))
+
+
+def test_the_distance_of_a_door_follows_its_leaf():
+    time = times(10.0)
+    angles = np.linspace(0.0, 1.5, len(time))
+    trace = make_trace(along(time), joints=swinging(time, angles))
+    found = SignalSampler(trace).sample(Signal("distance", (Signal("robot"), Signal("door-17"))))
+    item = CORRIDOR.objects[0]
+    for index in range(0, len(time), 40):
+        turned = item.pose @ Pose2(0.0, 0.0, float(angles[index]))
+        leaf = turned.apply_ring(item.links[0].polygons[0])
+        robot = Pose2(trace.ground_truth.x[index]).apply_ring(ROBOT.footprint)
+        # They never overlap, so a corner of one is nearest to a side of the other.
+        expected = min(
+            to_segment(corner, ring[i - 1], ring[i])
+            for corners, ring in ((leaf, robot), (robot, leaf))
+            for corner in corners
+            for i in range(len(ring))
+        )
+        assert found.values[index] == pytest.approx(expected, abs=1e-9)

@@ -5,7 +5,7 @@ import pytest
 from daemon.judging.assessment import assess, reference_comparisons
 from daemon.judging.statistics import mean_interval, proportion_interval
 from daemon.model.assessments import AssessmentRules, ReferenceValue, ScenarioComparison
-from tests.engine.judging.assessment.records import cell, measure, record, timed, verdict
+from tests.engine.judging.records import cell, measure, record, timed, verdict
 
 
 def reference(oracle, value, **other):
