@@ -51,8 +51,7 @@ def lead(trace, text):
 
 
 def margin(trace, text):
-    found = lead(trace, text).margin
-    return found
+    return lead(trace, text).margin
 
 
 def passing(gap, depth=None, *, footprint=ROBOT.footprint, yaw=0.0):
