@@ -17,10 +17,9 @@ A golden file, ``LANGUAGE.txt``, is read from top to bottom::
     …
 
 Every line of a case begins with ``---``. Lines between cases are for readers alone.
-``python -m tests.languages.errors [LANGUAGE …]`` renews the findings.
+``pytest tests/languages/errors --update`` renews the findings.
 """
 
-import difflib
 import re
 import shutil
 from pathlib import Path
@@ -96,10 +95,3 @@ def _findings(files, checked, folder):
         for one in findings
     ]
     return "".join(lines).replace(f"{folder}/", "") or "nothing\n"
-
-
-def difference(golden, folder):
-    """Return the difference between a golden file and the findings of today, empty for none."""
-    old, new = golden.read_text("utf-8"), renew(golden, folder)
-    lines = difflib.unified_diff(old.splitlines(), new.splitlines(), golden.name, "today", n=5)
-    return "\n".join(lines)
