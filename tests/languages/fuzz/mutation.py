@@ -1,5 +1,6 @@
 """Mutations of a text: words, lines and bytes that are dropped, doubled, swapped or replaced."""
 
+import json
 import random
 import re
 from collections.abc import Callable
@@ -145,10 +146,29 @@ def _many(rng, data, other):
     return b"".join(words)
 
 
+def _members(rng, data, other):
+    """Replace or drop a member of a node, if the text is a graph in JSON; else a word."""
+    try:
+        document = json.loads(data)
+        nodes = document["@graph"]
+        node = rng.choice(nodes)
+        key = rng.choice([*node, "@id", "of", "@graph", "@reverse"])
+        values = [*node.values(), *rng.choice(nodes).values(), *_VALUES]
+    except (ValueError, TypeError, LookupError, AttributeError, RecursionError):
+        return _words(rng, data, other)
+    if rng.randrange(3):
+        node[key] = rng.choice(values)
+    else:
+        node.pop(key, None)
+    return json.dumps(document, indent=1).encode()
+
+
+_VALUES = (None, True, 0, -3.5, 1e308, "", "x", "_:b", "feet", [], {}, [[1]], ["cell", 3],
+           {"@id": 5}, {"@value": []}, {"@list": [1]}, {"@type": 3})  # fmt: skip
 _NESTING = (b"(", b"[", b"{", b"-", b"not ", b"a: ", b"- ", b'{"a": ', b"<a>", b"a.", b"a+")
 _Change = Callable[[random.Random, bytes, bytes], bytes]
 _CHANGES = (
     *(_words, _words, _words, _words),
-    *(_any_words, _any_words, _stray, _stray, _lines, _lines, _bytes, _many),
+    *(_any_words, _any_words, _stray, _stray, _lines, _lines, _bytes, _many, _members, _members),
 )
 """Most changes keep a text close to one that is understood: they get further in."""

@@ -1,7 +1,6 @@
 """What is mutated, and how the outcome is read: as a person's ``scenario check`` would, and on."""
 
-from __future__ import annotations
-
+import json
 import re
 import shutil
 from collections.abc import Callable
@@ -11,7 +10,7 @@ from pathlib import Path
 from daemon.campaign import examine, expand
 from daemon.search.composition import search_case
 from daemon.search.preparation import check_search
-from grammars.floorplan import load_floorplan
+from grammars.floorplan import load_floorplan, parse_floorplan
 from grammars.jsonld import (
     load_floorplan_jsonld,
     load_scenery_jsonld,
@@ -23,8 +22,10 @@ from grammars.scenery import load_scenery
 from grammars.text import codec
 from grammars.text.diagnostics import InputError, Severity
 from grammars.text.ros_yaml import load_ros_yaml
+from grammars.variation import load_variation, sample
 from scenario_tui.library.checking import check_file
 from scenario_tui.text.diagnostics import render_diagnostic
+from tests.languages.plans import HERE
 
 SEEDS = Path(__file__).with_name("seeds")
 CORPUS = Path(__file__).with_name("corpus")
@@ -45,6 +46,7 @@ class Target:
 def prepare(folder):
     """Lay out the campaign whose files are mutated one at a time."""
     shutil.copytree(SEEDS, folder, dirs_exist_ok=True)
+    shutil.copytree(HERE / "models" / "plan_2023", folder / "earlier", dirs_exist_ok=True)
     plan = load_floorplan(folder / "plan.fpm")
     layer = load_scenery(folder / "objects.scenery")
     (folder / "plan.jsonld").write_bytes(_json(scene_document(plan)))
@@ -53,8 +55,6 @@ def prepare(folder):
 
 
 def _json(document):
-    import json
-
     return json.dumps(document, indent=1).encode()
 
 
@@ -126,6 +126,18 @@ def _plan_graph(folder):
     load_floorplan_jsonld(folder / "plan.jsonld")
 
 
+def _earlier_plan(folder):
+    load_floorplan_jsonld(folder / "earlier")
+
+
+def _variants(folder):
+    variation = load_variation(folder / "plan.variation")
+    for method in ("random", "lhs", "halton"):
+        for variant in sample(variation, 2, seed=7, tries=8, check=0.2, method=method):
+            assert parse_floorplan(variant.text) == variant.plan
+            assert all(-1e7 < value.number < 1e7 for value in variant.values)
+
+
 def _object_graph(folder):
     _told(check_file(folder / "objects.jsonld")[1])
     load_scenery_jsonld(folder / "objects.jsonld", [])
@@ -144,6 +156,9 @@ TARGETS = (
     Target("floorplan", "plan.fpm", _checked("plan.fpm", "campaign.yaml")),
     Target("walls", "home.walls.yaml", _checked("home.walls.yaml")),
     Target("variation", "plan.variation", _checked("plan.variation", "varied.yaml")),
+    Target("variants", "plan.variation", _variants),
+    Target("varied-plan", "plan.fpm", _variants),
+    Target("scenery", "everything.scenery", _checked("everything.scenery")),
     Target("objects", "objects.scenery", _checked("objects.scenery", "campaign.yaml")),
     Target("behaviours", "motions.scenery", _checked("motions.scenery", "campaign.yaml")),
     Target("oracles", "checks.oracles.yaml", _checked("checks.oracles.yaml", "campaign.yaml")),
@@ -157,5 +172,7 @@ TARGETS = (
     Target("map", "room.yaml", _map),
     Target("image", "room.pgm", _map),
     Target("plan-graph", "plan.jsonld", _plan_graph),
+    Target("earlier-numbers", "earlier/coordinate.json", _earlier_plan),
+    Target("earlier-plan", "earlier/floorplan.json", _earlier_plan),
     Target("object-graph", "objects.jsonld", _object_graph),
 )

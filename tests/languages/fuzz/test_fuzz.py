@@ -9,7 +9,16 @@ from tests.languages.fuzz.targets import CORPUS, TARGETS, answer, prepare
 
 NUMBER = 15
 """Inputs of each language: a campaign takes some hundredths of a second."""
-CHEAP = {"sut": 60, "launch": 60, "parameters": 60, "map": 100, "image": 100}
+CHEAP = {
+    "scenery": 60,
+    "variants": 30,
+    "varied-plan": 30,
+    "sut": 60,
+    "launch": 200,
+    "parameters": 60,
+    "map": 100,
+    "image": 100,
+}
 
 
 @pytest.fixture(scope="module")

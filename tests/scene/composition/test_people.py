@@ -20,8 +20,7 @@ from grammars.model.behaviour import (
 from grammars.model.kinematics import link_poses
 from grammars.scenery.composition import RandomWaits, compile_scene
 from grammars.text import codec
-from tests.languages.plans import behaviours_of, layer, resolved, scene_with, two_rooms
-from tests.languages.scenery.samples import PEOPLE
+from tests.languages.plans import PEOPLE, behaviours_of, layer, resolved, scene_with, two_rooms
 
 DOORS = """
 a is a hinged_door in kitchen_doorway, hinge right, opening into kitchen

@@ -1,12 +1,18 @@
-"""Every language reads the same units, and reads them alike."""
+"""Facts of all languages: they read the same units, and whichever thread comes first loads them."""
+
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from threading import Barrier
 
 import pytest
 
+import grammars
 from grammars.floorplan import parse_floorplan, read_floorplan
 from grammars.oracle import parse_oracle
 from grammars.scenery import parse_scenery
 from grammars.text.diagnostics import InputError, Where
 from grammars.text.expression_check import read_predicate
+from grammars.text.parsing import load_metamodel
 from grammars.text.quantity import read_quantity
 from grammars.text.units import LENGTH, SI_UNITS, UNIT_WORDS, read_unit
 from grammars.variation import parse_variation, sample
@@ -65,17 +71,13 @@ LANGUAGES = (yaml, scenery, oracle, floorplan, variation, expression)
 
 
 @pytest.mark.parametrize("read", LANGUAGES)
-@pytest.mark.parametrize("unit", dict.fromkeys(UNITS))
-def test_every_language_reads_every_unit(read, unit, tmp_path):
-    factor, _ = read_unit(" ".join(unit.split()))
-    assert read(unit, tmp_path) == pytest.approx(3 * factor, rel=1e-14)
-
-
-@pytest.mark.parametrize("read", LANGUAGES)
-@pytest.mark.parametrize("unit", ["furlong", "degs", "kmin", "m^9", "feet", "Ns"])
-def test_no_language_reads_what_is_no_unit(read, unit, tmp_path):
-    with pytest.raises((InputError, ValueError)):
-        read(unit, tmp_path)
+def test_every_language_reads_every_unit_and_no_other(read, tmp_path):
+    for unit in dict.fromkeys(UNITS):
+        factor, _ = read_unit(" ".join(unit.split()))
+        assert read(unit, tmp_path) == pytest.approx(3 * factor, rel=1e-14), unit
+    for unit in ("furlong", "degs", "kmin", "m^9", "feet", "Ns"):
+        with pytest.raises((InputError, ValueError)):
+            read(unit, tmp_path)
 
 
 @pytest.mark.parametrize("unit", ["cm", "mm", "km", "millimetres", "mrad", "°", "degree"])
@@ -105,3 +107,19 @@ def test_draws_in_centimetres_arrive_in_the_plan(tmp_path):
     assert f"var depth = {depth.number} cm" in variant.text
     assert "width=1.4 m" in variant.text
     assert hall.outline[0][0] == pytest.approx(-0.7)
+
+
+GRAMMARS = sorted(Path(grammars.__path__[0]).glob("*/*.tx"))
+
+
+def test_languages_are_loaded_by_several_threads_at_once():
+    assert len(GRAMMARS) == 5
+    together = Barrier(len(GRAMMARS))
+
+    def load(grammar):
+        together.wait(60.0)
+        return str(load_metamodel(grammar).rootcls.__name__)
+
+    with ThreadPoolExecutor(len(GRAMMARS)) as threads:
+        names = list(threads.map(load, GRAMMARS))
+    assert len(set(names)) == len(GRAMMARS)

@@ -1,3 +1,5 @@
+"""YAML documents with places, read into models; findings about them."""
+
 from typing import Annotated, Literal
 
 import pytest
@@ -5,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import Field
 
-from grammars.text.diagnostics import InputError
+from grammars.text.diagnostics import Findings, InputError, Where
 from grammars.text.documents import (
     OtherName,
     StrictModel,
@@ -48,12 +50,6 @@ def test_all_findings_come_at_once_each_with_its_place():
     assert 'did you mean "width"?' in found[2]
 
 
-def test_a_quantity_of_the_wrong_kind_is_explained():
-    assert problems("rooms: {a: {name: x, width: 3 s}}") == [
-        'house.yaml:1:22: width: "3 s" is in s, expected a length such as "0.5 m"'
-    ]
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -89,14 +85,6 @@ def test_a_folder_and_a_binary_file_are_refused(tmp_path):
     (tmp_path / "x.yaml").write_bytes(b"a: \xff\xfe")
     with pytest.raises(InputError, match="not UTF-8"):
         load_yaml(tmp_path / "x.yaml")
-
-
-@given(st.text(alphabet=st.sampled_from("ab:-[]{},'\"\n\t #&*!|>@%01.~?"), max_size=40))
-def test_no_text_raises_anything_but_input_errors(text):
-    try:
-        parse_yaml(text, "fuzz.yaml")
-    except InputError as error:
-        assert error.findings
 
 
 class Named(StrictModel):
@@ -174,3 +162,47 @@ def test_every_place_is_one_that_the_file_has(text):
 )
 def test_a_text_begins_behind_its_key_unless_it_is_laid_out_otherwise(line, place):
     assert str(parse_yaml(line, "x.yaml").where_text("d")) == place
+
+
+FILE = "a.scenery"
+
+
+def findings_of(*places):
+    findings = Findings()
+    for file, line in places:
+        findings.error(Where(file, line), "wrong")
+    return findings
+
+
+def test_all_errors_and_warnings_are_raised_once_in_source_order():
+    findings = findings_of((FILE, 7), (FILE, 1), (FILE, 1))
+    findings.warning(Where(FILE, 3), "odd")
+    with pytest.raises(InputError) as caught:
+        findings.raise_errors()
+    assert [(d.where.line, d.message) for d in caught.value.findings] == [
+        (1, "wrong"),
+        (3, "odd"),
+        (7, "wrong"),
+    ]
+
+
+def test_warnings_alone_raise_nothing():
+    findings = Findings()
+    findings.warning(Where(FILE, 3), "odd")
+    findings.raise_errors()
+    assert [d.message for d in findings.warnings] == ["odd"]
+    assert findings.errors == ()
+
+
+def test_an_input_error_ends_its_block_and_is_collected():
+    findings = Findings()
+    for line in (2, 1):
+        with findings.collecting():
+            raise InputError.at(Where(FILE, line), f"wrong in line {line}")
+    assert [d.where.line for d in findings.errors] == [1, 2]
+
+
+def test_files_keep_the_order_in_which_they_appear():
+    places = [("b", 5), ("a", 1), ("b", 2)]
+    errors = [(d.where.file, d.where.line) for d in findings_of(*places).errors]
+    assert errors == [("b", 2), ("b", 5), ("a", 1)]

@@ -1,0 +1,325 @@
+"""Scenery as JSON-LD: objects of other tools, and our own layers back from a composed graph."""
+
+import dataclasses
+import json
+import math
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from grammars.floorplan import load_floorplan
+from grammars.jsonld import (
+    check_jsonld,
+    load_floorplan_jsonld,
+    load_scenery_jsonld,
+    scene_document,
+    scenery_document,
+)
+from grammars.jsonld._expand import expand_text
+from grammars.jsonld._layer_reader import read_layers
+from grammars.jsonld.rdf import graph_of
+from grammars.scenery import configure, load_scenery
+from grammars.scenery.composition import compile_scene, resolve_behaviours
+from grammars.text.diagnostics import Severity
+from tests.languages.plans import HERE, layer, two_rooms
+
+MODELS_OF_OTHERS = {
+    "door": HERE / "errors" / "door_graph" / "door.jsonld",
+    "lift": HERE / "models" / "lift.jsonld",
+    "table": HERE / "models" / "table.jsonld",
+}
+PARTS = ("name", "instances", "groups", "parameters", "settings", "sentences")
+
+
+def model_of_others(name):
+    return json.loads(MODELS_OF_OTHERS[name].read_text())
+
+
+def saved(folder, document, name="door.json"):
+    folder.mkdir(exist_ok=True)
+    (folder / name).write_text(json.dumps(document, indent=1))
+    return folder / name
+
+
+def errors(path):
+    return [finding for finding in check_jsonld(path) if finding.severity is Severity.ERROR]
+
+
+@pytest.fixture(scope="module")
+def building(campaigns):
+    return load_floorplan(campaigns / "ortega2024" / "building_c.fpm")
+
+
+def test_a_published_door_stands_where_the_reference_puts_it(building):
+    scene = compile_scene(building, [load_scenery_jsonld(MODELS_OF_OTHERS["door"])])
+    (placed,) = scene.objects
+    assert (placed.pose.x, placed.pose.y, placed.pose.yaw) == pytest.approx(
+        (-6.456217554968386, 18.71830066760646, 2.530727415391777), abs=1e-9
+    )
+    assert placed.initial == (0.6,)
+    assert [link.mass for link in placed.links] == [100.0, 20.0]
+    assert placed.links[1].polygons[0][2] == (0.02, 0.93)
+    assert (placed.links[1].z_min, placed.links[1].z_max) == (0.01, 2.01)
+    assert placed.joints[0].anchor == (0.0, 0.03)
+    assert (placed.joints[0].lower, placed.joints[0].upper) == (0.0, 1.9)
+
+
+def test_two_leaves_slide_apart():
+    (lift,) = load_scenery_jsonld(MODELS_OF_OTHERS["lift"]).models
+    left, right = lift.joints
+    assert (left.parent, left.child, left.axis) == ("rail", "left", (1.0, 0.0))
+    assert (left.lower, left.upper, right.lower, right.upper) == (-1.0, 0.0, 0.0, 1.0)
+    panel = next(link for link in lift.links if link.name == "right")
+    assert panel.polygons[0] == ((0.0, -0.025), (1.0, -0.025), (1.0, 0.025), (0.0, 0.025))
+    assert (panel.z_min, panel.z_max) == pytest.approx((0.035, 1.975))
+
+
+def test_a_table_has_no_moving_joint():
+    (model,) = load_scenery_jsonld(MODELS_OF_OTHERS["table"]).models
+    assert model.joints == ()
+    assert [link.name for link in model.links] == ["top", "leg"]
+    assert model.links[1].polygons[0][0] == (0.34, 0.74)
+
+
+def test_faults_of_the_published_door_are_said_and_it_is_read(tmp_path, golden):
+    document = model_of_others("door")
+    for node in document["@graph"]:
+        if node["@id"] == "door:leaf":
+            node["@id"] = "leaf"
+        if node["@id"] == "door:hinge":
+            node["origin-offset"] = "door:offset"
+        if node["@id"] == "door:hinge-on-post-z":
+            node["start"] = "door:nowhere"
+        if "value" in node:
+            node["@type"].remove("Quantity")
+        if node["@id"] == "door:ajar-angle":
+            node["@type"].append("JointLowerLimit")
+    document["@graph"].append(
+        {
+            "@id": "door:offset",
+            "@type": "Position",
+            "of": "door:hinge-on-leaf-origin",
+            "with-respect-to": "door:hinge-on-post-origin",
+        }
+    )
+    file = saved(tmp_path, document)
+    file.write_text(file.read_text().replace("/secorolab.github.io", "/hbrs-sesame.github.io"))
+    warnings = []
+    (model,) = load_scenery_jsonld(file, warnings).models
+    (sound,) = load_scenery_jsonld(MODELS_OF_OTHERS["door"]).models
+    assert (model.links, model.joints) == (sound.links, sound.joints)
+    text = "".join(f"{warning}\n" for warning in warnings)
+    golden("models/faulty_door.txt", text.replace(f"{tmp_path}/", ""))
+
+
+def test_poses_are_read_against_their_direction(building, tmp_path):
+    document = model_of_others("door")
+    # The wall seen from the door, the inverse of (20.5, 0.1, -90 deg).
+    inverse = {"unit": ["M", "RAD"], "alpha": math.pi / 2, "x": 0.1, "y": -20.5}
+    for node in document["@graph"]:
+        if node["@id"] == "door:here-placed":
+            node["of"], node["with-respect-to"] = node["with-respect-to"], node["of"]
+        if node["@id"] == "door:here-placed-numbers":
+            node |= inverse | {"as-seen-by": "door:here"}
+    (door,) = compile_scene(building, [load_scenery_jsonld(saved(tmp_path, document))]).objects
+    assert door.pose.x == pytest.approx(-6.456217554968386, abs=1e-9)
+    assert door.pose.yaw == pytest.approx(2.530727415391777, abs=1e-9)
+
+
+def test_an_object_is_read_with_its_states_and_instances_from_other_files(tmp_path):
+    document = model_of_others("door")
+    files = {"model": [], "states": [], "instance": []}
+    for node in document["@graph"]:
+        is_placed = "door:here" in node["@id"] or "instance" in node["@id"]
+        name = "states" if "ajar" in node["@id"] else "instance" if is_placed else "model"
+        files[name].append(node)
+    for name, nodes in files.items():
+        saved(tmp_path / "door", document | {"@graph": nodes}, f"{name}.json")
+    table = json.dumps(model_of_others("table")).replace("/objects/door/", "/objects/table/")
+    saved(tmp_path / "door", json.loads(table), "table.json")
+    together = load_scenery_jsonld(tmp_path / "door")
+    assert {model.name for model in together.models} == {"door", "table"}
+    (door,) = (model for model in together.models if model.name == "door")
+    assert [state.name for state in door.states] == ["ajar"]
+    assert (together.name, len(together.instances)) == ("door", 1)
+    assert not errors(tmp_path / "door")
+
+
+def test_the_published_door_is_the_one_described(reference_data):
+    layer = load_scenery_jsonld(reference_data / "jsonld" / "objects")
+    (model,) = layer.models
+    leaf, post = model.links
+    assert (leaf.polygons[0][0], leaf.polygons[0][2]) == ((-0.025, 0.025), (0.025, 0.955))
+    assert (leaf.z_min, leaf.z_max, leaf.mass) == (0.01, 1.99, 1.0)
+    assert (post.polygons[0][0], post.polygons[0][2]) == ((-0.025, -0.025), (0.025, 0.025))
+    assert (post.z_min, post.z_max, post.mass) == (0.0, 1.99, 100.0)
+    (hinge,) = model.joints
+    assert (hinge.kind, hinge.anchor) == ("revolute", (-0.025, 0.025))
+    assert (hinge.lower, hinge.upper) == (0.0, 2.0)
+    states = {state.name: dict(state.positions)[hinge.name] for state in model.states}
+    assert states == {"fully_opened": 1.6, "partially_opened": 0.7, "fully_closed": 0.0}
+    name = "brsu_building_c_with_doorways"
+    for plan in (
+        load_floorplan(reference_data / "floorplans" / f"{name}.fpm"),
+        load_floorplan_jsonld(reference_data / "jsonld" / "building_c"),
+    ):
+        (door,) = compile_scene(plan, [layer]).objects
+        assert (door.pose.x, door.pose.y, door.pose.yaw) == pytest.approx(
+            (-6.456217554968366, 18.71830066760646, 2.530727415391777), abs=1e-6
+        )
+        assert door.initial == (0.7,)
+
+
+def written_and_read(folder, plan, layers):
+    """Return plan and layers as they come back from a folder in which nothing is wrong."""
+    scene = saved(folder, scene_document(plan, layers), "scene.json")
+    assert errors(folder) == []
+    documents = [scenery_document(each, plan, layers) for each in layers]
+    files = [
+        saved(folder, document, f"{each.name}.jsonld")
+        for each, document in zip(layers, documents, strict=True)
+    ]
+    return load_floorplan_jsonld(scene), [load_scenery_jsonld(file) for file in files]
+
+
+def behaviours(scene, layers):
+    seed = np.random.SeedSequence(3)
+    return resolve_behaviours(scene, layers, seed=seed, limit=600.0).behaviours
+
+
+def assert_the_same_comes_of(plan, layers, back_plan, back):
+    there, here = compile_scene(back_plan, back), compile_scene(plan, layers)
+    assert there.digest == here.digest
+    assert behaviours(there, back) == behaviours(here, layers)
+
+
+CAMPAIGNS = {
+    "demo": ("flat", "doors", "doors_open", "doors_moving", "doors_in_your_face", "people"),
+    "ortega2024": ("building_c", "doors", "doors_random", "doors_open", "close_on_approach"),
+}
+
+
+@pytest.mark.parametrize("folder", CAMPAIGNS)
+def test_campaigns_fit_the_shapes_and_come_back(campaigns, tmp_path, folder):
+    name, *names = CAMPAIGNS[folder]
+    plan = load_floorplan(campaigns / folder / f"{name}.fpm")
+    layers = [load_scenery(campaigns / folder / f"{name}.scenery") for name in names]
+    back_plan, back = written_and_read(tmp_path, plan, layers)
+    assert [one.name for one in back] == names
+    assert_the_same_comes_of(plan, layers, back_plan, back)
+    for one, other in zip(back, layers, strict=True):
+        assert dataclasses.replace(one, file=other.file, models=other.models) == other
+
+
+LIVELY = """
+mover person
+    link body circle radius 20 cm from 0 m to 1.7 m, mass 70 kg
+    link bag box 0.2 m x 0.1 m at (0.3 m, 0 m) from 0.2 m to 0.6 m, mass 3 kg
+    joint hold fixed from body to bag
+object table
+    link top box 1.2 m x 80 cm turned 20 deg from 70 cm to 74 cm, mass 20 kg
+    link foot circle radius 20 cm and polygon (0 m, 0 m), (1 m, 0 m), (0 m, 1 m)
+        from 0 m to 70 cm, mass 10 kg
+    joint glue fixed from top to foot
+anna is a person in hall, x 1 m, y 1 m
+bert is a person in hall, x -1 m
+table_1 is a table in kitchen, x 0.2 m
+table_2 is a table at kitchen.pillar, y 1 m, frozen
+door is a hinged_door at hall.walls[1], x 0.2 m, starts at 10 deg
+way is a hinged_door in kitchen_doorway, hinge left, opening inwards, recessed 2 cm
+trap is a hinged_door at hall.walls[2], x -0.5 m
+hatch is a slider at hall, x 3 m
+group doors: every hinged_door except door, trap
+parameter near = 1.5 m
+door goes from closed to open when leg 2 begins, after 2 s
+trap goes from open to closed when the robot is within near of its foot,
+    starting at closed, by spring of 2 N m/rad
+all doors toggle between closed and open after uniform 10 s to 40 s, from 1 min
+hatch moves to closed at 9 s, to open at 8 s, as listed, by jump
+anna walks along (1 m, 0 m), (3 m, 0 m) of hall, at 0.8 m/s, back and forth, pausing 2 s
+bert walks along (0 m, 0 m) of hall, (0.5 m, 1 m) of kitchen, when anna starts to move, after 3 s
+"""
+
+
+def test_everything_scenery_can_say_comes_back(tmp_path):
+    plan, lively = two_rooms(), layer(LIVELY)
+    back_plan, (back,) = written_and_read(tmp_path, plan, [lively])
+    for part in PARTS:
+        assert getattr(back, part) == getattr(lively, part), part
+    assert [model.joints for model in back.models] == [model.joints for model in lively.models]
+    assert_the_same_comes_of(plan, [lively], back_plan, [back])
+
+
+MODELS, _, SAID = LIVELY.partition("\nanna")
+SENTENCES = re.split(r"\n(?! )", f"anna{SAID}".strip())
+SPACES = st.sampled_from([" ", "\n", "  \n\t", " // 2 m (\n "])
+
+
+@given(st.lists(st.sampled_from(SENTENCES), unique=True), SPACES, st.sampled_from(["2 m", "90 cm"]))
+def test_a_layer_comes_back_however_its_sentences_are_written(sentences, space, near):
+    sentences = ["door is a hinged_door at hall", "parameter near = 1 m", *sentences]
+    unique = {re.split(" is a | = ", sentence)[0]: sentence for sentence in sentences}
+    text = "\n".join(unique.values()).replace(", ", f",{space}")
+    lively = configure(layer(f"{MODELS}\n{text}"), {"near": near})
+    document = json.dumps(scenery_document(lively, two_rooms()))
+    (back,) = read_layers(expand_text(document, "layer.jsonld"), "objects")
+    for part in PARTS:
+        assert getattr(back, part) == getattr(lively, part), part
+
+
+def test_a_layer_alone_refers_to_a_plan_that_is_elsewhere(tmp_path):
+    """What it describes itself it describes completely."""
+    doors = layer("way is a hinged_door at hall.walls[1], x 1 m, turned 90 deg, starts open\n")
+    file = saved(tmp_path, scenery_document(doors, two_rooms()))
+    assert check_jsonld(file) == ()
+    frame = '"link-frame": "item:hinged_door.link.leaf.frame'
+    file.write_text(file.read_text().replace(f'{frame}"', f'{frame}s"'))
+    (finding,) = check_jsonld(file)
+    assert "hinged_door.link.leaf.frames, which does not exist" in finding.message
+
+
+DOORWAY = "way is a hinged_door in kitchen_doorway, "
+
+
+def composed(*layers):
+    """Return the two rooms and layers as one rdflib graph."""
+    text = json.dumps(scene_document(two_rooms(), layers))
+    return graph_of(expand_text(text, "scene.jsonld"))
+
+
+def test_a_door_that_hangs_the_other_way_is_published_as_its_mirror_image():
+    doors = layer(f"{DOORWAY}hinge left, opening inwards\n")
+    rows = composed(doors).query(
+        "SELECT ?x ?yaw ?image WHERE { item:way obj:frame ?f ; obj:of-object ?image . "
+        "?p geom-rel:of ?f . ?c geom-coord:of-pose ?p ; geom-coord:x ?x ; geom-coord:alpha ?yaw }"
+    )
+    ((x, yaw, image),) = [tuple(map(str, row)) for row in rows]
+    (placed,) = compile_scene(two_rooms(), [doors]).objects
+    assert (float(x), float(yaw)) == pytest.approx((placed.pose.x, placed.pose.yaw), abs=1e-9)
+    assert image.endswith(".mirrored") == placed.mirrored
+
+
+def test_a_graph_tells_the_sentences_of_each_layer_about_a_door():
+    mood = layer("every hinged_door stays open\n", "mood", models=False)
+    rows = composed(layer(f"{DOORWAY}hinge left, opening inwards\n"), mood).query(
+        "SELECT ?text WHERE { ?s scn:about item:way ; scn:in-layer item:layer.mood ;"
+        " scn:text ?text }"
+    )
+    assert [str(text) for (text,) in rows] == ["every hinged_door stays open"]
+
+
+@pytest.mark.parametrize(
+    ("manner", "room"),
+    [
+        ("hinge left, opening inwards", "hall"),
+        ("hinge left, opening outwards", "kitchen"),
+        ("hinge right, opening into kitchen", "kitchen"),
+    ],
+)
+def test_a_graph_tells_which_room_a_door_opens_into(manner, room):
+    graph = composed(layer(f"{DOORWAY}{manner}\n"))
+    ((value,),) = graph.query("SELECT ?room WHERE { item:way scn:opens-into ?room }")
+    assert value.endswith(f"/{room}")

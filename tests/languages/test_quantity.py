@@ -1,0 +1,189 @@
+"""Quantities: numbers with units, and the expressions that stand for them in schemas."""
+
+import math
+import re
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from grammars.editor import QUANTITY_EXAMPLES, quantity_pattern
+from grammars.text.diagnostics import InputError, Where
+from grammars.text.quantity import (
+    parse_quantity,
+    read_as,
+    read_quantity,
+    unit_of,
+)
+from grammars.text.units import DIMENSIONS, LENGTH, SPEED, TIME, from_si, read_unit, to_si
+from tests.languages.plans import HERE
+
+
+@pytest.mark.parametrize(
+    ("text", "value", "dimension"),
+    [
+        ("30 cm", 0.3, "length"),
+        ("5mm", 0.005, "length"),
+        ("90 deg", math.pi / 2, "angle"),
+        ("-90°", -math.pi / 2, "angle"),
+        ("95 %", 0.95, "ratio"),
+        ("7 cm", 0.07, "length"),
+        ("3 mm", 0.003, "length"),
+        ("3", 3.0, "ratio"),
+        ("3 kg m²/s²", 3.0, "torque"),
+        ("2 kHz", 2000.0, "frequency"),
+        ("0.5 N m", 0.5, "torque"),
+        ("1e2 kg", 100.0, "mass"),
+    ],
+)
+def test_quantities_are_read_into_si_units(text, value, dimension):
+    quantity = read_quantity(text)
+    assert quantity.value == value
+    assert quantity.dimension == dimension
+    assert quantity.unit == unit_of(dimension)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "m",
+        "1.2.3 m",
+        "1 parsec",
+        "3 m s",
+        "1 m^9^9^9",
+        "1e999 m",
+        "nan m",
+        "import os",
+        "1 m; 2 m",
+    ],
+)
+def test_anything_else_is_refused_with_words(text):
+    with pytest.raises(ValueError, match=r"\w+"):
+        read_quantity(text)
+
+
+def test_an_angle_is_neither_a_ratio_nor_a_length():
+    with pytest.raises(ValueError, match='"3" has no unit, expected an angle such as "0.5 rad"'):
+        read_as("3", "angle")
+    with pytest.raises(ValueError, match='"3 rad" is in rad, expected a length'):
+        read_as("3 rad", "length")
+
+
+def test_a_bare_number_is_a_ratio_and_nothing_else():
+    assert read_as(0.8, "ratio") == 0.8
+    with pytest.raises(ValueError, match="3 has no unit"):
+        read_as(3, "length")
+    with pytest.raises(ValueError, match="expected a length"):
+        read_as(True, "length")
+
+
+def test_a_refused_quantity_names_its_place():
+    with pytest.raises(InputError, match=r"doors\.scenery:3:7: .*not a unit"):
+        parse_quantity("3 furlong", Where("doors.scenery", 3, 7))
+
+
+@given(st.floats(-1e6, 1e6), st.sampled_from(["m", "rad", "s", "kg", "m/s", "N m"]))
+def test_si_values_read_back_as_written(value, unit):
+    quantity = read_quantity(f"{value!r} {unit}")
+    assert quantity.value == value
+    assert quantity.unit == unit
+
+
+def test_dimensions_have_the_units_their_quantities_are_read_in():
+    for name, dimension in DIMENSIONS.items():
+        assert dimension.unit == unit_of(name)
+    assert (SPEED * TIME).unit == "m"
+    assert (LENGTH * LENGTH / TIME).unit == "m^2/s"
+    assert (TIME / LENGTH / SPEED).unit == "s^2/m^2"
+
+
+FACTORS = [
+    (line[:12].strip(), float(line[12:35]), line[35:].strip())
+    for line in (HERE / "units.txt").read_text("utf-8").splitlines()[2:]
+]
+
+
+@pytest.mark.parametrize(("unit", "factor", "dimension"), FACTORS)
+def test_units_have_their_factors_to_the_last_digit(unit, factor, dimension):
+    assert read_quantity(f"1 {unit}").dimension == dimension
+    assert read_unit(unit)[0] == factor
+    for number in (1.0, 0.7, 12.5, 95.0):
+        assert to_si(number, unit) == pytest.approx(number * factor, rel=1e-15)
+        assert from_si(to_si(number, unit), unit) == pytest.approx(number, rel=1e-15)
+
+
+SIMPLE = {
+    "length": ["m", "cm", "mm", "km", "metre", "metres", "meters", "centimetre"],
+    "angle": ["rad", "deg", "°", "radians", "degrees", "mrad"],
+    "time": ["s", "ms", "min", "h", "seconds", "minutes", "hours"],
+    "mass": ["kg", "g", "kilograms"],
+    "frequency": ["Hz", "kHz", "hertz"],
+    "force": ["N", "kN", "newtons"],
+}
+COMPOUND = {
+    "speed": ["m/s", "km/h", "cm / s", "metres/second"],
+    "angular speed": ["rad/s", "deg/s", "°/s", "deg/min"],
+    "acceleration": ["m/s^2", "m/s/s", "cm/s^2"],
+    "angular acceleration": ["rad/s^2", "deg/s^2"],
+    "torque": ["N m", "N*m", "kN m", "m N", "kg m^2/s^2"],
+    "stiffness": ["N/m", "kN/m"],
+    "noise per root length": ["m/m^0.5", "cm/m^0.5"],
+    "noise per root angle": ["rad/rad^0.5"],
+    "drift per root length": ["rad/m^0.5", "deg/m^.5"],
+}
+UNITS = [(d, u) for table in (SIMPLE, COMPOUND) for d, units in table.items() for u in units]
+NUMBERS = st.one_of(
+    st.floats(0, 1e6, allow_subnormal=False).map(lambda v: f"{v:.4g}"),
+    st.sampled_from(["0", "1.", ".5", "2e3", "1E-3", "+4", "-7.5"]),
+)
+
+
+def reads(text, dimension):
+    try:
+        read_as(text, dimension)
+    except ValueError:
+        return False
+    return True
+
+
+@pytest.mark.parametrize("dimension", sorted(QUANTITY_EXAMPLES))
+def test_examples_are_read_and_match(dimension):
+    assert reads(QUANTITY_EXAMPLES[dimension], dimension)
+    assert re.search(quantity_pattern(dimension), QUANTITY_EXAMPLES[dimension])
+
+
+@given(NUMBERS, st.sampled_from(UNITS))
+def test_what_the_reader_takes_matches(number, unit):
+    text = f"{number} {unit[1]}"
+    assert reads(text, unit[0])
+    assert re.search(quantity_pattern(unit[0]), text)
+
+
+@given(NUMBERS, st.sampled_from(UNITS), st.sampled_from(sorted(QUANTITY_EXAMPLES)))
+def test_what_matches_with_one_or_two_units_is_read(number, unit, dimension):
+    text = f"{number} {unit[1]}"
+    factors = len(re.split(r"[\s*/]+", unit[1]))
+    if factors < 3 and re.search(quantity_pattern(dimension), text):
+        assert reads(text, dimension)
+
+
+@pytest.mark.parametrize("text", ["3", "", "m", "3 m m", "3 s", "three m", "3 m/s", "3, m"])
+def test_what_is_no_length_does_not_match(text):
+    assert not re.search(quantity_pattern("length"), text)
+
+
+def test_signs_and_zeros_are_refused_where_they_mean_nothing():
+    positive = quantity_pattern("length", signed=False, nonzero=True)
+    assert re.search(positive, "0.05 m")
+    assert re.search(positive, "1e-3 m")
+    for text in ("-1 m", "0 m", "0.000 m", "0e5 m"):
+        assert not re.search(positive, text)
+    assert re.search(quantity_pattern("length", signed=False), "0 m")
+
+
+def test_a_ratio_is_a_percentage_or_nothing_but_a_number():
+    for text in ("5 %", "5%", "0.05", "95 percent"):
+        assert reads(text, "ratio")
+        assert re.search(quantity_pattern("ratio"), text)
+    assert not re.search(quantity_pattern("ratio"), "5 m")
