@@ -10,7 +10,6 @@ import resource
 import signal
 import subprocess
 import sys
-import time
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -19,17 +18,8 @@ import psutil
 from daemon.stacks.ros2.process import StackProcess
 from daemon.stacks.ros2.settings import Ros2Settings
 
-PATIENCE = 60.0
 QUIET_RELAY = Path(__file__).with_name("quiet_relay.sh")
 """A relay for the "python" that is a shell: one that is interrupted says nothing of it."""
-
-
-def eventually(condition, seconds=PATIENCE):
-    deadline = time.monotonic() + seconds
-    while not (value := condition()):
-        assert time.monotonic() < deadline, "waited in vain"
-        time.sleep(0.02)
-    return value
 
 
 def marked(token):
