@@ -33,6 +33,7 @@ from daemon.stacks.ros1.move_base import (
 from daemon.stacks.ros1.navfn import NavfnParameters
 from daemon.stacks.ros1.parameters import read_section
 from daemon.stacks.ros1.trajectory_planner import TrajectoryPlannerParameters
+from tests.stacks.cases import cases, written
 from tests.stacks.ros1.dwa.helpers import A2S, OMNI
 from tests.stacks.ros1.trajectory_planner.helpers import ROBOTS
 
@@ -95,8 +96,5 @@ def objections(head):
 
 
 def test_every_objection_to_a_value_is_as_written(golden):
-    heads = [line for line in OBJECTIONS.read_text("utf-8").splitlines() if line[:4] == "--- "]
-    shown = []
-    for head in heads:
-        shown += [head, *objections(head.removeprefix("--- "))]
-    golden(OBJECTIONS.name, "\n".join(shown) + "\n")
+    told = [line for head, _ in cases(OBJECTIONS) for line in written((head, []), objections(head))]
+    golden(OBJECTIONS.name, "\n".join(told) + "\n")

@@ -14,6 +14,7 @@ from daemon.stacks.ros2.causes import (
     read_down,
     telling_lines,
 )
+from tests.stacks.cases import cases, written
 
 CAUSES = Path(__file__).with_name("causes.txt")
 PARAMETERS = """\
@@ -57,13 +58,12 @@ def test_causes_and_first_errors_are_as_written(files, tmp_path, golden):
     copy = tmp_path / "launch_params_x"
     copy.write_text("\n" * 11 + PARAMETERS.splitlines()[7] + "\n")
     told = []
-    for case in CAUSES.read_text("utf-8").split("--- ")[1:]:
-        name, *lines = [line for line in case.splitlines() if not line.startswith("=> ")]
+    for name, lines in cases(CAUSES):
         text = "\n".join(lines).replace("PARAMS", files["params"]).replace("COPY", str(copy))
         cause, first = find_cause(text.splitlines(), files), first_error(text.splitlines())
-        found = [f"=> cause: {cause or '-'}", f"=> first error: {first or '-'}"]
-        found = [line.replace(str(tmp_path), "FOLDER") for line in found]
-        told += [f"--- {name}", *lines, *found]
+        results = (f"cause: {cause or '-'}", f"first error: {first or '-'}")
+        shown = [line.replace(str(tmp_path), "FOLDER") for line in results]
+        told += written((name, lines), shown)
     golden(CAUSES.name, "\n".join(told) + "\n")
 
 

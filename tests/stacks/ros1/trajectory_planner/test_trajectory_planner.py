@@ -5,11 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import yaml
 
-from daemon.stacks.findings import FindingCollector
 from daemon.stacks.ros1.cost_grid import CostGrid
-from daemon.stacks.ros1.parameters import read_section
 from daemon.stacks.ros1.quirks import FAST, FIXED
 from daemon.stacks.ros1.trajectory_planner import (
     TrajectoryPlannerParameters,
@@ -250,32 +247,6 @@ def test_the_older_name_of_the_slowest_turn_is_heard_at_the_goal_only():
 )
 def test_strafe_speeds_are_read_as_c_reads_numbers(text, speeds):
     assert strafe_speeds(replace(DEFAULT, y_vels=text)) == speeds
-
-
-PUBLISHED = (
-    ("husky/husky_navigation/config/planner.yaml",),
-    ("jackal/jackal_navigation/params/base_local_planner_params.yaml",),
-    (
-        "fetch/fetch_navigation/config/move_base.yaml",
-        "fetch/fetch_navigation/config/fetch/move_base.yaml",
-    ),
-    ("mir/mir_navigation/config/base_local_planner_params.yaml",),
-    ("robile_amr/config/base_local_planner_params.yaml",),
-)
-
-
-@pytest.mark.parametrize(("files", "name"), list(zip(PUBLISHED, ROBOTS, strict=True)))
-def test_published_files_are_read(files, name, reference_data):
-    given = {}
-    for file in files:
-        text = (reference_data / "robots" / file).read_text("utf-8")
-        given |= yaml.safe_load(text)["TrajectoryPlannerROS"]
-    report = FindingCollector()
-    read = read_section(TrajectoryPlannerParameters, given, ("x",), report)
-    assert (report.fatal, [each.path for each in report.problems]) == ([], [("x", "meter_scoring")])
-    assert settings(read) == settings(ROBOTS[name].parameters)
-    assert read.xy_goal_tolerance == ROBOTS[name].parameters.xy_goal_tolerance
-    assert read.latch_xy_goal_tolerance == ROBOTS[name].parameters.latch_xy_goal_tolerance
 
 
 def test_no_trajectory_is_longer_than_there_is_room():
