@@ -1,15 +1,96 @@
 """The drawing of the house holds: what import-linter does not check."""
 
+import ast
 import re
+from collections import defaultdict
 from pathlib import Path
 
 import pytest
 
 import scenario_tui
-from tests.structure import Module, circles, class_homes, import_graph, read_modules
 
 ROOT = Path(__file__).parents[1]
 _FILES = re.compile(r"(?<![\w/.])(?:grammars|templates|daemon|scenario_tui|tests)/[\w./-]*\w")
+
+
+FLOORS = ("grammars", "templates", "daemon", "scenario_tui")
+
+
+class Module:
+    """One file: its tree and its name."""
+
+    def __init__(self, path, top):
+        parts = path.relative_to(top).with_suffix("").parts
+        self.name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+        self.tree = ast.parse(path.read_text(encoding="utf-8"))
+
+    def libraries(self):
+        """Top names of everything that is imported anywhere, also by ``import_module``."""
+        found = set()
+        for node in ast.walk(self.tree):
+            if isinstance(node, ast.Import):
+                found |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+                found.add(node.module)
+            elif isinstance(node, ast.Call) and _called(node) in ("import_module", "__import__"):
+                found |= {arg.value for arg in node.args if isinstance(arg, ast.Constant)}
+        return {str(name).partition(".")[0] for name in found}
+
+    def imports(self, known):
+        """Modules of ours that this one imports anywhere, for type checkers only as well."""
+        found = set()
+        for node in ast.walk(self.tree):
+            if isinstance(node, ast.Import):
+                found |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module:
+                for alias in node.names:
+                    inner = f"{node.module}.{alias.name}"
+                    found.add(inner if inner in known else node.module)
+        return (found & known) - {self.name}
+
+
+def _called(call):
+    """Return the last part of the name of what is called."""
+    function = call.func
+    return getattr(function, "attr", "") or getattr(function, "id", "")
+
+
+def circles(graph):
+    """Groups of modules each of which imports, over others, every module of its group."""
+    reach = {name: _reachable(graph, name) for name in graph}
+    groups = {frozenset(n for n in reach[name] if name in reach[n]) for name in graph}
+    return sorted(sorted(group) for group in groups if len(group) > 1)
+
+
+def _reachable(graph, start):
+    seen = set()
+    waiting = [start]
+    while waiting:
+        fresh = graph[waiting.pop()] - seen
+        seen |= fresh
+        waiting += fresh
+    return seen
+
+
+def read_modules(top):
+    """All modules of the product in a checkout, packages included."""
+    return [Module(p, top) for floor in FLOORS for p in sorted((top / floor).rglob("*.py"))]
+
+
+def import_graph(modules):
+    """Which module of ours imports which, wherever in it the import stands."""
+    known = {module.name for module in modules}
+    return {module.name: module.imports(known) for module in modules}
+
+
+def class_homes(modules):
+    """The modules that define a class of each name."""
+    homes = defaultdict(list)
+    for module in modules:
+        for node in ast.walk(module.tree):
+            if isinstance(node, ast.ClassDef):
+                homes[node.name].append(module.name)
+    return dict(homes)
 
 
 @pytest.fixture(scope="module")

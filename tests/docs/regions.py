@@ -15,9 +15,9 @@ Each stands between two comments, of which the first says what it is::
 import re
 
 from daemon.analysis.table import COLUMNS
+from grammars.oracle import OBJECT_SIGNALS, SIGNALS
 from tests.docs import ebnf, tables
 from tests.docs.markdown import DOCS
-from tests.docs.oracle_docs import signal_table
 
 _REGION = re.compile(
     r"^(?P<begin><!-- (?P<what>grammar|keys|signals|columns)(?::(?P<words>[^>]*))? -->\n)"
@@ -49,7 +49,7 @@ def shown(what):
 def _made(found):
     words = (found["words"] or "").split()
     if found["what"] == "signals":
-        return signal_table()
+        return _signal_table()
     if found["what"] == "columns":
         return _column_table()
     if found["what"] == "keys":
@@ -64,3 +64,20 @@ def _made(found):
 def _column_table():
     rows = [f"| `{one.name}` | {one.kind} | {one.unit} | {one.about} |" for one in COLUMNS]
     return "\n".join(("| column | kind | unit | |", "|---|---|---|---|", *rows)) + "\n"
+
+
+def _signal_table():
+    """Return a Markdown table of every signal that ships here."""
+    rows = [_signal_row(kind, kind.name) for kind in SIGNALS.values()]
+    rows += [_signal_row(kind, f"<object>.{kind.name}") for kind in OBJECT_SIGNALS.values()]
+    return "\n".join(("| signal | unit | what it is |", "|---|---|---|", *rows)) + "\n"
+
+
+def _signal_row(kind, name):
+    parts = ["**object**"] if kind.takes_object else []
+    parts += ["robot", f"**{' or '.join(kind.relates)}**"] if kind.relates else []
+    parts += ["**node**"] if kind.takes_node else []
+    parts += [f"**{dimension.unit}**" for dimension in kind.arguments]
+    takes = f" [{', '.join(parts)}]" if parts else ""
+    doc = kind.doc.replace("|x|", "abs(x)").replace("|y|", "abs(y)")
+    return f"| `{name}`{takes} | {kind.unit} | {doc} |"

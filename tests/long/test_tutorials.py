@@ -1,13 +1,11 @@
 """Each tutorial, and each page about Python, is followed word by word in a folder of its own."""
 
 import os
-import re
 import runpy
 import sys
 
 import pytest
 
-import scenario_tui
 from scenario_tui.cli import invoke
 from tests.docs import examples, tutorials
 from tests.docs.markdown import DOCS, ROOT, TUTORIALS
@@ -48,8 +46,3 @@ def test_a_tutorial_does_what_it_says(page, tmp_path, monkeypatch, capfd):
     finally:
         if (tmp_path / "state").exists():
             run("scenario daemon --stop")
-
-
-def test_the_page_about_python_has_every_public_name():
-    page = (DOCS / "library.md").read_text("utf-8")
-    assert [name for name in scenario_tui.__all__ if not re.search(rf"[`.]{name}\b", page)] == []

@@ -1,19 +1,21 @@
-"""What the documentation names is there: commands and options, files that ship, doors."""
+"""Pages of the documentation: links lead somewhere, blocks can be read, names exist."""
 
-from __future__ import annotations
-
+import json
 import re
 import shlex
-from pathlib import Path
+import textwrap
+import tomllib
 from typing import NamedTuple
 
 import pytest
+import yaml
 
+import scenario_tui
 from grammars.floorplan import load_floorplan
 from grammars.scenery import load_scenery
 from scenario_tui.cli.commands import COMMANDS, load_command
+from tests.docs.markdown import DOCS, ROOT, blocks, broken, links, pages
 
-ROOT = Path(__file__).parents[2]
 PAGES = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(ROOT.glob("docs/**/*.md")))
 _BLOCK = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
 _INLINE = re.compile(r"`([^`\n]+)`")
@@ -162,3 +164,51 @@ def test_keys_that_are_said_to_copy_do_so():
     ]
     assert len(said) > 2, "the pages are not read as they are written"
     assert [one for one in said if one[1] not in keys] == []
+
+
+def _yaml(text):
+    return list(yaml.safe_load_all(text))
+
+
+def _python(text):
+    return compile(text, "a page", "exec")
+
+
+_READERS = {
+    "yaml": _yaml,
+    "toml": tomllib.loads,
+    "json": json.loads,
+    "python": _python,
+}
+
+
+@pytest.mark.parametrize("page", pages(), ids=lambda page: str(page.relative_to(ROOT)))
+def test_blocks_can_be_read(page):
+    assert [said for block in blocks(page) if (said := _unread(block))] == []
+
+
+def _unread(block):
+    reader = _READERS.get(block.words[0]) if block.words else None
+    if reader is None:
+        return ""
+    try:
+        reader(textwrap.dedent(block.text))
+    except Exception as error:
+        return f"{block}: {error}"
+    return ""
+
+
+def test_every_link_leads_to_a_file_and_a_heading():
+    found = [broken(link) for page in pages() for link in links(page)]
+    assert [problem for problem in found if problem] == []
+
+
+def test_the_start_page_leads_to_every_page():
+    start = DOCS / "index.md"
+    reached = {(DOCS / link.target.partition("#")[0]).resolve() for link in links(start)}
+    assert set(DOCS.rglob("*.md")) - reached - {start} == set()
+
+
+def test_the_page_about_python_has_every_public_name():
+    page = (DOCS / "library.md").read_text("utf-8")
+    assert [name for name in scenario_tui.__all__ if not re.search(rf"[`.]{name}\b", page)] == []
