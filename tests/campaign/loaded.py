@@ -1,7 +1,7 @@
-"""Views of a campaign file: its runs, its cells, the findings of ``scenario check``."""
+"""Campaigns and systems under test as they are loaded, and the findings about them."""
 
-from daemon.campaign import examine, expand, load_campaign
-from grammars.text.diagnostics import InputError
+from daemon.campaign import LayerLibrary, LayerReference, examine, expand, load_campaign
+from grammars.text.diagnostics import InputError, Severity, Where
 
 
 def runs(path):
@@ -27,3 +27,15 @@ def findings_of(path):
 def messages(path):
     """Return all findings as texts, without the folder of the campaign."""
     return [str(one).replace(f"{path.parent}/", "") for one in findings_of(path)]
+
+
+def write_sut(folder, name, text):
+    (folder / f"{name}.yaml").write_text(f"sut: {name}\n{text}")
+
+
+def load_sut(folder, name, values=None):
+    """Return a system under test as a campaign names it, and the warnings about it as texts."""
+    library = LayerLibrary(folder)
+    sut = library.sut(LayerReference(name, values or {}, Where("campaign.yaml", 1, 1)))
+    assert all(one.severity is Severity.WARNING for one in library.warnings)
+    return sut, [str(one).replace(f"{folder}/", "") for one in library.warnings]

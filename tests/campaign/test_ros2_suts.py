@@ -4,11 +4,11 @@ import re
 
 import pytest
 
-from daemon.campaign import LayerLibrary, LayerReference, examine, load_campaign
+from daemon.campaign import examine, load_campaign
 from daemon.stacks.ros2.keys import ROS2_KEYS, Ros2Frames, Ros2Topics
 from daemon.stacks.ros2.settings import read_settings, settings_not_written
-from grammars.text.diagnostics import InputError, Severity, Where
-from tests.campaign.loaded import findings_of, messages, runs
+from grammars.text.diagnostics import InputError, Severity
+from tests.campaign.loaded import findings_of, load_sut, messages, runs
 from tests.parts import ROOT
 
 BASE = """\
@@ -32,9 +32,8 @@ def nav2(demo):
 
 
 def load(folder, name="nav2", values=None):
-    library = LayerLibrary(folder)
-    sut = library.sut(LayerReference(name, values or {}, Where("campaign.yaml", 1, 1)))
-    assert library.warnings == []
+    sut, warnings = load_sut(folder, name, values)
+    assert warnings == []
     return sut
 
 

@@ -1,14 +1,20 @@
-"""Objects and missions for the two rooms of :mod:`tests.languages.plans`, and what is found."""
+"""Objects and missions for the two rooms of :mod:`tests.languages.plans`, and the findings."""
 
 import functools
 
 from grammars.model.geometry import Pose2
 from grammars.model.mission import Mission, Waypoint
+from grammars.model.robot_files import load_robot
 from grammars.preflight import check_run
 from grammars.text.diagnostics import Where
 from tests.languages import plans
+from tests.parts import ROOT
+
+ROBILE = load_robot(ROOT / "campaigns" / "robots" / "robile.yaml")
+"""A robot of 0.699 m x 0.466 m, 0.289 m high."""
 
 DOOR = "d is a hinged_door in kitchen_doorway, hinge left, opening into kitchen\n"
+OTHER = "e is a hinged_door in way_out, hinge left, opening inwards\n"
 
 PERSON = """
 mover person
@@ -26,10 +32,12 @@ def mission(*points, start=None):
     return Mission("m", start or Pose2(), waypoints)
 
 
-def messages(robot, scene, task, *behaviours):
-    """Return every finding: its message and hint, with a ``?`` in front of warnings."""
-    found = check_run(scene, robot, task, behaviours, where=Where("task.yaml"))
+def messages(scene, task, *behaviours, robot=ROBILE):
+    """Return every finding about a run: its message and hint, with a ``?`` in front of warnings."""
+    if isinstance(scene, str):
+        scene = scene_with(scene)
+    findings = check_run(scene, robot, task, behaviours, where=Where("task.yaml"))
     return [
         "? " * (d.severity == "warning") + d.message + (f" ({d.hint})" if d.hint else "")
-        for d in found
+        for d in findings
     ]
