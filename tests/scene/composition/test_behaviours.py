@@ -1,5 +1,6 @@
-"""Sentences become concrete behaviours; chance is drawn here, reproducibly."""
+"""Sentences become concrete behaviours, walks and events; chance is drawn here, reproducibly."""
 
+import itertools
 import math
 
 import numpy as np
@@ -7,82 +8,117 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grammars.model.behaviour import Hold, Jump, KeyFrame, KeyFrames, Servo, Spring, Trigger
-from grammars.scenery.composition import compile_scene, resolve_behaviours
+from grammars.model.behaviour import (
+    Behaviour,
+    Hold,
+    JointActs,
+    Jump,
+    KeyFrame,
+    KeyFrames,
+    LegBegins,
+    Reaction,
+    Servo,
+    Spring,
+    Trigger,
+    WaypointReached,
+)
+from grammars.scenery.composition import RandomWaits, compile_scene, resolve_behaviours
+from grammars.text import codec
 from grammars.text.diagnostics import InputError
 from tests.languages.plans import behaviours_of, layer, resolved, scene_with, two_rooms
+from tests.languages.scenery.samples import PEOPLE
 
 DOORS = """
 a is a hinged_door at kitchen_doorway, x -0.475 m, y 0.2 m, turned -90 deg
 b is a hinged_door in way_out, hinge left, opening inwards
 c is a slider at hall
+l is a lift_door in kitchen_doorway
 """
+VISITED = DOORS + PEOPLE[: PEOPLE.index("visitor walks")]
 TOGGLE = (
     "every hinged_door toggles between closed and open every 30 s from 90 s until 720 s, "
     "with probability 0.5, up to 10 s late in steps of 1 s, by jump"
 )
 
 
-def test_a_door_stays_where_it_is_told():
-    assert behaviours_of(DOORS, "a stays open\nc stays at 20 cm") == (
-        Hold("a.hinge", 1.7),
-        Hold("c.rail", 0.2),
-    )
+def one(*sentences, objects=VISITED, **options):
+    (behaviour,) = behaviours_of(objects, *sentences, **options)
+    return behaviour
 
 
-def test_a_mirrored_door_turns_the_other_way():
-    assert behaviours_of(DOORS, "b stays at 1.4 rad") == (Hold("b.hinge", -1.4),)
+def times_of(frames):
+    return [frame.time for frame in frames.frames]
 
 
-def test_a_door_moves_at_given_times():
-    text = "parameter pace = 90 deg/s\na moves to closed at 0 s, to open at 1 min, by servo at pace"
-    assert behaviours_of(DOORS, text) == (
-        KeyFrames(
-            "a.hinge", (KeyFrame(0.0, 0.0), KeyFrame(60.0, 1.7)), Servo(math.pi / 2, Servo().effort)
+SPRINGS = """\
+parameter pull = 2 N m/rad
+parameter loss = 1 N m s/rad
+parameter pace = 1 rad/s
+parameter push = 9 N m
+a moves to open at 1 s by spring of pull damped by loss
+b moves to open at 1 s by servo at pace with push
+"""
+OPEN_AT_1 = (KeyFrame(1.0, 1.7),)
+LISTED = (KeyFrame(10.0, 0.0), KeyFrame(7.0, 1.0), KeyFrame(8.0, 1.7))
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("a stays open\nc stays at 20 cm", [Hold("a.hinge", 1.7), Hold("c.rail", 0.2)]),
+        # A mirrored door turns the other way.
+        ("b stays at 1.4 rad", [Hold("b.hinge", -1.4)]),
+        (
+            "a moves to closed at 0 s, to open at 1 min, by servo at 90 deg/s",
+            [KeyFrames("a.hinge", (KeyFrame(0.0, 0.0), KeyFrame(60.0, 1.7)),
+                       Servo(math.pi / 2, Servo().effort))],
         ),
-    )
+        (
+            "a moves to closed at 10 s, to 1 rad at 7 s, to open at 8 s, as listed, by jump",
+            [KeyFrames("a.hinge", LISTED, Jump())],
+        ),
+        ("l stays open", [Hold("l.left", 0.5), Hold("l.right", 0.5)]),
+        ("l.right stays open", [Hold("l.right", 0.5)]),
+        ("l.right stays at 1 cm", [Hold("l.right", 0.01)]),
+        (
+            "a goes from ajar to closed when the robot's footprint is within 1.3 m of its doorway, "
+            "again beyond 2 m, by spring of 0.5 N m/rad damped by 0.1 N m s/rad",
+            [Trigger("a.hinge", pytest.approx(math.pi / 6), 0.0, 1.3, Spring(0.5, 0.1), "doorway",
+                     "footprint", 2.0)],
+        ),
+        (
+            SPRINGS,
+            [KeyFrames("a.hinge", OPEN_AT_1, Spring(2.0, 1.0)),
+             KeyFrames("b.hinge", (KeyFrame(1.0, -1.7),), Servo(1.0, 9.0))],
+        ),
+        ("every hinged_door except a stays open\na stays closed",
+         [Hold("a.hinge", 0.0), Hold("b.hinge", -1.7)]),
+        ("group most: every hinged_door except b\nevery most.hinge stays open",
+         [Hold("a.hinge", 1.7)]),
+    ],
+)  # fmt: skip
+def test_sentences_become_behaviours(text, expected):
+    assert behaviours_of(DOORS, text) == tuple(expected)
 
 
-def test_key_frames_as_listed_keep_the_order_of_the_list():
-    text = "a moves to closed at 10 s, to 1 rad at 7 s, to open at 8 s, as listed, by jump"
-    (found,) = behaviours_of(DOORS, text)
-    frames = (KeyFrame(10.0, 0.0), KeyFrame(7.0, 1.0), KeyFrame(8.0, 1.7))
-    assert found == KeyFrames("a.hinge", frames, Jump())
+def test_key_frames_in_order_are_the_same_as_listed():
     in_order = "a moves to closed at 7 s, to open at 10 s"
     assert behaviours_of(DOORS, f"{in_order}, as listed") == behaviours_of(DOORS, in_order)
 
 
-def test_a_state_of_several_joints_moves_them_all():
-    lift = "l is a lift_door in kitchen_doorway"
-    assert behaviours_of(lift, "l stays open") == (Hold("l.left", 0.5), Hold("l.right", 0.5))
-    assert behaviours_of(lift, "l.right stays open") == (Hold("l.right", 0.5),)
-    assert behaviours_of(lift, "l.right stays at 1 cm") == (Hold("l.right", 0.01),)
+def test_groups_of_groups_are_read_once_each():
+    groups = "".join(f"group g{k}: every g{k - 1}, g{k - 1}\n" for k in range(1, 60))
+    text = f"group g0: every slider\n{groups}every g59 stays at 20 cm"
+    assert behaviours_of(DOORS, text) == (Hold("c.rail", 0.2),)
 
 
-def test_a_door_reacts_to_the_robot():
-    text = (
-        "a goes from ajar to closed when the robot's footprint is within 1.3 m of its doorway, "
-        "again beyond 2 m, by spring of 0.5 N m/rad damped by 0.1 N m s/rad"
-    )
-    assert behaviours_of(DOORS, text) == (
-        Trigger(
-            "a.hinge",
-            pytest.approx(math.pi / 6),
-            0.0,
-            1.3,
-            Spring(0.5, 0.1),
-            "doorway",
-            "footprint",
-            2.0,
-        ),
-    )
+# Chance.
 
 
 def test_chance_is_drawn_into_key_frames():
     drawn = behaviours_of(DOORS, TOGGLE)
     assert [b.joint for b in drawn] == ["a.hinge", "b.hinge"]
     for behaviour in drawn:
-        assert isinstance(behaviour, KeyFrames)
         assert behaviour.motion == Jump()
         first, *rest = behaviour.frames
         assert first == KeyFrame(0.0, 0.0)
@@ -96,39 +132,34 @@ def test_chance_is_drawn_into_key_frames():
 
 def test_the_seed_decides_and_every_door_has_its_own_chance():
     once, again = behaviours_of(DOORS, TOGGLE, seed=3), behaviours_of(DOORS, TOGGLE, seed=3)
-    other = behaviours_of(DOORS, TOGGLE, seed=4)
     assert once == again
-    assert once != other
+    assert once != behaviours_of(DOORS, TOGGLE, seed=4)
     a, b = once
-    assert isinstance(a, KeyFrames)
-    assert isinstance(b, KeyFrames)
-    assert [f.time for f in a.frames] != [f.time for f in b.frames]
+    assert times_of(a) != times_of(b)
+    # Another door changes no other draw: a draw depends on the name of the joint alone.
+    more = "z is a hinged_door at kitchen\n" + DOORS + "y is a hinged_door at hall, y 1 m\n"
+    drawn = {b.joint: b for b in behaviours_of(more, TOGGLE, seed=3)}
+    assert all(drawn[b.joint] == b for b in once)
+    alone, every = (
+        behaviours_of(DOORS, f"{doors} toggles between closed and open after exponential mean 9 s")
+        for doors in ("a", "every hinged_door")
+    )
+    assert alone == every[:1]
+    assert times_of(every[0]) != times_of(every[1])
 
 
 def test_the_draw_of_a_seed_never_changes():
     (a, _) = behaviours_of(DOORS, TOGGLE, seed=2024)
-    assert isinstance(a, KeyFrames)
-    assert [f.time for f in a.frames] == RECORDED
-
-
-RECORDED = [0.0, 306.0, 665.0, 697.0]
-
-
-def test_another_door_changes_no_other_draw():
-    more = "z is a hinged_door at kitchen\n" + DOORS + "y is a hinged_door at hall, y 1 m\n"
-    drawn = {b.joint: b for b in behaviours_of(more, TOGGLE)}
-    assert all(drawn[b.joint] == b for b in behaviours_of(DOORS, TOGGLE))
+    assert times_of(a) == [0.0, 306.0, 665.0, 697.0]
 
 
 def test_probability_and_lateness_do_not_disturb_each_other():
-    never = TOGGLE.replace("0.5", "0 %")
-    always = TOGGLE.replace("0.5", "100 %")
-    (a, _) = behaviours_of(DOORS, never)
-    assert isinstance(a, KeyFrames)
-    assert a.frames == (KeyFrame(0.0, 0.0),)
-    (a, _) = behaviours_of(DOORS, always)
-    assert isinstance(a, KeyFrames)
-    assert len(a.frames) == 1 + 22
+    for probability, frames in (("0 %", 1), ("100 %", 1 + 22)):
+        (a, _) = behaviours_of(DOORS, TOGGLE.replace("0.5", probability))
+        assert len(a.frames) == frames
+    # The first draw comes after one period unless something else is said.
+    always = "a toggles between closed and open every 20 s, with probability 100 %"
+    assert times_of(one(always, limit=60.0)) == [0.0, 20.0, 40.0, 60.0]
 
 
 @given(st.integers(0, 2**63), st.floats(1, 60), st.floats(0, 1), st.floats(0, 100))
@@ -137,31 +168,55 @@ def test_drawn_frames_are_in_order_and_within_the_run(seed, period, share, since
         f"a toggles between ajar and open every {period:.6f} s from {since:.6f} s "
         f"with probability {share:.6f}, up to {period * 0.99:.6f} s late"
     )
-    (a,) = behaviours_of(DOORS, text, seed=seed, limit=300.0)
-    assert isinstance(a, KeyFrames)
-    times = [f.time for f in a.frames]
+    times = times_of(one(text, seed=seed, limit=300.0))
     assert times == sorted(set(times))
     assert times[0] == 0.0
     assert times[-1] <= 300.0
 
 
-def test_a_sentence_that_replaces_another_for_several_joints_says_so_once():
-    layers = [
-        layer(DOORS, "doors"),
-        layer("every hinged_door stays open", "first", models=False),
-        layer("every hinged_door stays closed", "second", models=False),
-    ]
-    result = resolved(compile_scene(two_rooms(), layers[:1]), layers)
-    assert [d.message for d in result.overridden] == [
-        "a.hinge and b.hinge follow this sentence, not the one at first.scenery:1:1"
-    ]
+@pytest.mark.parametrize(
+    ("kind", "second", "mean", "spread"),
+    [
+        ("uniform", 40.0, 25.0, 30.0 / math.sqrt(12)),
+        ("exponential", 0.0, 10.0, 10.0),
+        ("normal", 2.0, 10.0, 2.0),
+    ],
+)
+def test_waiting_times_follow_their_distribution(kind, second, mean, spread):
+    pauses = RandomWaits(kind, 10.0, second, 5.0, 30_000.0)
+    frames = pauses.draw(np.random.SeedSequence(1), 0.0, 1.0)
+    waits = np.diff([5.0, *(frame.time for frame in frames[1:])])
+    assert np.mean(waits) == pytest.approx(mean, rel=0.1)
+    assert np.std(waits) == pytest.approx(spread, rel=0.1)
+    assert [f.position for f in frames[:4]] == [0.0, 1.0, 0.0, 1.0]
+
+
+@given(
+    st.sampled_from(
+        ["uniform 0 s to 2 s", "exponential with mean 1 s", "normal mean 1 s and deviation 3 s"]
+    ),
+    st.integers(0, 2**32),
+)
+def test_changes_are_in_order_and_end_with_the_run(words, seed):
+    text = f"a toggles between closed and open after {words} from 3 s until 50 s"
+    times = times_of(one(text, seed=seed, limit=40.0))
+    assert times[0] == 0.0
+    assert all(3.0 <= time <= 40.0 for time in times[1:])
+    assert all(b - a >= 0.009 for a, b in itertools.pairwise(times))
+
+
+# Layers.
 
 
 def test_later_layers_win_and_say_so():
-    doors, first, second = (
-        layer(DOORS, "doors"),
-        layer("every hinged_door stays open", "first", models=False),
-        layer("a stays closed", "second", models=False),
+    doors = layer(DOORS, "doors")
+    first, second, third = (
+        layer(text, name, models=False)
+        for name, text in {
+            "first": "every hinged_door stays open",
+            "second": "a stays closed",
+            "third": "every hinged_door stays closed",
+        }.items()
     )
     scene = compile_scene(two_rooms(), [doors])
     result = resolved(scene, [doors, first, second])
@@ -174,69 +229,35 @@ def test_later_layers_win_and_say_so():
         "a.hinge": "second.scenery",
         "b.hinge": "first.scenery",
     }
-
-
-def test_a_sentence_leaves_out_a_joint_that_another_of_its_layer_moves():
-    assert len(behaviours_of(DOORS, "every hinged_door except a stays open\na stays closed")) == 2
+    # A sentence that replaces another one for several joints says so once.
+    assert [d.message for d in resolved(scene, [doors, first, third]).overridden] == [
+        "a.hinge and b.hinge follow this sentence, not the one at first.scenery:1:1"
+    ]
 
 
 def test_groups_reach_across_layers_and_a_campaign_may_change_them():
     doors = layer(DOORS + "group front: a", "doors")
-    sentence = layer(
+    text = (
         "group chosen: every front\nparameter near = 1 m\n"
-        "all chosen go from open to closed when the robot is within near of their leaf",
-        "react",
-        models=False,
+        "all chosen go from open to closed when the robot is within near of their leaf"
     )
+    layers = [doors, layer(text, "react", models=False)]
     scene = compile_scene(two_rooms(), [doors])
-    assert [b.joint for b in resolved(scene, [doors, sentence]).behaviours] == ["a.hinge"]
-    changed = resolve_behaviours(
-        scene,
-        [doors, sentence],
-        seed=np.random.SeedSequence(1),
-        limit=10.0,
-        overrides={"react": {"chosen": ["b"], "near": "50 cm"}},
-    )
-    (b,) = changed.behaviours
-    assert isinstance(b, Trigger)
+    assert [b.joint for b in resolved(scene, layers).behaviours] == ["a.hinge"]
+
+    def changed(**overrides):
+        seed = np.random.SeedSequence(1)
+        return resolve_behaviours(scene, layers, seed=seed, limit=10.0, overrides=overrides)
+
+    (b,) = changed(react={"chosen": ["b"], "near": "50 cm"}).behaviours
     assert (b.joint, b.distance, b.of) == ("b.hinge", 0.5, "leaf")
-
-
-def test_an_unknown_layer_in_the_overrides_is_reported():
     with pytest.raises(InputError, match='there is no layer "dors"\n    did you mean "doors"'):
-        resolve_behaviours(
-            scene_with(DOORS),
-            [layer(DOORS, "doors")],
-            seed=np.random.SeedSequence(1),
-            limit=1.0,
-            overrides={"dors": {}},
-        )
+        changed(dors={})
 
 
-def test_what_belongs_to_the_scene_is_not_lost_in_a_behaviour_layer():
-    scene = scene_with(DOORS)
-    late = layer("a starts open\nb is frozen", "late", models=False)
-    with pytest.raises(InputError) as caught:
-        resolved(scene, [layer(DOORS), late])
-    assert str(caught.value) == (
-        "late.scenery:1:1: a is not so in the scene\n"
-        "    name this layer among the objects, not only among the behaviours\n"
-        "late.scenery:2:1: b is not so in the scene\n"
-        "    name this layer among the objects, not only among the behaviours"
-    )
-    more = layer("d is a slider at hall", "late", models=False)
-    with pytest.raises(InputError, match=r"late.scenery:1:1: d does not stand in the scene"):
-        resolved(scene, [layer(DOORS), more])
-    together = [layer(DOORS), late]
+def test_the_words_of_a_scene_hold_in_a_layer_of_objects():
+    together = [layer(DOORS), layer("a starts open\nb is frozen", "late", models=False)]
     assert resolved(compile_scene(two_rooms(), together), together).behaviours == ()
-
-
-def test_the_first_draw_comes_after_one_period_unless_something_else_is_said():
-    (a,) = behaviours_of(
-        DOORS, "a toggles between closed and open every 20 s, with probability 100 %", limit=60.0
-    )
-    assert isinstance(a, KeyFrames)
-    assert [f.time for f in a.frames] == [0.0, 20.0, 40.0, 60.0]
 
 
 def test_a_group_of_one_name_in_two_layers_must_not_be_guessed():
@@ -247,34 +268,76 @@ def test_a_group_of_one_name_in_two_layers_must_not_be_guessed():
         layer("every some stays open", "three", models=False),
     ]
     scene = compile_scene(two_rooms(), layers)
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(InputError) as refusal:
         resolved(scene, layers)
-    assert str(caught.value) == (
+    assert str(refusal.value) == (
         'three.scenery:1:7: "some" may mean several groups\n    one.scenery:1:1 and two.scenery:1:1'
     )
     own = [*layers[:3], layer("group some: c\nevery some stays open", "three", models=False)]
     assert [b.joint for b in resolved(scene, own).behaviours] == ["c.rail"]
 
 
-def test_groups_leave_out_their_exceptions_and_name_joints_of_their_members():
-    text = "group most: every hinged_door except b\nevery most.hinge stays open"
-    assert behaviours_of(DOORS, text) == (Hold("a.hinge", 1.7),)
+# Walks and events.
 
 
-def test_a_servo_and_a_spring_may_take_parameters():
-    text = (
-        "parameter pull = 2 N m/rad\nparameter loss = 1 N m s/rad\nparameter pace = 1 rad/s\n"
-        "parameter push = 9 N m\n"
-        "a moves to open at 1 s by spring of pull damped by loss\n"
-        "b moves to open at 1 s by servo at pace with push"
+def test_routes_are_put_into_the_world():
+    walk = one("visitor walks along (1 m, 0 m), (1 m, 1 m) of hall, (0 m, 0 m) of kitchen.pillar")
+    pillar = two_rooms().features[0].frame
+    expected = [(1.0, 0.0), (1.0, 1.0), pytest.approx((pillar.x, pillar.y), abs=1e-9)]
+    assert list(walk.route) == expected
+    assert (walk.speed, walk.acceleration, walk.manner) == (1.0, 1.0, "once")
+    # A fixed facing is meant in the frame of the last point.
+    walk = one("visitor walks along (0 m, 0 m), (1 m, 0 m) of hall.walls[1], facing 90 deg")
+    frame = two_rooms().spaces[0].walls[1].frame
+    assert math.remainder(walk.yaw - frame.yaw - math.pi / 2, math.tau) == pytest.approx(0.0)
+
+
+def test_frames_are_kept_only_where_something_walks():
+    assert scene_with(DOORS).frames == ()
+    frames = dict(scene_with(VISITED).frames)
+    assert {"hall", "hall.walls[3]", "kitchen.pillar", "kitchen_doorway"} <= set(frames)
+
+
+def test_a_later_layer_gives_another_walk():
+    layers = [
+        layer(VISITED),
+        layer("visitor walks along (0 m, 0 m), (1 m, 0 m)", "first", models=False),
+        layer("visitor walks along (0 m, 0 m), (0 m, 1 m)", "second", models=False),
+    ]
+    result = resolved(compile_scene(two_rooms(), layers), layers)
+    (walk,) = result.behaviours
+    assert walk.route[1] == (0.0, 1.0)
+    (warning,) = result.overridden
+    assert str(warning).startswith("second.scenery:1:1: warning: visitor follows this sentence")
+    assert "first.scenery:1:1" in str(warning)
+    assert [name for name, _ in result.places] == ["visitor.x", "visitor.y", "visitor.yaw"]
+
+
+@pytest.mark.parametrize(
+    ("words", "event"),
+    [
+        ("leg 2 begins", LegBegins(2)),
+        ("waypoint home is reached", WaypointReached("home")),
+        ("a fires", JointActs(("a.hinge",), "fires")),
+        (
+            "visitor starts to move",
+            JointActs(("visitor.x", "visitor.y", "visitor.yaw"), "moves"),
+        ),
+    ],
+)
+def test_events_become_concrete(words, event):
+    reaction = one(f"b goes from open to closed when {words}, after 2 s")
+    assert isinstance(reaction, Reaction)
+    assert (reaction.joint, reaction.event, reaction.delay) == ("b.hinge", event, 2.0)
+    # Door b is mirrored.
+    assert (reaction.start, reaction.end) == (-1.7, 0.0)
+
+
+def test_behaviours_survive_the_way_through_json():
+    kinds = tuple[Behaviour, ...]
+    behaviours = behaviours_of(
+        VISITED,
+        "visitor walks along (0 m, 0 m), (1 m, 0 m), when leg 1 begins, yielding within 1 m\n"
+        "a goes from open to closed when visitor starts to move",
     )
-    a, b = behaviours_of(DOORS, text)
-    assert isinstance(a, KeyFrames)
-    assert isinstance(b, KeyFrames)
-    assert (a.motion, b.motion) == (Spring(2.0, 1.0), Servo(1.0, 9.0))
-
-
-def test_groups_of_groups_are_read_once_each():
-    groups = "".join(f"group g{k}: every g{k - 1}, g{k - 1}\n" for k in range(1, 60))
-    text = f"group g0: every slider\n{groups}every g59 stays at 20 cm"
-    assert behaviours_of(DOORS, text) == (Hold("c.rail", 0.2),)
+    assert codec.from_plain(kinds, codec.to_plain(behaviours, kinds)) == behaviours

@@ -17,74 +17,51 @@ from tests.languages.plans import two_rooms
 HEIGHTS = (0.1, 0.7, 1.2, 1.9, 2.05, 2.3)
 
 
+@pytest.fixture(scope="module")
+def scene():
+    return compile_scene(two_rooms())
+
+
 def crossing(scene, z):
     return [Polygon(s.polygon) for s in scene.solids if s.z_min <= z < s.z_max]
 
 
-def cut_at(opening, z):
-    return opening.z_min <= z < opening.z_max
-
-
 def wall_area_left(plan, z):
-    """Area of all walls at a height, each minus the openings that list it (boxes only)."""
+    """Return the area of all walls at a height, each minus the openings that list it."""
     total = 0.0
     for wall in plan.walls:
-        shape = Polygon(wall.footprint)
         cuts = [
             Polygon(o.footprint).buffer(1e-6, join_style="mitre")
             for o in plan.openings
-            if wall.id in o.walls and cut_at(o, z)
+            if wall.id in o.walls and o.z_min <= z < o.z_max
         ]
         if z < wall.height:
-            total += shape.difference(shapely.union_all(cuts)).area
+            total += Polygon(wall.footprint).difference(shapely.union_all(cuts)).area
     return total
 
 
 def area_of_walls(scene, z):
-    return sum(
-        Polygon(s.polygon).area for s in scene.solids if s.kind == "wall" and s.z_min <= z < s.z_max
-    )
+    walls = (s for s in scene.solids if s.kind == "wall" and s.z_min <= z < s.z_max)
+    return sum(Polygon(s.polygon).area for s in walls)
 
 
-@pytest.mark.parametrize("z", HEIGHTS)
-def test_solids_and_openings_together_make_up_the_walls(z):
-    plan = two_rooms()
-    assert area_of_walls(compile_scene(plan), z) == pytest.approx(wall_area_left(plan, z), abs=1e-4)
+def pieces(scene, owner):
+    return sorted((s.z_min, s.z_max) for s in scene.solids if s.owner == owner)
 
 
-def test_a_doorway_leaves_two_pieces_beside_and_a_lintel_above():
-    scene = compile_scene(two_rooms())
-    pieces = [s for s in scene.solids if s.owner == "kitchen-wall-2"]
-    assert sorted((s.z_min, s.z_max) for s in pieces) == [(0.0, 2.5), (0.0, 2.5), (2.0, 2.5)]
-
-
-def test_a_window_leaves_a_sill_and_a_lintel():
-    scene = compile_scene(two_rooms())
-    pieces = [s for s in scene.solids if s.owner == "hall-wall-3"]
-    assert sorted((s.z_min, s.z_max) for s in pieces) == [
-        (0.0, 1.0),
-        (0.0, 2.5),
-        (0.0, 2.5),
-        (2.0, 2.5),
-    ]
-
-
-def test_only_walls_listed_in_an_opening_are_cut():
+def test_openings_cut_the_walls_that_they_list(scene):
+    # A doorway leaves two pieces beside it and a lintel, a window a sill too.
+    assert pieces(scene, "kitchen-wall-2") == [(0.0, 2.5), (0.0, 2.5), (2.0, 2.5)]
+    assert pieces(scene, "hall-wall-3") == [(0.0, 1.0), (0.0, 2.5), (0.0, 2.5), (2.0, 2.5)]
     one_side = two_rooms(("in: hall.walls[0] and kitchen.walls[2]", "in: hall.walls[0]"))
-    scene = compile_scene(one_side)
-    assert len([s for s in scene.solids if s.owner == "hall-wall-0"]) == 3
-    assert len([s for s in scene.solids if s.owner == "kitchen-wall-2"]) == 1
+    other = compile_scene(one_side)
+    assert len(pieces(other, "hall-wall-0")) == 3
+    assert pieces(other, "kitchen-wall-2") == [(0.0, 2.5)]
+    for z in HEIGHTS:
+        assert area_of_walls(scene, z) == pytest.approx(wall_area_left(two_rooms(), z), abs=1e-4)
 
 
-def test_every_solid_is_convex_and_counter_clockwise():
-    for solid in compile_scene(two_rooms()).solids:
-        assert is_convex(solid.polygon)
-        assert signed_area(solid.polygon) > 0.0
-        assert solid.z_min < solid.z_max
-
-
-def test_regions_doorways_and_features_come_along():
-    scene = compile_scene(two_rooms())
+def test_regions_doorways_and_features_come_along(scene):
     assert [r.name for r in scene.regions] == ["hall", "kitchen"]
     assert [(d.name, d.width, d.z_min, d.z_max) for d in scene.doorways] == [
         ("kitchen_doorway", 1.0, 0.0, 2.0),
@@ -94,12 +71,9 @@ def test_regions_doorways_and_features_come_along():
     assert (column.owner, column.z_max, len(column.polygon)) == ("pillar", 2.0, 4)
 
 
-def test_equal_input_gives_equal_digests():
-    assert compile_scene(two_rooms()).digest == compile_scene(two_rooms()).digest
-    assert (
-        compile_scene(two_rooms()).digest
-        != compile_scene(two_rooms(("width=4 m", "width=4.1 m"))).digest
-    )
+def test_equal_input_gives_equal_digests(scene):
+    assert compile_scene(two_rooms()).digest == scene.digest
+    assert compile_scene(two_rooms(("width=4 m", "width=4.1 m"))).digest != scene.digest
 
 
 openings = st.lists(
@@ -131,7 +105,10 @@ def test_areas_add_up_for_any_openings(drawn, turn, z):
     near_an_edge = any(min(abs(z - o.z_min), abs(z - o.z_max)) < 1e-6 for o in plan.openings)
     if not near_an_edge:
         assert area_of_walls(scene, z) == pytest.approx(wall_area_left(plan, z), abs=1e-4)
-    assert all(is_convex(s.polygon) for s in scene.solids)
+    for solid in scene.solids:
+        assert is_convex(solid.polygon)
+        assert signed_area(solid.polygon) > 0.0
+        assert solid.z_min < solid.z_max
 
 
 @given(st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), min_size=3, max_size=9, unique=True))
@@ -147,40 +124,35 @@ def test_any_outline_falls_into_convex_parts_of_the_same_area(points):
     assert sum(Polygon(r).area for r in rings) == pytest.approx(polygon.area, abs=1e-6)
 
 
-def test_an_arched_window_is_cut_in_steps():
-    plan = two_rooms(
-        (
-            "shape: Rectangle width=2 m, height=1 m\n    location: in: hall.walls[3]",
-            "shape: Polygon points: [(-1 m, 0 m, -0.5 m), (1 m, 0 m, -0.5 m), (0 m, 0 m, 0.5 m)]\n"
-            "    location: in: hall.walls[3]",
-        )
-    )
-    scene = compile_scene(plan)
-    solid = sum(
-        Polygon(s.polygon).area * (s.z_max - s.z_min)
-        for s in scene.solids
-        if s.owner == "hall-wall-3"
-    )
+TRIANGLE = "Polygon points: [(-1 m, 0 m, -0.5 m), (1 m, 0 m, -0.5 m), (0 m, 0 m, 0.5 m)]"
+
+
+@pytest.mark.parametrize(
+    ("shape", "area", "exact"),
+    [(TRIANGLE, 0.5 * 2.0 * 1.0, 1e-6), ("Circle radius=0.5 m", math.pi * 0.25, 0.01)],
+)
+def test_a_window_that_is_no_rectangle_is_cut_in_steps(shape, area, exact):
+    place = "\n    location: in: hall.walls[3]"
+    plan = two_rooms((f"Rectangle width=2 m, height=1 m{place}", f"{shape}{place}"))
     uncut = next(Polygon(w.footprint).area * w.height for w in plan.walls if w.id == "hall-wall-3")
-    assert uncut - solid == pytest.approx(0.5 * 2.0 * 1.0 * 0.2, rel=1e-6)
+    solids = [s for s in compile_scene(plan).solids if s.owner == "hall-wall-3"]
+    solid = sum(Polygon(s.polygon).area * (s.z_max - s.z_min) for s in solids)
+    assert uncut - solid == pytest.approx(area * 0.2, rel=exact)
 
 
 @pytest.mark.parametrize("z", HEIGHTS)
-def test_laser_segments_are_the_outline_of_the_union(z):
-    scene = compile_scene(two_rooms())
+def test_laser_segments_are_the_outline_of_the_union(scene, z):
     segments, owner, owners = static_segments(scene, z)
     lines = shapely.union_all([LineString([s[:2], s[2:]]) for s in segments.tolist()])
     outline = shapely.union_all(crossing(scene, z)).boundary
     assert lines.hausdorff_distance(outline) < 2e-4
-    assert np.hypot(*(segments[:, 2:] - segments[:, :2]).T).sum() == pytest.approx(
-        outline.length, abs=1e-3
-    )
+    lengths = np.hypot(*(segments[:, 2:] - segments[:, :2]).T)
+    assert lengths.sum() == pytest.approx(outline.length, abs=1e-3)
     assert owner.dtype == np.int32
     assert owners == tuple(dict.fromkeys(s.owner for s in scene.solids))
 
 
-def test_laser_segments_lie_on_their_owners_and_have_the_solid_on_the_left():
-    scene = compile_scene(two_rooms())
+def test_laser_segments_lie_on_their_owners_and_have_the_solid_on_the_left(scene):
     segments, owner, owners = static_segments(scene, 0.3)
     union = shapely.union_all(crossing(scene, 0.3))
     for (x0, y0, x1, y1), index in zip(segments.tolist(), owner.tolist(), strict=True):
@@ -191,40 +163,12 @@ def test_laser_segments_lie_on_their_owners_and_have_the_solid_on_the_left():
         ]
         middle = shapely.Point((x0 + x1) / 2, (y0 + y1) / 2)
         assert min(shape.boundary.distance(middle) for shape in shapes) < 1e-5
-        length = math.hypot(x1 - x0, y1 - y0)
-        left = shapely.Point(
-            middle.x - (y1 - y0) / length * 0.01, middle.y + (x1 - x0) / length * 0.01
-        )
-        assert union.covers(left)
-
-
-def test_segments_in_line_are_merged_per_owner():
-    segments, owner, owners = static_segments(compile_scene(two_rooms()), 0.3)
-    inner = [
-        s
-        for s, o in zip(segments.tolist(), owner.tolist(), strict=True)
-        if owners[o] == "hall-wall-1"
-    ]
-    assert len(inner) == 2  # its inner and its outer face, each in one piece
-
-
-def test_nothing_stands_above_the_walls():
-    segments, owner, _ = static_segments(compile_scene(two_rooms()), 2.6)
-    assert segments.shape == (0, 4)
-    assert owner.shape == (0,)
-
-
-def test_a_round_window_is_cut_in_steps():
-    plan = two_rooms(
-        (
-            "shape: Rectangle width=2 m, height=1 m\n    location: in: hall.walls[3]",
-            "shape: Circle radius=0.5 m\n    location: in: hall.walls[3]",
-        )
-    )
-    uncut = next(Polygon(w.footprint).area * w.height for w in plan.walls if w.id == "hall-wall-3")
-    pieces = [s for s in compile_scene(plan).solids if s.owner == "hall-wall-3"]
-    solid = sum(Polygon(s.polygon).area * (s.z_max - s.z_min) for s in pieces)
-    assert uncut - solid == pytest.approx(math.pi * 0.25 * 0.2, rel=0.01)
+        step = 0.01 / math.hypot(x1 - x0, y1 - y0)
+        assert union.covers(shapely.Point(middle.x - (y1 - y0) * step, middle.y + (x1 - x0) * step))
+    # In line they are merged: the inner and the outer face of a wall are one each.
+    assert [owners[index] for index in owner.tolist()].count("hall-wall-1") == 2
+    above, owner, _ = static_segments(scene, 2.6)
+    assert (above.shape, owner.shape) == ((0, 4), (0,))
 
 
 def test_the_outline_of_building_c_is_that_of_its_solids(campaigns):

@@ -10,6 +10,7 @@ from grammars.model.geometry import Pose2
 from grammars.model.kinematics import link_poses
 from grammars.scenery.composition import compile_scene
 from tests.languages.plans import TWO_ROOMS, layer, resolved, scene_with, two_rooms
+from tests.languages.scenery.samples import PEOPLE
 
 
 def outline(body, link, *positions):
@@ -26,12 +27,6 @@ def room_of(scene, point):
     return next((r.name for r in scene.regions if Polygon(r.outline).covers(Point(point))), "")
 
 
-def test_an_object_stands_in_the_frame_of_a_wall():
-    # wall 1 of the hall is the east one: its frame at (5, 0) looks down (-y)
-    door = the_door("d is a hinged_door at hall.walls[1], x 1 m, y 0.1 m, turned 90 deg")
-    assert door.pose == Pose2(5.1, -1.0, 0.0)
-
-
 def test_an_object_stands_in_any_frame():
     for frame, expected in {
         "world": (0.0, 0.0),
@@ -42,6 +37,9 @@ def test_an_object_stands_in_any_frame():
     }.items():
         pose = the_door(f"d is a hinged_door at {frame}").pose
         assert (pose.x, pose.y) == pytest.approx(expected)
+    # Wall 1 of the hall is the east one: its frame at (5, 0) looks down (-y).
+    door = the_door("d is a hinged_door at hall.walls[1], x 1 m, y 0.1 m, turned 90 deg")
+    assert door.pose == Pose2(5.1, -1.0, 0.0)
 
 
 def column(name):
@@ -112,9 +110,8 @@ def test_a_recessed_door_stands_deeper_in_the_wall():
 @pytest.mark.parametrize("side", ["left", "right"])
 @pytest.mark.parametrize(("on", "y"), [("on the inside", 2.0), ("on the side of kitchen", 2.4)])
 def test_a_slider_hangs_on_its_side_of_the_wall(side, on, y):
-    scene = scene_with(f"d is a slider in kitchen_doorway, sliding {side}, {on}")
-    panel = outline(scene.objects[0], "panel", 0.0)
-    opened = outline(scene.objects[0], "panel", 1.0)
+    door = the_door(f"d is a slider in kitchen_doorway, sliding {side}, {on}")
+    panel, opened = outline(door, "panel", 0.0), outline(door, "panel", 1.0)
     assert panel.bounds[0] < 0.0 < 1.0 < panel.bounds[2]
     assert panel.distance(Point(0.5, y)) == pytest.approx(0.01, abs=1e-6)
     assert (opened.centroid.x < panel.centroid.x) == (side == "left")
@@ -128,26 +125,24 @@ def test_a_double_slider_stands_in_the_middle_of_its_doorway():
 
 
 def test_objects_start_closed_unless_something_else_is_said():
-    place = "at kitchen_doorway"
-    assert the_door(f"d is a hinged_door {place}").initial == (0.0,)
-    assert the_door(f"d is a hinged_door {place}, starts open").initial == (1.7,)
-    assert the_door(f"d is a hinged_door {place}, starts 30 deg").initial == (
-        pytest.approx(math.pi / 6),
-    )
-    mirrored = the_door("d is a hinged_door in kitchen_doorway, hinge left, opening inwards")
-    started = the_door(
-        "d is a hinged_door in kitchen_doorway, hinge left, opening inwards, starts open"
-    )
-    assert mirrored.mirrored
-    assert started.initial == (-1.7,)
-    assert (started.joints[0].lower, started.joints[0].upper) == (-2.0, 0.0)
+    mirrored = "in kitchen_doorway, hinge left, opening inwards"
+    for place, start in {
+        "at kitchen_doorway": 0.0,
+        "at kitchen_doorway, starts open": 1.7,
+        "at kitchen_doorway, starts 30 deg": pytest.approx(math.pi / 6),
+        f"{mirrored}, starts open": -1.7,
+    }.items():
+        assert the_door(f"d is a hinged_door {place}").initial == (start,)
+    door = the_door(f"d is a hinged_door {mirrored}")
+    assert door.mirrored
+    assert (door.joints[0].lower, door.joints[0].upper) == (-2.0, 0.0)
 
 
 def test_a_second_layer_changes_how_a_door_starts_without_touching_the_first():
     doors = layer("d is a hinged_door at kitchen_doorway\ne is a hinged_door at hall")
     more = layer("every hinged_door starts ajar\nd is frozen", "more", models=False)
     d, e = compile_scene(two_rooms(), [doors, more]).objects
-    assert (d.initial, e.initial) == ((pytest.approx(math.pi / 6),), (pytest.approx(math.pi / 6),))
+    assert d.initial == e.initial == (pytest.approx(math.pi / 6),)
     assert (d.frozen, e.frozen) == (True, False)
 
 
@@ -155,3 +150,26 @@ def test_a_door_placed_by_hand_knows_its_doorway():
     beside = "d is a hinged_door at kitchen_doorway, x {} m, y 0.2 m, turned -90 deg"
     assert the_door(beside.format("-0.475")).doorway == "kitchen_doorway"
     assert the_door(beside.format("2")).doorway == ""
+
+
+def test_parts_that_are_fixed_go_with_their_link():
+    (table,) = [o for o in scene_with(PEOPLE).objects if o.name == "table_1"]
+    kitchen = two_rooms().spaces[1].frame
+    assert (table.pose.x, table.pose.y) == pytest.approx((kitchen.x + 1.0, kitchen.y + 0.5))
+    poses = link_poses(table, table.initial)
+    assert poses["foot"] == poses["top"] == table.pose
+    # A door with a handle still fits its doorway.
+    handled = """
+    object office_door
+        link post   box 4 cm x 4 cm                   from 0 m to 1.9 m, mass 50 kg
+        link leaf   box 4 cm x 88 cm at (0 m, 47 cm)  from 0 m to 1.9 m, mass 15 kg
+        link handle box 12 cm x 10 cm at (0 m, 80 cm) from 1 m to 1.05 m, mass 500 g
+        joint grip  fixed from leaf to handle
+        joint hinge revolute from post to leaf at (-2 cm, 2.5 cm), between 0 deg and 110 deg
+        state open: hinge 90 deg
+    d is a office_door in kitchen_doorway, hinge left, opening into kitchen, starts open
+    """
+    door = the_door(handled)
+    poses = link_poses(door, door.initial)
+    assert poses["handle"] == poses["leaf"] != poses["post"]
+    assert abs(door.initial[1]) == pytest.approx(math.pi / 2)
