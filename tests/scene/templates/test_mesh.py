@@ -12,7 +12,8 @@ from grammars.model.geometry import Pose2
 from grammars.model.scene import Scene, Solid
 from grammars.scenery.composition import compile_scene
 from templates.mesh import glb_bytes, stl_bytes, wall_mesh
-from tests.scene.templates.test_occupancy import box, two_rooms
+from tests.scene.templates.worlds import clockwise as box
+from tests.scene.templates.worlds import two_rooms
 
 
 def volume(scene):

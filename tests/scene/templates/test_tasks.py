@@ -13,7 +13,7 @@ from grammars.model.scene import Region, Scene, Solid
 from grammars.scenery.composition import compile_scene
 from templates.tasks import contour_route, inset_contour, too_close, write_tasks
 from templates.world import ArtefactWorld, ExportJob, ExportSettings
-from tests.scene.templates.test_occupancy import box
+from tests.scene.templates.worlds import clockwise as box
 from tests.scene.templates.worlds import job
 
 L_SHAPE = ((0.0, 0.0), (0.0, 6.0), (2.0, 6.0), (2.0, 2.0), (6.0, 2.0), (6.0, 0.0))

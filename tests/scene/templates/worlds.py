@@ -1,16 +1,54 @@
-"""A small world with everything artefacts show: two rooms, two doors, a slider, a cabinet."""
+"""A small world with everything artefacts show: two rooms, doors, a slider, a cabinet."""
 
 import math
 
+import numpy as np
+
 from grammars.model.behaviour import Hold, Jump, KeyFrame, KeyFrames, Spring, Trigger
 from grammars.model.geometry import Pose2
+from grammars.model.grid import OCCUPIED
 from grammars.model.mission import Mission, Waypoint
 from grammars.model.robot import Drive, Laser, Mount, OdometryNoise, Robot
-from grammars.model.scene import Joint, Link, SceneObject
+from grammars.model.scene import Doorway, Joint, Link, Region, Scene, SceneObject, Solid
 from templates.world import ArtefactWorld, BehaviourDraw, ExportJob
-from tests.scene.templates.test_occupancy import two_rooms
 
+HERE = Pose2()
 ROUND = ((0.2, 0.0), (0.06, 0.19), (-0.16, 0.12), (-0.16, -0.12), (0.06, -0.19))
+
+
+def box(x0, y0, x1, y1):
+    return ((x0, y0), (x1, y0), (x1, y1), (x0, y1))
+
+
+def clockwise(x0, y0, x1, y1):
+    """Return a box as building models have them."""
+    return box(x0, y0, x1, y1)[::-1]
+
+
+def wall(ring, z_min=0.0, z_max=2.5):
+    return Solid("wall", "wall", ring, z_min, z_max)
+
+
+def two_rooms(pose=HERE, objects=()):
+    """Return two rooms, 2 m by 2 m, a doorway of 1 m between them, a window on the left."""
+    solids = [
+        wall(clockwise(2.0, 0.0, 2.2, 0.5)),
+        wall(clockwise(2.0, 1.5, 2.2, 2.0)),
+        wall(clockwise(2.0, 0.5, 2.2, 1.5), 2.0, 2.5),
+        wall(clockwise(-0.2, -0.2, 4.4, 0.0)),
+        wall(clockwise(-0.2, 2.0, 4.4, 2.2)),
+        wall(clockwise(4.2, 0.0, 4.4, 2.0)),
+        wall(clockwise(-0.2, 0.0, 0.0, 2.0), 0.0, 0.9),
+        wall(clockwise(-0.2, 0.0, 0.0, 2.0), 1.6, 2.5),
+    ]
+    moved = tuple(
+        Solid(s.owner, s.kind, pose.apply_ring(s.polygon), s.z_min, s.z_max) for s in solids
+    )
+    rooms = {"left": clockwise(0.0, 0.0, 2.0, 2.0), "right": clockwise(2.2, 0.0, 4.2, 2.0)}
+    regions = tuple(Region(name, pose.apply_ring(ring)) for name, ring in rooms.items())
+    opening = pose.apply_ring(clockwise(2.0, 0.5, 2.2, 1.5))
+    doorway = Doorway("doorway", pose, opening, 1.0, 0.0, 2.0)
+    return Scene("rooms", regions, (doorway,), moved, objects)
 
 
 def hinged(name, x, y, *, frozen=False, at=0.0):
@@ -22,10 +60,6 @@ def hinged(name, x, y, *, frozen=False, at=0.0):
     )  # fmt: skip
     pose = Pose2(x, y, math.pi / 6)
     return SceneObject(name, "door", pose, (post, leaf), (hinge,), (at,), frozen=frozen)
-
-
-def box(x0, y0, x1, y1):
-    return ((x0, y0), (x1, y0), (x1, y1), (x0, y1))
 
 
 def slider():
@@ -83,3 +117,24 @@ def world(name="errand", *draws, **more):
 
 def job(folder, name="errand", *draws, **more):
     return ExportJob(world(name, *draws, **more), folder)
+
+
+def cell(grid, point):
+    return (
+        math.floor((point[1] - grid.y) / grid.resolution),
+        math.floor((point[0] - grid.x) / grid.resolution),
+    )
+
+
+def flooded(grid, start):
+    """Return the cells connected to ``start`` (by their sides) that are not occupied."""
+    passable = grid.cells != OCCUPIED
+    reached = np.zeros_like(passable)
+    front = [cell(grid, start)]
+    while front:
+        row, column = front.pop()
+        inside = 0 <= row < passable.shape[0] and 0 <= column < passable.shape[1]
+        if inside and passable[row, column] and not reached[row, column]:
+            reached[row, column] = True
+            front += [(row + 1, column), (row - 1, column), (row, column + 1), (row, column - 1)]
+    return reached
