@@ -10,7 +10,6 @@ from grammars.text import codec
 from grammars.text.diagnostics import InputError, Severity, Where
 from tests.campaign.loaded import write_sut
 from tests.parts import ROOT
-from tests.published_robots.folder import SUTS
 
 MOVE_BASE = """\
 <launch>

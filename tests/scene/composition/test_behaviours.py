@@ -25,8 +25,7 @@ from grammars.model.behaviour import (
 from grammars.scenery.composition import RandomWaits, compile_scene, resolve_behaviours
 from grammars.text import codec
 from grammars.text.diagnostics import InputError
-from tests.languages.plans import behaviours_of, layer, resolved, scene_with, two_rooms
-from tests.languages.scenery.samples import PEOPLE
+from tests.languages.plans import PEOPLE, behaviours_of, layer, resolved, scene_with, two_rooms
 
 DOORS = """
 a is a hinged_door at kitchen_doorway, x -0.475 m, y 0.2 m, turned -90 deg

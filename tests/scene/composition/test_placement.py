@@ -9,8 +9,7 @@ from grammars.floorplan import parse_floorplan
 from grammars.model.geometry import Pose2
 from grammars.model.kinematics import link_poses
 from grammars.scenery.composition import compile_scene
-from tests.languages.plans import TWO_ROOMS, layer, resolved, scene_with, two_rooms
-from tests.languages.scenery.samples import PEOPLE
+from tests.languages.plans import PEOPLE, TWO_ROOMS, layer, resolved, scene_with, two_rooms
 
 
 def outline(body, link, *positions):
