@@ -7,6 +7,7 @@ import numpy as np
 from grammars.floorplan import parse_floorplan
 from grammars.scenery import parse_scenery
 from grammars.scenery.composition import compile_scene, resolve_behaviours
+from grammars.variation import parse_variation, sample
 from templates.world import ArtefactWorld
 
 HERE = Path(__file__).parent
@@ -157,3 +158,24 @@ def behaviours_of(objects, *sentences, **options):
     scene = compile_scene(two_rooms(), layers)
     limit = options.get("limit", 1200.0)
     return resolved(scene, layers, int(options.get("seed", 1)), limit).behaviours
+
+
+HOUSE = (HERE / "models" / "house.fpm").read_text("utf-8")
+"""A plan that says everything variations may change, laid out in many ways."""
+
+
+def vary(folder, statements, plan=HOUSE):
+    """Return the variation of ``plan`` by ``statements``."""
+    (folder / "plan.fpm").write_bytes(plan.encode())
+    text = f'import "plan.fpm"\n{statements}'
+    return parse_variation(text, "test.variation", folder)
+
+
+def one_variant(folder, statements, plan=HOUSE, **options):
+    """Return the variant of seed 7."""
+    return sample(vary(folder, statements, plan), 1, seed=7, **options)[0]
+
+
+def numbers(variant):
+    """Return the values of a variant by their names."""
+    return {value.name: value.number for value in variant.values}

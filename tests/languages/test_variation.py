@@ -1,4 +1,4 @@
-"""What distributions, shared draws and requirements mean."""
+"""Variations of floor plans: what distributions, draws and requirements mean; variants as files."""
 
 import math
 
@@ -7,9 +7,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from grammars.floorplan import load_floorplan
 from grammars.text.diagnostics import InputError
-from grammars.variation import Categorical, Normal, Range, load_variation, sample, variant_plans
-from tests.languages.variation.plans import HOUSE, numbers, one, vary
+from grammars.variation import (
+    Categorical,
+    Normal,
+    Range,
+    load_variation,
+    parse_variation,
+    sample,
+    variant_plans,
+    write_variants,
+)
+from tests.languages.plans import HOUSE, numbers, one_variant, vary
 
 
 def test_draws_are_taken_in_file_order(tmp_path):
@@ -25,7 +35,7 @@ def test_draws_are_taken_in_file_order(tmp_path):
     expected = [[1.0, 2.0, 3.0][stream.randint(0, 3)], round(stream.normal(0.5, 0.1), 2)]
     expected.append(stream.choice([1.0, 1.2], 1, p=[0.25, 0.75])[0])
     expected.append(round(1 + stream.random_sample(), 4))
-    found = [value.number for value in one(tmp_path, statements).values]
+    found = [value.number for value in one_variant(tmp_path, statements).values]
     assert found[:3] == expected[:3]
     assert found[3] == found[4] == pytest.approx(expected[3])
     assert found[5] > 0.0
@@ -60,10 +70,6 @@ def test_weights_are_shares_of_the_quantiles():
     assert [choice.at(q) for q in (0.0, 0.49, 0.5, 0.69, 0.71, 0.999)] == [5, 5, 2, 2, 7, 7]
 
 
-def test_weights_may_miss_one_by_rounding(tmp_path):
-    assert one(tmp_path, "gap: discrete([(0.7, 1.0), (0.2, 1.5), (0.1, 2.0)])").values
-
-
 def test_a_shared_draw_is_one_draw(tmp_path):
     statements = """
         let wide = uniform(0.6 m .. 1.2 m)
@@ -80,13 +86,13 @@ def test_a_shared_draw_is_one_draw(tmp_path):
 
 def test_a_draw_without_a_unit_takes_that_of_its_place(tmp_path):
     statements = "let k = uniform([45]) turn: k pane: {location.rotation.y: k / 90}"
-    variant = one(tmp_path, statements)
+    variant = one_variant(tmp_path, statements)
     assert [(v.number, v.unit) for v in variant.values] == [(45, ""), (45, "deg"), (0.5, "rad")]
 
 
 def test_angles_are_converted_to_the_unit_of_the_plan(tmp_path):
     statements = "let half = uniform([0.25 rad]) turn: 2 * half"
-    assert numbers(one(tmp_path, statements))["turn"] == pytest.approx(math.degrees(0.5))
+    assert numbers(one_variant(tmp_path, statements))["turn"] == pytest.approx(math.degrees(0.5))
 
 
 def test_a_rejected_draw_is_followed_by_the_next_of_its_stream(tmp_path):
@@ -147,18 +153,10 @@ def test_a_requirement_is_judged_on_the_sampled_plan(tmp_path, text):
     assert reasons[-1] == f"test.variation:3:1: rejected 3 times: require {text}"
 
 
-def test_requirements_see_what_was_drawn(tmp_path):
-    statements = """
-        room: {shape.length: uniform(0.5 .. 3)}
-        gap: uniform(0.5 .. 1.5)
-        require room.area > 6 m^2
-        require door.width > 1 m
-        require hall.screen.shape.width == gap
-    """
-    for variant in sample(vary(tmp_path, statements), 4, seed=0):
-        found = numbers(variant)
-        assert found["room.shape.length"] > 2.0
-        assert found["gap"] > 1.0
+def test_a_requirement_sees_what_was_drawn(tmp_path):
+    assert one_variant(tmp_path, "room: {shape.length: uniform([3])} require room.area == 9 m^2")
+    with pytest.raises(InputError, match="rejected"):
+        one_variant(tmp_path, "gap: uniform([1.2]) require door.width < 1 m", tries=2)
 
 
 def test_what_nothing_fulfils_is_told_with_what_rejected_how_often(tmp_path):
@@ -195,7 +193,7 @@ def test_a_plan_that_never_compiles_is_explained_at_its_line(tmp_path):
 
 def test_equal_features_in_two_spaces_are_told_apart(tmp_path):
     plan = HOUSE.replace("Column post", "Column pillar")
-    variant = one(tmp_path, "closet.pillar: {height: uniform([1.25])}", plan)
+    variant = one_variant(tmp_path, "closet.pillar: {height: uniform([1.25])}", plan)
     assert {(f.space, f.name): f.height for f in variant.plan.features} == {
         ("hall", "pillar"): 2.5,
         ("hall", "screen"): 1.0,
@@ -215,7 +213,7 @@ def test_keywords_may_be_names(tmp_path):
         normal: {shape.width: uniform([0.8])}
         require import.area > 0 require let == 1
     """
-    found = numbers(one(tmp_path, statements, plan))
+    found = numbers(one_variant(tmp_path, statements, plan))
     assert found["import.shape.width"] == 2.0
     assert found["m.shape.width"] == 1.0
 
@@ -236,13 +234,6 @@ def test_the_name_of_the_plan_is_kept_unless_a_suffix_is_wanted(tmp_path):
     assert sample(variation, 1, seed=5, suffix=True)[0].plan.name == "house_5"
 
 
-def test_the_same_seed_gives_the_same_bytes(tmp_path):
-    variation = vary(tmp_path, "gap: uniform(0.5 .. 1) turn: normal(mean=1, std=9, min=0, max=40)")
-    for method in ("random", "grid", "halton", "lhs"):
-        first, second = (sample(variation, 9, seed=4, method=method) for _ in range(2))
-        assert [v.text for v in first] == [v.text for v in second]
-
-
 @pytest.mark.parametrize(
     "options",
     [
@@ -261,3 +252,59 @@ def test_arguments_out_of_range_are_refused(tmp_path, options):
     variation = vary(tmp_path, "gap: uniform([1.0])")
     with pytest.raises(ValueError, match=r"between|needs|must be"):
         sample(variation, **({"n": 1, "seed": 0} | options))
+
+
+def test_files_are_named_after_plan_and_seed_and_load_again(tmp_path):
+    variants = sample(vary(tmp_path, "gap: uniform(0.5 .. 1)"), 3, seed=8)
+    written = write_variants(variants, tmp_path / "new" / "folder")
+    assert [w.path.name for w in written] == ["house_8.fpm", "house_9.fpm", "house_10.fpm"]
+    assert [w.outcome for w in written] == ["written"] * 3
+    for entry, variant in zip(written, variants, strict=True):
+        assert load_floorplan(entry.path) == variant.plan
+        assert (entry.seed, entry.values) == (variant.seed, variant.values)
+    assert len(list((tmp_path / "new" / "folder").iterdir())) == 3
+
+
+def test_line_ends_and_bytes_are_those_of_the_text(tmp_path):
+    plan = "\ufeff" + HOUSE.replace("\n", "\r\n").replace("hall", "büro")
+    variants = sample(vary(tmp_path, "gap: uniform([0.75])", plan), 1, seed=8)
+    (entry,) = write_variants(variants, tmp_path)
+    assert entry.path.read_bytes() == variants[0].text.encode()
+    assert b"\r\n" in entry.path.read_bytes()
+
+
+def test_files_that_exist_are_kept_unless_told(tmp_path):
+    variants = sample(vary(tmp_path, "gap: uniform([0.75])"), 2, seed=1)
+    (tmp_path / "house_1.fpm").write_text("mine")
+    write_variants(variants[1:], tmp_path)
+    assert [w.outcome for w in write_variants(variants, tmp_path)] == ["kept", "unchanged"]
+    assert (tmp_path / "house_1.fpm").read_text() == "mine"
+    again = write_variants(variants, tmp_path, overwrite=True)
+    assert [w.outcome for w in again] == ["overwritten", "unchanged"]
+    assert (tmp_path / "house_1.fpm").read_text() == variants[0].text
+
+
+def test_the_plan_itself_is_never_overwritten(tmp_path):
+    source = tmp_path / "house_3.fpm"
+    source.write_text(HOUSE)
+    path = tmp_path / "house.variation"
+    path.write_text('import "house_3.fpm" gap: uniform([0.75])')
+    variation = load_variation(path)
+    variants = sample(variation, 1, seed=3)
+    with pytest.raises(InputError, match="is the plan itself"):
+        write_variants(variants, tmp_path, overwrite=True, source=variation.plan_file)
+    assert source.read_text() == HOUSE
+
+
+def test_files_and_folders_that_cannot_be_used_are_named(tmp_path):
+    variants = sample(vary(tmp_path, "gap: uniform([0.75])"), 1, seed=1)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match=r"file: cannot be written"):
+        write_variants(variants, tmp_path / "file")
+    with pytest.raises(InputError, match=r"none\.variation: no such file"):
+        load_variation(tmp_path / "none.variation")
+    (tmp_path / "bad.variation").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match=r"bad\.variation: the variation is not UTF-8"):
+        load_variation(tmp_path / "bad.variation")
+    with pytest.raises(InputError, match='did you mean "plan.fpm"'):
+        parse_variation('import "pl\0an.fpm" gap: uniform([1])', "test.variation", tmp_path)

@@ -6,7 +6,6 @@ import pytest
 
 from grammars.floorplan import frames, load_floorplan, parse_floorplan
 from grammars.model.geometry import Pose2
-from grammars.text.diagnostics import InputError
 
 HEAD = """Floor plan: demo
 Defaults:
@@ -97,34 +96,6 @@ def test_a_polygonal_opening_has_points_in_its_wall():
     assert solid.openings == flat.openings
     assert solid.openings[0].z_max == close(1.8)
     assert "second number is taken as z" in messages(flat)[0]
-
-
-def test_an_aligned_room_lies_on_the_other_side_of_the_wall():
-    found = plan(room("wrt: cell.walls[0] of: this.walls[2] translation: x: 0.5 m spaced"))
-    placed = found.spaces[1]
-    assert (placed.frame.x, placed.frame.y) == close((3.5, 2 + 0.4 + 0.5))
-    assert abs(placed.frame.yaw) == close(0.0)
-    assert placed.walls[2].footprint[0] == close((placed.frame.x + 1.2, placed.frame.y - 0.7))
-
-
-def test_a_room_that_is_not_aligned_lies_on_the_same_side():
-    found = plan(room("wrt: cell.walls[0] of: this.walls[2] not aligned"))
-    assert (found.spaces[1].frame.x, found.spaces[1].frame.y) == close((3.0, 1.5))
-    assert abs(found.spaces[1].frame.yaw) == close(math.pi)
-
-
-def test_rotation_adds_to_alignment_or_stands_alone():
-    turned = plan(room("wrt: cell.walls[0] of: this.walls[2] rotation: z: 10 deg"))
-    alone = plan(room("wrt: cell.walls[0] of: this.walls[2] rotation: z: 10 deg not aligned"))
-    walls = (turned.spaces[1].walls[2], alone.spaces[1].walls[2])
-    assert [abs(w.frame.yaw) for w in walls] == close([math.radians(170), math.radians(10)])
-
-
-def test_spaced_uses_the_thickness_of_both_walls():
-    found = plan(
-        room("wrt: cell.walls[1] of: this.walls[3] spaced", rest="walls: thickness: 0.5 m")
-    )
-    assert found.spaces[1].outline[0] == close((4.7, 1.5))
 
 
 def test_rooms_can_be_placed_against_rooms_defined_later():
@@ -230,17 +201,6 @@ def test_a_plan_is_loaded_from_its_file(tmp_path):
     path.write_bytes(b"\xef\xbb\xbf" + (HEAD + CELL).replace("\n", "\r\n").encode())
     assert load_floorplan(path) == plan()
     assert load_floorplan(str(path)).spaces[0].where.file == str(path)
-
-
-def test_a_file_that_cannot_be_read_is_reported(tmp_path):
-    (tmp_path / "latin.fpm").write_bytes("Floor plan: büro".encode("latin-1"))
-    for name, message in [
-        ("none.fpm", "no such file"),
-        (".", "is a folder"),
-        ("latin.fpm", "UTF-8"),
-    ]:
-        with pytest.raises(InputError, match=message):
-            load_floorplan(tmp_path / name)
 
 
 DOOR = "Entryway e: shape: Rectangle width=1 m, height=2 m location: in: {}"

@@ -1,7 +1,6 @@
 """What is written into a plan's text: the value, at its place, and nothing else."""
 
 import re
-from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -12,13 +11,13 @@ from grammars.text.diagnostics import InputError
 from grammars.text.units import read_unit
 from grammars.variation import parse_variation, sample
 from grammars.variation.plan_text import PlanText, SlotValue, rewrite
-from tests.languages.variation.plans import HOUSE, one, vary
+from tests.languages.plans import HOUSE, one_variant, vary
+from tests.parts import ROOT
 
-FLAT = Path(__file__).parents[3] / "campaigns" / "demo" / "flat.fpm"
 SOURCES = {
     "house": HOUSE,
     "house with carriage returns": HOUSE.replace("\n", "\r\n"),
-    "flat": FLAT.read_text(encoding="utf-8"),
+    "flat": (ROOT / "campaigns" / "demo" / "flat.fpm").read_text(encoding="utf-8"),
 }
 PLANS = {name: PlanText(text, "plan.fpm") for name, text in SOURCES.items()}
 NUMBERS = st.floats(0.01, 9.0).map(lambda v: round(v, 4))
@@ -98,16 +97,15 @@ def test_every_plan_can_be_varied_everywhere_and_compiles(name):
     assert 0.35 in {wall.thickness for wall in compiled.walls}
 
 
-def line_of(text, word):
-    return next(line.strip() for line in text.splitlines() if word in line)
-
-
-def test_two_comment_lines_name_the_plan_and_the_seed(tmp_path):
-    variant = one(tmp_path, "gap: uniform([1.0])")
-    first, second, third = variant.text.splitlines()[:3]
-    assert first == "// Source plan: house (plan.fpm)"
-    assert second == "// Seed: 7"
-    assert third == HOUSE.splitlines()[0]
+def test_comment_lines_name_the_plan_the_seed_and_the_design(tmp_path):
+    variation = vary(tmp_path, "gap: uniform([1.0, 1.2])")
+    for options, seed in (({}, "// Seed: 7"), ({"method": "lhs"}, "// Seed: 7, lhs design 7")):
+        (variant,) = sample(variation, 1, seed=7, **options)
+        assert variant.text.splitlines()[:3] == [
+            "// Source plan: house (plan.fpm)",
+            seed,
+            HOUSE.splitlines()[0],
+        ]
 
 
 def test_a_strange_file_name_stays_inside_its_comment(tmp_path):
@@ -118,27 +116,26 @@ def test_a_strange_file_name_stays_inside_its_comment(tmp_path):
     assert variant.text.splitlines()[0] == "// Source plan: house (a Floor plan .fpm)"
 
 
-def test_a_literal_keeps_the_unit_it_was_written_in(tmp_path):
-    variant = one(tmp_path, "turn: uniform([45.0])\nhall.pillar: {height: uniform([2])}")
-    assert line_of(variant.text, "var turn") == "var turn = 45.0 deg"
-    assert "height: 2.0\n" in variant.text
-
-
-def test_a_unit_of_the_variation_replaces_the_one_written(tmp_path):
-    variant = one(tmp_path, "turn: uniform([0.5 rad])\nhall.pillar: {height: uniform([2 m])}")
-    assert line_of(variant.text, "var turn") == "var turn = 0.5 rad"
-    assert "height: 2.0 m\n" in variant.text
-
-
-def test_a_use_of_a_variable_is_replaced_there_alone(tmp_path):
-    variant = one(tmp_path, "room: {shape.length: uniform([2])}")
-    assert "Rectangle width=3.0 m, length=2.0 m\n" in variant.text
-    assert "Rectangle width=gap, length=0.1 m\n" in variant.text
-
-
-def test_a_negated_variable_is_replaced_with_its_sign(tmp_path):
-    variant = one(tmp_path, "hall.screen: {location.translation.x: uniform([0.5])}")
-    assert "translation: x: 0.5 m, y: 1 m" in variant.text
+@pytest.mark.parametrize(
+    ("statement", "line"),
+    [
+        # A literal keeps the unit it was written in.
+        ("turn: uniform([45.0])", "var turn = 45.0 deg"),
+        ("hall.pillar: {height: uniform([2])}", "height: 2.0"),
+        # A unit of the variation replaces the one written.
+        ("turn: uniform([0.5 rad])", "var turn = 0.5 rad"),
+        ("hall.pillar: {height: uniform([2 m])}", "height: 2.0 m"),
+        # A use of a variable is replaced there alone, with its sign.
+        ("room: {shape.length: uniform([2])}", "shape: Rectangle width=3.0 m, length=2.0 m"),
+        ("room: {shape.length: uniform([2])}", "shape: Rectangle width=gap, length=0.1 m"),
+        (
+            "hall.screen: {location.translation.x: uniform([0.5])}",
+            "location: wrt: this rotation: z: turn translation: x: 0.5 m, y: 1 m",
+        ),
+    ],
+)
+def test_values_are_written_as_people_would(tmp_path, statement, line):
+    assert line in map(str.strip, one_variant(tmp_path, statement).text.splitlines())
 
 
 UNWRITTEN = {
@@ -165,17 +162,11 @@ def test_what_is_not_written_in_the_plan_is_not_varied(tmp_path, statement):
 def test_what_is_not_written_can_be_asked_about(tmp_path, statement):
     target, path = re.match(r"([\w.]+): \{([\w.]+)", statement).groups()
     written = re.search(r"[\d.]+", UNWRITTEN[statement])[0]
-    one(tmp_path, f"gap: uniform([1.0]) require {target}.{path} == {written}")
+    one_variant(tmp_path, f"gap: uniform([1.0]) require {target}.{path} == {written}")
 
 
 def test_a_thickness_of_one_space_is_its_own(tmp_path):
-    variant = one(tmp_path, "hall: {defaults.wall.thickness: uniform([0.35])}")
+    variant = one_variant(tmp_path, "hall: {defaults.wall.thickness: uniform([0.35])}")
     assert "        walls: thickness: 0.35 m\n        features:" in variant.text
     thickness = {w.space: w.thickness for w in variant.plan.walls}
     assert thickness == {"hall": 0.35, "room": 0.3, "closet": 0.2}
-
-
-def test_line_ends_of_the_source_survive(tmp_path):
-    statements = "gap: uniform([1]) hall: {location.translation.x: uniform([1])}"
-    variant = one(tmp_path, statements, HOUSE.replace("\n", "\r\n"))
-    assert variant.text.count("\r\n") == variant.text.count("\n") == variant.text.count("\r")

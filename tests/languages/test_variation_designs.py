@@ -1,0 +1,175 @@
+"""Variants by every design: what they cover, and plans that are sound."""
+
+from itertools import islice, product
+from pathlib import Path
+
+import pytest
+
+from grammars.text.diagnostics import InputError, Severity
+from grammars.variation import Normal, Range, sample, source_defects
+from grammars.variation.designs import halton_points, latin_hypercubes, points_at
+from tests.languages.plans import numbers, vary
+
+FOUR = """
+    gap: uniform([0.8, 0.9, 1.0])
+    turn: uniform(0 .. 90)
+    room: { shape.width: normal(mean=3, std=0.5)
+            location.translation.x: uniform([-0.5, 0, 0.5]) }
+"""
+
+
+@pytest.fixture
+def variation(tmp_path):
+    return vary(tmp_path, FOUR)
+
+
+def rows(variation, method, n=None, **options):
+    variants = sample(variation, n, seed=1, method=method, **options)
+    return [tuple(numbers(v).values()) for v in variants]
+
+
+def test_the_grid_is_every_combination_once(variation):
+    found = rows(variation, "grid", levels=2)
+    gaps, turns, shifts = (0.8, 0.9, 1.0), (0.0, 90.0), (-0.5, 0.0, 0.5)
+    widths = sorted({row[2] for row in found})
+    assert len(widths) == 2
+    assert sum(widths) == pytest.approx(6.0)
+    assert found == list(product(gaps, turns, widths, shifts))
+
+
+def test_a_design_of_one_draw_is_its_levels(tmp_path):
+    alone = vary(tmp_path, "gap: uniform([0.8, 0.9, 0.8])")
+    assert rows(alone, "grid") == [(0.8,), (0.9,)]
+
+
+def test_halton_and_latin_hypercubes_fill_every_range_evenly():
+    axes = [Range(0.0, 8.0), Range(-1.0, 1.0), Normal(0.0, 1.0)]
+    points = list(islice(points_at(axes, latin_hypercubes(3, 8, seed=3)), 8))
+    assert sorted(int(p[0]) for p in points) == list(range(8))
+    assert sorted(int((p[1] + 1) * 4) for p in points) == list(range(8))
+    first = list(islice(points_at(axes, halton_points(3, seed=3)), 64))
+    counts = [sum(k <= p[0] < k + 1 for p in first) for k in range(8)]
+    assert counts == [8] * 8
+    assert -0.3 < sum(p[2] for p in first) / 64 < 0.3
+
+
+def test_points_that_are_rejected_leave_their_seeds_out(tmp_path):
+    variation = vary(tmp_path, "gap: uniform([0.8, 0.9, 1.0]) require gap != 0.9 m")
+    variants = sample(variation, seed=10, method="grid")
+    assert [(v.seed, numbers(v)["gap"]) for v in variants] == [(10, 0.8), (12, 1.0)]
+
+
+@pytest.mark.parametrize("method", ["random", "halton", "lhs"])
+def test_a_rejected_point_is_followed_by_the_next(tmp_path, method):
+    anything = vary(tmp_path, "gap: uniform(0.5 .. 1.5)")
+    points = [numbers(v)["gap"] for v in sample(anything, 12, seed=0, method=method)]
+    variation = vary(tmp_path, "gap: uniform(0.5 .. 1.5) require gap > 1 m")
+    variants = sample(variation, 12, seed=0, method=method)
+    found = [numbers(v)["gap"] for v in variants]
+    assert len(found) == 12
+    assert min(found) > 1.0
+    assert set(found) >= {gap for gap in points if gap > 1.0}
+    if method != "random":
+        # Every point keeps the seed that it has without the requirement.
+        kept = {k: gap for k, gap in enumerate(points) if gap > 1.0}
+        assert {v.seed: numbers(v)["gap"] for v in variants if v.seed < 12} == kept
+
+
+@pytest.mark.parametrize("method", ["random", "grid", "halton", "lhs"])
+def test_a_design_nothing_is_left_of_says_why(tmp_path, method):
+    variation = vary(tmp_path, "gap: uniform(0.5 .. 1.5) turn: uniform([1, 2]) require gap > 2")
+    with pytest.raises(InputError) as caught:
+        sample(variation, 20, seed=0, method=method, tries=5)
+    assert any("rejected" in d.message and "gap > 2" in d.message for d in caught.value.findings)
+
+
+def test_a_design_with_more_points_than_wanted_is_refused(variation):
+    with pytest.raises(InputError, match="the grid has more than 20 variants"):
+        sample(variation, 20, seed=0, method="grid")
+
+
+def test_an_enormous_grid_is_refused(tmp_path):
+    statements = "gap: uniform(0.8 .. 1) turn: uniform(0 .. 1) reach: uniform(-2 .. -1)"
+    with pytest.raises(InputError, match="1,000,000 points"):
+        sample(vary(tmp_path, statements), seed=0, method="grid", levels=100)
+
+
+SOUND = """\
+Floor plan: two
+Defaults: walls: thickness: 0.2 m height: 2.5 m
+var shift = 0 m
+var wide = 1 m
+Space a: shape: Rectangle width=5 m, length=4 m location: wrt: world of: this
+    walls: thickness: 0.2 m
+    features: Divider screen: shape: Rectangle width=1 m, length=0.1 m height: 2 m
+        location: wrt: this translation: x: 0 m rotation: z: 0 deg
+Space b: shape: Rectangle width=4 m, length=3 m
+    location: wrt: a.walls[1] of: this.walls[3] spaced translation: x: shift rotation: z: 0 deg
+Space c: shape: Rectangle width=4 m, length=3 m
+    location: wrt: world of: this translation: y: -10 m
+Entryway door: shape: Rectangle width=wide, height=2 m
+    location: in: a.walls[1] and b.walls[3] translation: x: 0 m, z: 1 m
+Entryway second: shape: Rectangle width=0.2 m, height=2 m
+    location: in: a.walls[1] and b.walls[3] translation: x: 1 m, z: 1 m
+Window pane: shape: Rectangle width=1 m, height=1 m
+    location: in: a.walls[0] translation: z: 1.5 m, x: 0 m
+"""
+
+UNSOUND = {
+    "c: {location.translation.y: uniform([-1])}": '"c" and "a" overlap',
+    "shift: uniform([1.5])": "m beyond the end of b-wall-3",
+    "wide: uniform([3.5])": "m beyond the end of b-wall-3",
+    "door: {location.translation.z: uniform([0.9])}": '"door" reaches below the floor',
+    "pane: {location.translation.z: uniform([2.1])}": '"pane" reaches above a-wall-0',
+    "wide: uniform([2.5])": "door and second run into each other",
+    "b: {location.rotation.z: uniform([0.2])}": "a-wall-1 and b-wall-3 do not face each other",
+    "a: {defaults.wall.thickness: uniform([-0.1])}": "the walls of a have no thickness",
+    "wide: uniform([0.55])": "b cannot be reached with a radius of 0.3 m",
+    "a.screen: {shape.width: uniform([4.9]) location.rotation.z: uniform([90 deg]) "
+    "location.translation.x: uniform([2.2])}": "cannot be reached with a radius of 0.3 m",
+}
+FINE = [
+    "shift: uniform([0.2])",
+    "wide: uniform([0.61])",
+    "pane: {location.translation.x: uniform([2])}",
+    "a: {defaults.wall.thickness: uniform([0.1, 0.4])}",
+    "a.screen: {shape.width: uniform([4.9]) height: uniform([0.01])}",
+    "c: {shape.length: uniform([2])}",
+]
+
+
+def check(folder, statements):
+    variation = vary(folder, statements, SOUND)
+    sample(variation, 1, seed=0, tries=2, check=0.3)
+    return variation
+
+
+@pytest.mark.parametrize("statements", UNSOUND)
+def test_an_unsound_plan_is_rejected_with_its_reason(tmp_path, statements):
+    with pytest.raises(InputError) as caught:
+        check(tmp_path, statements)
+    reasons = caught.value.findings[1:]
+    assert any(UNSOUND[statements] in reason.message for reason in reasons)
+    assert all(reason.where.line >= 1 for reason in reasons)
+    assert all(Path(reason.where.file).name == "plan.fpm" for reason in reasons)
+
+
+@pytest.mark.parametrize("statements", FINE)
+def test_a_sound_plan_is_kept(tmp_path, statements):
+    assert check(tmp_path, statements)
+
+
+def test_defects_of_the_source_may_stay_but_are_said(tmp_path):
+    warnings = source_defects(check(tmp_path, "shift: uniform([0.1])"), 0.3)
+    assert [w.message for w in warnings] == ["c cannot be reached with a radius of 0.3 m"]
+    assert all(w.severity is Severity.WARNING for w in warnings)
+
+
+def test_an_overlap_of_the_source_may_stay_but_not_grow(tmp_path):
+    overlapping = SOUND.replace("y: -10 m", "y: -3 m")
+    statements = "c: {{location.translation.y: uniform([{}])}}"
+    same = vary(tmp_path, statements.format(-3.2), overlapping)
+    assert sample(same, 1, seed=0, check=0.3)
+    worse = vary(tmp_path, statements.format(-2.5), overlapping)
+    with pytest.raises(InputError, match='"c" and "a" overlap'):
+        sample(worse, 1, seed=0, tries=1, check=0.3)
