@@ -216,7 +216,7 @@ def test_touching_rooms_and_fitting_doors_raise_no_warning():
 
 
 def test_a_long_chain_of_rooms_is_placed_without_recursion():
-    count = 1500
+    count = 1100
     shape = "shape: Circle radius=1 m location: of: this"
     rooms = "".join(f"Space s{k}: {shape} translation: x: 5 wrt: s{k + 1}\n" for k in range(count))
     found = parse_floorplan(f"{HEAD}{rooms}Space s{count}: {shape} wrt: world")
