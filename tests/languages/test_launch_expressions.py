@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grammars.text.diagnostics import InputError
-from tests.languages.roslaunch.launched import AMCL, node, started
+from tests.languages.launched import AMCL, node, started
 
 ARGS = {"n": "3", "x": "0.5", "name": "robot1", "on": "true", "empty": ""}
 VALUES = {"n": 3, "x": 0.5, "name": "robot1", "on": True, "empty": ""}
@@ -77,12 +77,3 @@ def test_expressions_have_the_values_python_gives_them(expression, tmp_path_fact
             worked_out(folder, expression)
         return
     assert worked_out(folder, expression) == expected.strip()
-
-
-@given(text=st.text(st.characters(codec="ascii", categories=("L", "N", "P", "S", "Zs"))))
-def test_any_text_has_a_value_or_is_refused(text, tmp_path_factory):
-    folder = tmp_path_factory.getbasetemp()
-    try:
-        worked_out(folder, text)
-    except InputError as error:
-        assert error.findings[0].where.line == 2

@@ -1,53 +1,34 @@
 """Launch files of published robots come to the parameters that their packages hold."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-
 import pytest
 
 from grammars.text.ros_yaml import load_ros_yaml
-from tests.languages.roslaunch.launched import launch, node, parameters, remaps
-
-
-@dataclass(frozen=True)
-class Published:
-    """What is started of a robot, and with what said beside it."""
-
-    files: tuple[str, ...]
-    args: Mapping[str, str] = field(default_factory=dict)
-    env: Mapping[str, str] = field(default_factory=dict)
-    skip: tuple[str, ...] = ()
-
+from tests.languages.launched import launch, node, parameters, remaps
 
 TIAGO = tuple(f"tiago/tiago_2dnav/launch/{n}.launch" for n in ("move_base", "localization_amcl"))
 MIR = tuple(f"mir/mir_navigation/launch/{n}.launch" for n in ("start_planner", "amcl"))
+TURTLEBOT3 = "turtlebot3/turtlebot3_navigation/launch/turtlebot3_navigation.launch"
 ROBOTS = {
-    "turtlebot3": Published(
-        ("turtlebot3/turtlebot3_navigation/launch/turtlebot3_navigation.launch",),
-        env={"TURTLEBOT3_MODEL": "waffle"},
-    ),
-    "husky": Published(("husky/husky_navigation/launch/amcl_demo.launch",)),
-    "jackal": Published(("jackal/jackal_navigation/launch/amcl_demo.launch",)),
-    "fetch": Published(("fetch/fetch_navigation/launch/fetch_nav.launch",)),
-    "freight": Published(("fetch/fetch_navigation/launch/freight_nav.launch",)),
-    "mir": Published(MIR, args={"local_planner": "dwa"}),
-    "mir2": Published(MIR, args={"local_planner": "dwa", "prefix": "m2/", "namespace": "m2"}),
-    "tiago": Published(TIAGO, args={"local_planner": "dwa"}, skip=(".pal/pose.yaml",)),
-    "turtlebot2": Published(
+    "turtlebot3": ((TURTLEBOT3,), {"env": {"TURTLEBOT3_MODEL": "waffle"}}),
+    "husky": (("husky/husky_navigation/launch/amcl_demo.launch",), {}),
+    "jackal": (("jackal/jackal_navigation/launch/amcl_demo.launch",), {}),
+    "fetch": (("fetch/fetch_navigation/launch/fetch_nav.launch",), {}),
+    "freight": (("fetch/fetch_navigation/launch/freight_nav.launch",), {}),
+    "mir": (MIR, {"args": {"local_planner": "dwa"}}),
+    "mir2": (MIR, {"args": {"local_planner": "dwa", "prefix": "m2/", "namespace": "m2"}}),
+    "tiago": (TIAGO, {"args": {"local_planner": "dwa"}, "skip": (".pal/pose.yaml",)}),
+    "turtlebot2": (
         ("turtlebot2/turtlebot_navigation/launch/amcl_demo.launch",),
-        env={"TURTLEBOT_3D_SENSOR": "kinect"},
+        {"env": {"TURTLEBOT_3D_SENSOR": "kinect"}},
     ),
-    "robile": Published(("robile_amr/launch/navigation.launch",)),
+    "robile": (("robile_amr/launch/navigation.launch",), {}),
 }
+"""Launch files of each robot, and the settings they need."""
 
 
 def load(reference_data, name):
-    robots = reference_data / "robots"
-    robot = ROBOTS[name]
-    files = [robots / file for file in robot.files]
-    return launch(*files, args=robot.args, env=robot.env, skip=robot.skip)
+    files, settings = ROBOTS[name]
+    return launch(*(reference_data / "robots" / file for file in files), **settings)
 
 
 def yaml(reference_data, file):
@@ -77,10 +58,8 @@ def test_every_robot_starts_one_move_base_and_one_amcl_that_lack_nothing(referen
 
 @pytest.mark.parametrize("model", ["burger", "waffle", "waffle_pi"])
 def test_turtlebot3_has_the_files_of_its_model(reference_data, model):
-    folder = "turtlebot3/turtlebot3_navigation"
-    file = reference_data / "robots" / folder / "launch" / "turtlebot3_navigation.launch"
-    loaded = launch(file, args={"model": model})
-    param = f"{folder}/param"
+    loaded = launch(reference_data / "robots" / TURTLEBOT3, args={"model": model})
+    param = "turtlebot3/turtlebot3_navigation/param"
     common = yaml(reference_data, f"{param}/costmap_common_params_{model}.yaml")
     expected = {"base_local_planner": "dwa_local_planner/DWAPlannerROS"}
     for costmap in ("global_costmap", "local_costmap"):
