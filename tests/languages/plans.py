@@ -41,29 +41,6 @@ object lift_door
     state open: left 0.5 m, right 0.5 m
 """
 
-PLACED = """
-kitchen_door is a hinged_door in kitchen_doorway, hinge left, opening inwards
-store_door is a slider in store_doorway, sliding right, on the outside, frozen
-spare_door is a hinged_door at hall.walls[1], x 20 cm, y 0.1 m, turned -90 deg, starts ajar
-lift is a lift_door in lift_doorway
-"""
-
-BEHAVIOUR = """
-group main_doors: kitchen_door, spare_door
-parameter near = 1.3 m
-parameter swing = 60 deg/s
-all main_doors except spare_door toggle between closed and open every 30 s from 90 s until 12 min,
-    with probability 40 %, up to 10 s late in steps of 1 s, by jump
-spare_door goes from ajar to closed when the robot's footprint is within near of its doorway,
-    again beyond 2 m, by spring of 0.5 N m/rad damped by 0.1 N m s/rad
-lift moves to open at 5 s, to closed at 9 s, by servo at 0.3 m/s with 40 N
-lift.left stays at 20 cm
-store_door starts open
-store_door is frozen
-"""
-
-EVERYTHING = DOOR + SLIDER + LIFT + PLACED + BEHAVIOUR
-
 PEOPLE = """
 mover person
     link body  circle radius 25 cm  from 0 m to 1.7 m, mass 75 kg
@@ -79,18 +56,6 @@ table_1 is a table in kitchen, x 1 m, y 0.5 m, turned 30 deg
 visitor walks along (1 m, 0 m), (3 m, 0 m) of hall, at 0.8 m/s, back and forth, pausing 2 s,
     yielding within 1 m
 """
-
-REACTIONS = """
-spare_door goes from open to closed when leg 2 begins, after 2 s, by jump
-kitchen_door goes from open to closed when waypoint living-room is reached
-store_door goes from open to closed when spare_door.hinge fires, by servo at 0.4 m/s
-lift goes from open to closed when visitor starts to move
-kitchen_door toggles between closed and open after normal with mean 20 s, deviation 5 s from 9 s
-guest walks along (1 m, 2 m) of world, (3 m, 0 m), (3 m, 4 m) of kitchen.pillar, round,
-    accelerating at 2 m/s^2, pausing 1 s at every point, facing sideways, from 10 s, not yielding
-"""
-
-PEOPLE_AND_ALL = EVERYTHING + PEOPLE + REACTIONS
 
 MODELS = DOOR + SLIDER + LIFT
 
