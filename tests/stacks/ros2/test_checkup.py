@@ -189,6 +189,22 @@ def shown(line):
     return f"{line.state} {line.subject} ({kind}): {line.text}{hint}"
 
 
+def test_a_laser_nobody_hears_is_a_warning_and_none_a_defect():
+    lasers = tuple(replace(LASERS[0], name=name) for name in ("front", "rear"))
+    for topics, states in (
+        (("/scan_front", "/scan_rear"), ["ok", "ok"]),
+        (("/scan_front", "/back"), ["ok", "warning"]),
+        ((), ["missing", "missing"]),
+    ):
+        ears = (ear(topic, SCAN, "/amcl") for topic in topics)
+        lines = examine(settings(), besides(*ears, seen=without("/scan")), lasers)
+        scans = [line for line in lines if line.kind == SCAN]
+        assert [line.state for line in scans] == states
+        if "/back" in topics:
+            assert scans[1].text == "nobody listens: the stack does not see what this laser sees"
+            assert scans[1].hint == "write topics: {scan: {rear: /back}}"
+
+
 def test_each_flaw_is_told_and_nothing_else(golden):
     """``checkup.txt``: the lines about a sound stack, then those that differ, and those gone."""
     sound = [shown(line) for line in examine(settings(), SOUND, LASERS)]

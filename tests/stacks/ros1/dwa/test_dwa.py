@@ -36,15 +36,6 @@ def straight(length=3.0, yaw=0.0):
     return plan
 
 
-def test_a_differential_robot_cannot_start_a_turn_on_the_spot():
-    dwa = controller()
-    dwa.set_plan(straight(yaw=-math.pi / 2.0))
-    answer = dwa.command(Pose2(), Twist2(), Pose2(), empty())
-    assert answer.ok
-    assert answer.twist.vx == pytest.approx(-0.15, abs=0.02)
-    assert answer.twist.wz == pytest.approx(-0.32, abs=1e-6)
-
-
 def test_the_plan_is_taken_through_the_correction_of_the_map():
     correction, twist = Pose2(5.0, -3.0, 0.7), Twist2(0.2, 0.0, 0.1)
     plan = straight()
@@ -74,31 +65,32 @@ def test_no_command_without_a_plan_nearby_or_with_every_sample_illegal():
     assert dwa.command(Pose2(), Twist2(), Pose2(), local).ok
 
 
-def at_goal(yaw_error, twist, quirks=FAST, cells=0):
+@pytest.mark.parametrize(
+    ("error", "twist", "quirks", "cells", "ok", "expected"),
+    [
+        # Within the tolerance of 0.5 rad, which belongs to it, it stops.
+        (0.49, Twist2(0.22, 0.0, 1.0), FAST, 0, True, (0.0, 0.0)),
+        (0.5, Twist2(0.22, 0.0, 1.0), FAST, 0, True, (0.0, 0.0)),
+        (-0.5, Twist2(0.22, 0.0, 1.0), FAST, 0, True, (0.0, 0.0)),
+        # It slows down before it turns; a stop is legal though slower than both smallest speeds.
+        (1.0, Twist2(0.22, 0.0, 1.0), FAST, 0, True, (0.0, 0.68)),
+        (1.0, Twist2(0.22, 0.0, 0.0), FAST, 0, True, (0.0, 0.0)),
+        # Turning is raised to the minimum after it was limited.
+        (2.0, Twist2(), FAST, 0, True, (0.0, 1.37)),
+        (-2.0, Twist2(), FAST, 0, True, (0.0, -1.37)),
+        (2.0, Twist2(), FIXED, 0, True, (0.0, 0.32)),
+        # A turn in collision is refused.
+        (2.0, Twist2(), FAST, 254, False, (0.0, 0.0)),
+    ],
+)
+def test_at_the_goal_it_stops_then_turns(error, twist, quirks, cells, ok, expected):
     dwa = controller(A2S, quirks)
     dwa.set_plan(straight(1.0))
     local = empty(1.0)
     local.cells[:] = cells
-    answer = dwa.command(Pose2(0.95, 0.0, -yaw_error), twist, Pose2(), local)
-    assert answer.local_plan.shape == (0, 2)
-    return answer.ok, answer.twist
-
-
-def test_within_yaw_tolerance_it_stops():
-    assert at_goal(0.49, Twist2(0.22, 0.0, 1.0)) == (True, Twist2())
-    # The tolerance belongs to it: 0.5 rad.
-    assert at_goal(0.5, Twist2(0.22, 0.0, 1.0)) == (True, Twist2())
-    assert at_goal(-0.5, Twist2(0.22, 0.0, 1.0)) == (True, Twist2())
-
-
-def test_it_slows_down_before_it_turns():
-    ok, twist = at_goal(1.0, Twist2(0.22, 0.0, 1.0))
-    assert ok
-    assert (twist.vx, twist.wz) == (0.0, pytest.approx(0.68))
-
-
-def test_a_stop_is_legal_though_it_is_slower_than_both_smallest_speeds():
-    assert at_goal(1.0, Twist2(0.22, 0.0, 0.0)) == (True, Twist2())
+    answer = dwa.command(Pose2(0.95, 0.0, -error), twist, Pose2(), local)
+    assert (answer.ok, answer.local_plan.shape) == (ok, (0, 2))
+    assert (answer.twist.vx, answer.twist.wz) == pytest.approx(expected)
 
 
 def test_each_axis_slows_down_by_what_it_can():
@@ -109,12 +101,6 @@ def test_each_axis_slows_down_by_what_it_can():
     slower = dwa.command(Pose2(1.0, 0.0, -1.0), twist, Pose2(), empty(1.0)).twist
     # Within 0.05 s: 0.125 m/s, 0.0625 m/s and 0.16 rad/s less.
     assert (slower.vx, slower.vy, slower.wz) == pytest.approx((-0.075, -0.0375, 0.74))
-
-
-def test_turning_is_raised_to_the_minimum_after_it_was_limited():
-    assert at_goal(2.0, Twist2())[1].wz == pytest.approx(1.37)
-    assert at_goal(-2.0, Twist2())[1].wz == pytest.approx(-1.37)
-    assert at_goal(2.0, Twist2(), FIXED)[1].wz == pytest.approx(0.32)
 
 
 def turning(error, wz, parameters=A2S):
@@ -153,10 +139,6 @@ def test_after_it_has_turned_far_enough_it_stops_before_it_turns_again():
     assert answers == pytest.approx([1.37, 0.0, 1.05, 1.37])
 
 
-def test_a_turn_in_collision_is_refused():
-    assert at_goal(2.0, Twist2(), cells=254) == (False, Twist2())
-
-
 def test_turns_are_checked_against_the_distances_of_the_last_sampling_cycle():
     dwa = controller()
     dwa.set_plan(straight(1.0))
@@ -181,26 +163,28 @@ def test_the_distances_of_the_last_sampling_cycle_lead_to_every_corner_of_its_co
     assert dwa.command(Pose2(1.0, 0.0, 0.8), Twist2(), Pose2(), cornered).ok
 
 
-def test_the_goal_is_reached_when_near_turned_and_standing():
-    dwa = controller()
-    assert not dwa.goal_reached(Pose2(), Twist2(), Pose2())
-    dwa.set_plan(straight(1.0))
-    assert dwa.goal_reached(Pose2(0.91, 0.0, 0.49), Twist2(0.1, 0.0, 0.1), Pose2())
-    assert not dwa.goal_reached(Pose2(0.89, 0.0, 0.0), Twist2(), Pose2())
-    assert not dwa.goal_reached(Pose2(1.0, 0.0, 0.51), Twist2(), Pose2())
-    for moving in (Twist2(0.11), Twist2(-0.11), Twist2(0.0, -0.11), Twist2(0.0, 0.0, -0.11)):
-        assert not dwa.goal_reached(Pose2(1.0, 0.0, 0.0), moving, Pose2())
-    assert dwa.goal_reached(Pose2(1.0, 0.09, 0.0), Twist2(-0.1, -0.1, -0.1), Pose2())
-    assert not dwa.goal_reached(Pose2(1.0, 0.11, 0.0), Twist2(), Pose2())
-    assert not dwa.goal_reached(Pose2(1.0, 0.0, 0.0), Twist2(), Pose2(0.2, 0.0, 0.0))
-
-
-def test_tolerances_belong_to_the_goal():
+@pytest.mark.parametrize(
+    ("pose", "twist", "reached"),
+    [
+        # Tolerances belong to the goal: 0.5 m and 0.25 rad.
+        (Pose2(0.5, 0.0, -0.25), Twist2(0.1, 0.0, 0.1), True),
+        (Pose2(0.499, 0.0, 0.0), Twist2(), False),
+        (Pose2(1.0, 0.49, 0.0), Twist2(-0.1, -0.1, -0.1), True),
+        (Pose2(1.0, 0.51, 0.0), Twist2(), False),
+        (Pose2(0.5, 0.0, -0.251), Twist2(), False),
+        (Pose2(1.0, 0.0, 0.251), Twist2(), False),
+        (Pose2(1.0), Twist2(0.11), False),
+        (Pose2(1.0), Twist2(-0.11), False),
+        (Pose2(1.0), Twist2(0.0, -0.11), False),
+        (Pose2(1.0), Twist2(0.0, 0.0, -0.11), False),
+    ],
+)
+def test_the_goal_is_reached_when_near_turned_and_standing(pose, twist, reached):
     dwa = controller(replace(A2S, xy_goal_tolerance=0.5, yaw_goal_tolerance=0.25))
+    assert not dwa.goal_reached(pose, twist, Pose2())
     dwa.set_plan(straight(1.0))
-    assert dwa.goal_reached(Pose2(0.5, 0.0, -0.25), Twist2(), Pose2())
-    assert not dwa.goal_reached(Pose2(0.499, 0.0, -0.25), Twist2(), Pose2())
-    assert not dwa.goal_reached(Pose2(0.5, 0.0, -0.251), Twist2(), Pose2())
+    assert dwa.goal_reached(pose, twist, Pose2()) is reached
+    assert not dwa.goal_reached(pose, twist, Pose2(2.0, 0.0, 0.0))
 
 
 def test_a_latched_goal_stays_reached_until_the_next_plan():

@@ -48,10 +48,6 @@ class FakeCostmap:
 
 
 def make(quirks=FAST, grid=None, resets=None, **parameters):
-    return make_near(quirks, grid, resets, **parameters)[:2]
-
-
-def make_near(quirks=FAST, grid=None, resets=None, **parameters):
     """Recoveries, what they clear, and the local costmap the robot stands on."""
     cleared = []
     wide = FakeCostmap("global", Pose2(3.0, 4.0), None, cleared)
@@ -72,48 +68,37 @@ def test_the_default_behaviours_are_those_of_move_base():
     assert make(recovery_behavior_enabled=False)[0] == ()
 
 
-def test_resets_clear_nothing_in_the_original():
-    recoveries, cleared = make()
-    advance = recoveries[0].step()
-    assert advance.ended
-    assert "no layer" in advance.log
-    assert cleared == []
-
-
 def test_working_resets_keep_the_square_that_move_base_gives_them():
-    recoveries, cleared = make(FIXED, resets={"conservative_reset": ClearCostmapParameters(9.0)})
+    recoveries, cleared, _ = make(FIXED, resets={"conservative_reset": ClearCostmapParameters(9.0)})
     recoveries[0].step()
     recoveries[2].step()
-    assert cleared == [
-        ("global", 3.0), ("local", 3.0), ("global", pytest.approx(1.84)),
-        ("local", pytest.approx(1.84)),
-    ]  # fmt: skip
+    sides = [("global", 3.0), ("local", 3.0), ("global", 1.84), ("local", 1.84)]
+    assert cleared == [(name, pytest.approx(side)) for name, side in sides]
 
 
-def test_naming_the_layer_right_makes_a_reset_work_in_the_original():
-    own = RecoveryBehavior("mine", CLEAR)
-    reset = ClearCostmapParameters(2.0, layer_names=("obstacle_layer",), affected_maps="local")
-    recoveries, cleared = make(resets={"mine": reset}, recovery_behaviors=(own,))
-    recoveries[0].step()
-    assert cleared == [("local", 2.0)]
-
-
-def test_a_reset_can_clear_inside_its_square_and_update_the_costmap_at_once():
-    own = RecoveryBehavior("mine", CLEAR)
-    reset = ClearCostmapParameters(
-        2.0, layer_names=("obstacle_layer",), invert_area_to_clear=True, force_updating=True
-    )
-    recoveries, cleared = make(resets={"mine": reset}, recovery_behaviors=(own,))
-    advance = recoveries[0].step()
-    assert advance.log == "mine cleared the global and local costmap inside a square of 2.00 m"
-    assert cleared == [
-        ("inside global", 2.0), ("global updated", 0.0), ("inside local", 2.0),
-        ("local updated", 0.0),
-    ]  # fmt: skip
+@pytest.mark.parametrize(
+    ("reset", "log", "expected"),
+    [
+        # The original names a layer that nobody has.
+        ({}, "mine finds no layer to clear", []),
+        ({"layer_names": ("obstacle_layer",), "affected_maps": "local"},
+         "mine cleared the local costmap outside a square of 2.00 m", [("local", 2.0)]),
+        ({"layer_names": ("obstacle_layer",), "invert_area_to_clear": True,
+          "force_updating": True},
+         "mine cleared the global and local costmap inside a square of 2.00 m",
+         [("inside global", 2.0), ("global updated", 0.0), ("inside local", 2.0),
+          ("local updated", 0.0)]),
+    ],
+)  # fmt: skip
+def test_a_reset_clears_the_layers_it_names(reset, log, expected):
+    own, resets = RecoveryBehavior("mine", CLEAR), {"mine": ClearCostmapParameters(2.0, **reset)}
+    ((recovery,), cleared, _) = make(resets=resets, recovery_behaviors=(own,))
+    advance = recovery.step()
+    assert (advance.ended, advance.log, cleared) == (True, log, expected)
 
 
 def test_the_turn_goes_once_round_to_the_left_and_slows_down_at_its_end():
-    (turn,), _, near = make_near(recovery_behaviors=(RecoveryBehavior("turn", ROTATE),))
+    (turn,), _, near = make(recovery_behaviors=(RecoveryBehavior("turn", ROTATE),))
     yaw, speeds = 1.0, []
     near.frame.base = Pose2(0.0, 0.0, yaw)
     turn.start()
@@ -131,23 +116,15 @@ def test_the_turn_goes_once_round_to_the_left_and_slows_down_at_its_end():
     assert min(speeds) == pytest.approx(math.sqrt(2.0 * 3.2 * 0.1), abs=0.1)
 
 
-def test_the_turn_is_refused_where_it_would_collide():
+@pytest.mark.parametrize(("quirks", "command"), [(FAST, None), (FIXED, Twist2())])
+def test_the_turn_is_refused_where_it_would_collide(quirks, command):
     grid = empty()
     grid.cells[30 + 8, 30] = LETHAL  # 0.40 m to the left: beside the flank, within the corners
-    turn = make(grid=grid, recovery_behaviors=(RecoveryBehavior("turn", ROTATE),))[0][0]
+    ((turn,), *_) = make(quirks, grid, recovery_behaviors=(RecoveryBehavior("turn", ROTATE),))
     turn.start()
     advance = turn.step()
-    assert advance.ended
-    assert advance.command is None
+    assert (advance.ended, advance.command) == (True, command), "only the quirk stops nothing"
     assert "cannot turn" in advance.log
-
-
-def test_without_the_quirk_the_turn_stops_the_robot_at_its_end():
-    grid = empty()
-    grid.cells[30 + 8, 30] = LETHAL
-    turn = make(FIXED, grid, recovery_behaviors=(RecoveryBehavior("turn", ROTATE),))[0][0]
-    turn.start()
-    assert turn.step().command == Twist2()
 
 
 def plain_turn_is_free(grid, ring, pose, angle, by):
