@@ -9,12 +9,25 @@ import numpy as np
 
 from daemon.model.sut import Briefing, Decision, Estimate, LaserScan, Observation, Odometry
 from daemon.stacks.registry import make_sut
-from grammars.model.geometry import Floats, Pose2, Twist2
+from grammars.model.geometry import Pose2, Twist2
 from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from grammars.model.mission import Mission, Waypoint
 from grammars.model.robot import Drive, Laser, Mount, OdometryNoise, Robot
 
 TICK = 0.05
+
+SIZE = (9.0, 5.0)
+OUTER = [(0, 0, 9, 0.2), (0, 4.8, 9, 5), (0, 0, 0.2, 5), (8.8, 0, 9, 5)]
+
+ONE_DOORWAY = [*OUTER, (4.4, 0, 4.6, 1.1), (4.4, 2.05, 4.6, 5)]
+"""Two rooms and a doorway of 0.95 m around y = 1.575."""
+DOOR = (4.47, 1.1, 4.52, 2.05)
+"""A shut leaf in it."""
+
+TWO_DOORWAYS = [
+    *OUTER, (4.4, 0, 4.6, 1.1), (4.4, 2.05, 4.6, 3.4), (4.4, 4.4, 4.6, 5),
+]  # fmt: skip
+"""The same with a second doorway, 1 m around y = 3.9."""
 
 
 def a_robot(kind="omnidirectional", *, rays=150, noise=0.01, view=math.pi, odometry=None):
@@ -91,7 +104,6 @@ class Log:
     commands: list[Twist2] = field(default_factory=list)
     estimates: list[tuple[Pose2, Estimate]] = field(default_factory=list)
     events: list[tuple[float, str]] = field(default_factory=list)
-    plans: list[Floats] = field(default_factory=list)
     collided: bool = False
     last: Decision | None = None
     time: float = 0.0
@@ -144,8 +156,6 @@ def drive(
         log.poses.append(true)
         log.commands.append(twist)
         log.events += [(now, text) for text in decision.events]
-        if decision.plan is not None:
-            log.plans.append(decision.plan)
         if decision.estimate is not None:
             log.estimates.append((true, decision.estimate))
         c, s = math.cos(true.yaw), math.sin(true.yaw)
