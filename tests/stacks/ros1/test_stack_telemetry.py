@@ -25,14 +25,6 @@ def line(start, end=10.0, y=0.0):
     return np.column_stack((x, np.full_like(x, y), np.zeros_like(x)))
 
 
-def test_a_plan_is_recorded_thinly_from_start_to_goal():
-    points = PlanRecorder().take(0.0, line(0.0))
-    assert points[0].tolist() == [0.0, 0.0]
-    assert points[-1].tolist() == [10.0, 0.0]
-    assert np.diff(points[:, 0]).max() == pytest.approx(0.1)
-    assert len(points) in (101, 102)
-
-
 def test_a_plan_that_only_lost_its_beginning_is_not_recorded_again():
     log = PlanRecorder()
     log.take(0.0, line(0.0))
@@ -65,6 +57,12 @@ def test_thinning_takes_the_points_the_plain_version_takes(steps, spacing):
     assert found[-1].tolist() == back[-1].tolist()
     assert found[: len(wanted)] == pytest.approx(wanted, abs=1e-6)
     assert len(found) <= len(wanted) + 2
+
+
+def test_a_plan_of_another_frame_is_recorded_in_map():
+    plan = np.array([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)])
+    points = PlanRecorder().take(0.0, plan, Pose2(2.0, 1.0, np.pi / 2))
+    np.testing.assert_allclose(points[[0, -1]], [(2.0, 1.0), (2.0, 2.0)], atol=1e-12)
 
 
 def test_trajectories_are_recorded_in_the_map_frame_five_times_a_second():

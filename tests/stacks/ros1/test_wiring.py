@@ -13,7 +13,8 @@ from daemon.stacks.ros1.wiring import (
     advise_for_robot,
     resolve_name,
 )
-from grammars.model.robot import Drive, Laser, Mount, OdometryNoise, Robot
+from grammars.model.robot import Laser, Mount
+from tests.stacks.ros1.scenes import ROBOT
 
 ONE_LASER = ("",)
 
@@ -110,21 +111,13 @@ def test_what_the_launch_file_of_amcl_maps_to_is_not_mapped_again():
 
 
 LASER = Laser(Mount(0.0), 0.2, -1.5, 1.5, 181, 0.05, 10.0, 10.0, 0.0, 0.0)
-ROBOT = Robot(
-    name="cart",
-    footprint=((0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2), (0.3, -0.2)),
-    height=0.4,
-    mass=20.0,
-    drive=Drive("differential", 1.0, 0.0, 1.0, 1.0, 0.0, 1.0, 100.0, 100.0, 0.0),
-    laser=LASER,
-    odometry=OdometryNoise(20.0, 0.0, 0.0, 0.0),
-)
+CART = replace(ROBOT, laser=LASER)
 SCAN = {"data_type": "LaserScan", "topic": "scan", "marking": True, "clearing": True}
 
 
 def two_lasers(rear=0.2):
     front, back = replace(LASER, name="front"), replace(LASER, name="rear", z=rear)
-    return replace(ROBOT, laser=front, other_lasers=(back,))
+    return replace(CART, laser=front, other_lasers=(back,))
 
 
 def tree(topics=None, **source):
@@ -138,7 +131,7 @@ def tree(topics=None, **source):
     }
 
 
-def said(given, robot=ROBOT):
+def said(given, robot=CART):
     read = read_ros(given)
     costmaps = read.global_costmap, read.local_costmap
     return [str(finding) for finding in advise_for_robot(read.topics, costmaps, robot)]

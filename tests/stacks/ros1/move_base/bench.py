@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -147,8 +147,6 @@ class Bench:
         return sum(words in sentence for sentence in self.status.log)
 
 
-def without(*names):
-    """The original but for some quirks."""
-    known = {item.name for item in fields(Quirks)}
-    assert set(names) <= known
-    return Quirks(**dict.fromkeys(names, False))
+def without(quirk):
+    """The original but for a quirk."""
+    return replace(Quirks(), **{quirk: False})
