@@ -7,8 +7,6 @@ One that fails says how, the others go on, and the exit status is 1. Modules wit
 reason, are left out unless they are named. How to read it all is in ``docs/measuring.md``.
 """
 
-from __future__ import annotations
-
 import importlib
 import os
 import platform
@@ -18,9 +16,11 @@ import traceback
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from rich.console import Console
+
 from tests.benchmarks import progress
 from tests.benchmarks.measurement import Measurement, beside_yardstick, yardstick
-from tests.benchmarks.printing import goal_table, line, part_table, width
+from tests.benchmarks.printing import make_console, print_goals, print_line, print_parts
 
 COMMANDS = ("against", "campaign", "flame")
 """Modules with a command line of their own: ``main(arguments)`` yields measurements."""
@@ -28,8 +28,9 @@ COMMANDS = ("against", "campaign", "flame")
 
 @dataclass(slots=True)
 class Made:
-    """What came of the parts so far: measurements with the benchmark's name, seconds, failures."""
+    """Results of the parts so far: measurements with the benchmark's name, seconds, failures."""
 
+    console: Console = field(default_factory=make_console)
     measurements: list[tuple[str, Measurement]] = field(default_factory=list)
     parts: list[tuple[str, float]] = field(default_factory=list)
     failed: list[str] = field(default_factory=list)
@@ -42,7 +43,7 @@ class Made:
             for each in measure():
                 one = beside_yardstick(each, yardstick())
                 progress.clear()
-                print(line(one, width()), flush=True)
+                print_line(self.console, one)
                 self.measurements.append((name, one))
         except Exception:
             progress.clear()
@@ -75,9 +76,8 @@ def main(arguments):
         names = chosen(arguments)
         for k, name in enumerate(names, 1):
             made.add(name, f"{name} ({k} of {len(names)})", lambda name=name: load(name).measure())
-    for table in (goal_table(made.measurements, width()), part_table(made.parts, width())):
-        for k, row in enumerate(table):
-            print(f"\n{row}" if k == 0 else row)
+    print_goals(made.console, made.measurements)
+    print_parts(made.console, made.parts)
     if made.failed:
         sys.exit(f"failed, see above: {', '.join(made.failed)}")
 

@@ -7,8 +7,6 @@ time. All of them use the interpreter and the libraries of this process. Everyth
 turns, first one, then the other, then the other way round: what disturbs one disturbs the other.
 """
 
-from __future__ import annotations
-
 import argparse
 import io
 import json

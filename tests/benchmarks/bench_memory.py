@@ -5,8 +5,6 @@ process that is as warm as that. RSS is all that a process has in memory, with w
 the zygote; PSS counts a page that several share in parts, USS not at all.
 """
 
-from __future__ import annotations
-
 import gc
 import json
 import os

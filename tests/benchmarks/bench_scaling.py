@@ -5,8 +5,6 @@ the size which the time has grown by, log(t2 / t1) / log(n2 / n1): 1 is linear g
 costs the same however large it is.
 """
 
-from __future__ import annotations
-
 import math
 import tempfile
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """What it costs a run that somebody watches it: CPU, and bytes a second on the line."""
 
-from __future__ import annotations
-
 import socket
 import tempfile
 import threading

@@ -6,8 +6,6 @@ run: another library, a plain version, the same with less to do, an older commit
 disturbs the other, so their ratio is what to compare between machines and days.
 """
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass, replace
 

@@ -28,13 +28,6 @@ class Ros2Environment:
         return self.python.parents[1]
 
 
-def pytest_configure(config):
-    config.addinivalue_line(
-        "markers", "one_distribution: one ROS 2 is enough, what is tested does not differ"
-    )
-    config.addinivalue_line("markers", "short: part of make test-ros2-short")
-
-
 def pytest_generate_tests(metafunc):
     if "distribution" in metafunc.fixturenames:
         one = metafunc.definition.get_closest_marker("one_distribution")
