@@ -2,16 +2,12 @@
 
 import gc
 import weakref
-from dataclasses import replace
 
 import pymunk
 import pytest
 
 from daemon import run
-from daemon.campaign import expand, load_campaign
 from daemon.model.attachments import SutMissing
-from daemon.model.spec import SutReference
-from daemon.run import execute
 from daemon.run_loop import RunLoop
 from daemon.simulator import World
 from daemon.stacks.calls import make_in_time
@@ -21,13 +17,6 @@ from daemon.trace import TraceWriter
 
 KINDS = ("ros", "pilot", "no such system")
 """The last one ends a run with an exception, before anything drives."""
-
-
-@pytest.fixture(scope="module")
-def demo(campaigns):
-    found = expand(load_campaign(campaigns / "demo" / "campaign.yaml"))
-    spec = next(spec for spec in found.specs if spec.scenario == "rude-house")
-    return spec, found.scenes[0]
 
 
 @pytest.fixture
@@ -53,12 +42,10 @@ def made(monkeypatch):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_nothing_large_outlives_its_run(kind, demo, tmp_path, made):
-    spec, scene = demo
-    spec = replace(spec, sut=SutReference(kind, kind, {}), limit=2.0)
+def test_nothing_large_outlives_its_run(kind, runs, tmp_path, made):
     for _ in range(2):
         try:
-            execute(spec, scene, trace_path=tmp_path / "run.mcap")
+            runs.execute(runs.spec("rude-house", kind, limit=2.0), tmp_path / "run.mcap")
         except SutMissing:
             assert kind == KINDS[-1]
     if kind == KINDS[-1]:
@@ -69,7 +56,7 @@ def test_nothing_large_outlives_its_run(kind, demo, tmp_path, made):
 
 
 @pytest.mark.parametrize("kind", KINDS[:2])
-def test_what_drove_is_gone_before_its_trace_is_judged(kind, demo, tmp_path, made, monkeypatch):
+def test_what_drove_is_gone_before_its_trace_is_judged(kind, runs, tmp_path, made, monkeypatch):
     kept = []
 
     def judge(*_):
@@ -77,7 +64,5 @@ def test_what_drove_is_gone_before_its_trace_is_judged(kind, demo, tmp_path, mad
         return ()
 
     monkeypatch.setattr(run, "judge", judge)
-    spec, scene = demo
-    spec = replace(spec, sut=SutReference(kind, kind, {}), limit=1.0)
-    execute(spec, scene, trace_path=tmp_path / "run.mcap")
+    runs.execute(runs.spec("rude-house", kind, limit=1.0), tmp_path / "run.mcap")
     assert set(kept) == {TraceWriter}

@@ -3,128 +3,58 @@
 import errno
 import hashlib
 import json
-import math
-import os
-import re
-import subprocess
-import sys
+import shutil
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from daemon.campaign import expand, load_campaign
+from daemon.campaign import examine
+from daemon.model.rehearsal import kernel_list, short_run
 from daemon.model.spec import SutReference
 from daemon.model.sut import CostmapPicture, Decision, Estimate, Progress
 from daemon.model.verdicts import Outcome, Verdict
-from daemon.run import SceneMismatchError, execute
+from daemon.run import SceneMismatchError
+from daemon.run_loop import RunLoop
 from daemon.trace import TraceWriter, read_trace
 from grammars.model.geometry import Pose2, Twist2
+from grammars.model.kinematics import link_poses
 from grammars.model.robot_files import load_robot
 from grammars.text import codec
+from grammars.text.diagnostics import Severity
+from templates.occupancy import occupancy_grid
+from tests.engine.conftest import Runs
 from tests.engine.trace.mcap_checks import complaints
-from tests.plugins import plug_in
 
 
-@pytest.fixture(scope="module")
-def demo(campaigns):
-    return expand(load_campaign(campaigns / "demo" / "campaign.yaml"))
-
-
-@pytest.fixture(scope="module")
-def scene(demo):
-    return demo.scenes[0]
-
-
-def idle(demo, *, seconds, scenario="busy-house"):
-    spec = next(s for s in demo.specs if s.scenario == scenario)
-    return replace(spec, sut=SutReference("idle", "idle", {}), limit=seconds)
-
-
-class Scripted:
-    """A system under test that does what a test tells it to."""
+class Drives:
+    """Drives straight on until its mission is over; may show all that can be shown."""
 
     period = 0.1
     needs_ground_truth = False
 
-    def __init__(
-        self, fail_at=1e9, finish_at=1e9, nonsense_at=1e9, lost_at=1e9, silent_at=1e9, show_at=1e9
-    ):
-        self._fail_at, self._finish_at, self._nonsense_at = fail_at, finish_at, nonsense_at
-        self._lost_at, self._silent_at, self._show_at = lost_at, silent_at, show_at
+    def __init__(self, finish_at=1e9, shows=False):
+        self._finish_at, self._shows = finish_at, shows
 
     def start(self, briefing):
-        self.briefing = briefing
+        """Nothing to prepare."""
 
     def update(self, observation):
-        if observation.time >= self._fail_at:
-            raise RuntimeError("no map")
         state = "succeeded" if observation.time >= self._finish_at else "active"
-        speed = math.nan if observation.time >= self._nonsense_at else 0.2
-        if observation.time >= self._silent_at:
-            return None
-        x = math.nan if observation.time >= self._lost_at else 0.0
-        estimate = Estimate(observation.time, Pose2(x, 0.0, 0.0), np.eye(3))
-        decision = Decision(Twist2(speed, 0.0, 0.0), Progress(0, 0, state), estimate)
-        if observation.time < self._show_at:
+        estimate = Estimate(observation.time, Pose2(), np.eye(3))
+        decision = Decision(Twist2(0.2, 0.0, 0.0), Progress(0, 0, state), estimate)
+        if not self._shows:
             return decision
         cells = np.zeros((4, 5), np.uint8)
         picture = CostmapPicture(observation.time, "odom", 0.05, 0.0, 0.0, cells)
         return replace(decision, particles=np.zeros((3, 3)), costmap=picture)
 
 
-@pytest.fixture
-def scripted(monkeypatch):
-    def make(parameters):
-        return Scripted(**{key: float(str(value)) for key, value in parameters.items()})
-
-    plug_in(monkeypatch, "scripted", make)
-
-
-RUN_IN_A_PROCESS = """
-import sys
-from pathlib import Path
-from daemon.run import execute
-from daemon.model.spec import RunSpec
-from grammars.text import codec
-from grammars.model.scene import Scene
-spec = codec.from_json(RunSpec, Path(sys.argv[1]).read_bytes())
-scene = codec.from_json(Scene, Path(sys.argv[2]).read_bytes())
-print(execute(spec, scene, trace_path=Path(sys.argv[3])).digest)
-"""
-
-
-def run_in_a_process(spec, scene, folder, hash_seed):
-    (folder / "spec.json").write_bytes(codec.to_json(spec))
-    (folder / "scene.json").write_bytes(codec.to_json(scene))
-    trace = folder / "run.mcap"
-    arguments = [str(folder / "spec.json"), str(folder / "scene.json"), str(trace)]
-    done = subprocess.run(
-        [sys.executable, "-c", RUN_IN_A_PROCESS, *arguments],
-        env={"PYTHONHASHSEED": hash_seed, "PATH": ""},
-        capture_output=True,
-        text=True,
-        check=True,
-        cwd=Path(__file__).parents[2],
-    )
-    return done.stdout.strip(), trace.read_bytes()
-
-
-def test_the_same_specification_gives_the_same_bytes_in_another_process(demo, scene, tmp_path):
-    spec = replace(demo.specs[5], limit=20.0)
-    here = execute(spec, scene, trace_path=tmp_path / "here.mcap").digest
-    # Hashes have another seed there.
-    seed = "1" if os.environ.get("PYTHONHASHSEED") != "1" else "2"
-    there = run_in_a_process(spec, scene, tmp_path, seed)
-    assert there == (here, (tmp_path / "here.mcap").read_bytes())
-
-
-def test_what_a_system_under_test_shows_is_recorded(demo, scene, tmp_path, scripted):
-    spec = replace(idle(demo, seconds=3.0), sut=SutReference("shows", "scripted", {"show_at": 0.0}))
+def test_what_a_system_under_test_shows_is_recorded(runs, tmp_path, plug):
+    plug(Drives(shows=True))
     path = tmp_path / "run.mcap"
-    execute(spec, scene, trace_path=path)
+    runs.execute(runs.spec(kind="plugged", limit=3.0), path)
     with path.open("rb") as stream:
         messages = [
             (channel.topic, message.log_time / 1e9)
@@ -134,10 +64,10 @@ def test_what_a_system_under_test_shows_is_recorded(demo, scene, tmp_path, scrip
         assert [time for name, time in messages if name == topic] == [0.0, 1.0, 2.0, 3.0]
 
 
-def test_odometry_of_an_exact_period_keeps_its_stamps(demo, scene, tmp_path, campaigns, scripted):
+def test_odometry_of_an_exact_period_keeps_its_stamps(runs, tmp_path, campaigns, plug):
+    plug(Drives())
     robot = load_robot(campaigns / "robots" / "robile-planar-move.yaml")
-    spec = replace(idle(demo, seconds=5.0), robot=robot, sut=SutReference("drives", "scripted", {}))
-    execute(spec, scene, trace_path=tmp_path / "run.mcap")
+    runs.execute(runs.spec(kind="plugged", robot=robot, limit=5.0), tmp_path / "run.mcap")
     trace = read_trace(tmp_path / "run.mcap")
     assert trace.problems == ()
     np.testing.assert_allclose(trace.odometry.time, 0.051 * np.arange(99), atol=1e-9)
@@ -146,12 +76,10 @@ def test_odometry_of_an_exact_period_keeps_its_stamps(demo, scene, tmp_path, cam
     np.testing.assert_allclose(odometry.x, expected, atol=1e-6)
 
 
-def test_leading_margins_are_there_where_they_are_asked_for_and_change_nothing(
-    demo, scene, tmp_path
-):
-    spec = replace(demo.specs[5], limit=20.0)
-    plain = execute(spec, scene, trace_path=tmp_path / "plain.mcap")
-    led = execute(spec, scene, trace_path=tmp_path / "led.mcap", leads=True)
+def test_leading_margins_are_there_where_they_are_asked_for_and_change_nothing(runs, tmp_path):
+    spec = replace(runs.submission.specs[5], limit=20.0)
+    plain = runs.execute(spec, tmp_path / "plain.mcap")
+    led = runs.execute(spec, tmp_path / "led.mcap", leads=True)
     assert plain.leads == ()
     assert (led.verdicts, led.digest) == (plain.verdicts, plain.digest)
     assert (tmp_path / "led.mcap").read_bytes() == (tmp_path / "plain.mcap").read_bytes()
@@ -162,9 +90,9 @@ def test_leading_margins_are_there_where_they_are_asked_for_and_change_nothing(
         assert fails == (lead.margin is not None and lead.margin < 0.0)
 
 
-def test_a_trace_has_the_verdicts_of_its_run_inside(demo, scene, tmp_path):
+def test_a_trace_has_the_verdicts_of_its_run_inside(runs, tmp_path):
     path = tmp_path / "run.mcap"
-    result = execute(replace(demo.specs[5], limit=20.0), scene, trace_path=path)
+    result = runs.execute(replace(runs.submission.specs[5], limit=5.0), path)
     with path.open("rb") as stream:
         found = {a.name: a.data for a in make_reader(stream).iter_attachments()}
     inside = json.loads(found["verdicts.json"])
@@ -174,140 +102,221 @@ def test_a_trace_has_the_verdicts_of_its_run_inside(demo, scene, tmp_path):
     assert complaints(path) == []
 
 
-def test_a_judge_that_fails_leaves_the_recording(demo, scene, tmp_path, monkeypatch):
+def test_a_judge_that_fails_leaves_the_recording(runs, tmp_path, monkeypatch):
     def fail(*_):
         raise RuntimeError("no judgement")
 
     monkeypatch.setattr("daemon.run.judge", fail)
     with pytest.raises(RuntimeError, match="no judgement"):
-        execute(idle(demo, seconds=1.0), scene, trace_path=tmp_path / "run.mcap")
+        runs.execute(runs.spec(kind="idle", limit=1.0), tmp_path / "run.mcap")
     assert read_trace(tmp_path / "run.mcap").complete
 
 
-def test_a_trace_whose_verdicts_could_not_be_written_has_no_name(
-    demo, scene, tmp_path, monkeypatch
-):
+def test_a_trace_whose_verdicts_could_not_be_written_has_no_name(runs, tmp_path, monkeypatch):
     def fail(self, data):
         self._container.reopen()
         raise OSError(errno.ENOSPC, "no space left")
 
     monkeypatch.setattr(TraceWriter, "add_verdicts", fail)
     with pytest.raises(OSError, match="no space left"):
-        execute(idle(demo, seconds=1.0), scene, trace_path=tmp_path / "run.mcap")
+        runs.execute(runs.spec(kind="idle", limit=1.0), tmp_path / "run.mcap")
     assert [path.name for path in tmp_path.iterdir()] == ["run.mcap.partial"]
 
 
-def test_another_seed_gives_another_trace(demo, scene, tmp_path):
-    spec = idle(demo, seconds=2.0)
-    one = execute(spec, scene, trace_path=tmp_path / "one.mcap")
-    other = execute(replace(spec, seed=spec.seed + 1), scene, trace_path=tmp_path / "other.mcap")
+def test_another_seed_gives_another_trace(runs, tmp_path):
+    spec = runs.spec(kind="idle", limit=1.0)
+    one = runs.execute(spec, tmp_path / "one.mcap")
+    other = runs.execute(replace(spec, seed=spec.seed + 1), tmp_path / "other.mcap")
     assert one.trace.sha256 != other.trace.sha256
 
 
-def test_repeats_are_paired_across_scenarios(demo):
-    seeds = {
-        scenario: [s.seed for s in demo.specs if s.scenario == scenario]
-        for scenario in ("open-house", "busy-house", "rude-house")
-    }
+def test_repeats_are_paired_across_scenarios(runs):
+    seeds = {}
+    for spec in runs.submission.specs:
+        seeds.setdefault(spec.scenario, []).append(spec.seed)
     assert seeds["open-house"] == seeds["busy-house"] == seeds["rude-house"]
     assert len(set(seeds["open-house"])) == 5
 
 
-def test_a_run_that_reaches_its_limit_ends_complete(demo, scene, tmp_path):
-    result = execute(idle(demo, seconds=3.0), scene, trace_path=tmp_path / "run.mcap")
+def test_a_run_that_reaches_its_limit_ends_complete_and_tells_its_progress(runs, tmp_path):
+    spec, seen = runs.spec(kind="idle", limit=3.0), []
+    result = runs.execute(spec, tmp_path / "run.mcap", on_progress=seen.append)
     trace = read_trace(tmp_path / "run.mcap")
     assert result.ended == "limit"
     assert result.timing.simulated == pytest.approx(3.0)
     assert trace.complete
     assert trace.ground_truth.time[-1] == pytest.approx(3.0)
-    assert trace.spec == idle(demo, seconds=3.0)
+    assert trace.spec == spec
+    assert [s.time for s in seen] == pytest.approx([0.0, 1.0, 2.0, 3.0])
+    assert len(seen[0].joints) == len(runs.scene.joint_names)
 
 
-@pytest.mark.usefixtures("scripted")
-def test_a_run_ends_when_the_mission_is_over(demo, scene, tmp_path):
-    sut = SutReference("scripted", "scripted", {"finish_at": 1.5})
-    spec = replace(idle(demo, seconds=60.0), sut=sut)
-    result = execute(spec, scene, trace_path=tmp_path / "run.mcap")
+def test_a_run_ends_when_the_mission_is_over(runs, tmp_path, plug):
+    plug(Drives(finish_at=1.5))
+    result = runs.execute(runs.spec(kind="plugged", limit=60.0), tmp_path / "run.mcap")
     assert result.ended == "finished"
     assert result.timing.simulated == pytest.approx(1.5, abs=0.1)
 
 
-@pytest.mark.usefixtures("scripted")
-@pytest.mark.parametrize(
-    ("fault", "words"),
-    [
-        ("nonsense_at", "finite"),
-        ("lost_at", "its estimate has values that are not finite"),
-        ("silent_at", r"update\(\) must return a Decision, not NoneType"),
-    ],
-)
-def test_nonsense_is_an_error_of_the_system_under_test(demo, scene, tmp_path, fault, words):
-    sut = SutReference("scripted", "scripted", {fault: 1.0})
-    spec = replace(idle(demo, seconds=60.0), sut=sut)
-    result = execute(spec, scene, trace_path=tmp_path / "run.mcap")
-    assert (result.ended, result.outcome) == ("crashed", Outcome.ERROR)
-    assert re.search(words, result.note)
-
-
-@pytest.mark.usefixtures("scripted")
-def test_a_crash_of_the_system_under_test_is_an_error_never_a_failure(demo, scene, tmp_path):
-    sut = SutReference("scripted", "scripted", {"fail_at": 1.0})
-    spec = replace(idle(demo, seconds=60.0), sut=sut)
-    result = execute(spec, scene, trace_path=tmp_path / "run.mcap")
-    assert result.ended == "crashed"
-    assert result.outcome is Outcome.ERROR
-    assert "RuntimeError: no map" in result.note
-    events = [e.text for e in read_trace(tmp_path / "run.mcap").events]
-    assert any("no map" in text for text in events)
-
-
-def test_a_scene_that_is_not_the_specified_one_is_refused(demo, scene, tmp_path):
-    spec = replace(idle(demo, seconds=1.0), scene="0" * 64)
+def test_a_scene_that_is_not_the_specified_one_is_refused(runs, tmp_path):
     with pytest.raises(SceneMismatchError):
-        execute(spec, scene, trace_path=tmp_path / "run.mcap")
+        runs.execute(runs.spec(kind="idle", scene="0" * 64), tmp_path / "run.mcap")
     assert list(tmp_path.iterdir()) == []
 
 
-def test_progress_is_told_while_it_runs(demo, scene, tmp_path):
-    seen = []
-    execute(
-        idle(demo, seconds=4.0), scene, trace_path=tmp_path / "run.mcap", on_progress=seen.append
-    )
-    assert [s.time for s in seen] == pytest.approx([0.0, 1.0, 2.0, 3.0, 4.0])
-    assert len(seen[0].joints) == len(scene.joint_names)
+def test_the_pilot_visits_every_room_when_the_doors_are_open(runs, tmp_path):
+    result = runs.execute(runs.spec("open-house"), tmp_path / "run.mcap")
+    assert (result.ended, result.outcome) == ("finished", Outcome.PASS)
 
 
-def test_the_pilot_visits_every_room_when_the_doors_are_open(demo, scene, tmp_path):
-    spec = next(s for s in demo.specs if s.scenario == "open-house")
-    result = execute(spec, scene, trace_path=tmp_path / "run.mcap")
-    assert result.ended == "finished"
-    assert result.outcome is Outcome.PASS
+# People in the demo flat: nothing special on the way.
 
-
-WARMED = """
-import sys
-from pathlib import Path
-from daemon.run import execute, load_kernels, warm_up
-from daemon.model.spec import RunSpec
-from grammars.text import codec
-from grammars.model.scene import Scene
-
-folder = Path(sys.argv[1])
-spec = codec.from_json(RunSpec, (folder / "spec.json").read_bytes())
-scene = codec.from_json(Scene, (folder / "scene.json").read_bytes())
-warm_up()
-load_kernels(spec, scene)
-before = set(sys.modules)
-execute(spec, scene, trace_path=folder / "trace.mcap", leads=True)
-print(*sorted(name for name in set(sys.modules) - before))
+CROWDED = """
+  crowded-house:
+    like: open-house
+    objects: [doors, people]
+    behaviours: [doors_open, surprise]
+"""
+SURPRISE = """
+bedroom_door goes from open to closed when waypoint living-room is reached, after 1 s
 """
 
 
-def test_a_warmed_process_loads_nothing_more_in_a_run(demo, scene, tmp_path):
-    spec = replace(demo.specs[0], limit=1.0)
-    (tmp_path / "spec.json").write_bytes(codec.to_json(spec))
-    (tmp_path / "scene.json").write_bytes(codec.to_json(scene))
-    done = subprocess.run(
-        [sys.executable, "-c", WARMED, str(tmp_path)], capture_output=True, text=True, check=True
+@pytest.fixture(scope="module")
+def crowd(campaigns, tmp_path_factory):
+    """The runs of a house with a visitor, and the trace of one of them."""
+    folder = tmp_path_factory.mktemp("crowd")
+    shutil.copytree(campaigns, folder / "campaigns")
+    file = folder / "campaigns" / "demo" / "campaign.yaml"
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace("\nexpect:", f"{CROWDED}\nexpect:"), encoding="utf-8")
+    (file.parent / "surprise.scenery").write_text(SURPRISE, encoding="utf-8")
+    _, findings = examine(file)
+    found = [d for d in findings if "people.scenery" in d.where.file]
+    assert [str(d) for d in found if d.severity is Severity.ERROR] == []
+    runs = Runs(file)
+    spec = runs.spec("crowded-house")
+    runs.scene = next(s for s in runs.submission.scenes if s.digest == spec.scene)
+    runs.execute(spec, folder / "run.mcap")
+    return runs, read_trace(folder / "run.mcap")
+
+
+def test_the_visitor_walks_in_the_trace_and_makes_way_for_the_robot(crowd):
+    runs, trace = crowd
+    visitor = next(o for o in runs.scene.objects if o.name == "visitor")
+    first = runs.scene.joint_names.index("visitor.x")
+    states = trace.joints.position[:, first : first + 3]
+    for row in (0, 40, len(states) // 2):
+        pose = link_poses(visitor, states[row].tolist())["body"]
+        assert 1.6 - 1e-9 <= pose.x <= 6.6 + 1e-9
+        assert pose.y == pytest.approx(0.0, abs=1e-9)
+    steps = np.diff(states[:, 0]) / np.diff(trace.joints.time)
+    assert 0.69 < np.abs(steps).max() < 0.7 + 1e-6
+    texts = [event.text for event in trace.events if event.source == "visitor"]
+    assert texts[0] == "sets out"
+    assert "yields to the robot" in texts
+
+
+def test_a_door_reacts_to_the_mission(crowd):
+    (reached,) = (e.time for e in crowd[1].events if e.text == "waypoint 2 reached")
+    (reacted,) = (e.time for e in crowd[1].events if e.source == "bedroom_door.hinge")
+    assert 1.0 <= reacted - reached <= 1.2
+
+
+def test_the_map_of_a_crowded_house_shows_no_people(crowd):
+    scene = crowd[0].scene
+    alone = replace(scene, objects=tuple(o for o in scene.objects if o.name != "visitor"))
+    crowded, empty = (
+        occupancy_grid(each, laser_height=0.3, joints={}).cells for each in (scene, alone)
     )
-    assert done.stdout.split() == []
+    assert np.array_equal(crowded, empty)
+
+
+# A robot with several lasers, each at its own rate and told apart all the way.
+
+
+@pytest.fixture(scope="module")
+def two_lasers(campaigns):
+    return Runs(campaigns / "two_lasers" / "campaign.yaml")
+
+
+class Listener:
+    """Stands still and keeps the scans it gets."""
+
+    period = 0.05
+    needs_ground_truth = False
+
+    def __init__(self):
+        self.scans = []
+
+    def start(self, briefing):
+        """Nothing to prepare."""
+
+    def update(self, observation):
+        """Take what is new."""
+        self.scans += observation.scans
+        return Decision(None, Progress(0, 0, "active"))
+
+
+def listen(path, spec, scene):
+    """Stand still for two seconds; return the scans as they came and as they were recorded."""
+    spec = replace(spec, sut=SutReference("idle", "idle", {}), limit=2.0)
+    listener = Listener()
+    with TraceWriter(path, spec, scene) as trace:
+        end = RunLoop(spec, scene, trace, sut=listener).run()
+        trace.close(end.ended, end.note)
+    return listener.scans, read_trace(path, scans=True)
+
+
+def test_each_laser_has_its_own_rate_and_they_come_in_order(two_lasers, tmp_path):
+    heard, trace = listen(tmp_path / "run.mcap", two_lasers.spec(), two_lasers.scene)
+    front, rear = trace.scans
+    np.testing.assert_allclose(front.time, np.arange(21) / 10)
+    np.testing.assert_allclose(rear.time, np.ceil(np.arange(17) * 12.5 - 1e-9) / 100)
+    assert [s.time for s in heard] == sorted(s.time for s in heard)
+    together = [s.laser for s in heard if s.time in (0.0, 0.5, 1.0, 1.5, 2.0)]
+    assert together == ["front", "rear"] * 5
+    for track in trace.scans:
+        came = [s.ranges for s in heard if s.laser == track.laser]
+        np.testing.assert_array_equal(track.ranges, came)
+
+
+def test_one_laser_more_changes_nothing_for_the_first(two_lasers, tmp_path):
+    spec = two_lasers.spec()
+    alone = replace(spec, robot=replace(spec.robot, other_lasers=()))
+    _, both = listen(tmp_path / "both.mcap", spec, two_lasers.scene)
+    _, one = listen(tmp_path / "one.mcap", alone, two_lasers.scene)
+    np.testing.assert_array_equal(both.scans[0].ranges, one.scans[0].ranges)
+    np.testing.assert_array_equal(both.joints.position, one.joints.position)
+    np.testing.assert_array_equal(both.odometry.x, one.odometry.x)
+
+
+def test_the_pilot_drives_a_robot_with_two_lasers(two_lasers, tmp_path):
+    """The other stacks do so in tests/long."""
+    spec = two_lasers.spec("open-house")
+    assert spec.sut.name == "pilot"
+    assert two_lasers.execute(spec, tmp_path / "run.mcap").outcome is Outcome.PASS
+
+
+# The list of kernels by which others load what a short run compiled.
+
+
+def test_numbers_choose_no_kernel_and_words_do(runs):
+    def name(**changes):
+        return kernel_list(runs.spec(kind="pilot", parameters=changes))
+
+    assert name(max_speed=0.4) == name(max_speed=0.5)
+    assert name(planner="a") != name(planner="b")
+    assert name(max_speed=0.4) != name()
+    demo = runs.spec()
+    omnidirectional = replace(demo.robot.drive, kind="omnidirectional")
+    differential = replace(demo.robot.drive, kind="differential")
+    robots = [replace(demo.robot, drive=drive) for drive in (omnidirectional, differential)]
+    assert len({kernel_list(replace(demo, robot=robot)) for robot in robots}) == 2
+
+
+def test_what_lives_elsewhere_is_left_out_of_the_short_run(demo):
+    outside, demo = runs.spec(kind="ros2", parameters={"launch": "nav2"}), runs.spec()
+    assert short_run(outside).sut.kind == "idle"
+    assert short_run(demo).sut == demo.sut
+    assert short_run(demo).limit < demo.limit

@@ -1,0 +1,315 @@
+"""What watchers see of a run, when it is judged for them, and that the run does not notice."""
+
+import random
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from daemon.batch.client import read_snapshot
+from daemon.model.live_view import (
+    MOST_BLOCKED,
+    MOST_PLAN_POINTS,
+    MOST_RETURNS,
+    LiveView,
+    from_centimetres,
+    to_centimetres,
+)
+from daemon.model.spec import Snapshot
+from daemon.model.status import LiveSnapshot
+from daemon.model.sut import CostmapPicture, Estimate
+from daemon.model.verdicts import Outcome
+from daemon.run_judge import WatchedRun
+from grammars.model.geometry import Pose2
+from grammars.model.robot import Laser, Mount
+from grammars.text import codec
+from tests.engine.judging.traces import along, cut, make_trace, mission, times
+
+LASER = Laser(Mount(0.5), 0.3, -np.pi / 2, np.pi / 2, 181, 0.05, 10.0, 10.0, 0.01, 0.0)
+BARE = Snapshot(1.0, 10.0, Pose2(1.0, 2.0), None, 0, 1, ())
+
+
+def test_points_keep_to_the_centimetre():
+    points = np.array([(1.234, -5.678), (0.0, 12.0), (np.nan, 1.0)])
+    assert from_centimetres(to_centimetres(points)) == ((1.23, -5.68), (0.0, 12.0))
+    assert from_centimetres((100, 200, 300)) == ((1.0, 2.0),)
+
+
+def test_returns_lie_where_the_laser_saw_something():
+    view = LiveView((LASER,))
+    ranges = np.full(181, np.inf)
+    ranges[90] = 2.0  # straight ahead
+    view.add_scan(Pose2(1.0, 2.0, np.pi / 2), ranges)
+    seen = from_centimetres(view.extend(BARE, None, None, None).returns)
+    assert seen == ((1.0, 4.5),)
+
+
+def test_everything_is_thinned_and_contacts_are_told_once():
+    view = LiveView((LASER,))
+    view.add_scan(Pose2(), np.full(181, 3.0))
+    view.contacts.append((1.0, 2.0))
+    plan = np.column_stack([np.linspace(0.0, 50.0, 5000), np.zeros(5000)])
+    belief = Estimate(1.0, Pose2(), np.diag([0.04, 0.01, 0.1]))
+    cells = np.full((60, 60), 254, np.uint8)
+    costmap = CostmapPicture(1.0, "odom", 0.05, 40.0, 40.0, cells, frame_pose=Pose2(1.0, 0.0))
+    line = replace(BARE, stack="x" * 120)
+    picture = view.extend(line, belief, plan, costmap)
+    assert len(picture.costmap) == 2 * MOST_BLOCKED
+    assert from_centimetres(picture.costmap)[0] == (41.02, 40.02)
+    assert len(picture.returns) <= 2 * MOST_RETURNS
+    assert len(picture.plan) == 2 * MOST_PLAN_POINTS
+    assert from_centimetres(picture.plan)[-1] == (50.0, 0.0)
+    assert from_centimetres(picture.contacts) == ((1.0, 2.0),)
+    assert picture.spread == (0.04, 0.0, 0.01)
+    assert view.extend(BARE, belief, plan, None).contacts == ()
+    assert len(codec.to_json(LiveSnapshot("r" * 60, picture))) < 4000
+
+
+@pytest.mark.parametrize("variance", [1e200, np.inf, np.nan])
+def test_a_belief_that_cannot_be_told_leaves_the_rest_to_be_seen(variance):
+    belief = Estimate(1.0, Pose2(), np.diag([variance, 0.01, 0.1]))
+    picture = LiveView((LASER,)).extend(BARE, belief, np.array([(1.0, 2.0)]), None)
+    live = LiveSnapshot("c.0", picture)
+    assert read_snapshot(codec.to_json(live)) == live
+    assert (picture.spread, picture.plan) == (None, (100, 200))
+
+
+def test_returns_of_all_lasers_share_what_a_snapshot_takes():
+    front, rear = (
+        replace(LASER, name="front"),
+        replace(LASER, name="rear", mount=Mount(0, 0, np.pi)),
+    )
+    view = LiveView((front, rear))
+    view.add_scan(Pose2(), np.full(181, 3.0), "front")
+    assert 0 < len(view.extend(BARE, None, None, None).returns) <= MOST_RETURNS
+    view.add_scan(Pose2(), np.full(181, 2.0), "rear")
+    seen = from_centimetres(view.extend(BARE, None, None, None).returns)
+    assert len(seen) <= MOST_RETURNS
+    assert min(x for x, _ in seen) == -2.0
+    assert max(x for x, _ in seen) == 3.5
+
+
+@pytest.fixture
+def watched(runs, tmp_path):
+    """Execute a run of three seconds for somebody who watches."""
+
+    def execute(limit=3.0, interest="everything", judgements=None):
+        spec = runs.spec(limit=limit)
+        seen, path = [], tmp_path / "watched.mcap"
+        result = runs.execute(
+            spec, path, on_progress=seen.append, interest=lambda: interest, judgements=judgements
+        )
+        return result, seen
+
+    return execute
+
+
+@pytest.mark.parametrize("interest", ["nothing", "progress", "everything"])
+def test_who_watches_changes_nothing(runs, tmp_path, watched, interest):
+    alone = runs.execute(runs.spec(limit=3.0), tmp_path / "alone.mcap")
+    result, seen = watched(interest=interest)
+    assert result.digest == alone.digest
+    assert (tmp_path / "watched.mcap").read_bytes() == (tmp_path / "alone.mcap").read_bytes()
+    assert len(seen) == (0 if interest == "nothing" else 31)
+    assert any(s.returns and s.spread and s.plan for s in seen) == (interest == "everything")
+
+
+class Judged:
+    """Wants everything, always, and keeps it."""
+
+    def __init__(self, wanted="everything"):
+        self.found = []
+        self._wanted = wanted
+
+    def wanted(self):
+        return self._wanted
+
+    def tell(self, judgement):
+        self.found.append(judgement)
+
+
+@pytest.mark.parametrize("limit", [12.0, 3.0])
+def test_who_has_it_judged_changes_nothing_and_is_told_the_verdicts(
+    runs, tmp_path, monkeypatch, watched, limit
+):
+    # Judged with every snapshot, where it otherwise takes a tenth of the time.
+    monkeypatch.setattr("daemon.run_judge._PERIOD", 0.0)
+    monkeypatch.setattr("daemon.run_judge._SHARE", 1e9)
+    alone = runs.execute(runs.spec(limit=limit), tmp_path / "alone.mcap")
+    judged = Judged()
+    result, seen = watched(limit, judgements=judged)
+    assert result.digest == alone.digest
+    assert result.trace.sha256 == alone.trace.sha256
+    assert len(judged.found) == len(seen) + 1
+    assert [one.time for one in judged.found[:-1]] == pytest.approx([s.time for s in seen])
+    assert judged.found[-1].verdicts == result.verdicts
+    outcomes = {verdict.oracle: verdict.outcome for verdict in result.verdicts}
+    for judgement in judged.found:
+        for one in judgement.verdicts:
+            assert one.outcome is not Outcome.FAIL or outcomes[one.oracle] is Outcome.FAIL
+    assert seen[0].margin is None
+    assert seen[-1].margin is not None
+    assert seen[-1].oracle in outcomes
+
+
+def test_margins_of_all_runs_are_found_without_a_judgement(watched):
+    judged = Judged("margin")
+    _, seen = watched(interest="progress", judgements=judged)
+    assert judged.found == []
+    assert seen[0].margin is None
+    assert {(s.oracle, s.unit) for s in seen[1:]} == {(seen[1].oracle, seen[1].unit)}
+    assert seen[1].margin is not None
+
+
+def test_a_judge_that_fails_fails_alone(watched, monkeypatch, capfd):
+    monkeypatch.setattr("daemon.judging.live.sample_run_signals", lambda sampler: 1 / 0)
+    judged = Judged()
+    result, _ = watched(judgements=judged)
+    assert result.ended == "limit"
+    (told,) = judged.found
+    assert told.verdicts == ()
+    assert "not judged any more" in told.log[0].text
+    assert capfd.readouterr().err.count("ZeroDivisionError") == 1
+
+
+def test_judges_that_draw_leave_the_same_chance_to_the_run(watched, monkeypatch):
+    def draw(sampler):
+        random.random()
+        np.random.rand()
+        return ()
+
+    monkeypatch.setattr("daemon.judging.live.sample_run_signals", draw)
+    judged = Judged()
+    random.seed(1)
+    np.random.seed(1)
+    expected = random.Random(1).random(), np.random.RandomState(1).rand()
+    watched(1.0, judgements=judged)
+    assert judged.found
+    assert (random.random(), np.random.rand()) == expected
+
+
+STEP = 0.25
+"""Seconds between two snapshots."""
+
+
+class Judging:
+    """A run whose judgements take as long as is said, on a clock of its own."""
+
+    def __init__(self, monkeypatch, first, later):
+        self.now = self._began = 100.0
+        self.told = []
+        self.costs = []
+        self._first, self._later = first, later
+        self._wanted = "nothing"
+        self.refuses = False
+        self.failure = None
+        self._trace = cut(make_trace(along(times(4.0)), goal=mission((5.0, 0.0))), 4.0)
+        clock = SimpleNamespace(perf_counter=lambda: self.now)
+        monkeypatch.setattr("daemon.run_judge.time", clock)
+        self._run = WatchedRun(self, lambda _: None, self)
+
+    def so_far(self, ended, note):
+        if self.failure is not None:
+            raise self.failure
+        self.costs.append(self._first if not self.costs else self._later)
+        self.now += self.costs[-1]
+        return self._trace
+
+    def wanted(self):
+        return self._wanted
+
+    def tell(self, judgement):
+        if self.refuses:
+            raise UnicodeEncodeError("utf-8", "\ud800", 0, 1, "what a plug-in says")
+        self.told.append(self.now)
+        self.last = judgement
+
+    def share(self):
+        """Return how much of the run's time judging took: the first is free, two may be owed."""
+        return sum(self.costs[3:]) / (self.now - self._began)
+
+    def go_on(self, wanted, seconds):
+        """Let the run go on for so long while that is wanted."""
+        self._wanted = wanted
+        end = self.now + seconds
+        while self.now < end:
+            self._run(BARE)
+            self.now += STEP
+
+
+@pytest.mark.parametrize(("first", "later"), [(2.0, 0.2), (0.2, 0.2), (0.5, 0.5)])
+@pytest.mark.parametrize("before", [0.3, 2.5, 10.1, 60.0])
+def test_who_opens_a_run_is_told_within_a_second(monkeypatch, first, later, before):
+    judging = Judging(monkeypatch, first, later)
+    judging.go_on("margin", before)
+    opened = judging.now
+    judging.go_on("everything", 3.0)
+    assert judging.told[0] <= opened + STEP + later
+
+
+def test_the_second_judgement_does_not_wait_for_what_the_first_had_to_load(monkeypatch):
+    judging = Judging(monkeypatch, first=2.0, later=0.05)
+    judging.go_on("everything", 6.0)
+    assert judging.told[1] <= judging.told[0] + 1.0 + STEP
+
+
+@pytest.mark.parametrize(("wanted", "share"), [("margin", 0.05), ("everything", 0.1)])
+def test_judging_keeps_to_its_share(monkeypatch, wanted, share):
+    judging = Judging(monkeypatch, first=0.5, later=0.5)
+    judging.go_on(wanted, 400.0)
+    assert 0.8 * share < judging.share() <= share
+
+
+@pytest.mark.parametrize("away", ["nothing", "margin"])
+def test_opening_a_run_again_and_again_does_not_slow_it_down(monkeypatch, away):
+    judging = Judging(monkeypatch, first=0.5, later=0.5)
+    for _ in range(150):
+        judging.go_on(away, 1.0)
+        opened, before = judging.now, len(judging.told)
+        judging.go_on("everything", 1.0)
+        # Told again what was judged last, where judging anew has to wait.
+        assert judging.told[before] <= opened + STEP + 0.5
+    assert judging.share() <= 0.1
+
+
+def test_a_judgement_that_cannot_be_told_does_not_end_the_run(monkeypatch):
+    judging = Judging(monkeypatch, first=0.1, later=0.1)
+    judging.go_on("everything", 5.0)
+    told = len(judging.told)
+    assert told
+    judging.refuses = True
+    judging.go_on("everything", 5.0)
+    judging.go_on("nothing", 5.0)
+    judging.go_on("everything", 5.0)
+    assert len(judging.told) == told
+
+
+@pytest.mark.parametrize("before", ["margin", "everything"])
+def test_who_watches_is_told_that_a_run_is_not_judged_any_more(monkeypatch, before):
+    judging = Judging(monkeypatch, first=0.1, later=0.1)
+    judging.go_on(before, 5.0)
+    judging.failure = RuntimeError("the plug-in\x1b[2J broke")
+    judging.go_on(before, 5.0)
+    judging.go_on("nothing", 5.0)
+    told = len(judging.told)
+    judging.go_on("everything", 5.0)
+    assert len(judging.told) == told + 1
+    assert judging.last.verdicts == ()
+    (line,) = judging.last.log
+    assert (line.time, line.level) == (BARE.time, "error")
+    assert line.text.startswith("not judged any more while it runs: RuntimeError('the plug-in")
+    assert "\x1b[" not in line.text
+
+
+def test_an_error_that_cannot_say_what_it_is_does_not_end_the_run(monkeypatch):
+    class WordlessError(Exception):
+        def __str__(self):
+            raise TypeError("an error of a plug-in may be of any class")
+
+        __repr__ = __str__
+
+    judging = Judging(monkeypatch, first=0.1, later=0.1)
+    judging.failure = WordlessError()
+    judging.go_on("everything", 5.0)
+    assert judging.last.log[0].text == "not judged any more while it runs: WordlessError"
