@@ -315,7 +315,7 @@ def test_numbers_choose_no_kernel_and_words_do(runs):
     assert len({kernel_list(replace(demo, robot=robot)) for robot in robots}) == 2
 
 
-def test_what_lives_elsewhere_is_left_out_of_the_short_run(demo):
+def test_what_lives_elsewhere_is_left_out_of_the_short_run(runs):
     outside, demo = runs.spec(kind="ros2", parameters={"launch": "nav2"}), runs.spec()
     assert short_run(outside).sut.kind == "idle"
     assert short_run(demo).sut == demo.sut

@@ -16,6 +16,7 @@ from daemon.model.assessments import AssessmentRules, Expectation, Mark, RepeatP
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from grammars.text import codec
 from tests.engine.judging.records import cell, lost, measure, record, verdict
+from tests.engine.judging.traces import answers
 
 RATE = AssessmentRules(RepeatPolicy(5, "rate", 0.8))
 POLICIES = {
@@ -29,6 +30,7 @@ POLICIES = {
         RepeatPolicy(5, "mean", until_decided=True, at_most=30)
     ),
 }  # fmt: skip
+HERE = Path(__file__).parent
 ERROR = Verdict("clear", "always(...)", Outcome.ERROR, None, None, "m", Evidence())
 PLAIN = AssessmentRules()
 
@@ -61,8 +63,8 @@ def repeats(line):
     return tuple(runs)
 
 
-def told(rules, runs):
-    found = assess(rules, runs)
+def told(rules, line):
+    found = assess(rules, repeats(line))
     ((only,),) = (each.oracles for each in found.cells)
     counts = (only.passed, only.failed, only.inconclusive, only.errors, only.missing)
     names = ("passed", "failed", "open", "in error", "missing")
@@ -81,16 +83,7 @@ def told(rules, runs):
 
 
 def test_each_cell_comes_to_what_stands_below_its_repeats(golden):
-    lines, rules = [], PLAIN
-    for line in Path(__file__).with_name("cells.txt").read_text("utf-8").splitlines():
-        if line.startswith("    "):
-            continue
-        lines.append(line)
-        if line.startswith("== "):
-            rules = POLICIES[line.removeprefix("== ").partition(":")[0]]
-        elif line:
-            lines.append(f"    {told(rules, repeats(line))}")
-    golden("cells.txt", "\n".join([*lines, ""]))
+    golden("cells.txt", answers(HERE / "cells.txt", POLICIES.get, told))
 
 
 def test_a_mean_that_is_looked_at_more_often_needs_more():

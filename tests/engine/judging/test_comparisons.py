@@ -1,62 +1,78 @@
-"""Comparisons of two scenarios: what is paired, what is left out, when they pass."""
+"""Two scenarios compared, and reference values beside what runs gave.
+
+``comparisons.txt`` has sentences, each with runs of A and B, and what they come to.
+"""
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
-from daemon.judging.assessment import assess
+from daemon.judging.assessment import assess, reference_comparisons
+from daemon.judging.statistics import mean_interval, proportion_interval
 from daemon.model.assessments import (
     AssessmentRules,
     Expectation,
+    ReferenceValue,
     ScenarioComparison,
 )
 from daemon.model.verdicts import Outcome
-from tests.engine.judging.records import measure, record, timed, verdict
+from tests.engine.judging.records import cell, measure, record, timed, verdict
+from tests.engine.judging.traces import answers
 from tests.make import with_result
 
+GOLDEN = "comparisons.txt"
 
-def delay(limit=30.0, op="<=", quantity="delay"):
+
+def sentence(quantity="delay", op="<=", limit=30.0):
     text = f"{quantity}(A vs B) {op} {limit:g} s"
-    sentence = ScenarioComparison("d", quantity, "A", "B", None, op, limit, "s", text)
-    return AssessmentRules(comparisons=(sentence,))
+    declared = ScenarioComparison("d", quantity, "A", "B", None, op, limit, "s", text)
+    return AssessmentRules(comparisons=(declared,))
 
 
-def compared(declared, *sides):
-    (found,) = assess(declared, sum(sides, ())).comparisons
+def declared(words):
+    quantity, op, limit = words.split()
+    return sentence(quantity, op, float(limit))
+
+
+def side(rules, words):
+    """Runs of a scenario: by their time or measure, or how they ended."""
+    *other, name = words[: words.index("A" if "A" in words else "B") + 1].split()
+    measured = rules.comparisons[0].quantity != "delay"
+    for i, word in enumerate(words.split()[len(other) + 1 :]):
+        seed = {"scenario": name, "seed": i + 100 * bool(other)}
+        if word == "missed":
+            yield record(i, verdict(-1.0, "reached", "reached(mission, 0.25 m)"), **seed)
+        elif word in ("limit", "none"):
+            yield record(i, *([verdict(1.0)] if word == "limit" else []), ended="limit", **seed)
+        elif measured:
+            yield record(i, measure(float(word)), **seed)
+        else:
+            yield record(i, verdict(1.0), took=float(word), **seed)
+
+
+def told(rules, line):
+    runs = [run for words in line.split(", ") for run in side(rules, words)]
+    (found,) = assess(rules, tuple(runs)).comparisons
+    differences = " ".join(f"{value:g}" for value in found.differences)
+    numbers = [
+        f"{name} {value:.4g}"
+        for name in ("mean", "low", "high")
+        if (value := getattr(found, name)) is not None
+    ]
+    parts = [f"{found.verdict} {found.method}".rstrip(), f"n={found.n}", *numbers]
+    parts += [f"differences {differences}"] if differences else []
+    parts += [f"{found.left_out} left out"] if found.left_out else []
+    return ", ".join([*parts, *filter(None, [found.note])])
+
+
+def test_each_comparison_comes_to_what_stands_below_its_runs(golden):
+    golden(GOLDEN, answers(Path(__file__).with_name(GOLDEN), declared, told))
+
+
+def compared(rules, *sides):
+    (found,) = assess(rules, sum(sides, ())).comparisons
     return found
-
-
-def test_delays_are_paired_by_repeat():
-    # Each side varies by much more than their differences do.
-    found = compared(delay(), timed("A", [108, 209, 311]), timed("B", [100, 200, 300]))
-    assert (found.method, found.n, found.differences) == ("paired", 3, (8.0, 9.0, 11.0))
-    assert found.verdict is Outcome.PASS
-    assert found.high < 30.0
-    assert compared(delay(5), timed("A", [108, 209, 311]), timed("B", [100, 200, 300])).verdict == (
-        Outcome.FAIL
-    )
-    assert compared(delay(10), timed("A", [90, 140]), timed("B", [100, 100])).verdict == (
-        Outcome.INCONCLUSIVE
-    )
-
-
-def test_without_pairs_the_means_are_compared():
-    other = tuple(replace(r, seed=r.seed + 100) for r in timed("B", [100, 101, 102]))
-    found = compared(delay(), timed("A", [108, 109, 110]), other)
-    assert (found.method, found.n, found.mean) == ("welch", 3, pytest.approx(8.0))
-    assert found.verdict is Outcome.PASS
-
-
-def test_a_robot_that_never_arrives_has_no_short_delay():
-    stuck = with_result(timed("A", [0, 0, 120])[2], ended="limit")
-    left = (*timed("A", [108, 109]), stuck)
-    found = compared(delay(), left, timed("B", [100, 100, 100]))
-    assert (found.verdict, found.left_out, found.n) == (Outcome.INCONCLUSIVE, 1, 2)
-    assert found.note == "1 run did not end the mission"
-    gave_up = record(2, verdict(-1.0, "reached", "reached(mission, 0.25 m)"), scenario="A")
-    assert (
-        compared(delay(), (*timed("A", [108, 109]), gave_up), timed("B", [100] * 3)).left_out == 1
-    )
 
 
 @pytest.mark.parametrize(
@@ -74,32 +90,9 @@ def test_a_mission_that_was_missed_is_known_however_its_oracle_is_written(text, 
     missed = tuple(
         record(i, verdict(-1.0, "arrives", text), scenario="A", took=20.0) for i in range(5)
     )
-    found = compared(delay(), missed, timed("B", [100] * 5))
+    found = compared(sentence(), missed, timed("B", [100] * 5))
     assert found.left_out == (5 if counts else 0)
     assert found.verdict is (Outcome.INCONCLUSIVE if counts else Outcome.PASS)
-
-
-def test_one_pair_decides_nothing():
-    found = compared(delay(), timed("A", [101]), timed("B", [100]))
-    assert (found.verdict, found.note) == (Outcome.INCONCLUSIVE, "only one pair")
-    assert found.mean == 1.0
-
-
-def test_measures_are_compared_by_their_name():
-    def side(name, values):
-        return tuple(record(i, measure(v), scenario=name) for i, v in enumerate(values))
-
-    found = compared(delay(0, ">=", "buffer-time"), side("A", [5, 6.1]), side("B", [4, 5]))
-    assert (found.verdict, found.mean) == (Outcome.PASS, pytest.approx(1.05))
-
-
-def test_comparisons_have_expectations_too():
-    sides = (*timed("A", [200, 201]), *timed("B", [100, 100]))
-    unknown = assess(delay(), sides)
-    assert unknown.exit_code == 1
-    assert unknown.surprises[0].text.startswith("a2s d  +100 s  fail, n=2: delay(A vs B)")
-    known = Expectation("A", "d", (), "fail", "the detour is long")
-    assert assess(replace(delay(), expectations=(known,)), sides).exit_code == 0
 
 
 def apart(*by):
@@ -107,63 +100,9 @@ def apart(*by):
     return timed("A", [100 + x for x in by]), timed("B", [100] * len(by))
 
 
-@pytest.mark.parametrize(
-    ("op", "below", "at", "above"),
-    [
-        ("<=", "pass", "pass", "fail"),
-        ("<", "pass", "fail", "fail"),
-        (">=", "fail", "pass", "pass"),
-        (">", "fail", "fail", "pass"),
-    ],
-)
-def test_each_operator_says_what_the_limit_itself_is(op, below, at, above):
-    found = [compared(delay(10, op), *apart(*[by] * 3)).verdict for by in (9, 10, 11)]
-    assert found == [below, at, above]
-
-
-@pytest.mark.parametrize("op", ["<=", "<", ">=", ">"])
-def test_a_difference_around_the_limit_decides_nothing(op):
-    found = compared(delay(10, op), *apart(7, 10, 14))
-    assert found.verdict is Outcome.INCONCLUSIVE
-    assert found.note == ""
-    assert (found.mean, found.n) == (pytest.approx(31 / 3), 3)
-    # Student's t for 2 degrees of freedom is 2.920, the standard error sqrt(37/3/3) = 2.028 s.
-    assert found.low == pytest.approx(31 / 3 - 2.920 * 2.028, abs=2e-3)
-    assert found.high == pytest.approx(31 / 3 + 2.920 * 2.028, abs=2e-3)
-
-
-def unfinished(scenario, repeat):
-    return record(repeat, verdict(1.0), scenario=scenario, ended="limit")
-
-
-def test_what_is_left_out_on_both_sides_is_counted_together():
-    left, right = apart(8, 9, 10)
-    sides = (*left, unfinished("A", 3), unfinished("A", 4), *right, unfinished("B", 3))
-    found = compared(delay(), sides)
-    assert (found.left_out, found.verdict) == (3, Outcome.INCONCLUSIVE)
-    assert found.note == "3 runs did not end the mission"
-    # What is too long already does not become better by those that took longer still.
-    late = compared(delay(5), sides)
-    assert (late.verdict, late.note) == (Outcome.FAIL, "3 runs did not end the mission")
-
-
-def test_what_stands_in_the_way_of_a_verdict_is_said_together():
-    left, right = apart(8)
-    one = compared(delay(), (*left, unfinished("A", 1)), right)
-    assert one.note == "only one pair; 1 run did not end the mission"
-    assert (one.n, one.low, one.high, one.method) == (1, None, None, "")
-    none = compared(delay(), (unfinished("A", 0),), right)
-    assert none.note == "nothing to compare; 1 run did not end the mission"
-    assert (none.n, none.mean, none.differences) == (0, None, ())
-    measured = (record(0, measure(5.0), scenario="A"), record(0, scenario="B"))
-    assert compared(delay(0, "<=", "buffer-time"), measured).note == (
-        "nothing to compare; 1 run left out"
-    )
-
-
 def test_the_delay_of_a_leg_is_that_of_the_measure_that_times_it():
-    (sentence,) = delay().comparisons
-    leg = AssessmentRules(comparisons=(replace(sentence, measure="leg"),))
+    (whole,) = sentence().comparisons
+    leg = AssessmentRules(comparisons=(replace(whole, measure="leg"),))
     runs = [
         record(i, measure(time, "leg"), scenario=name, took=900.0 - time)
         for name, times in (("A", (18.0, 28.0)), ("B", (10.0, 20.0)))
@@ -180,7 +119,7 @@ def test_variants_are_paired_with_their_like():
         record(0, verdict(1.0), scenario=f"{name}@{variant}", took=took)
         for name, variant, took in (("A", 1, 111), ("A", 2, 222), ("B", 2, 220), ("B", 1, 110))
     ]
-    assert compared(delay(), tuple(sides)).differences == (1.0, 2.0)
+    assert compared(sentence(), tuple(sides)).differences == (1.0, 2.0)
 
 
 def test_every_system_that_ran_both_scenarios_is_compared():
@@ -191,7 +130,7 @@ def test_every_system_that_ran_both_scenarios_is_compared():
         *runs("slow", "A", 50), *runs("fast", "A", 5), *runs("alone", "A", 5),
         *runs("fast", "B", 0), *runs("slow", "B", 0), *runs("slow", "C", 0),
     )  # fmt: skip
-    found = assess(delay(), records).comparisons
+    found = assess(sentence(), records).comparisons
     assert [(c.sut, c.verdict, c.mean) for c in found] == [
         ("slow", "fail", 50.0),
         ("fast", "pass", 5.0),
@@ -211,12 +150,79 @@ def test_every_system_that_ran_both_scenarios_is_compared():
 )
 def test_a_comparison_is_one_repeat_of_what_is_expected(wanted, by, status, code):
     known = Expectation("A", "d", (), wanted, "the detour")
-    result = assess(replace(delay(), expectations=(known,)), sum(apart(by, by), ()))
+    result = assess(replace(sentence(), expectations=(known,)), sum(apart(by, by), ()))
     (found,) = result.comparisons
     assert (found.status, found.why, result.exit_code) == (status, "the detour", code)
 
 
 def test_an_unexpected_comparison_is_told_with_what_was_found():
-    (surprise,) = assess(delay(), sum(apart(99, 101), ())).surprises
+    (surprise,) = assess(sentence(), sum(apart(99, 101), ())).surprises
     assert (surprise.scenario, surprise.run, surprise.repeat) == ("", "", None)
     assert surprise.text == "a2s d  +100 s  fail, n=2: delay(A vs B) <= 30 s"
+
+
+def reference(oracle, value, **other):
+    given = {"scenario": "S1", "suts": (), "statistic": "mean", "unit": "s"} | other
+    return ReferenceValue(
+        name="paper", source="a paper", oracle=oracle, value=value, text=f"{value}", **given
+    )
+
+
+def test_a_mean_has_deviation_and_the_t_interval():
+    runs = timed("S1", (60.0, 62.0, 67.0))
+    (found,) = reference_comparisons([reference("duration", 61.0)], assess(AssessmentRules(), runs))
+    expected = mean_interval((60.0, 62.0, 67.0))
+    assert (found.scenario, found.sut, found.n) == ("S1", "a2s", 3)
+    assert (found.value, found.deviation) == (63.0, expected.std)
+    assert (found.low, found.high) == (expected.low, expected.high)
+    assert found.difference == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(("statistic", "value"), [("min", 1.0), ("median", 2.0), ("max", 9.0)])
+def test_of_other_statistics_there_is_no_interval(statistic, value):
+    runs = [record(i, verdict(1.0), measure(v)) for i, v in enumerate((2.0, 9.0, 1.0))]
+    wanted = reference("buffer-time", 0.5, statistic=statistic)
+    (found,) = reference_comparisons([wanted], assess(AssessmentRules(), runs))
+    assert (found.value, found.low, found.high) == (value, None, None)
+
+
+def test_a_count_has_the_exact_interval_of_its_rate():
+    assessment = assess(AssessmentRules(), cell((1.0, 1.0, -1.0, 1.0)))
+    wanted = reference("clear", 0.6, statistic="rate", unit="1")
+    (found,) = reference_comparisons([wanted], assessment)
+    assert (found.n, found.value) == (4, 0.75)
+    assert (found.low, found.high) == proportion_interval(3, 4)
+
+
+def test_a_run_that_was_not_judged_may_have_been_either():
+    assessment = assess(AssessmentRules(), cell((1.0, None)))
+    wanted = reference("clear", 1.0, statistic="rate", unit="1")
+    (found,) = reference_comparisons([wanted], assessment)
+    assert (found.low, found.high) == (proportion_interval(1, 2)[0], proportion_interval(2, 2)[1])
+
+
+def test_a_comparison_stands_beside_its_pairs():
+    asked = ScenarioComparison("delay-1", "delay", "S2", "S1", None, "<=", 30.0, "s", "delay(...)")
+    runs = (*timed("S1", (60.0, 61.0)), *timed("S2", (70.0, 73.0)))
+    assessment = assess(AssessmentRules(comparisons=(asked,)), runs)
+    (found,) = reference_comparisons([reference("delay-1", -8.9, scenario="")], assessment)
+    assert (found.scenario, found.n, found.value) == ("", 2, 11.0)
+    assert found.difference == pytest.approx(19.9)
+
+
+def test_patterns_speak_of_several_cells_and_of_variants():
+    runs = (
+        *timed("S3.1", (1.0, 2.0)),
+        *timed("S3.2@7", (3.0, 4.0)),
+        *timed("S3.1", (5.0, 6.0), sut="fro-diff"),
+        *timed("S1", (7.0, 8.0)),
+    )
+    wanted = reference("duration", 0.0, scenario="S3.?", suts=("a2s",))
+    found = reference_comparisons([wanted], assess(AssessmentRules(), runs))
+    assert [(each.scenario, each.sut) for each in found] == [("S3.1", "a2s"), ("S3.2@7", "a2s")]
+
+
+def test_what_nobody_measured_is_said_so():
+    assessment = assess(AssessmentRules(), cell((1.0,)))
+    (found,) = reference_comparisons([reference("buffer-time", 3.0)], assessment)
+    assert (found.n, found.value, found.difference) == (0, None, None)

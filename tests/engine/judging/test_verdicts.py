@@ -31,6 +31,7 @@ from grammars.text.expressions import render
 from tests.engine.judging.traces import (
     CORRIDOR,
     along,
+    answers,
     box,
     cut,
     make_trace,
@@ -354,16 +355,7 @@ def judged(trace, line):
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_each_verdict_is_the_one_below_its_oracle(path, golden):
-    lines, trace = [], None
-    for line in path.read_text("utf-8").splitlines():
-        if line.startswith("    "):
-            continue
-        lines.append(line)
-        if line.startswith("== "):
-            trace = TRACES[line.removeprefix("== ").partition(":")[0]]()
-        elif line:
-            lines.append(f"    {judged(trace, line)}")
-    golden(f"verdicts/{path.name}", "\n".join([*lines, ""]))
+    golden(f"verdicts/{path.name}", answers(path, lambda name: TRACES[name](), judged))
 
 
 def test_each_trace_is_judged():

@@ -211,3 +211,20 @@ def _samples_until(time, at):
 
 def verdict(trace, text):
     return judge(trace, (OracleText("it", text),))[0]
+
+
+def answers(path, things, answer):
+    """Return a file anew: below each line, ``answer`` of that line and the thing of its section.
+
+    A section begins with ``== name: description``.
+    """
+    lines, thing = [], None
+    for line in path.read_text("utf-8").splitlines():
+        if line.startswith("    "):
+            continue
+        lines.append(line)
+        if line.startswith("== "):
+            thing = things(line.removeprefix("== ").partition(":")[0])
+        elif line:
+            lines.append(f"    {answer(thing, line)}")
+    return "\n".join([*lines, ""])
