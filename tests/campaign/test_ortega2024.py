@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 import pytest
 from shapely.geometry import Polygon
 
+from campaigns.studies.published_worlds import fits
 from daemon.campaign import load_campaign
 from grammars.model.behaviour import Hold, Jump, KeyFrame, KeyFrames, Spring, Trigger
 from grammars.model.kinematics import link_poses
@@ -206,3 +207,11 @@ def test_waypoints_are_those_of_the_published_tasks(campaigns, reference_data):
         expected = [(w.x, w.y, w.yaw) for w in theirs]
         for waypoint, pose in zip(mine, expected, strict=True):
             assert (waypoint.x, waypoint.y, waypoint.yaw) == pytest.approx(pose, abs=5e-5)
+
+
+def test_building_c_is_the_published_one_in_both_worlds(campaigns, reference_data):
+    if not (reference_data / "worlds").is_dir():
+        pytest.skip("the published meshes are not here")
+    shares = {name: min(fit.shares) for name, fit in fits(reference_data, campaigns).items()}
+    assert shares.keys() == {"S1", "S3.4"}
+    assert min(shares.values()) >= 0.97

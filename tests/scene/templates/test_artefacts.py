@@ -17,15 +17,16 @@ from rdflib.namespace import DCTERMS, PROV, RDF
 from daemon.trace import TOPICS
 from grammars.floorplan import load_floorplan
 from grammars.model.behaviour import Jump, LegBegins, Reaction, Walk
+from grammars.scenery.composition import compile_scene
 from grammars.text.diagnostics import InputError
 from templates.artefacts import KINDS, export
 from templates.mesh import wall_mesh
 from templates.naming import file_name
 from templates.picture import PNG_SCALE
 from templates.rendering import BUILT_IN, number
-from templates.world import BehaviourDraw, ExportSettings
-from tests.scene.templates.test_bodies import walker
-from tests.scene.templates.worlds import BEHAVIOURS, mission, robot, scene, world
+from templates.world import BehaviourDraw, ExportSettings, named_states
+from tests.languages.plans import layer, two_rooms
+from tests.scene.templates.worlds import BEHAVIOURS, mission, robot, scene, walker, world
 
 SCHEMA = Namespace("https://schema.org/")
 PANELS = Path(__file__).with_name("foxglove_panels.schema.json")
@@ -80,10 +81,9 @@ def test_launch_files_point_at_files_that_are_there(tmp_path):
     export(world(), ["all"], tmp_path)
     for name, marker in (("errand.launch", "$(arg root)/"), ("errand.launch.xml", "$(var root)/")):
         root = ElementTree.parse(tmp_path / "launch" / name).getroot()
-        arguments = {arg.get("name"): arg.get("default") or "" for arg in root.findall("arg")}
-        assert [arguments[n] for n in ("x", "y", "yaw")] == ["0.4", "0.3", "0.7"]
+        arguments = {arg.get("name"): arg.get("default") for arg in root.findall("arg")}
         named = [arguments["world"], arguments["map"]]
-        named += [e.get("file") or "" for e in root.findall("rosparam")]
+        named += [e.get("file") for e in root.findall("rosparam") if e.get("file")]
         for path in named:
             assert path.startswith(marker)
             assert (tmp_path / path.removeprefix(marker)).is_file()
@@ -291,3 +291,24 @@ def test_draws_may_share_everything(tmp_path):
     several = world("errand", BehaviourDraw("repeat-0", BEHAVIOURS), BehaviourDraw("repeat-1", ()))
     done = export(several, ["sdf", "keyframes"], tmp_path)
     assert len(done.paths) == len(set(done.paths))
+
+
+THINGS = """
+a is a hinged_door at kitchen_doorway, x -0.475 m, y 0.2 m, turned -90 deg
+b is a hinged_door in way_out, hinge left, opening inwards
+c is a slider at hall
+"""
+
+
+def test_a_state_holds_for_all_that_have_it_and_mirrored_doors_turn_the_other_way():
+    things = layer(THINGS)
+    made = compile_scene(two_rooms(), [things])
+    assert [thing.mirrored for thing in made.objects] == [False, True, False]
+    states = {name: dict(positions) for name, positions in named_states(made, [things])}
+    assert states["open"] == {"a.hinge": 1.7, "b.hinge": -1.7, "c.rail": 1.0}
+    assert states["closed"] == {"a.hinge": 0.0, "b.hinge": 0.0, "c.rail": 0.0}
+
+
+def test_things_without_a_model_have_no_states():
+    assert named_states(scene(), []) == ()
+    assert named_states(scene(), [layer(THINGS)]) == ()

@@ -30,14 +30,6 @@ def test_a_scenario_written_as_jsonld_is_the_same_scene(campaigns, tmp_path):
     assert scene.digest == compile_scene(plan, layers).digest
 
 
-def test_same_layers_same_bytes(campaigns, tmp_path):
-    plan = load_floorplan(campaigns / "demo" / "flat.fpm")
-    layers = [load_scenery(campaigns / "demo" / "doors.scenery")]
-    first, second = (write_jsonld(world_of(plan, layers), tmp_path / name) for name in ("a", "b"))
-    for one, other in zip(first, second, strict=True):
-        assert one.read_bytes() == other.read_bytes()
-
-
 # rdflib's own reader of JSON-LD makes graphs of a class that it calls deprecated.
 pytestmark = pytest.mark.filterwarnings("ignore:ConjunctiveGraph:DeprecationWarning")
 

@@ -29,20 +29,15 @@ def near(ring):
 
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_an_l_shape_keeps_its_inner_corner(mirrored):
-    outline = tuple((-x, y) for x, y in L_SHAPE) if mirrored else L_SHAPE
+    def turned(ring):
+        return tuple((-x, y) for x, y in ring) if mirrored else ring
+
+    # A corner between two others in line needs no waypoint.
+    outline = ((0.0, 0.0), (0.0, 3.0), *L_SHAPE[1:])
+    contour = inset_contour(Region("l", turned(outline)), 0.3)
+    assert contour.findings == ()
     expected = ((0.3, 5.7), (1.7, 5.7), (1.7, 1.7), (5.7, 1.7), (5.7, 0.3), (0.3, 0.3))
-    contour = inset_contour(Region("l", outline), 0.3)
-    assert contour.findings == ()
-    assert list(contour.parts[0]) == near(
-        tuple((-x, y) for x, y in expected) if mirrored else expected
-    )
-
-
-def test_collinear_corners_need_no_waypoint():
-    ring = ((0.0, 0.0), (0.0, 2.0), (0.0, 4.0), (4.0, 4.0), (4.0, 0.0))
-    contour = inset_contour(Region("hall", ring), 1.0)
-    assert len(contour.parts[0]) == 4
-    assert contour.findings == ()
+    assert list(contour.parts[0]) == near(turned(expected))
 
 
 def test_a_narrow_room_has_no_contour_and_says_so():
@@ -104,24 +99,6 @@ def test_a_column_on_the_way_is_found():
     contour = inset_contour(scene.regions[0], 0.6)
     found = too_close(scene, contour, 0.6, height=1.0)
     assert [(owner, round(away, 3)) for _, owner, away in found] == [("pillar", 0.283)]
-
-
-def test_both_published_forms_are_written(tmp_path):
-    work = job(tmp_path)
-    paths = {path.relative_to(tmp_path).as_posix() for path in write_tasks(work)}
-    assert paths == {
-        "tasks/left_route.yaml", "tasks/era/left_task.yaml",
-        "tasks/right_route.yaml", "tasks/era/right_task.yaml",
-        "tasks/mission/rounds_route.yaml", "tasks/era/mission/rounds_task.yaml",
-    }  # fmt: skip
-    now = yaml.safe_load((tmp_path / "tasks/left_route.yaml").read_text())
-    assert now["id"] == "left_route"
-    (task,) = now["task"]
-    assert (task["name"], task["type"]) == ("left", "waypoint_following")
-    first = task["waypoints"][0]
-    assert first == {"id": "left-point-0000", "x": 1.3, "y": 1.3, "yaw": 0, "z": 0}
-    era = yaml.safe_load((tmp_path / "tasks/era/left_task.yaml").read_text())
-    assert [w["id"] for w in era["waypoints"]] == [f"left-point-{i}" for i in range(4)]
 
 
 def test_a_mission_survives_as_a_task_file(tmp_path):

@@ -74,6 +74,25 @@ def cabinet():
     return SceneObject("cabinet", "cabinet", Pose2(3.5, 0.6, 1.0), (foot,), (), ())
 
 
+def walker():
+    """Return a body on two shapeless carriers, at (1, 2) and turned, with a bag that swings."""
+    links = (
+        Link("x_carrier", (), 0.0, 0.0, 0.0),
+        Link("y_carrier", (), 0.0, 0.0, 0.0),
+        Link("person", (box(-0.2, -0.2, 0.2, 0.2),), 70.0, 0.0, 1.8),
+        Link("bag", (box(0.2, -0.05, 0.4, 0.05),), 3.0, 0.5, 0.8),
+    )
+    joints = (
+        Joint("x", "prismatic", "world", "x_carrier", (0.0, 0.0), (1.0, 0.0), -1e4, 1e4),
+        Joint("y", "prismatic", "x_carrier", "y_carrier", (0.0, 0.0), (0.0, 1.0), -1e4, 1e4),
+        Joint("yaw", "revolute", "y_carrier", "person", (0.0, 0.0), (0.0, 0.0), -1e4, 1e4),
+        Joint("strap", "revolute", "person", "bag", (0.2, 0.0), (0.0, 0.0), -1.0, 1.0),
+    )
+    return SceneObject(
+        "walker", "walker", Pose2(3.0, -2.0, 0.4), links, joints, (1.0, 2.0, math.pi / 2, 0.0)
+    )
+
+
 def scene():
     things = (
         hinged("entrance", 2.1, 0.5),

@@ -1,7 +1,6 @@
-"""What is made of a walls layer: scenes with doors, maps, artefacts, campaigns, JSON-LD."""
+"""Walls layers: read, written, and used for scenes with doors, maps, artefacts, campaigns."""
 
 import json
-import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +10,7 @@ from shapely.geometry import Polygon
 
 from daemon.campaign import examine, load_campaign
 from grammars.jsonld import check_jsonld, load_floorplan_jsonld, scene_document
-from grammars.maps import load_walls
+from grammars.maps import WallsText, load_walls, walls_text
 from grammars.model.free_space import FreeSpace
 from grammars.model.geometry import Pose2
 from grammars.model.grid import FREE, OCCUPIED, UNKNOWN
@@ -21,17 +20,49 @@ from grammars.scenery import parse_scenery
 from grammars.scenery.composition import compile_scene, static_segments
 from grammars.text import codec
 from grammars.text.diagnostics import InputError
+from grammars.text.documents import parse_yaml, read_model
 from scenario_tui.library.checking import check_file
 from templates.artefacts import export
 from templates.occupancy import occupancy_grid
 from templates.tasks import inset_contour
 from templates.world import ArtefactWorld
-from tests.scene.maps.houses import DOOR, HUT, hut
+
+HUT = """\
+walls: hut
+height: 2.5 m
+spaces:
+  hall:
+    outline: [[0, 0], [6, 0], [6, 4], [0, 4]]
+    holes:
+      - [[2, 1], [2.5, 1], [2.5, 1.5], [2, 1.5]]
+      - [[4, 3], [4.5, 3], [4.5, 3.5], [4, 3.5]]
+  kitchen:
+    outline: [[6.2, 0], [10, 0], [10, 4], [6.2, 4]]
+standing:
+  - outline: [[-0.2, -0.2], [10.2, -0.2], [10.2, 4.2], [-0.2, 4.2]]
+    holes:
+      - [[0, 0], [6, 0], [6, 1], [6.2, 1], [6.2, 0], [10, 0], [10, 4], [6.2, 4], [6.2, 2], [6, 2],
+         [6, 4], [0, 4]]
+  - {name: post, outline: [[2, 1], [2.5, 1], [2.5, 1.5], [2, 1.5]], height: 1 m}
+entryways:
+  gap: {from: [6.1, 1], to: [6.1, 2], depth: 20 cm}
+"""
+"""Two rooms with a gap between them: its way goes up, so the kitchen is to its right."""
+
+DOOR = """
+object door
+    link post  box 4 cm x 4 cm   at (0 cm, 0 cm)   from 0 m to 1.98 m,    mass 50 kg
+    link leaf  box 4 cm x 88 cm  at (0 cm, 47 cm)  from 1 cm to 1.98 m,   mass 15 kg
+    joint hinge  revolute from post to leaf at (-2 cm, 2.5 cm), between 0 deg and 90 deg
+    state closed: hinge 0 deg
+"""
 
 
 @pytest.fixture(scope="module")
 def plan(tmp_path_factory):
-    return hut(tmp_path_factory.mktemp("hut"))
+    path = tmp_path_factory.mktemp("hut") / "hut.walls.yaml"
+    path.write_text(HUT)
+    return load_walls(path)
 
 
 @pytest.fixture(scope="module")
@@ -163,41 +194,56 @@ def test_all_artefacts_can_be_made(plan, scene, tmp_path):
     assert all(path.stat().st_size for paths in made.values() for path in paths)
 
 
-CAMPAIGN = """\
-campaign: huts
-repeats: 1
-limit: 1 min
-robot: courier
-oracles: mine
-matrix: {sut: [pilot]}
-scenarios:
-  by-name: {floorplan: hut, objects: doors, mission: there, oracles: [reached]}
-  by-file: {floorplan: hut.walls.yaml, objects: doors, mission: there, oracles: [reached]}
-"""
-
-
-def test_campaigns_take_a_layer_for_a_floor_plan(campaigns, tmp_path):
-    (tmp_path / "hut.walls.yaml").write_text(HUT)
-    (tmp_path / "doors.scenery").write_text(
+def test_campaigns_take_a_layer_for_a_floor_plan(demo, campaign):
+    (demo / "hut.walls.yaml").write_text(HUT)
+    (demo / "front.scenery").write_text(
         f"{DOOR}\nfront is a door in gap, hinge left, opening inwards"
     )
-    (tmp_path / "there.mission.yaml").write_text("start: {x: 1, y: 3}\nwaypoints: [{x: 8, y: 2}]")
-    (tmp_path / "mine.oracles.yaml").write_text("reached: reached(mission, 0.3 m)")
-    shutil.copy(campaigns / "robots" / "courier.yaml", tmp_path)
-    path = tmp_path / "campaign.yaml"
-    path.write_text(CAMPAIGN)
-    assert [str(d) for d in examine(path)[1]] == []
+    (demo / "there.mission.yaml").write_text("start: {x: 1, y: 3}\nwaypoints: [{x: 8, y: 2}]")
+    slots = {"objects": "front", "behaviours": [], "mission": "there"}
+
+    def write(*plans):
+        scenarios = {name: {"like": "calm", "floorplan": plan} | slots for name, plan in plans}
+        return campaign(scenarios={"calm": {"abstract": True, "oracles": ["reached"]}} | scenarios)
+
+    path = write(("by-name", "hut"), ("by-file", "hut.walls.yaml"))
+    assert [str(d) for d in examine(path)[1] if "no scenario uses" not in d.message] == []
     first, second = load_campaign(path).cells
     assert first.scene.digest == second.scene.digest
-    path.write_text(CAMPAIGN.replace("floorplan: hut,", "floorplan: hat,"))
     with pytest.raises(InputError, match='did you mean "hut"'):
-        load_campaign(path)
-    path.write_text(CAMPAIGN.replace("floorplan: hut,", "floorplan: {hut: {width: 1 m}},"))
+        load_campaign(write(("wrong", "hat")))
     with pytest.raises(InputError, match=r"hut\.walls\.yaml has no variables"):
-        load_campaign(path)
+        load_campaign(write(("wrong", {"hut": {"width": "1 m"}})))
 
 
 def test_check_says_what_a_layer_holds(tmp_path):
     (tmp_path / "hut.walls.yaml").write_text(HUT)
     about, found = check_file(tmp_path / "hut.walls.yaml")
     assert (about, found) == ("walls layer with 2 spaces, 2 walls, 1 entryway", ())
+
+
+def test_a_layer_becomes_a_plan(plan):
+    assert [space.name for space in plan.spaces] == ["hall", "kitchen"]
+    assert plan.spaces[0].holes[0][2] == (2.5, 1.5)
+    assert plan.walls == ()
+    assert [(f.kind, f.id, f.height) for f in plan.features] == [
+        ("wall", "wall_1", 2.5),
+        ("wall", "post", 1.0),
+    ]
+    (gap,) = plan.openings
+    assert (gap.walls, gap.width, gap.z_min, gap.z_max) == ((), 1.0, 0.0, 2.0)
+    # Inwards is to the right of the way from one jamb to the other, where y = 0 is.
+    assert gap.frame.x == pytest.approx(6.2)
+    corners = {(round(x, 6), round(y, 6)) for x, y in gap.footprint}
+    assert corners == {(6.0, 1.0), (6.0, 2.0), (6.2, 1.0), (6.2, 2.0)}
+    assert plan.warnings == ()
+
+
+def test_what_is_written_reads_back(plan, tmp_path):
+    text = walls_text(read_model(parse_yaml(HUT, "hut.walls.yaml"), WallsText))
+    assert text.startswith(
+        "walls: hut\nheight: 2.5 m\nspaces:\n  hall:\n    outline:\n    - [0.0, 0.0]"
+    )
+    assert "    from: [6.1, 1.0]\n    to: [6.1, 2.0]\n    depth: 0.2 m\n" in text
+    (tmp_path / "again.walls.yaml").write_text(text, encoding="utf-8")
+    assert load_walls(tmp_path / "again.walls.yaml") == plan
