@@ -15,7 +15,7 @@ from scenario_tui.dashboard.commands import CommandAnswer
 from scenario_tui.dashboard.config import Config
 from scenario_tui.source import DaemonTarget
 from tests.parts import DEADLINE
-from tests.people.dashboard.inline import press, settle
+from tests.people.dashboard.inline import settle
 from tests.people.fake import CAMPAIGN, FakeDaemon
 
 
@@ -89,20 +89,19 @@ def notices(pilot):
     return "\n".join(notice.message for notice in pilot.app._notifications)
 
 
-async def choose_from_palette(pilot, text, wanted):
+async def choose_from_palette(dash, text, wanted):
     """Type a ``text`` into the list of places and take what is ``wanted`` from it.
 
     It is waited for: until the last letter is looked up, the list shows what an earlier one found.
     """
-    await pilot.press("colon")
-    await until(pilot, lambda: pilot.app.screen.query_one(CommandList).option_count)
-    found = pilot.app.screen.query_one(CommandList)
+    await dash.pilot.press("colon")
+    await dash.until(lambda: dash.one(CommandList).option_count)
+    found = dash.one(CommandList)
 
     def first():
         option = found.get_option_at_index(0) if found.option_count else None
         return str(option.hit.text) if isinstance(option, Command) else ""
 
-    pilot.app.screen.query_one(Input).value = text
-    await until(pilot, lambda: first() == wanted)
-    await press(pilot, "enter")
-    await settle(pilot)
+    dash.one(Input).value = text
+    await dash.until(lambda: first() == wanted)
+    await dash.press("enter")

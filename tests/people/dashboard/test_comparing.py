@@ -1,13 +1,10 @@
 """Two runs compared: clocks, verdicts, specifications, and the screen that shows them."""
 
 from dataclasses import replace
-from io import StringIO
 
 import numpy as np
 import pytest
-from rich.console import Console
 
-from daemon.analysis.rejudge import RejudgedTrace
 from daemon.judging.signals import RunSignal
 from daemon.model.live_judgement import DoorMotion
 from daemon.model.spec import SutReference
@@ -16,15 +13,11 @@ from scenario_tui.dashboard.playback import open_playback
 from scenario_tui.dashboard.run_timeline import RunTimeline, common_clock, shift_to_clock
 from scenario_tui.dashboard.screens.compare import CompareScreen
 from scenario_tui.dashboard.screens.standalone import StandaloneApp
-from scenario_tui.dashboard.widgets.top_view import TopView
 from scenario_tui.text.comparison_text import (
     margin_change,
     pair_verdicts,
-    rejudge_parts,
     spec_differences,
 )
-from tests.people.dashboard.inline import screen_text
-from tests.people.idle import until_idle
 from tests.people.recorded import HIT, make_run, record_run
 
 
@@ -76,17 +69,6 @@ def test_verdicts_that_differ_come_first():
     ]  # fmt: skip
 
 
-def test_measures_judged_again_keep_their_unit_beside_a_trace_that_is_not_valid():
-    measured = Verdict("path", "…", Outcome.MEASURE, None, None, "m", Evidence(value=3.5))
-    broken = Verdict("path", "…", Outcome.ERROR, None, None, "", Evidence(note="no clock"))
-    traces = [
-        RejudgedTrace(name, name, verdicts=(one,)) for name, one in (("a", broken), ("b", measured))
-    ]
-    console = Console(width=100, file=StringIO())
-    console.print(*rejudge_parts(traces))
-    assert "3.5 m to 3.5 m" in console.file.getvalue()
-
-
 def test_specifications_differ_part_by_part():
     spec = make_run()
     other = replace(
@@ -126,69 +108,29 @@ def both(tmp_path_factory):
     return first, second
 
 
-def opened(both, size=(80, 24)):
-    return StandaloneApp(CompareScreen(*both, clock=lambda: 0.0)).run_test(size=size)
+def opened(both):
+    return StandaloneApp(CompareScreen(*both, clock=lambda: 0.0))
 
 
-def shown(pilot):
-    return "\n".join(screen_text(pilot))
-
-
-async def test_a_narrow_screen_shows_one_part_at_a_time(both):
-    async with opened(both) as pilot:
-        await pilot.pause(0)
-        assert "[maps]" in shown(pilot)
-        assert shown(pilot).count("8.0 s  1/3 wp") == 2  # what decided the first
-        assert all(top.size.height >= 6 for top in pilot.app.screen.query(TopView))
-        await pilot.press("tab")
-        await pilot.pause(0)
-        assert "loc.error" in shown(pilot)
-        assert shown(pilot).count("mission") == 2
-        await pilot.press("tab")
-        await pilot.pause(0)
-        assert "≠" in shown(pilot)
-        assert "✗ fail" in shown(pilot)
-        assert "the same, but for the repeat" in shown(pilot)
-
-
-async def test_signs_of_both_maps_are_explained_beside_these(both):
-    async with opened(both, (120, 40)) as pilot:
-        await until_idle(pilot.app)
-        assert "◆ waypoint" in shown(pilot)
-    async with opened(both) as pilot:
-        await until_idle(pilot.app)
-        assert "◆ waypoint" in shown(pilot)
-        await pilot.press("tab")
-        await until_idle(pilot.app)
-        assert "◆ waypoint" not in shown(pilot)
-
-
-async def test_both_runs_have_one_clock(both):
-    async with opened(both, (140, 40)) as pilot:
-        await pilot.press("n")
-        await pilot.pause(0)
-        assert shown(pilot).count(f"{HIT} s  1/3 wp") == 2
-        for words in ("loc.error", "≠", "by simulated time"):
-            assert words in shown(pilot)
-        await pilot.press("t")
-        await pilot.pause(0)
-        assert "by waypoints done" in shown(pilot)
-        assert f"{HIT} s of 10.0 s" in shown(pilot)
-        await pilot.press("w", "end")
-        await pilot.pause(0)
-        assert pilot.app.screen.first is both[1]
-        await pilot.press("q")
-        assert pilot.app._exit
+async def test_both_runs_have_one_clock(dashboard, both):
+    dash = await dashboard(opened(both), (140, 40))
+    assert dash.text.count("8.0 s  1/3 wp") == 2  # what decided the first
+    assert "◆ waypoint" in dash.text
+    await dash.press("n")
+    assert dash.text.count(f"{HIT} s  1/3 wp") == 2
+    for words in ("loc.error", "≠", "by simulated time"):
+        assert words in dash.text
+    await dash.press("t")
+    assert "by waypoints done" in dash.text
+    assert f"{HIT} s of 10.0 s" in dash.text
+    await dash.press("w", "end")
+    assert dash.screen.first is both[1]
+    await dash.press("q")
+    assert dash.app._exit
 
 
 @pytest.mark.parametrize("size", [(40, 10), (20, 6)])
-async def test_tiny_terminals_are_no_trouble(both, size):
-    async with opened(both, size) as pilot:
-        await pilot.press("tab", "tab", "tab", "z", "n", "t")
-        await pilot.pause(0)
-        assert "6.0 s" in shown(pilot)
-
-
-def test_what_it_looks_like(snap_compare, both):
-    screen = CompareScreen(*both, clock=lambda: 0.0)
-    assert snap_compare(StandaloneApp(screen), terminal_size=(120, 40), press=["n"])
+async def test_tiny_terminals_are_no_trouble(dashboard, both, size):
+    dash = await dashboard(opened(both), size)
+    await dash.press("tab", "tab", "tab", "z", "n", "t")
+    assert "6.0 s" in dash.text

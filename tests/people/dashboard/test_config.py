@@ -16,7 +16,7 @@ from scenario_tui.dashboard.screens.help import our_bindings
 from scenario_tui.terminal.filters import darken
 from scenario_tui.text.styles import COLOURS
 from tests.people.dashboard.driven import SteeredDaemon
-from tests.people.dashboard.inline import make_dashboard, press, screen_text, settle
+from tests.people.dashboard.inline import make_dashboard
 from tests.people.dashboard.searching import SearchingDaemon
 
 SHARED_MEANINGS = {
@@ -90,16 +90,15 @@ def test_keys_may_be_exchanged(written):
     check_config(read_config(written('[keys]\ncancel = "P"\npause = "c"')))
 
 
-async def test_keys_and_colours_are_those_of_the_file(written):
+async def test_keys_and_colours_are_those_of_the_file(dashboard, written):
     config = read_config(written(GOOD))
     check_config(config)
     fake = SteeredDaemon()
-    async with make_dashboard(fake, config=config).run_test(size=(80, 24)) as pilot:
-        await settle(pilot)
-        assert pilot.app.theme == "nord"
-        assert pilot.app.screen.active_bindings["ctrl+d"].binding.id == "cancel"
-        await press(pilot, "space")
-        assert "1-10 of 10" in "\n".join(screen_text(pilot))
+    dash = await dashboard(fake, config=config)
+    assert dash.app.theme == "nord"
+    assert dash.screen.active_bindings["ctrl+d"].binding.id == "cancel"
+    await dash.press("space")
+    assert "1-10 of 10" in dash.text
 
 
 def test_a_bad_file_is_told_before_the_dashboard_starts(scenario, written, monkeypatch):
@@ -150,28 +149,26 @@ def test_shared_meanings_are_those_of_keys_there_are():
     assert {id for shared in SHARED_MEANINGS.values() for id in shared} <= ids
 
 
-async def test_footers_fit_and_help_tells_the_rest():
+async def test_footers_fit_and_help_tells_the_rest(dashboard):
     app = make_dashboard(SteeredDaemon())
-    async with app.run_test(size=(80, 24)) as pilot:
-        await settle(pilot)
-        for key in ("1", "m", "1", "enter", "enter", "3", "s"):
-            await press(pilot, key)
-            screen = pilot.app.screen
-            assert screen.query_one("Footer").virtual_size.width <= 80
-            listed = {one.binding.description for one in our_bindings(screen)}
-            footer = {one.description for one in screen.query(FooterKey) if not one.disabled}
-            assert footer
-            assert footer <= listed
-
-
-async def test_the_footer_of_a_search_fits_and_help_tells_the_rest():
-    async with make_dashboard(SearchingDaemon.finished()).run_test(size=(80, 24)) as pilot:
-        await settle(pilot)
-        await press(pilot, "enter")
-        screen = pilot.app.screen
+    dash = await dashboard(app)
+    for key in ("1", "m", "1", "enter", "enter", "3", "s"):
+        await dash.press(key)
+        screen = dash.screen
         assert screen.query_one("Footer").virtual_size.width <= 80
         listed = {one.binding.description for one in our_bindings(screen)}
-        assert {"Next", "Rerun", "All runs", "View"} <= listed
+        footer = {one.description for one in screen.query(FooterKey) if not one.disabled}
+        assert footer
+        assert footer <= listed
+
+
+async def test_the_footer_of_a_search_fits_and_help_tells_the_rest(dashboard):
+    dash = await dashboard(SearchingDaemon.finished())
+    await dash.press("enter")
+    screen = dash.screen
+    assert screen.query_one("Footer").virtual_size.width <= 80
+    listed = {one.binding.description for one in our_bindings(screen)}
+    assert {"Next", "Rerun", "All runs", "View"} <= listed
 
 
 PALE = {name: Color.parse(colour).rich_color.get_truecolor() for name, colour in COLOURS.items()}
@@ -191,12 +188,11 @@ def test_words_can_be_read_in_bright_themes(colour):
     assert (paper + 0.05) / (ink + 0.05) >= 4.5
 
 
-async def test_a_bright_theme_darkens_the_words(written):
+async def test_a_bright_theme_darkens_the_words(dashboard, written):
     config = read_config(written("[dashboard]\ntheme = 'textual-light'"))
-    async with make_dashboard(SteeredDaemon(), config=config).run_test(size=(80, 24)) as pilot:
-        await settle(pilot)
-        strips = pilot.app.screen._compositor.render_strips()
-        styles = [segment.style for strip in strips for segment in strip if segment.style]
+    dash = await dashboard(SteeredDaemon(), config=config)
+    strips = dash.screen._compositor.render_strips()
+    styles = [segment.style for strip in strips for segment in strip if segment.style]
     used = {style.color.get_truecolor() for style in styles if style.color is not None}
     assert not used & set(PALE.values())
     assert darken(Color(*PALE["bad"])).rich_color.get_truecolor() in used

@@ -19,10 +19,7 @@ from tests.people.dashboard.driven import (
     choose_from_palette,
     configured,
     local,
-    notices,
-    until,
 )
-from tests.people.dashboard.inline import make_dashboard, press, screen_text, settle
 from tests.people.fake import CAMPAIGN, OLD, make_row
 
 SCREENS = {
@@ -39,98 +36,80 @@ def fake():
     return SteeredDaemon()
 
 
-def opened(fake, width=80, **settings):
-    return make_dashboard(fake, **settings).run_test(size=(width, 24))
+async def test_a_campaign_is_steered_from_every_screen(dashboard, fake):
+    dash = await dashboard(fake)
+    for screen, (way, back) in SCREENS.items():
+        await dash.press(*way)
+        assert isinstance(dash.screen, screen)
+        fake.calls.clear()
+        await dash.press("P", "c", "y", "r", "f", "y")
+        assert isinstance(dash.screen, screen)
+        (steered,) = fake.told("steer")
+        assert steered in ((CAMPAIGN, True, None), (CAMPAIGN, False, None))
+        assert fake.told("cancel") == [(CAMPAIGN,)]
+        assert fake.told("retry") == [(CAMPAIGN, ("fail",))]
+        assert CAMPAIGN in dash.app.clipboard
+        await dash.press(*back)
 
 
-def shown(pilot):
-    return "\n".join(screen_text(pilot))
-
-
-async def test_a_campaign_is_steered_from_every_screen(fake):
-    async with opened(fake) as pilot:
-        await settle(pilot)
-        for screen, (way, back) in SCREENS.items():
-            await press(pilot, *way)
-            assert isinstance(pilot.app.screen, screen)
-            fake.calls.clear()
-            await pilot.press("P", "c", "y", "r", "f", "y")
-            await settle(pilot)
-            assert isinstance(pilot.app.screen, screen)
-            (steered,) = fake.told("steer")
-            assert steered in ((CAMPAIGN, True, None), (CAMPAIGN, False, None))
-            assert fake.told("cancel") == [(CAMPAIGN,)]
-            assert fake.told("retry") == [(CAMPAIGN, ("fail",))]
-            assert CAMPAIGN in pilot.app.clipboard
-            await press(pilot, *back)
-
-
-async def test_one_key_pauses_and_resumes_and_is_called_what_it_does(fake):
-    async with opened(fake) as pilot:
-        await settle(pilot)
-        assert pilot.app.screen.active_bindings["P"].binding.description == "Pause"
-        await press(pilot, "P")
-        await settle(pilot)
-        assert "‖ paused" in shown(pilot)
-        assert pilot.app.screen.active_bindings["P"].binding.description == "Resume"
-        assert f"same as: scenario pause {CAMPAIGN}" in notices(pilot)
-        await press(pilot, "r")
-        assert "It is paused: they wait until it is resumed." in shown(pilot)
-        await press(pilot, "f")
-        await press(pilot, "P")
-        await settle(pilot)
-        assert f"same as: scenario pause {CAMPAIGN} --off" in notices(pilot)
+async def test_one_key_pauses_and_resumes_and_is_called_what_it_does(dashboard, fake):
+    dash = await dashboard(fake)
+    assert dash.screen.active_bindings["P"].binding.description == "Pause"
+    await dash.press("P")
+    assert "‖ paused" in dash.text
+    assert dash.screen.active_bindings["P"].binding.description == "Resume"
+    assert f"same as: scenario pause {CAMPAIGN}" in dash.notices
+    await dash.press("r")
+    assert "It is paused: they wait until it is resumed." in dash.text
+    await dash.press("f")
+    await dash.press("P")
+    assert f"same as: scenario pause {CAMPAIGN} --off" in dash.notices
     assert fake.told("steer") == [(CAMPAIGN, True, None), (CAMPAIGN, False, None)]
 
 
-async def test_only_whole_numbers_in_range_are_priorities(fake):
-    async with opened(fake, 120) as pilot:
-        await settle(pilot)
-        await press(pilot, "number_sign")
-        for wrong, why in (("x", "write a whole number"), ("1001", "number, −1000 to 1000")):
-            await pilot.press("home", "ctrl+k", *wrong, "enter")
-            assert isinstance(pilot.app.screen, Prompt)
-            assert why in shown(pilot)
-        await pilot.press("home", "ctrl+k", "minus", "5")
-        await settle(pilot)
-        assert f"scenario priority {CAMPAIGN} -- -5" in shown(pilot)
-        await press(pilot, "enter")
-        assert "priority −5" in shown(pilot)
+async def test_only_whole_numbers_in_range_are_priorities(dashboard, fake):
+    dash = await dashboard(fake, (120, 24))
+    await dash.press("number_sign")
+    for wrong, why in (("x", "write a whole number"), ("1001", "number, −1000 to 1000")):
+        await dash.press("home", "ctrl+k", *wrong, "enter")
+        assert isinstance(dash.screen, Prompt)
+        assert why in dash.text
+    await dash.press("home", "ctrl+k", "minus", "5")
+    assert f"scenario priority {CAMPAIGN} -- -5" in dash.text
+    await dash.press("enter")
+    assert "priority −5" in dash.text
     assert fake.told("steer") == [(CAMPAIGN, None, -5)]
 
 
-async def test_the_menu_of_retries_says_how_many_there_are_of_each(fake):
-    async with opened(fake) as pilot:
-        await settle(pilot)
-        await press(pilot, "r")
-        assert "l  lost and cancelled: 1" in shown(pilot)
-        assert "f  failed: 2" in shown(pilot)
-        assert "e  broken (error)  (none)" in shown(pilot)
-        await press(pilot, "e")
-        assert isinstance(pilot.app.screen, Menu)
-        await press(pilot, "j")
-        assert f"same as: scenario retry {CAMPAIGN} --only fail" in shown(pilot)
-        await press(pilot, "a")
+async def test_the_menu_of_retries_says_how_many_there_are_of_each(dashboard, fake):
+    dash = await dashboard(fake)
+    await dash.press("r")
+    assert "l  lost and cancelled: 1" in dash.text
+    assert "f  failed: 2" in dash.text
+    assert "e  broken (error)  (none)" in dash.text
+    await dash.press("e")
+    assert isinstance(dash.screen, Menu)
+    await dash.press("j")
+    assert f"same as: scenario retry {CAMPAIGN} --only fail" in dash.text
+    await dash.press("a")
     assert fake.told("retry") == [(CAMPAIGN, ("all",))]
 
 
-async def test_menus_leave_room_for_their_choices_on_the_smallest_screens(fake):
-    async with make_dashboard(fake).run_test(size=(40, 10)) as pilot:
-        await settle(pilot)
-        await press(pilot, "r")
-        assert "failed: 2" in shown(pilot)
-        assert "all that are over: 8" in shown(pilot)
+async def test_menus_leave_room_for_their_choices_on_the_smallest_screens(dashboard, fake):
+    dash = await dashboard(fake, size=(40, 10))
+    await dash.press("r")
+    assert "failed: 2" in dash.text
+    assert "all that are over: 8" in dash.text
 
 
-async def test_answers_can_be_clicked_on(fake):
-    async with opened(fake) as pilot:
-        await settle(pilot)
-        await press(pilot, "c")
-        line = next(i for i, text in enumerate(screen_text(pilot)) if "y yes" in text)
-        column = screen_text(pilot)[line].index("yes")
-        await pilot.click(offset=(column, line))
-        await settle(pilot)
-        assert not isinstance(pilot.app.screen, Question)
+async def test_answers_can_be_clicked_on(dashboard, fake):
+    dash = await dashboard(fake)
+    await dash.press("c")
+    line = next(i for i, text in enumerate(dash.lines) if "y yes" in text)
+    column = dash.lines[line].index("yes")
+    await dash.pilot.click(offset=(column, line))
+    await dash.settle()
+    assert not isinstance(dash.screen, Question)
     assert fake.told("cancel") == [(CAMPAIGN,)]
 
 
@@ -138,12 +117,11 @@ def test_outside_of_tmux_its_buffer_is_left_alone():
     assert not copy_to_tmux("text", {})
 
 
-async def test_every_command_shown_is_one_of_the_command_line(fake, scenario):
+async def test_every_command_shown_is_one_of_the_command_line(dashboard, fake, scenario):
     """`scenario` talks to the same fake daemon here, so what it understands is done twice."""
-    async with opened(fake) as pilot:
-        await settle(pilot)
-        await press(pilot, "P", "P", "number_sign", "minus", "1", "enter", "c", "y", "r", "a")
-        said = notices(pilot)
+    dash = await dashboard(fake)
+    await dash.press("P", "P", "number_sign", "minus", "1", "enter", "c", "y", "r", "a")
+    said = dash.notices
     before = list(fake.calls)
     lines = [line.removeprefix("same as: ") for line in said.splitlines() if "same as" in line]
     assert len(lines) == 5
@@ -154,21 +132,20 @@ async def test_every_command_shown_is_one_of_the_command_line(fake, scenario):
         assert set(told.values()) == {2}, (verb, before)
 
 
-async def test_the_report_is_made_and_its_place_is_said(fake, tmp_path, monkeypatch):
+async def test_the_report_is_made_and_its_place_is_said(dashboard, fake, tmp_path, monkeypatch):
     monkeypatch.setattr(steering, "open_in_browser", lambda page, environ: False)
     (tmp_path / "ledger.db").touch()
     fake.state = str(tmp_path)
     ask = Commands({"answer": "Yes. All is as expected."})
-    async with opened(fake, run_command=ask, target=local(tmp_path)) as pilot:
-        await settle(pilot)
-        await press(pilot, "o")
-        assert f"goes on writing the report of {CAMPAIGN}" in pilot.app.farewell()
-        await press(pilot, "o")
-        assert f"writing the report of {CAMPAIGN} already" in notices(pilot)
-        ask.done.set()
-        await until(pilot, lambda: "Yes. All is as expected." in notices(pilot))
-        assert f"{CAMPAIGN}.html (open it in a browser)" in notices(pilot)
-        assert "writing" not in pilot.app.farewell()
+    dash = await dashboard(fake, run_command=ask, target=local(tmp_path))
+    await dash.press("o")
+    assert f"goes on writing the report of {CAMPAIGN}" in dash.app.farewell()
+    await dash.press("o")
+    assert f"writing the report of {CAMPAIGN} already" in dash.notices
+    ask.done.set()
+    await dash.until(lambda: "Yes. All is as expected." in dash.notices)
+    assert f"{CAMPAIGN}.html (open it in a browser)" in dash.notices
+    assert "writing" not in dash.app.farewell()
     page = f"{CAMPAIGN}.html"
     assert ask.asked == [("report", CAMPAIGN, "-o", page, "--state", str(tmp_path))]
 
@@ -185,47 +162,47 @@ REFUSALS = {
 
 
 @pytest.mark.parametrize("case", REFUSALS)
-async def test_a_key_that_can_do_nothing_says_why_and_takes_what_is_typed_behind_it(fake, case):
+async def test_a_key_that_can_do_nothing_says_why_and_takes_what_is_typed_behind_it(
+    dashboard, fake, case
+):
     if case == "waiting":
         fake.rows = (make_row(0, state=RunState.QUEUED, outcome=None, oracle="", margin=None),)
     fake.empty = case == "empty"
-    async with opened(fake, config=configured(read_only=case == "read-only")) as pilot:
-        await settle(pilot)
-        if case == "finished":
-            await press(pilot, "down")
-        if case == "unreachable":
-            fake.reachable = False
-            await settle(pilot)
-        clipboard = pilot.app.clipboard
-        for key, why in REFUSALS[case].items():
-            await press(pilot, key)
-            assert isinstance(pilot.app.screen, Refusal)
-            assert why in shown(pilot)
-            await press(pilot, "7", "j", "y")
-            assert isinstance(pilot.app.screen, CampaignsScreen)
-            bindings = pilot.app.screen.active_bindings
-            assert key == "s" or not bindings[key].enabled
-        assert pilot.app.clipboard == clipboard
-        fake.reachable = True
-        await settle(pilot)
+    dash = await dashboard(fake, config=configured(read_only=case == "read-only"))
+    if case == "finished":
+        await dash.press("down")
+    if case == "unreachable":
+        fake.reachable = False
+        await dash.settle()
+    clipboard = dash.app.clipboard
+    for key, why in REFUSALS[case].items():
+        await dash.press(key)
+        assert isinstance(dash.screen, Refusal)
+        assert why in dash.text
+        await dash.press("7", "j", "y")
+        assert isinstance(dash.screen, CampaignsScreen)
+        bindings = dash.screen.active_bindings
+        assert key == "s" or not bindings[key].enabled
+    assert dash.app.clipboard == clipboard
+    fake.reachable = True
+    await dash.settle()
     assert not {"steer", "cancel", "retry", "delete"} & {call[0] for call in fake.calls}
 
 
 @pytest.mark.parametrize("reachable", [True, False])
-async def test_who_only_looks_is_offered_nothing_that_changes_anything(fake, reachable):
+async def test_who_only_looks_is_offered_nothing_that_changes_anything(dashboard, fake, reachable):
     fake.reachable = reachable
-    async with opened(fake, config=configured(read_only=True)) as pilot:
-        await settle(pilot)
-        assert "starts" not in shown(pilot)
-        if not reachable:
-            await press(pilot, "d")
-            assert "read-only" in shown(pilot)
-            await press(pilot, "escape")
-        await pilot.press("colon")
-        commands = pilot.app.get_system_commands(pilot.app.screen_stack[-2])
-        steered = {binding.description for binding in steering.steering_keys()}
-        offered = {command.title for command in commands}
-        assert offered.isdisjoint({"Start daemon", "Submit", "Report", *steered})
+    dash = await dashboard(fake, config=configured(read_only=True))
+    assert "starts" not in dash.text
+    if not reachable:
+        await dash.press("d")
+        assert "read-only" in dash.text
+        await dash.press("escape")
+    await dash.press("colon")
+    commands = dash.app.get_system_commands(dash.screen_stack[-2])
+    steered = {binding.description for binding in steering.steering_keys()}
+    offered = {command.title for command in commands}
+    assert offered.isdisjoint({"Start daemon", "Submit", "Report", *steered})
 
 
 @pytest.mark.parametrize(
@@ -241,9 +218,8 @@ def test_a_browser_is_opened_only_on_a_screen_of_this_machine(environ, there):
     assert steering.has_display(environ) is there
 
 
-async def test_the_palette_goes_to_campaigns(fake):
-    async with opened(fake) as pilot:
-        await settle(pilot)
-        await choose_from_palette(pilot, "campaign ni", f"go to campaign {OLD}")
-        assert isinstance(pilot.app.screen, RunsScreen)
-        assert f"campaigns › {OLD}" in shown(pilot)
+async def test_the_palette_goes_to_campaigns(dashboard, fake):
+    dash = await dashboard(fake)
+    await choose_from_palette(dash, "campaign ni", f"go to campaign {OLD}")
+    assert isinstance(dash.screen, RunsScreen)
+    assert f"campaigns › {OLD}" in dash.text

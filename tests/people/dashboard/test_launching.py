@@ -12,7 +12,7 @@ from scenario_tui.dashboard.config import Config
 from scenario_tui.dashboard.state import Known
 from scenario_tui.dashboard.widgets.status_line import StatusLine
 from tests.people.dashboard.driven import SteeredDaemon
-from tests.people.dashboard.inline import make_dashboard, press, screen_text, settle
+from tests.people.dashboard.inline import make_dashboard
 from tests.people.fake import CAMPAIGN
 from tests.people.idle import until_idle
 
@@ -21,7 +21,7 @@ STARTED = (
 )
 
 
-async def test_a_daemon_is_started_when_none_answers_and_leaving_says_how_to_stop_it():
+async def test_a_daemon_is_started_when_none_answers_and_leaving_says_how_to_stop_it(dashboard):
     fake, begin = SteeredDaemon(reachable=False), threading.Event()
 
     def launch():
@@ -30,49 +30,49 @@ async def test_a_daemon_is_started_when_none_answers_and_leaving_says_how_to_sto
         return STARTED
 
     app = make_dashboard(fake, launch_daemon=launch)
-    async with app.run_test(size=(80, 24)) as pilot:
-        app.update_state()
-        await until_idle(app)
-        assert "starting one on this machine" in "".join(screen_text(pilot))
-        assert screen_text(pilot)[0].strip() == "… starting a daemon"
-        begin.set()
-        await settle(pilot)
-        assert CAMPAIGN in "\n".join(screen_text(pilot))
-        assert STARTED in [notice.message for notice in app._notifications]
+    dash = await dashboard(app)
+    app.update_state()
+    await until_idle(app)
+    assert "starting one on this machine" in "".join(dash.lines)
+    assert dash.lines[0].strip() == "… starting a daemon"
+    begin.set()
+    await dash.settle()
+    assert CAMPAIGN in dash.text
+    assert STARTED in [notice.message for notice in app._notifications]
     assert app.farewell().endswith("\nStop the daemon with: scenario daemon --stop")
 
 
 async def test_whether_one_is_started_is_said_only_once_nobody_answered():
     state = Known()
     line = StatusLine()
-    async with App[None]().run_test() as pilot:
-        await pilot.app.mount(line)
-        line.show(state, 0.0, launching=True)
-        assert "connecting" in str(line.content)
-        line.show(replace(state, problem="nobody"), 0.0, launching=True)
-        assert "starting a daemon" in str(line.content)
+    dash = await App[None]().run_test()
+    await dash.app.mount(line)
+    line.show(state, 0.0, launching=True)
+    assert "connecting" in str(line.content)
+    line.show(replace(state, problem="nobody"), 0.0, launching=True)
+    assert "starting a daemon" in str(line.content)
 
 
-async def test_a_daemon_that_answers_is_left_as_it_is():
+async def test_a_daemon_that_answers_is_left_as_it_is(dashboard):
     app = make_dashboard(SteeredDaemon(), launch_daemon=lambda: "")
-    async with app.run_test(size=(80, 24)) as pilot:
-        await settle(pilot)
-        assert not list(app._notifications)
+    await dashboard(app)
+    assert not list(app._notifications)
     assert "stop" not in app.farewell()
 
 
-async def test_a_daemon_that_does_not_come_up_is_told_with_its_last_words():
+async def test_a_daemon_that_does_not_come_up_is_told_with_its_last_words(dashboard):
     def launch():
         raise LaunchFailed("the daemon ended with code 70:\nno space left")
 
     app = make_dashboard(SteeredDaemon(reachable=False), launch_daemon=launch)
-    async with app.run_test(size=(80, 24)) as pilot:
-        await settle(pilot)
-        assert "no space left" in " ".join(notice.message for notice in app._notifications)
-        assert "d starts one. In another terminal" in "\n".join(screen_text(pilot))
+    dash = await dashboard(app)
+    assert "no space left" in " ".join(notice.message for notice in app._notifications)
+    assert "d starts one. In another terminal" in dash.text
 
 
-async def test_a_key_starts_a_daemon_that_is_gone_and_does_nothing_beside_one_that_answers():
+async def test_a_key_starts_a_daemon_that_is_gone_and_does_nothing_beside_one_that_answers(
+    dashboard,
+):
     fake, launches = SteeredDaemon(), []
 
     def launch():
@@ -80,16 +80,15 @@ async def test_a_key_starts_a_daemon_that_is_gone_and_does_nothing_beside_one_th
         fake.reachable = True
         return ""
 
-    async with make_dashboard(fake, launch_daemon=launch).run_test(size=(80, 24)) as pilot:
-        await settle(pilot)
-        await press(pilot, "d")
-        assert launches == [True]
-        fake.reachable = False
-        await settle(pilot)
-        assert "d starts a daemon on this machine" in screen_text(pilot)[1]
-        await press(pilot, "d")
-        assert launches == [True, False]
-        assert "starts a daemon" not in screen_text(pilot)[1]
+    dash = await dashboard(fake, launch_daemon=launch)
+    await dash.press("d")
+    assert launches == [True]
+    fake.reachable = False
+    await dash.settle()
+    assert "d starts a daemon on this machine" in dash.lines[1]
+    await dash.press("d")
+    assert launches == [True, False]
+    assert "starts a daemon" not in dash.lines[1]
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,6 @@ from scenario_tui.dashboard.screens.live import LiveScreen
 from scenario_tui.dashboard.screens.standalone import StandaloneApp
 from scenario_tui.dashboard.teleoperation import Teleoperation
 from tests.batch.live.worlds import HandClock, demo_spec, demo_submission, go
-from tests.people.dashboard.inline import screen_text
 
 LINE = "SCENARIO_SOCKET=/run/user/relay SCENARIO_NONCE=ab12 python3 relay.py"
 DRIVE = Drive("differential", 0.8, 0.0, 0.7, 1.0, 1.0, 3.0, 80.0, 20.0, 0.5)
@@ -34,111 +33,106 @@ class Shown:
     def opened(self, size=(80, 24)):
         return StandaloneApp(self.screen).run_test(size=size)
 
-    async def passes(self, pilot, seconds):
+    async def passes(self, dash, seconds):
         """Let time pass in the world, and return what is seen then."""
         go(self.simulation, self.clock, seconds)
         self.screen.show_moment()
-        await pilot.pause(0)
-        return screen_text(pilot)
-
-
-@pytest.fixture
-def shown(campaigns):
-    return Shown(campaigns)
+        await dash.settle()
+        return dash.lines
 
 
 @pytest.mark.parametrize("size", [(80, 24), (200, 50), (60, 16)])
 async def test_what_there_is_to_see(shown, size):
-    async with shown.opened(size) as pilot:
-        lines = await shown.passes(pilot, 2.0)
-        assert lines[0].strip().startswith("▶ 1x  2.0 s  busy-house")
-        assert any(sign in "\n".join(lines) for sign in "→↗↑↖←↙↓↘")
-        assert "◆" in "\n".join(lines)
-        assert "Foxglove ws://127.0.0.1:8765" in "\n".join(lines[-4:])
-        while size[0] >= 80 and "q Quit" not in screen_text(pilot)[-1]:
-            await pilot.pause()  # the footer comes when it knows its keys
+    dash = await shown.opened(size)
+    lines = await shown.passes(dash, 2.0)
+    assert lines[0].strip().startswith("▶ 1x  2.0 s  busy-house")
+    assert any(sign in "\n".join(lines) for sign in "→↗↑↖←↙↓↘")
+    assert "◆" in "\n".join(lines)
+    assert "Foxglove ws://127.0.0.1:8765" in "\n".join(lines[-4:])
+    while size[0] >= 80 and "q Quit" not in dash.lines[-1]:
+        await dash.settle()  # the footer comes when it knows its keys
 
 
 async def test_keys_for_time(shown):
-    async with shown.opened() as pilot:
-        await shown.passes(pilot, 1.0)
-        for key, said in (("plus", "2x"), ("plus", "5x"), ("minus", "2x"), ("minus", "1x"),
-                          ("minus", "0.5x")):  # fmt: skip
-            await pilot.press(key)
-            assert (await shown.passes(pilot, 0.1))[0].strip().startswith(f"▶ {said}")
-        await pilot.press("space")
-        lines = await shown.passes(pilot, 1.0)
-        assert lines[0].strip().startswith("‖ 0.5x")
-        stood = shown.simulation.status.time
-        await shown.passes(pilot, 1.0)
-        assert shown.simulation.status.time == stood
-        await pilot.press("space", "r")
-        lines = await shown.passes(pilot, 0.2)
-        assert lines[0].strip().startswith("▶ 0.5x  0.1 s")
-        for _ in range(20):
-            await pilot.press("plus")
-            await shown.passes(pilot, 0.05)
-        assert shown.simulation.status.speed == 100.0
+    dash = await shown.opened()
+    await shown.passes(dash, 1.0)
+    for key, said in (("plus", "2x"), ("plus", "5x"), ("minus", "2x"), ("minus", "1x"),
+                      ("minus", "0.5x")):  # fmt: skip
+        await dash.press(key)
+        assert (await shown.passes(dash, 0.1))[0].strip().startswith(f"▶ {said}")
+    await dash.press("space")
+    lines = await shown.passes(dash, 1.0)
+    assert lines[0].strip().startswith("‖ 0.5x")
+    stood = shown.simulation.status.time
+    await shown.passes(dash, 1.0)
+    assert shown.simulation.status.time == stood
+    await dash.press("space", "r")
+    lines = await shown.passes(dash, 0.2)
+    assert lines[0].strip().startswith("▶ 0.5x  0.1 s")
+    for _ in range(20):
+        await dash.press("plus")
+        await shown.passes(dash, 0.05)
+    assert shown.simulation.status.speed == 100.0
 
 
 async def test_keys_drive_the_robot(shown):
-    async with shown.opened() as pilot:
-        await shown.passes(pilot, 1.0)
-        assert shown.simulation.view is not None
-        start = shown.simulation.view.pose
-        for _ in range(20):
-            await pilot.press("up")
-            lines = await shown.passes(pilot, 0.05)
-        assert "driven by keys" in lines[0]
-        driven = shown.simulation.view.pose
-        assert abs(driven.x - start.x) + abs(driven.y - start.y) > 0.2
-        for _ in range(10):
-            await pilot.press("a")
-            await shown.passes(pilot, 0.05)
-        assert shown.simulation.view.pose.yaw - driven.yaw > 0.1
-        await pilot.press("x")
-        lines = await shown.passes(pilot, 3.0)
-        assert "driven by" not in lines[0]
-        rests = shown.simulation.view.pose
-        await shown.passes(pilot, 1.0)
-        assert shown.simulation.view.pose == rests
+    dash = await shown.opened()
+    await shown.passes(dash, 1.0)
+    assert shown.simulation.view is not None
+    start = shown.simulation.view.pose
+    for _ in range(20):
+        await dash.press("up")
+        lines = await shown.passes(dash, 0.05)
+    assert "driven by keys" in lines[0]
+    driven = shown.simulation.view.pose
+    assert abs(driven.x - start.x) + abs(driven.y - start.y) > 0.2
+    for _ in range(10):
+        await dash.press("a")
+        await shown.passes(dash, 0.05)
+    assert shown.simulation.view.pose.yaw - driven.yaw > 0.1
+    await dash.press("x")
+    lines = await shown.passes(dash, 3.0)
+    assert "driven by" not in lines[0]
+    rests = shown.simulation.view.pose
+    await shown.passes(dash, 1.0)
+    assert shown.simulation.view.pose == rests
 
 
 async def test_what_goes_wrong_is_said(shown):
-    async with shown.opened((120, 30)) as pilot:
-        await shown.passes(pilot, 0.5)
-        late = replace(shown.simulation.status, late=True, reached=0.61, time=190.0, note="crashed")
-        shown.simulation.status = late
-        shown.screen.show_moment()
-        await pilot.pause(0)
-        lines = screen_text(pilot)
-        assert "cannot keep up: 0.6x" in lines[0]
-        assert "past the scenario's 180 s" in lines[0]
-        assert "crashed" in "\n".join(lines[-4:])
-        shown.thread.failure = RuntimeError("gone")
-        shown.screen.show_moment()
-        await pilot.pause(0)
-    assert pilot.app.return_code == 0
+    dash = await shown.opened((120, 30))
+    await shown.passes(dash, 0.5)
+    late = replace(shown.simulation.status, late=True, reached=0.61, time=190.0, note="crashed")
+    shown.simulation.status = late
+    shown.screen.show_moment()
+    await dash.settle()
+    lines = dash.lines
+    assert "cannot keep up: 0.6x" in lines[0]
+    assert "past the scenario's 180 s" in lines[0]
+    assert "crashed" in "\n".join(lines[-4:])
+    shown.thread.failure = RuntimeError("gone")
+    shown.screen.show_moment()
+    await dash.settle()
+    assert dash.app.return_code == 0
 
 
 async def test_the_line_to_type_can_be_copied(campaigns):
     shown = Shown(campaigns, LINE)
     copied = []
-    async with shown.opened((120, 30)) as pilot:
-        shown.screen.app.copy_to_clipboard = copied.append
-        await pilot.press("y")
-        assert copied == [LINE]
-        await pilot.press("question_mark")
-        assert isinstance(pilot.app.screen, Help)
-        assert "Sideways" not in "\n".join(screen_text(pilot)), "it has two wheels"
-        await pilot.press("escape", "z", "H", "F", "z", "q")
+    dash = await shown.opened((120, 30))
+    shown.screen.app.copy_to_clipboard = copied.append
+    await dash.press("y")
+    assert copied == [LINE]
+    await dash.press("question_mark")
+    assert isinstance(dash.screen, Help)
+    assert "Sideways" not in dash.text, "it has two wheels"
+    await dash.press("escape", "z", "H", "F", "z", "q")
     assert shown.simulation.watched is False
 
 
 async def test_without_a_line_to_type_there_is_nothing_to_copy(shown):
-    async with shown.opened() as pilot:
-        await pilot.press("y")
-        assert "Copy" not in screen_text(pilot)[-1]
+    dash = await shown.opened()
+    await dash.press("y")
+    assert "Copy" not in dash.lines[-1]
 
 
 def test_a_tap_drives_for_a_moment_and_stops():

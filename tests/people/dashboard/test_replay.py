@@ -1,17 +1,25 @@
-"""Every key of the replay, on a recorded run of ten seconds."""
+"""A recorded run at any moment: what was recorded until then; every key of its replay."""
 
+import math
 import re
+from dataclasses import replace
 
+import numpy as np
 import pytest
 from textual.events import MouseScrollDown, MouseScrollUp
 
-from scenario_tui.dashboard.playback import open_playback
+from daemon.trace import TraceError
+from grammars.model.robot import Mount
+from scenario_tui.dashboard.playback import Playback, open_playback, render_frame, timeline_bar
 from scenario_tui.dashboard.screens.help import Help
 from scenario_tui.dashboard.screens.replay import ReplayScreen
 from scenario_tui.dashboard.screens.standalone import StandaloneApp
+from scenario_tui.dashboard.transport import next_speed
+from scenario_tui.dashboard.widgets.map_frame import draw_view
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.dashboard.widgets.top_view import TopView
-from tests.people.dashboard.inline import screen_text
+from scenario_tui.text.run_text import verdict_lines
+from tests.people.fake import ROBOT
 from tests.people.recorded import HIT, TURNED, record_run
 
 
@@ -20,154 +28,255 @@ def playback(tmp_path_factory):
     return open_playback(record_run(tmp_path_factory.mktemp("traces") / "run.mcap"))
 
 
-class Clock:
-    """Stands still unless it is moved."""
-
-    def __init__(self):
-        self.now = 0.0
-
-    def __call__(self):
-        return self.now
-
-
-def opened(playback, begin=2.0, size=(80, 24)):
-    screen = ReplayScreen(playback, begin, clock=Clock())
-    return StandaloneApp(screen).run_test(size=size)
-
-
-def shown(pilot):
-    return "\n".join(screen_text(pilot))
+def test_a_view_shows_what_was_recorded_until_then(playback):
+    view = playback.view(4.0)
+    assert view.where.x == pytest.approx(3.0)
+    assert view.joints == (pytest.approx(-0.4),)
+    assert view.estimate is not None
+    assert view.estimate.x == pytest.approx(3.2)
+    assert view.reached == 0
+    assert view.trail[0] == (1.0, 2.0)
+    assert view.trail[-1] == (pytest.approx(3.0), 2.0)
+    assert max(x for x, _ in view.trail) <= 3.0
+    assert view.plan == ((1.0, 2.0), (4.0, 2.0))
+    later = playback.view(7.0)
+    assert later.plan == ((4.0, 2.0), (8.0, 1.0))
+    assert later.reached == 1
 
 
-def head(pilot):
-    return screen_text(pilot)[0].strip()
+def test_laser_returns_stand_around_the_mount_of_the_laser(playback):
+    view = playback.view(4.9)  # the last scan was at 4 s, when the robot stood at x = 3
+    assert 0 < len(view.returns) <= 120
+    eye = (3.0 + 0.2, 2.0)
+    assert all(math.dist(eye, p) == pytest.approx(1.5, abs=1e-6) for p in view.returns)
+    assert view.returns[0] == (pytest.approx(3.2), pytest.approx(0.5))
 
 
-async def test_keys_move_through_the_run(playback):
-    async with opened(playback) as pilot:
-        await pilot.pause(0)
-        assert head(pilot).startswith("▶ 1x  S2/pilot/0  2.0 s of 10.0 s  reached 0 of 3")
-        for key, time in (
-            ("right", "3.0"), ("left", "2.0"), ("shift+right", "10.0"), ("shift+left", "0.0"),
-            ("end", "10.0"), ("home", "0.0"), ("n", f"{HIT}"), ("n", f"{TURNED}"),
-            ("n", f"{HIT}"), ("N", f"{TURNED}"), ("N", f"{HIT}"),
-        ):  # fmt: skip
-            await pilot.press(key)
-            await pilot.pause(0)
-            assert f"  {time} s of 10.0 s" in head(pilot), key
-        assert head(pilot).startswith("‖")
-        assert "✱" in shown(pilot)
+def test_returns_of_every_laser_are_shown(playback, tmp_path):
+    rear = replace(ROBOT.laser, name="rear", mount=Mount(-1.0, 0.0, math.pi))
+    robot = replace(ROBOT, laser=replace(ROBOT.laser, name="front"), other_lasers=(rear,))
+    both = open_playback(record_run(tmp_path / "run.mcap", robot=robot)).view(4.9).returns
+    front = playback.view(4.9).returns
+    assert both[: len(front)] == front
+    eye = (3.0 - 1.0, 2.0)
+    behind = both[len(front) :]
+    assert len(behind) == len(front)
+    assert all(math.dist(eye, p) == pytest.approx(1.5, abs=1e-6) for p in behind)
 
 
-async def test_it_opens_at_what_decided_and_waits(playback):
-    async with opened(playback, None) as pilot:
-        await pilot.pause(0)
-        assert head(pilot).startswith(f"‖ 1x  S2/pilot/0  {TURNED} s of 10.0 s")
-        await pilot.press("n")
-        await pilot.pause(0)
-        assert f"  {HIT} s of 10.0 s" in head(pilot)
+def test_contacts_flash_for_a_moment(playback):
+    assert playback.view(HIT - 0.1).contacts == ()
+    assert playback.view(HIT + 0.3).contacts == ((pytest.approx(4.35), 2.0),)
+    assert playback.view(HIT + 2.0).contacts == ()
+    assert len(playback.view(HIT + 2.0, window=3.0).contacts) == 1
+    flash = draw_view(playback.view(HIT + 0.1), 60, 20).cells()[0]
+    assert ord("✱") in flash
+    assert ord("✱") not in draw_view(playback.view(2.0), 60, 20).cells()[0]
 
 
-async def test_a_run_that_passes_is_played_from_its_start(tmp_path):
-    passed = open_playback(record_run(tmp_path / "run.mcap"), ())
-    async with opened(passed, None) as pilot:
-        await pilot.pause(0)
-        assert head(pilot).startswith("▶ 1x  S2/pilot/0  0.0 s of 10.0 s")
+def test_the_moment_that_decides_a_verdict_shows_the_object_that_does(playback):
+    assert playback.view(HIT - 0.1).decisive is None
+    mark = playback.view(HIT + 0.1).decisive
+    assert (mark.name, mark.fails) == ("door-1.leaf", True)
+    (start, end) = mark.line
+    assert start == pytest.approx((4.0 + 0.35, 2.25), abs=0.1)
+    assert end[1] > 3.0
+    assert playback.view(HIT + 1.0).decisive is None
+    turned = playback.view(TURNED).decisive
+    assert (turned.name, turned.words) == ("robot", "calm −0.4 rad/s")
 
 
-async def test_time_passes_while_it_plays_and_not_while_it_pauses(playback):
-    async with opened(playback) as pilot:
-        screen = pilot.app.screen
-        await pilot.press("space")
-        screen.clock.now += 1.0
-        screen.tick()
-        assert screen.transport.time == 2.0
-        await pilot.press("space", "plus")
-        screen.clock.now += 1.0
-        screen.tick()
-        await pilot.pause(0)
-        assert screen.transport.time == pytest.approx(4.0)
-        assert head(pilot).startswith("▶ 2x")
-        await pilot.press("minus", "minus")
-        await pilot.pause(0)
-        assert head(pilot).startswith("▶ 0.5x")
-        screen.clock.now += 60.0
-        screen.tick()
-        await pilot.pause(0)
-        assert head(pilot).startswith("‖ 0.5x  S2/pilot/0  10.0 s of 10.0 s")
+def test_a_verdict_that_is_chosen_shows_its_own_object(playback):
+    slow = next(verdict for verdict in playback.verdicts if verdict.oracle == "slow")
+    mark = playback.view(slow.moment, verdict=slow).decisive
+    assert (mark.name, mark.words, mark.fails) == ("robot", "slow +0.1 m/s", False)
+    assert playback.view(HIT, verdict=slow).decisive is None
+    frame = "\n".join(
+        line.plain for line in render_frame(playback, slow.moment, 80, 23, verdict=slow)
+    )
+    assert "● slow +0.1 m/s" in frame
+    assert "● robot decides" in frame
 
 
-async def test_the_wheel_comes_nearer_to_the_robot_and_goes_back(playback):
-    async with opened(playback) as pilot:
-        top = pilot.app.screen.query_one(TopView)
-        zooms = []
-        for kind in (MouseScrollUp, MouseScrollUp, MouseScrollDown, MouseScrollDown):
-            await pilot._post_mouse_events([kind], top, offset=(5, 5))
-            await pilot.pause()
-            zooms.append(top._zoom)
-        assert zooms == [2, 4, 2, 1]
+def test_plans_are_dotted_where_trails_are_not(playback):
+    view = replace(playback.view(0.0), returns=(), estimate=None)
+    with_plan = draw_view(view, 80, 24).cells()[0]
+    without = draw_view(replace(view, plan=()), 80, 24).cells()[0]
+    assert 0 < np.count_nonzero(with_plan != without) < 3.0 / 12.4 * 80
 
 
-async def test_contacts_are_not_missed_between_two_frames(playback):
-    async with opened(playback) as pilot:
-        screen = pilot.app.screen
-        screen.transport.speed = 50.0
-        screen.clock.now += 0.1
-        screen.tick()  # from 2 s to 7 s, the contact was at 6 s
-        await pilot.pause(0)
-        assert "✱" in shown(pilot)
+def test_moments_are_those_oracles_were_decided_against(playback):
+    assert [(m.time, m.oracle) for m in playback.moments] == [(HIT, "no-contact"), (TURNED, "calm")]
 
 
-async def test_z_comes_nearer_and_question_mark_lists_the_keys(playback):
-    async with opened(playback, size=(80, 60)) as pilot:
-        await pilot.press("z")
-        assert pilot.app.screen.query_one(TopView)._zoom == 2
-        await pilot.press("z", "Z")
-        assert pilot.app.screen.query_one(TopView)._zoom == 1
-        await pilot.press("question_mark")
-        await pilot.pause(0)
-        assert isinstance(pilot.app.screen, Help)
-        for words in ("Play: Or pause", "Faster: Up to 1000x", "Next ✗", "Previous ✗", "+10 s"):
-            assert words in shown(pilot)
-        await pilot.press("escape")
-        assert isinstance(pilot.app.screen, ReplayScreen)
+@pytest.mark.parametrize(
+    ("text", "time"), [("3.5", 3.5), ("1e9", 10.0), ("-4", 0.0), ("calm", TURNED)]
+)
+def test_a_moment_is_named_by_seconds_or_oracle(playback, text, time):
+    assert playback.time_of(text) == time
 
 
-async def test_q_leaves(playback):
-    async with opened(playback) as pilot:
-        await pilot.press("q")
-        await pilot.pause(0)
-        assert pilot.app._exit
+@pytest.mark.parametrize("text", ["nan", "clam", ""])
+def test_what_is_no_moment_is_refused(playback, text):
+    with pytest.raises(ValueError, match=r"no number of seconds and no\W+oracle"):
+        playback.time_of(text)
+
+
+def test_a_frame_fits_and_says_everything(playback):
+    lines = [line.plain for line in render_frame(playback, 6.2, 80, 23)]
+    assert len(lines) == 23
+    assert max(map(len, lines)) <= 80
+    assert lines[0] == "S2/pilot/0  6.2 s of 10.0 s  reached 1 of 3 waypoints"
+    assert lines[1].count("✗") == 2
+    assert any("✱" in line for line in lines)
+    passed = lines.index("✓ 1 pass")
+    assert lines[passed - 2].startswith("✗ fail  no-contact")
+    assert lines[passed - 1].endswith("at 8.0 s, 1.8 s ahead")
+    legend = " ".join(lines[passed + 1 :])
+    assert all(words in legend for words in ("robot", "◆ waypoint", "◇ reached", "✱ contact"))
+
+
+@pytest.mark.parametrize("size", [(20, 6), (40, 10), (200, 60)])
+def test_a_frame_fits_into_any_terminal(playback, size):
+    lines = render_frame(playback, 5.0, *size)
+    assert all(line.cell_len <= size[0] for line in lines)
+    assert timeline_bar(playback, 5.0, size[0]).cell_len == size[0]
+
+
+def test_verdicts_that_do_not_fit_are_counted(playback):
+    lines = [line.plain for line in verdict_lines(playback.verdicts, 0.0, most=2)]
+    assert len(lines) == 2
+    assert lines[1] == "and 1 more not passed, ✓ 1 pass"
+
+
+def test_a_trace_without_a_robot_is_no_replay(playback, tmp_path):
+    way = playback.trace.ground_truth
+    nothing = replace(way, **{name: np.empty(0) for name in ("time", "x", "y", "yaw")})
+    with pytest.raises(TraceError, match="where the robot was"):
+        Playback(replace(playback.trace, ground_truth=nothing), (), {}, {})
+
+
+def test_speeds_go_from_a_tenth_to_a_thousand():
+    assert next_speed(3.0, 1) == 5.0
+    assert next_speed(3.0, -1) == 2.0
+    assert next_speed(1000.0, 1) == 1000.0
+    assert next_speed(0.1, -1) == 0.1
+
+
+class Replay:
+    """The screen of a replay whose clock is turned by hand."""
+
+    def __init__(self, dashboard, playback):
+        self._dashboard, self._playback, self._now = dashboard, playback, 0.0
+
+    async def open(self, begin=2.0, size=(80, 24)):
+        screen = ReplayScreen(self._playback, begin, clock=lambda: self._now)
+        self.dash = await self._dashboard(StandaloneApp(screen), size)
+        return self.dash
+
+    @property
+    def head(self):
+        return self.dash.lines[0].strip()
+
+    async def passes(self, seconds):
+        self._now += seconds
+        self.dash.screen.tick()
+        await self.dash.settle()
+
+
+@pytest.fixture
+def replay(dashboard, playback):
+    return Replay(dashboard, playback)
+
+
+async def test_keys_move_through_the_run(replay):
+    dash = await replay.open()
+    assert replay.head.startswith("▶ 1x  S2/pilot/0  2.0 s of 10.0 s  reached 0 of 3")
+    for key, time in (
+        ("right", "3.0"), ("left", "2.0"), ("shift+right", "10.0"), ("shift+left", "0.0"),
+        ("end", "10.0"), ("home", "0.0"), ("n", f"{HIT}"), ("n", f"{TURNED}"),
+        ("n", f"{HIT}"), ("N", f"{TURNED}"), ("N", f"{HIT}"),
+    ):  # fmt: skip
+        await dash.press(key)
+        assert f"  {time} s of 10.0 s" in replay.head, key
+    assert replay.head.startswith("‖")
+    await dash.press("q")
+    assert dash.app._exit
+
+
+async def test_it_opens_at_what_decided_and_waits(replay):
+    await replay.open(None)
+    assert replay.head.startswith(f"‖ 1x  S2/pilot/0  {TURNED} s of 10.0 s")
+
+
+async def test_a_run_that_passes_is_played_from_its_start(dashboard, tmp_path):
+    replay = Replay(dashboard, open_playback(record_run(tmp_path / "run.mcap"), ()))
+    await replay.open(None)
+    assert replay.head.startswith("▶ 1x  S2/pilot/0  0.0 s of 10.0 s")
+
+
+async def test_time_passes_while_it_plays_and_not_while_it_pauses(replay):
+    dash = await replay.open()
+    await dash.press("space")
+    await replay.passes(1.0)
+    assert dash.screen.transport.time == 2.0
+    await dash.press("space", "plus")
+    await replay.passes(1.0)
+    assert dash.screen.transport.time == pytest.approx(4.0)
+    assert replay.head.startswith("▶ 2x")
+    await dash.press("minus", "minus")
+    assert replay.head.startswith("▶ 0.5x")
+    await replay.passes(60.0)
+    assert replay.head.startswith("‖ 0.5x  S2/pilot/0  10.0 s of 10.0 s")
+    await dash.press("space")
+    assert replay.head.startswith("▶ 0.5x  S2/pilot/0  0.0 s of 10.0 s")
+
+
+async def test_contacts_are_not_missed_between_two_frames(replay):
+    dash = await replay.open()
+    dash.screen.transport.speed = 50.0
+    await replay.passes(0.1)  # from 2 s to 7 s, the contact was at 6 s
+    assert "✱" in dash.text
+
+
+async def test_keys_and_the_wheel_come_nearer_to_the_robot_and_go_back(replay):
+    dash = await replay.open()
+    top, zooms = dash.one(TopView), []
+    for kind in (MouseScrollUp, MouseScrollUp, MouseScrollDown, MouseScrollDown):
+        await dash.pilot._post_mouse_events([kind], top, offset=(5, 5))
+        await dash.settle()
+        zooms.append(top._zoom)
+    for key in ("z", "z", "Z"):
+        await dash.press(key)
+        zooms.append(top._zoom)
+    assert zooms == [2, 4, 2, 1, 2, 4, 1]
+
+
+async def test_question_mark_lists_the_keys(replay):
+    dash = await replay.open(size=(80, 60))
+    await dash.press("question_mark")
+    assert isinstance(dash.screen, Help)
+    for words in ("Play: Or pause", "Faster: Up to 1000x", "Next ✗", "Previous ✗", "+10 s"):
+        assert words in dash.text
 
 
 @pytest.mark.parametrize("size", [(40, 10), (160, 50)])
-async def test_it_fits_into_any_terminal(playback, size):
-    async with opened(playback, HIT, size) as pilot:
-        await pilot.pause(0)
-        assert "6.0 s" in shown(pilot)
-        assert pilot.app.screen.query_one(TopView).size.height >= 3
+async def test_it_fits_into_any_terminal(replay, size):
+    dash = await replay.open(HIT, size)
+    assert "6.0 s" in dash.text
+    assert dash.one(TopView).size.height >= 3
 
 
-def test_what_it_looks_like(snap_compare, playback):
-    screen = ReplayScreen(playback, HIT, clock=Clock())
-    assert snap_compare(StandaloneApp(screen), terminal_size=(80, 24))
-
-
-async def test_a_click_in_a_signal_goes_to_its_moment_and_keys_show_less_of_the_time(playback):
-    async with opened(playback, size=(160, 40)) as pilot:
-        await pilot.pause()
-        signals = pilot.app.screen.query_one(TimelineView)
-        start, end = 27, signals.size.width - 1
-        await pilot.click(signals, offset=((start + end) // 2, 4))
-        await pilot.pause()
-        assert pilot.app.screen.transport.time == pytest.approx(5.0, abs=0.2)
-        assert head(pilot).startswith("‖ 1x")
-        await pilot.press("right_parenthesis", "right_parenthesis")
-        await pilot.pause()
-        assert re.search(r"2.\d+–7.\d+ s of 10.0 s", shown(pilot))
-        await pilot.press("left_parenthesis")
-        await pilot.pause()
-        assert re.search(r"1.\d+–8.\d+ s of 10.0 s", shown(pilot))
-        await pilot.press("Z")
-        await pilot.pause()
-        assert "s of 10.0 s" not in shown(pilot).partition("\n")[2]
+async def test_a_click_in_a_signal_goes_to_its_moment_and_keys_show_less_of_the_time(replay):
+    dash = await replay.open(size=(160, 40))
+    signals = dash.one(TimelineView)
+    await dash.pilot.click(signals, offset=((27 + signals.size.width - 1) // 2, 4))
+    await dash.settle()
+    assert dash.screen.transport.time == pytest.approx(5.0, abs=0.2)
+    assert replay.head.startswith("‖ 1x")
+    await dash.press("right_parenthesis", "right_parenthesis")
+    assert re.search(r"2.\d+–7.\d+ s of 10.0 s", dash.text)
+    await dash.press("left_parenthesis")
+    assert re.search(r"1.\d+–8.\d+ s of 10.0 s", dash.text)
+    await dash.press("Z")
+    assert "s of 10.0 s" not in dash.text.partition("\n")[2]

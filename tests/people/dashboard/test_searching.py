@@ -25,7 +25,7 @@ from scenario_tui.terminal.capabilities import TerminalLimits
 from scenario_tui.text.search_text import parameters_text, range_bar
 from tests.parts import eventually
 from tests.people.dashboard.driven import choose_from_palette
-from tests.people.dashboard.inline import make_dashboard, press, screen_text, settle
+from tests.people.dashboard.inline import make_dashboard
 from tests.people.dashboard.searching import (
     NEAREST,
     SEARCH,
@@ -38,16 +38,11 @@ from tests.people.dashboard.searching import (
 )
 from tests.people.fake import CAMPAIGN
 
-BEST = 37
-"""The run with the smallest margin."""
+WIDE = (120, 40)
 
 
 def opened(fake, size=(120, 40)):
     return make_dashboard(fake).run_test(size=size)
-
-
-def shown(pilot):
-    return "\n".join(screen_text(pilot))
 
 
 def search_runs(rows, state="running", **changes):
@@ -55,39 +50,36 @@ def search_runs(rows, state="running", **changes):
     return SearchTrials(row, tuple(read_trial(row.task, one) for one in rows))
 
 
-async def test_the_list_says_what_a_search_does_and_what_it_found():
+async def test_the_list_says_what_a_search_does_and_what_it_found(dashboard):
     fake = SearchingDaemon.running()
-    async with opened(fake) as pilot:
-        await settle(pilot)
-        assert "explore " in shown(pilot)
-        assert " 38/60 " in shown(pilot)
-        assert "looking for" in shown(pilot)
-        fake.found = SearchingDaemon.finished().found
-        fake.proposed = SearchingDaemon.finished().proposed
-        await settle(pilot)
-        text = shown(pilot)
-        assert "✗ found −0.0468 m" in text
-        assert "no-contact fails with" in text
-        assert "scenario search" in text
+    dash = await dashboard(fake, WIDE)
+    assert "explore " in dash.text
+    assert " 38/60 " in dash.text
+    assert "looking for" in dash.text
+    fake.found = SearchingDaemon.finished().found
+    fake.proposed = SearchingDaemon.finished().proposed
+    await dash.settle()
+    text = dash.text
+    assert "✗ found −0.0468 m" in text
+    assert "no-contact fails with" in text
+    assert "scenario search" in text
 
 
-async def test_nothing_is_expected_of_a_search_and_it_has_no_matrix():
+async def test_nothing_is_expected_of_a_search_and_it_has_no_matrix(dashboard):
     fake = SearchingDaemon.finished()
-    async with opened(fake) as pilot:
-        await settle(pilot)
-        assert SEARCH not in pilot.app.known.conclusions
-        assert CAMPAIGN in pilot.app.known.conclusions
-        await press(pilot, "m")
-        assert not isinstance(pilot.app.screen, MatrixScreen)
-        assert "nothing was expected of its runs" in shown(pilot)
+    dash = await dashboard(fake, WIDE)
+    assert SEARCH not in dash.app.known.conclusions
+    assert CAMPAIGN in dash.app.known.conclusions
+    await dash.press("m")
+    assert not isinstance(dash.screen, MatrixScreen)
+    assert "nothing was expected of its runs" in dash.text
 
 
-async def test_enter_opens_the_search_with_all_of_it():
-    async with opened(SearchingDaemon.finished()) as pilot:
-        await settle(pilot)
-        await press(pilot, "enter")
-        assert isinstance(pilot.app.screen, SearchScreen)
-        text = shown(pilot)
+async def test_enter_opens_the_search_with_all_of_it(dashboard):
+    dash = await dashboard(SearchingDaemon.finished(), WIDE)
+    await dash.press("enter")
+    assert isinstance(dash.screen, SearchScreen)
+    text = dash.text
     for words in (
         "✗ 60/60 explore  6 fail  best −0.0468 m  and 1 run after",
         "━ best so far",
@@ -103,105 +95,97 @@ async def test_enter_opens_the_search_with_all_of_it():
 
 
 @pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 50), (40, 10), (110, 12)])
-async def test_every_part_is_seen_in_every_size(size):
+async def test_every_part_is_seen_in_every_size(dashboard, size):
     fake = SearchingDaemon.finished()
-    async with opened(fake, size) as pilot:
-        await settle(pilot)
-        await press(pilot, "enter")
-        seen = ""
-        for _ in SearchScreen.VIEWS:
-            seen += shown(pilot) + "\n"
-            await press(pilot, "tab")
-        for words in ("best", "≠ ", "doors-in-time", "No trace", "0 ┈"):
-            assert words in seen, words
-        assert all(len(line) <= size[0] for line in seen.split("\n"))
+    dash = await dashboard(fake, size)
+    await dash.press("enter")
+    seen = ""
+    for _ in SearchScreen.VIEWS:
+        seen += dash.text + "\n"
+        await dash.press("tab")
+    for words in ("best", "≠ ", "doors-in-time", "No trace", "0 ┈"):
+        assert words in seen, words
+    assert all(len(line) <= size[0] for line in seen.split("\n"))
 
 
 @pytest.mark.parametrize("width", [60, 80, 120])
-async def test_an_id_keeps_its_ends_by_which_it_is_told_apart(width):
-    async with opened(SearchingDaemon.finished(), (width, 24)) as pilot:
-        await settle(pilot)
-        text = shown(pilot)
-        assert re.search(rf" {SEARCH[:5]}\S*{SEARCH[-5:]} ", text)
-        assert "✗ found −0.0468 m" in text
-        await press(pilot, "2")
-        assert f" {CAMPAIGN} " in shown(pilot)
+async def test_an_id_keeps_its_ends_by_which_it_is_told_apart(dashboard, width):
+    dash = await dashboard(SearchingDaemon.finished(), (width, 24))
+    text = dash.text
+    assert re.search(rf" {SEARCH[:5]}\S*{SEARCH[-5:]} ", text)
+    assert "✗ found −0.0468 m" in text
+    await dash.press("2")
+    assert f" {CAMPAIGN} " in dash.text
 
 
-async def test_the_run_in_front_is_the_one_of_parameters_and_keys():
-    async with opened(SearchingDaemon.finished()) as pilot:
-        await settle(pilot)
-        await press(pilot, "enter", "n", "n")
-        text = shown(pilot)
-        assert "nearest failure  doors-in-time.60/pilot/0" in text
-        assert text.count("≠ kitchen_opens") == 1
-        assert "8 → 8.54 s" in text
-        await press(pilot, "x")
-        assert f"scenario verify {NEAREST.id}" in pilot.app.clipboard
-        await press(pilot, "y")
-        assert pilot.app.clipboard == f"scenario show {NEAREST.id}"
-        await press(pilot, "N", "enter")
-        assert isinstance(pilot.app.screen, RunScreen)
-        assert f"{SEARCH} › doors-in-time.34/pilot/0" in shown(pilot)
+async def test_the_run_in_front_is_the_one_of_parameters_and_keys(dashboard):
+    dash = await dashboard(SearchingDaemon.finished(), WIDE)
+    await dash.press("enter", "n", "n")
+    text = dash.text
+    assert "nearest failure  doors-in-time.60/pilot/0" in text
+    assert text.count("≠ kitchen_opens") == 1
+    assert "8 → 8.54 s" in text
+    await dash.press("x")
+    assert f"scenario verify {NEAREST.id}" in dash.app.clipboard
+    await dash.press("y")
+    assert dash.app.clipboard == f"scenario show {NEAREST.id}"
+    await dash.press("N", "enter")
+    assert isinstance(dash.screen, RunScreen)
+    assert f"{SEARCH} › doors-in-time.34/pilot/0" in dash.text
 
 
-async def test_a_key_lists_the_runs_of_the_search():
+async def test_a_key_lists_the_runs_of_the_search(dashboard):
     fake = SearchingDaemon.finished()
-    async with opened(fake) as pilot:
-        await settle(pilot)
-        await press(pilot, "enter", "a")
-        assert isinstance(pilot.app.screen, RunsScreen)
-        assert f"campaigns › {SEARCH}" in shown(pilot)
+    dash = await dashboard(fake, WIDE)
+    await dash.press("enter", "a")
+    assert isinstance(dash.screen, RunsScreen)
+    assert f"campaigns › {SEARCH}" in dash.text
 
 
-async def test_it_is_live():
+async def test_it_is_live(dashboard):
     fake = SearchingDaemon.running(20)
-    async with opened(fake) as pilot:
-        await settle(pilot)
-        await press(pilot, "enter")
-        assert "▶ 20/60 explore  0 fail" in shown(pilot)
-        assert "first failure" not in shown(pilot)
-        fake.go_on(38)
-        await settle(pilot)
-        assert "▶ 38/60 explore  3 fail  best −0.0468 m" in shown(pilot)
-        assert "first failure" in shown(pilot)
-        fake.found = (replace(fake.found[0], phase="nearest"),)
-        fake.go_on(60)
-        await settle(pilot)
-        assert "nearest" in shown(pilot)
+    dash = await dashboard(fake, WIDE)
+    await dash.press("enter")
+    assert "▶ 20/60 explore  0 fail" in dash.text
+    assert "first failure" not in dash.text
+    fake.go_on(38)
+    await dash.settle()
+    assert "▶ 38/60 explore  3 fail  best −0.0468 m" in dash.text
+    assert "first failure" in dash.text
+    fake.found = (replace(fake.found[0], phase="nearest"),)
+    fake.go_on(60)
+    await dash.settle()
+    assert "nearest" in dash.text
 
 
-async def test_a_search_before_its_first_result_and_one_that_could_not_go_on():
+async def test_a_search_before_its_first_result_and_one_that_could_not_go_on(dashboard):
     fake = SearchingDaemon(found=(make_search((), "running"),))
-    async with opened(fake) as pilot:
-        await settle(pilot)
-        await press(pilot, "enter")
-        assert "▶ 0/60 explore  0 fail" in shown(pilot)
-        await press(pilot, "x")
-        assert "No run of this search has a result yet" in shown(pilot)
-        await press(pilot, "escape")
-        why = "campaign.yaml:3: there is no layer doors_moving"
-        fake.found = (make_search((), "failed", note=why),)
-        await settle(pilot)
-        assert why in shown(pilot)
-        assert "it could not go on" in shown(pilot)
+    dash = await dashboard(fake, WIDE)
+    await dash.press("enter")
+    assert "▶ 0/60 explore  0 fail" in dash.text
+    await dash.press("x")
+    assert "No run of this search has a result yet" in dash.text
+    await dash.press("escape")
+    why = "campaign.yaml:3: there is no layer doors_moving"
+    fake.found = (make_search((), "failed", note=why),)
+    await dash.settle()
+    assert why in dash.text
+    assert "it could not go on" in dash.text
 
 
-async def test_the_palette_goes_to_a_search():
-    async with opened(SearchingDaemon.finished()) as pilot:
-        await settle(pilot)
-        await choose_from_palette(pilot, SEARCH, f"go to campaign {SEARCH}")
-        assert isinstance(pilot.app.screen, SearchScreen)
+async def test_the_palette_goes_to_a_search(dashboard):
+    dash = await dashboard(SearchingDaemon.finished(), WIDE)
+    await choose_from_palette(dash, SEARCH, f"go to campaign {SEARCH}")
+    assert isinstance(dash.screen, SearchScreen)
 
 
-async def test_without_colours_and_in_ascii_it_says_the_same():
+async def test_without_colours_and_in_ascii_it_says_the_same(dashboard):
     dashboard = make_dashboard(SearchingDaemon.finished())
     dashboard.apply_limits(TerminalLimits("none", ascii_only=True))
-    async with dashboard.run_test(size=(80, 24)) as pilot:
-        await settle(pilot)
-        await press(pilot, "enter", "tab")
-        update = pilot.app.screen._compositor.render_update(full=True)
-        text = update.render_segments(pilot.app.console)
+    dash = await dashboard(dashboard)
+    await dash.press("enter", "tab")
+    update = dash.screen._compositor.render_update(full=True)
+    text = update.render_segments(dash.app.console)
     assert text.isascii()
     assert "38;" not in text
     plain = re.sub(r"\x1b\[[^A-Za-z]*[A-Za-z]", "", text)

@@ -24,7 +24,6 @@ from scenario_tui.dashboard.widgets.map_frame import draw_view
 from scenario_tui.dashboard.widgets.map_style import Layer
 from scenario_tui.dashboard.widgets.top_view import TopView
 from tests.engine.judging.traces import along, make_trace, times, track
-from tests.people.dashboard.inline import screen_text
 
 CELLS = np.array([[253, 254, 255], [0, 252, 0]], np.uint8)
 REPORTS = (
@@ -85,15 +84,14 @@ def test_the_costmap_is_seen_where_it_was_asked_for():
     assert Layer.COSTMAP in draw_view(other, 80, 24, costmap="local").layers
 
 
-async def test_a_key_shows_the_other_costmap_or_none():
-    async with StandaloneApp(ReplayScreen(playback(), 2.5)).run_test(size=(100, 30)) as pilot:
-        await pilot.pause(0)
-        screen = "\n".join(screen_text(pilot))
-        assert "collision monitor: stop by Front" in screen
-        assert "⠿⠿ blocked in the costmap" in screen
-        await pilot.press("O")
-        top = pilot.app.screen.query_one(TopView)
-        assert [top.next_costmap() for _ in range(3)] == ["", "local", "global"]
+async def test_a_key_shows_the_other_costmap_or_none(dashboard):
+    dash = await dashboard(StandaloneApp(ReplayScreen(playback(), 2.5)), (100, 30))
+    screen = dash.text
+    assert "collision monitor: stop by Front" in screen
+    assert "⠿⠿ blocked in the costmap" in screen
+    await dash.press("O")
+    top = dash.one(TopView)
+    assert [top.next_costmap() for _ in range(3)] == ["", "local", "global"]
 
 
 def test_a_watched_run_shows_its_costmap_and_the_line():

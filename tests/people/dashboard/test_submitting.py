@@ -13,8 +13,7 @@ from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
 from scenario_tui.dashboard.screens.submit import SubmitScreen
 from scenario_tui.dashboard.widgets.tables import KeyedTable
 from scenario_tui.library.submission import SubmissionPlan, Workload, plan_text
-from tests.people.dashboard.driven import SteeredDaemon, notices, until
-from tests.people.dashboard.inline import make_dashboard, press, screen_text, settle
+from tests.people.dashboard.driven import SteeredDaemon, until
 
 DEMO = Path(__file__).parents[3] / "campaigns"
 
@@ -38,50 +37,49 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-def about(pilot):
-    return str(pilot.app.screen.query_one("#about", Static).render())
+def about(dash):
+    return str(dash.one("#about", Static).render())
 
 
-async def opened_at(pilot, file):
-    await settle(pilot)
-    await press(pilot, "s")
-    assert isinstance(pilot.app.screen, SubmitScreen)
-    pilot.app.screen.query_one(Input).value = file
-    await until(pilot, lambda: any(file in line for line in screen_text(pilot)[3:8]))
+async def opened_at(dash, file):
+    await dash.settle()
+    await dash.press("s")
+    assert isinstance(dash.screen, SubmitScreen)
+    dash.one(Input).value = file
+    await dash.until(lambda: any(file in line for line in dash.lines[3:8]))
 
 
-async def test_a_campaign_is_checked_beside_its_name_and_submitted(fake, folder):
-    async with make_dashboard(fake).run_test(size=(80, 24)) as pilot:
-        await opened_at(pilot, "demo/camp")
-        await until(pilot, lambda: "✓" in about(pilot))
-        assert "3 scenarios, 15 runs" in about(pilot)
-        assert "same as: scenario submit demo/campaign.yaml" in about(pilot)
-        await pilot.press("ctrl+r")
-        assert "demo/campaign.yaml --fresh" in about(pilot)
-        await pilot.press("enter")
-        await until(pilot, lambda: fake.told("submit"))
-        await settle(pilot)
-        assert isinstance(pilot.app.screen, CampaignsScreen)
-        assert ": 15 runs" in notices(pilot)
+async def test_a_campaign_is_checked_beside_its_name_and_submitted(dashboard, fake, folder):
+    dash = await dashboard(fake)
+    await opened_at(dash, "demo/camp")
+    await dash.until(lambda: "✓" in about(dash))
+    assert "3 scenarios, 15 runs" in about(dash)
+    assert "same as: scenario submit demo/campaign.yaml" in about(dash)
+    await dash.press("ctrl+r")
+    assert "demo/campaign.yaml --fresh" in about(dash)
+    await dash.press("enter")
+    await dash.until(lambda: fake.told("submit"))
+    await dash.settle()
+    assert isinstance(dash.screen, CampaignsScreen)
+    assert ": 15 runs" in dash.notices
 
 
-async def test_the_cursor_goes_to_what_was_submitted(fake, folder):
-    async with make_dashboard(fake).run_test(size=(120, 30)) as pilot:
-        await settle(pilot)
-        rows = fake.campaigns()
-        table = pilot.app.screen.query_one(KeyedTable)
-        assert table.key == rows[0].id != rows[1].id
-        pilot.app.remember(folder / "demo" / "campaign.yaml", rows[1].id)
-        await until(pilot, lambda: table.key == rows[1].id)
+async def test_the_cursor_goes_to_what_was_submitted(dashboard, fake, folder):
+    dash = await dashboard(fake, size=(120, 30))
+    rows = fake.campaigns()
+    table = dash.one(KeyedTable)
+    assert table.key == rows[0].id != rows[1].id
+    dash.app.remember(folder / "demo" / "campaign.yaml", rows[1].id)
+    await dash.until(lambda: table.key == rows[1].id)
 
 
-async def test_what_would_be_executed_is_said_before(fake, folder):
-    async with make_dashboard(fake).run_test(size=(120, 30)) as pilot:
-        await opened_at(pilot, "demo/camp")
-        await until(pilot, lambda: "✓" in about(pilot))
-        assert "3 cells × 5 repeats = 15 runs\n" in about(pilot)  # no ledger is here to ask
-        searches = "doors-in-time is a search: start it with `scenario search demo/campaign.yaml`"
-        assert searches in about(pilot)
+async def test_what_would_be_executed_is_said_before(dashboard, fake, folder):
+    dash = await dashboard(fake, size=(120, 30))
+    await opened_at(dash, "demo/camp")
+    await dash.until(lambda: "✓" in about(dash))
+    assert "3 cells × 5 repeats = 15 runs\n" in about(dash)  # no ledger is here to ask
+    searches = "doors-in-time is a search: start it with `scenario search demo/campaign.yaml`"
+    assert searches in about(dash)
 
 
 @pytest.mark.parametrize(
@@ -102,98 +100,98 @@ def test_a_plan_says_what_is_cached_and_how_long_the_rest_takes(plan, fresh, sai
     assert plan_text(plan, 2, fresh=fresh) == f"3 cells × 5 repeats = 15 runs{said}"
 
 
-async def test_what_is_wrong_is_said_with_its_line_and_not_submitted(fake, folder):
-    async with make_dashboard(fake).run_test(size=(80, 24)) as pilot:
-        await opened_at(pilot, "broken")
-        await until(pilot, lambda: "✗" in about(pilot))
-        assert "broken.yaml:2:1: error:" in about(pilot)
-        assert "scenarios" in about(pilot)
-        await pilot.press("enter")
-        await until(pilot, lambda: "not submitted: " in notices(pilot))
-        assert isinstance(pilot.app.screen, SubmitScreen)
-        (folder / "broken.yaml").write_text("campaign: broken\nsenarios: {}\n")
-        await press(pilot, "enter")
-        await until(pilot, lambda: "senarios" in about(pilot))
-        await press(pilot, "escape")
-        assert pilot.app.screen.query_one(Input).value == ""
-        await press(pilot, "escape")
-        assert isinstance(pilot.app.screen, CampaignsScreen)
+async def test_what_is_wrong_is_said_with_its_line_and_not_submitted(dashboard, fake, folder):
+    dash = await dashboard(fake)
+    await opened_at(dash, "broken")
+    await dash.until(lambda: "✗" in about(dash))
+    assert "broken.yaml:2:1: error:" in about(dash)
+    assert "scenarios" in about(dash)
+    await dash.press("enter")
+    await dash.until(lambda: "not submitted: " in dash.notices)
+    assert isinstance(dash.screen, SubmitScreen)
+    (folder / "broken.yaml").write_text("campaign: broken\nsenarios: {}\n")
+    await dash.press("enter")
+    await dash.until(lambda: "senarios" in about(dash))
+    await dash.press("escape")
+    assert dash.one(Input).value == ""
+    await dash.press("escape")
+    assert isinstance(dash.screen, CampaignsScreen)
     assert not fake.told("submit")
 
 
-async def test_a_submission_that_the_daemon_did_not_take_stays_with_its_reason(fake, folder):
-    async with make_dashboard(fake).run_test(size=(80, 24)) as pilot:
-        await opened_at(pilot, "demo/camp")
-        fake.reachable = False
-        await pilot.press("enter")
-        await until(pilot, lambda: "not submitted: no daemon answers" in about(pilot))
-        assert isinstance(pilot.app.screen, SubmitScreen)
-        fake.reachable = True
-        await pilot.press("enter")
-        await until(pilot, lambda: fake.told("submit"))
-        await settle(pilot)
-        assert isinstance(pilot.app.screen, CampaignsScreen)
+async def test_a_submission_that_the_daemon_did_not_take_stays_with_its_reason(
+    dashboard, fake, folder
+):
+    dash = await dashboard(fake)
+    await opened_at(dash, "demo/camp")
+    fake.reachable = False
+    await dash.press("enter")
+    await dash.until(lambda: "not submitted: no daemon answers" in about(dash))
+    assert isinstance(dash.screen, SubmitScreen)
+    fake.reachable = True
+    await dash.press("enter")
+    await dash.until(lambda: fake.told("submit"))
+    await dash.settle()
+    assert isinstance(dash.screen, CampaignsScreen)
 
 
-async def test_who_leaves_is_told_of_a_submission_that_was_cut_off(fake, folder, monkeypatch):
-    async with make_dashboard(fake).run_test(size=(80, 24)) as pilot:
-        await opened_at(pilot, "demo/camp")
-        check, go_on = pilot.app.check_file, threading.Event()
+async def test_who_leaves_is_told_of_a_submission_that_was_cut_off(
+    dashboard, fake, folder, monkeypatch
+):
+    dash = await dashboard(fake)
+    await opened_at(dash, "demo/camp")
+    check, go_on = dash.app.check_file, threading.Event()
 
-        def hold(path, submit=False, **more):
-            return (not submit or go_on.wait()) and check(path, submit=submit, **more)
+    def hold(path, submit=False, **more):
+        return (not submit or go_on.wait()) and check(path, submit=submit, **more)
 
-        monkeypatch.setattr(pilot.app, "check_file", hold)
-        await pilot.press("enter")
-        assert "the submission of demo/campaign.yaml was cut off" in pilot.app.farewell()
-        go_on.set()
-        await until(pilot, lambda: ": 15 runs" in notices(pilot))
-        assert "cut off" not in pilot.app.farewell()
-
-
-async def test_a_name_typed_before_the_files_are_listed_chooses_ones_own_file(fake, folder):
-    async with make_dashboard(fake).run_test(size=(80, 24)) as pilot:
-        await settle(pilot)
-        # The demo that ships fits as well.
-        await pilot.press("s", *"demo")
-        await until(pilot, lambda: "scenario submit" in about(pilot) and "✓" in about(pilot))
-        files = pilot.app.screen.query_one(OptionList)
-        assert (files.highlighted, files.option_count) == (0, 2)
-        assert "scenario submit demo/campaign.yaml" in about(pilot)
+    monkeypatch.setattr(dash.app, "check_file", hold)
+    await dash.press("enter")
+    assert "the submission of demo/campaign.yaml was cut off" in dash.app.farewell()
+    go_on.set()
+    await dash.until(lambda: ": 15 runs" in dash.notices)
+    assert "cut off" not in dash.app.farewell()
 
 
-async def test_somebody_new_is_offered_the_demo(fake, folder, monkeypatch):
+async def test_a_name_typed_before_the_files_are_listed_chooses_ones_own_file(
+    dashboard, fake, folder
+):
+    dash = await dashboard(fake)
+    # The demo that ships fits as well.
+    await dash.press("s", *"demo")
+    await dash.until(lambda: "scenario submit" in about(dash) and "✓" in about(dash))
+    files = dash.one(OptionList)
+    assert (files.highlighted, files.option_count) == (0, 2)
+    assert "scenario submit demo/campaign.yaml" in about(dash)
+
+
+async def test_somebody_new_is_offered_the_demo(dashboard, fake, folder, monkeypatch):
     monkeypatch.chdir(folder / "robots")
-    async with make_dashboard(fake).run_test(size=(80, 24)) as pilot:
-        await settle(pilot)
-        await press(pilot, "s")
-        await until(pilot, lambda: "✓" in about(pilot))
-        assert screen_text(pilot)[3].strip() == "the demo that comes with scenario"
-        assert "3 scenarios, 15 runs" in about(pilot)
+    dash = await dashboard(fake)
+    await dash.press("s")
+    await dash.until(lambda: "✓" in about(dash))
+    assert dash.lines[3].strip() == "the demo that comes with scenario"
+    assert "3 scenarios, 15 runs" in about(dash)
 
 
-async def test_what_was_submitted_last_is_offered_first_among_ones_own(fake, folder):
-    async with make_dashboard(fake).run_test(size=(80, 24)) as pilot:
-        await settle(pilot)
-        for first in (["demo/campaign.yaml", "broken.yaml"], ["broken.yaml", "demo/campaign.yaml"]):
-            await press(pilot, "s")
-            await until(
-                pilot, lambda: "broken.yaml" in screen_text(pilot)[4] + screen_text(pilot)[3]
-            )
-            assert [line.strip() for line in screen_text(pilot)[3:5]] == first
-            assert f"scenario submit {first[0]}" in about(pilot)
-            await press(pilot, "escape")
-            pilot.app.remember(folder / "broken.yaml", "")
+async def test_what_was_submitted_last_is_offered_first_among_ones_own(dashboard, fake, folder):
+    dash = await dashboard(fake)
+    for first in (["demo/campaign.yaml", "broken.yaml"], ["broken.yaml", "demo/campaign.yaml"]):
+        await dash.press("s")
+        await until(dash, lambda: "broken.yaml" in dash.lines[4] + dash.lines[3])
+        assert [line.strip() for line in dash.lines[3:5]] == first
+        assert f"scenario submit {first[0]}" in about(dash)
+        await dash.press("escape")
+        dash.app.remember(folder / "broken.yaml", "")
 
 
-async def test_a_click_chooses_a_file(fake, folder):
-    async with make_dashboard(fake).run_test(size=(80, 24)) as pilot:
-        await settle(pilot)
-        await press(pilot, "s")
-        await until(pilot, lambda: "broken.yaml" in screen_text(pilot)[4])
-        await pilot.click(offset=(5, 4))
-        await until(pilot, lambda: "✗" in about(pilot))
-        assert not notices(pilot)
+async def test_a_click_chooses_a_file(dashboard, fake, folder):
+    dash = await dashboard(fake)
+    await dash.press("s")
+    await dash.until(lambda: "broken.yaml" in dash.lines[4])
+    await dash.pilot.click(offset=(5, 4))
+    await dash.until(lambda: "✗" in about(dash))
+    assert not dash.notices
 
 
 def test_campaigns_near_are_found_those_changed_last_first(folder):

@@ -10,8 +10,8 @@ from scenario_tui.dashboard.themes import DARK, LIGHT
 from scenario_tui.library import submission
 from scenario_tui.library.submission import CheckedFile
 from scenario_tui.terminal.capabilities import TerminalLimits
-from tests.people.dashboard.driven import SteeredDaemon, until
-from tests.people.dashboard.inline import make_dashboard, press, screen_text, settle
+from tests.people.dashboard.driven import SteeredDaemon
+from tests.people.dashboard.inline import make_dashboard
 from tests.people.dashboard.judged_campaign import judged_campaign
 from tests.people.dashboard.searching import SearchingDaemon
 
@@ -55,51 +55,49 @@ def is_text(segment):
     return coloured and any(ord(sign) not in DRAWN for sign in written)
 
 
-def drawn(pilot):
+def drawn(dash):
     """Return the lines of the screen in front and, around dialogs, of what is behind it."""
-    screen = pilot.app.screen
+    screen = dash.screen
     screen.refresh()
-    visible_screen_stack.set(pilot.app._background_screens)
+    visible_screen_stack.set(dash.app._background_screens)
     return list(screen._compositor.render_strips())
 
 
-def poor(pilot):
-    for strip in drawn(pilot):
+def poor(dash):
+    for strip in drawn(dash):
         for segment in strip:
             if is_text(segment) and contrast(segment) < LEAST:
                 yield segment.text.strip(), f"{contrast(segment):.2f} {segment.style}"
 
 
 @pytest.mark.parametrize("theme", [DARK, LIGHT])
-async def test_every_text_can_be_read(theme, tmp_path, monkeypatch):
+async def test_every_text_can_be_read(dashboard, theme, tmp_path, monkeypatch):
     (tmp_path / "first.yaml").write_text("campaign: first\n")
     monkeypatch.chdir(tmp_path)
     config = Config(theme=theme)
     monkeypatch.setattr(submission, "check_file", lambda *_, **__: CHECKED)
     app = make_dashboard(judged_campaign(), config=config)
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(pilot)
-        home = pilot.app.screen
-        for keys in SCREENS:
-            await press(pilot, *keys)
-            assert dict(poor(pilot)) == {}, keys
-            while pilot.app.screen is not home:
-                await press(pilot, "escape")
+    dash = await dashboard(app, (120, 40))
+    home = dash.screen
+    for keys in SCREENS:
+        await dash.press(*keys)
+        assert dict(poor(dash)) == {}, keys
+        while dash.screen is not home:
+            await dash.press("escape")
 
 
 @pytest.mark.parametrize("theme", [DARK, LIGHT])
-async def test_a_search_and_the_banner_of_a_lost_connection_can_be_read(theme):
+async def test_a_search_and_the_banner_of_a_lost_connection_can_be_read(dashboard, theme):
     fake = SearchingDaemon.finished()
-    async with make_dashboard(fake, config=Config(theme=theme)).run_test(size=(120, 40)) as pilot:
-        await settle(pilot)
-        await press(pilot, "enter")
-        assert dict(poor(pilot)) == {}
-        await press(pilot, "escape")
-        fake.reachable = False
-        await settle(pilot)
-        assert "no daemon answers" in screen_text(pilot)[0]
-        banner = next(iter(pilot.app.screen._compositor.render_strips()))
-        assert all(contrast(one) >= LEAST for one in banner if is_text(one))
+    dash = await dashboard(fake, config=Config(theme=theme), size=(120, 40))
+    await dash.press("enter")
+    assert dict(poor(dash)) == {}
+    await dash.press("escape")
+    fake.reachable = False
+    await dash.settle()
+    assert "no daemon answers" in dash.lines[0]
+    banner = next(iter(dash.screen._compositor.render_strips()))
+    assert all(contrast(one) >= LEAST for one in banner if is_text(one))
 
 
 STATES = ("gone", "question_mark", "c")
@@ -108,59 +106,55 @@ STATES = ("gone", "question_mark", "c")
 
 @pytest.mark.parametrize("theme", [DARK, LIGHT])
 @pytest.mark.parametrize("keys", [(), ("enter",), ("m",), ("enter", "enter")])
-async def test_what_is_old_or_behind_a_dialog_can_be_read(theme, keys):
+async def test_what_is_old_or_behind_a_dialog_can_be_read(dashboard, theme, keys):
     fake = judged_campaign()
-    async with make_dashboard(fake, config=Config(theme=theme)).run_test(size=(120, 40)) as pilot:
-        await settle(pilot)
-        await press(pilot, *keys)
-        shown = pilot.app.screen
-        rows = screen_text(pilot)[3:6]
-        for state in STATES:
-            if state == "gone":
-                fake.reachable = False
-                await settle(pilot)
-                assert shown.has_class("-stale")
-            else:
-                await press(pilot, state)
-                assert pilot.app.screen is not shown
-                seen = [strip.text[:10] for strip in drawn(pilot)[3:6]]
-                assert seen == [f"{row:10}"[:10] for row in rows]
-            assert dict(poor(pilot)) == {}, state
-            fake.reachable = True
-            if pilot.app.screen is not shown:
-                await press(pilot, "escape")
-            await settle(pilot)
-            assert not {"-stale", "-behind"} & shown.classes
+    dash = await dashboard(fake, config=Config(theme=theme), size=(120, 40))
+    await dash.press(*keys)
+    shown = dash.screen
+    rows = dash.lines[3:6]
+    for state in STATES:
+        if state == "gone":
+            fake.reachable = False
+            await dash.settle()
+            assert shown.has_class("-stale")
+        else:
+            await dash.press(state)
+            assert dash.screen is not shown
+            seen = [strip.text[:10] for strip in drawn(dash)[3:6]]
+            assert seen == [f"{row:10}"[:10] for row in rows]
+        assert dict(poor(dash)) == {}, state
+        fake.reachable = True
+        if dash.screen is not shown:
+            await dash.press("escape")
+        assert not {"-stale", "-behind"} & shown.classes
 
 
 @pytest.mark.parametrize("theme", [DARK, LIGHT])
 @pytest.mark.parametrize("keys", [(), ("enter",), ("m",), ("enter", "enter")])
-async def test_the_palette_and_what_is_behind_it_can_be_read(theme, keys):
+async def test_the_palette_and_what_is_behind_it_can_be_read(dashboard, theme, keys):
     app = make_dashboard(judged_campaign(), config=Config(theme=theme))
-    async with app.run_test(size=(120, 40)) as pilot:
-        await settle(pilot)
-        await press(pilot, *keys)
-        behind = screen_text(pilot)[0]
-        await press(pilot, "colon")
-        await until(pilot, lambda: any("Quit" in strip.text for strip in drawn(pilot)[4:-1]))
-        assert drawn(pilot)[0].text.rstrip() == behind
-        assert dict(poor(pilot)) == {}
+    dash = await dashboard(app, (120, 40))
+    await dash.press(*keys)
+    behind = dash.lines[0]
+    await dash.press("colon")
+    await dash.until(lambda: any("Quit" in strip.text for strip in drawn(dash)[4:-1]))
+    assert drawn(dash)[0].text.rstrip() == behind
+    assert dict(poor(dash)) == {}
 
 
 @pytest.mark.parametrize("theme", [DARK, LIGHT])
 @pytest.mark.parametrize("colours", ["few", "none"])
-async def test_the_selection_is_seen_without_our_colours(theme, colours):
+async def test_the_selection_is_seen_without_our_colours(dashboard, theme, colours):
     app = make_dashboard(SteeredDaemon(), config=Config(theme=theme))
     app.apply_limits(TerminalLimits(colours))
-    async with app.run_test(size=(80, 24)) as pilot:
-        await settle(pilot)
-        await press(pilot, "down")
-        strips = list(pilot.app.screen._compositor.render_strips())
-        reverse = [any(s.style and s.style.reverse for s in strip) for strip in strips]
-        assert [row for row, lit in enumerate(reverse) if lit] == [4]
-        await press(pilot, "d")
-        behind = drawn(pilot)[4]
-        assert any(segment.style and segment.style.reverse for segment in behind)
+    dash = await dashboard(app)
+    await dash.press("down")
+    strips = list(dash.screen._compositor.render_strips())
+    reverse = [any(s.style and s.style.reverse for s in strip) for strip in strips]
+    assert [row for row, lit in enumerate(reverse) if lit] == [4]
+    await dash.press("d")
+    behind = drawn(dash)[4]
+    assert any(segment.style and segment.style.reverse for segment in behind)
 
 
 async def test_our_theme_follows_the_terminal_unless_one_was_chosen(monkeypatch):
@@ -175,13 +169,13 @@ async def test_our_theme_follows_the_terminal_unless_one_was_chosen(monkeypatch)
         assert chosen.theme == "nord"
 
 
-async def test_style_sheets_are_parsed_once_before_the_first_screen(monkeypatch):
+async def test_style_sheets_are_parsed_once_before_the_first_screen(dashboard, monkeypatch):
     parsed = []
     parse = Stylesheet.reparse
     monkeypatch.setattr(Stylesheet, "reparse", lambda sheet: parsed.append(sheet) or parse(sheet))
-    async with make_dashboard(SteeredDaemon(), config=Config()).run_test() as pilot:
-        assert not parsed  # they are when the first screen asks for them
-        pilot.app.theme = LIGHT
-        await pilot.pause()
-        assert len(parsed) == 1
-        assert pilot.app.screen.background_colors[1].hex == "#FBFBF9"
+    dash = await dashboard(SteeredDaemon(), config=Config())
+    assert not parsed  # they are when the first screen asks for them
+    dash.app.theme = LIGHT
+    await dash.settle()
+    assert len(parsed) == 1
+    assert dash.screen.background_colors[1].hex == "#FBFBF9"

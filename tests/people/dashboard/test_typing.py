@@ -9,7 +9,6 @@ from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
 from scenario_tui.dashboard.screens.matrix import MatrixScreen
 from scenario_tui.dashboard.screens.submit import SubmitScreen
 from tests.people.dashboard.driven import SteeredDaemon
-from tests.people.dashboard.inline import make_dashboard, settle
 from tests.people.fake import CAMPAIGN, OLD
 
 
@@ -18,11 +17,11 @@ def fake():
     return SteeredDaemon()
 
 
-async def type_at_once(pilot, *keys):
+async def type_at_once(dash, *keys):
     """Hand all keys to the dashboard before it has done anything because of the first one."""
     for key in keys:
-        pilot.app.post_message(Key(key, key_to_character(key)))
-    await settle(pilot)
+        dash.app.post_message(Key(key, key_to_character(key)))
+    await dash.settle()
 
 
 @pytest.mark.parametrize(
@@ -36,37 +35,33 @@ async def type_at_once(pilot, *keys):
         (("enter", "r", "f"), "retry", [(CAMPAIGN, ("fail",))]),
     ],
 )
-async def test_what_is_typed_ahead_is_for_the_dialog(fake, keys, verb, calls):
-    async with make_dashboard(fake).run_test(size=(80, 24)) as pilot:
-        await settle(pilot)
-        await type_at_once(pilot, *keys)
-        await settle(pilot)
+async def test_what_is_typed_ahead_is_for_the_dialog(dashboard, fake, keys, verb, calls):
+    dash = await dashboard(fake)
+    await type_at_once(dash, *keys)
+    await dash.settle()
     assert fake.told(verb) == calls
 
 
 @pytest.mark.parametrize("keys", [("c", "y"), ("number_sign", "7", "enter"), ("r", "j", "enter")])
-async def test_what_is_typed_for_a_dialog_that_does_not_open_does_nothing(fake, keys):
-    async with make_dashboard(fake).run_test(size=(80, 24)) as pilot:
-        await settle(pilot)
-        pilot.app.read_only = True
-        await type_at_once(pilot, *keys)
-        assert isinstance(pilot.app.screen, CampaignsScreen)
-        assert pilot.app.clipboard == ""
+async def test_what_is_typed_for_a_dialog_that_does_not_open_does_nothing(dashboard, fake, keys):
+    dash = await dashboard(fake)
+    dash.app.read_only = True
+    await type_at_once(dash, *keys)
+    assert isinstance(dash.screen, CampaignsScreen)
+    assert dash.app.clipboard == ""
     assert not {"steer", "cancel", "retry"} & {call[0] for call in fake.calls}
 
 
-async def test_a_name_typed_ahead_is_that_of_a_file(fake, tmp_path, monkeypatch):
+async def test_a_name_typed_ahead_is_that_of_a_file(dashboard, fake, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    async with make_dashboard(fake).run_test(size=(80, 24)) as pilot:
-        await settle(pilot)
-        await type_at_once(pilot, *"s1q3s")
-        assert isinstance(pilot.app.screen, SubmitScreen)
-        assert pilot.app.screen.query_one(Input).value == "1q3s"
+    dash = await dashboard(fake)
+    await type_at_once(dash, *"s1q3s")
+    assert isinstance(dash.screen, SubmitScreen)
+    assert dash.one(Input).value == "1q3s"
 
 
-async def test_a_text_typed_ahead_filters(fake):
-    async with make_dashboard(fake).run_test(size=(80, 24)) as pilot:
-        await settle(pilot)
-        await type_at_once(pilot, "slash", *OLD[:4], "enter", "m")
-        assert isinstance(pilot.app.screen, MatrixScreen)
-        assert pilot.app.screen.campaign().id == OLD
+async def test_a_text_typed_ahead_filters(dashboard, fake):
+    dash = await dashboard(fake)
+    await type_at_once(dash, "slash", *OLD[:4], "enter", "m")
+    assert isinstance(dash.screen, MatrixScreen)
+    assert dash.screen.campaign().id == OLD

@@ -1,0 +1,69 @@
+"""Daemons whose runs left a recording."""
+
+from dataclasses import replace
+
+from daemon.batch.stores import file_sha256
+from daemon.judging.oracles import judge
+from daemon.model.spec import TraceInfo
+from daemon.trace import read_trace
+from tests.people.fake import FakeDaemon, make_result
+from tests.people.recorded import record_run
+
+
+class RecordedDaemon(FakeDaemon):
+    """Runs 5 and 6 are the recorded one, with the verdicts it deserves."""
+
+    def __init__(self, trace):
+        super().__init__()
+        self.rows = tuple(
+            replace(row, trace=str(trace)) if row.index in (5, 6) else row for row in self.rows
+        )
+        recorded = read_trace(trace)
+        self._verdicts = judge(recorded, recorded.spec.oracles)
+
+    def run(self, run):
+        detail = super().run(run)
+        if detail.row.index not in (5, 6) or detail.row.result is None:
+            return detail
+        note = "parameters without effect: a, b"
+        result = replace(detail.row.result, verdicts=self._verdicts, note=note)
+        return replace(detail, row=replace(detail.row, result=result))
+
+
+class RepeatingDaemon(FakeDaemon):
+    """Run 5 is executed and judged again: other recordings at the same path."""
+
+    def __init__(self, path):
+        super().__init__()
+        self._path = path
+        self.rows = tuple(
+            replace(row, trace=str(path)) if row.index == 5 else row for row in self.rows
+        )
+        self._first, self._result = self.rows, None
+        self.execute()
+
+    def execute(self, **changes):
+        record_run(self._path, **changes)
+        recorded = read_trace(self._path)
+        self._result = replace(
+            make_result(self._first[5]),
+            verdicts=judge(recorded, recorded.spec.oracles),
+            trace=TraceInfo(file_sha256(self._path), self._path.stat().st_size, 1),
+        )
+        self.rows = self._first
+
+    def judge_again(self):
+        verdicts = tuple(v for v in self._result.verdicts if v.oracle == "slow")
+        self._result = replace(self._result, verdicts=verdicts)
+
+    def become(self, state):
+        self.rows = tuple(
+            replace(row, state=state, outcome=None, trace="", attempt=2) if row.index == 5 else row
+            for row in self.rows
+        )
+
+    def run(self, run):
+        detail = super().run(run)
+        if detail.row.index != 5 or detail.row.result is None:
+            return detail
+        return replace(detail, row=replace(detail.row, result=self._result))
