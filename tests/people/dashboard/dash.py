@@ -16,7 +16,32 @@ class Dash:
 
     def __init__(self, app, fake=None):
         self.app, self.fake = app, fake
-        self.pilot = None
+        self.pilot, self._task, self._leave = None, None, asyncio.Event()
+
+    async def begin(self, size, settled=True):
+        """Run the app, in a task of its own: its test and the end of a fixture are two others."""
+        begun = asyncio.Event()
+
+        async def run():
+            try:
+                async with self.app.run_test(size=size) as self.pilot:
+                    begun.set()
+                    await self._leave.wait()
+            finally:
+                begun.set()
+
+        self._task = asyncio.create_task(run())
+        await begun.wait()
+        if self.pilot is None:
+            await self._task
+        active_app.set(self.app)
+        if settled:
+            await self.settle()
+
+    async def leave(self):
+        """Leave the app, if it is not left yet; raise what went wrong in it."""
+        self._leave.set()
+        await self._task
 
     @property
     def screen(self):
@@ -80,31 +105,17 @@ class Dash:
 
 @asynccontextmanager
 async def opened_apps():
-    """Give a function that opens an app; leave all that it opened in the end.
+    """Give a function that opens an app; leave all that it opened in the end."""
+    opened = []
 
-    Each app runs in a task of its own: the test and the end of its fixture are two other ones.
-    """
-    leave, tasks = asyncio.Event(), []
-
-    async def run(dash, size, begun):
-        async with dash.app.run_test(size=size) as dash.pilot:
-            begun.set()
-            await leave.wait()
-
-    async def open_app(what, size=(80, 24), **settings):
+    async def open_app(what, size=(80, 24), settled=True, **settings):
         dash = Dash(what) if isinstance(what, App) else Dash(make_dashboard(what, **settings), what)
-        begun = asyncio.Event()
-        tasks.append(asyncio.create_task(run(dash, size, begun)))
-        tasks[-1].add_done_callback(lambda _: begun.set())
-        await begun.wait()
-        if dash.pilot is None:
-            await tasks[-1]
-        active_app.set(dash.app)
-        await dash.settle()
+        opened.append(dash)
+        await dash.begin(size, settled)
         return dash
 
     try:
         yield open_app
     finally:
-        leave.set()
-        await asyncio.gather(*tasks)
+        for dash in opened:
+            await dash.leave()

@@ -1,22 +1,21 @@
 """The user's settings: what they change, and what is said of wrong ones."""
 
+from dataclasses import replace
+
 import pytest
-from rich.color_triplet import ColorTriplet
-from textual.color import Color
 from textual.widgets._footer import FooterKey
 
 from grammars.text.diagnostics import InputError
-from scenario_tui.dashboard.config import read_config
+from scenario_tui.dashboard.config import Config, read_config
 from scenario_tui.dashboard.key_bindings import (
     check_config,
     classes_with_bindings,
     list_key_bindings,
 )
+from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
 from scenario_tui.dashboard.screens.help import our_bindings
-from scenario_tui.terminal.filters import darken
-from scenario_tui.text.styles import COLOURS
+from scenario_tui.dashboard.widgets.key_footer import KeyFooter
 from tests.people.dashboard.driven import SteeredDaemon
-from tests.people.dashboard.inline import make_dashboard
 from tests.people.dashboard.searching import SearchingDaemon
 
 SHARED_MEANINGS = {
@@ -149,53 +148,97 @@ def test_shared_meanings_are_those_of_keys_there_are():
     assert {id for shared in SHARED_MEANINGS.values() for id in shared} <= ids
 
 
-async def test_footers_fit_and_help_tells_the_rest(dashboard):
-    app = make_dashboard(SteeredDaemon())
-    dash = await dashboard(app)
-    for key in ("1", "m", "1", "enter", "enter", "3", "s"):
+@pytest.mark.parametrize(
+    ("fake", "keys"),
+    [
+        (SteeredDaemon(), ("1", "m", "1", "enter", "enter", "3", "s")),
+        (SearchingDaemon.finished(), ("enter",)),
+    ],
+    ids=["campaign", "search"],
+)
+async def test_footers_fit_and_help_tells_the_rest(dashboard, fake, keys):
+    dash = await dashboard(fake)
+    for key in keys:
         await dash.press(key)
-        screen = dash.screen
-        assert screen.query_one("Footer").virtual_size.width <= 80
-        listed = {one.binding.description for one in our_bindings(screen)}
-        footer = {one.description for one in screen.query(FooterKey) if not one.disabled}
+        assert dash.one("Footer").virtual_size.width <= 80
+        listed = {one.binding.description for one in our_bindings(dash.screen)}
+        footer = {one.description for one in dash.screen.query(FooterKey) if not one.disabled}
         assert footer
         assert footer <= listed
 
 
-async def test_the_footer_of_a_search_fits_and_help_tells_the_rest(dashboard):
-    dash = await dashboard(SearchingDaemon.finished())
-    await dash.press("enter")
+@pytest.mark.parametrize("keys", [(), ("enter",), ("enter", "enter"), ("m",)])
+async def test_the_key_of_the_help_comes_first_where_there_is_less_room(dashboard, keys):
+    dash = await dashboard(SteeredDaemon(), (60, 20))
+    await dash.press(*keys)
+    assert dash.lines[-1].strip().startswith("? Help  ")
+
+
+async def test_help_lists_the_keys_the_user_has_that_do_something_here(dashboard):
+    config = Config(keys={"retry": "ctrl+t"})
+    dash = await dashboard(size=(100, 80), config=config)
+    for keys, present, absent in (
+        ((), {"Cancel", "Pause", "Retry"}, {"Delete", "Resume", "Back"}),
+        (("down",), {"Delete", "Retry"}, {"Cancel", "Pause", "Priority"}),
+        (("3",), {"Back", "Quit"}, {"Retry", "Matrix"}),
+    ):
+        await dash.press(*keys)
+        names = {one.binding.description for one in our_bindings(dash.screen)}
+        assert present <= names
+        assert not absent & names
+    await dash.press("1", "question_mark")
+    assert "^t  Retry: Queue lost, failed or all runs again" in dash.text
+
+
+class OneAcknowledged(SteeredDaemon):
+    def _campaign_rows(self):
+        first, second, *others = super()._campaign_rows()
+        return (first, replace(second, acknowledged=True), *others)
+
+
+async def test_keys_that_become_grey_keep_their_widgets(dashboard):
+    dash = await dashboard(OneAcknowledged())
+    footer = dash.one(KeyFooter)
+    await dash.until(lambda: footer.query(FooterKey))
+    keys = list(footer.query(FooterKey))
+
+    def grey():
+        return {key.description for key in keys if key.has_class("-disabled")}
+
+    assert "Acknowledge" not in grey()
+    await dash.press("j")
+    await dash.until(lambda: "Acknowledge" in grey())
+    assert list(footer.query(FooterKey)) == keys
+    await dash.press("k")
+    await dash.until(lambda: "Acknowledge" not in grey())
+
+
+async def test_keys_that_come_back_while_the_line_is_made_are_shown(dashboard, monkeypatch):
+    absent = set()
+    check, make_anew = CampaignsScreen.check_action, KeyFooter.recompose
+
+    async def recompose(self):
+        absent.add("matrix")  # after the line was told of its keys, before it is made of them
+        await make_anew(self)
+
+    dash = await dashboard(SteeredDaemon())
     screen = dash.screen
-    assert screen.query_one("Footer").virtual_size.width <= 80
-    listed = {one.binding.description for one in our_bindings(screen)}
-    assert {"Next", "Rerun", "All runs", "View"} <= listed
-
-
-PALE = {name: Color.parse(colour).rich_color.get_truecolor() for name, colour in COLOURS.items()}
-
-
-def luminance(colour):
-    """Relative luminance as the WCAG defines it."""
-    parts = [p / 12.92 if p <= 0.03928 else ((p + 0.055) / 1.055) ** 2.4 for p in colour.normalized]
-    return 0.2126 * parts[0] + 0.7152 * parts[1] + 0.0722 * parts[2]
-
-
-@pytest.mark.parametrize("colour", PALE.values(), ids=PALE)
-def test_words_can_be_read_in_bright_themes(colour):
-    """A contrast of 4.5 to 1, which the WCAG asks for, over the background of textual-light."""
-    dark = darken(Color(*colour)).rich_color.get_truecolor()
-    paper, ink = luminance(ColorTriplet(224, 224, 224)), luminance(dark)
-    assert (paper + 0.05) / (ink + 0.05) >= 4.5
-
-
-async def test_a_bright_theme_darkens_the_words(dashboard, written):
-    config = read_config(written("[dashboard]\ntheme = 'textual-light'"))
-    dash = await dashboard(SteeredDaemon(), config=config)
-    strips = dash.screen._compositor.render_strips()
-    styles = [segment.style for strip in strips for segment in strip if segment.style]
-    used = {style.color.get_truecolor() for style in styles if style.color is not None}
-    assert not used & set(PALE.values())
-    assert darken(Color(*PALE["bad"])).rich_color.get_truecolor() in used
+    monkeypatch.setattr(
+        CampaignsScreen,
+        "check_action",
+        lambda it, action, given: action not in absent and check(it, action, given),
+    )
+    with monkeypatch.context() as meanwhile:
+        meanwhile.setattr(KeyFooter, "recompose", recompose)
+        absent.add("steer")
+        screen.refresh_bindings()
+        await dash.settle()
+    assert "Matrix" not in dash.lines[-1]
+    absent.remove("matrix")
+    screen.refresh_bindings()
+    await dash.settle()
+    assert "Matrix" in dash.lines[-1]
+    assert "Cancel" not in dash.lines[-1]
 
 
 def test_doctor_says_which_settings_are_used(scenario, written, monkeypatch, tmp_path):

@@ -4,6 +4,9 @@ import shlex
 from collections import Counter
 
 import pytest
+from textual.events import Key
+from textual.keys import key_to_character
+from textual.widgets import Input
 
 from daemon.model.run_state import RunState
 from scenario_tui.dashboard.screens import steering
@@ -12,11 +15,11 @@ from scenario_tui.dashboard.screens.dialogs import Menu, Prompt, Question, Refus
 from scenario_tui.dashboard.screens.matrix import MatrixScreen
 from scenario_tui.dashboard.screens.run import RunScreen
 from scenario_tui.dashboard.screens.runs import RunsScreen
+from scenario_tui.dashboard.screens.submit import SubmitScreen
 from scenario_tui.terminal.capabilities import copy_to_tmux
 from tests.people.dashboard.driven import (
     Commands,
     SteeredDaemon,
-    choose_from_palette,
     configured,
     local,
 )
@@ -67,6 +70,16 @@ async def test_one_key_pauses_and_resumes_and_is_called_what_it_does(dashboard, 
     assert fake.told("steer") == [(CAMPAIGN, True, None), (CAMPAIGN, False, None)]
 
 
+async def test_a_finished_campaign_is_deleted_after_a_question(dashboard, fake):
+    dash = await dashboard()
+    await dash.press("down", "D")
+    assert f"scenario delete {OLD}" in dash.text
+    assert not fake.told("delete")
+    await dash.press("y")
+    assert fake.told("delete") == [((OLD,), False)]
+    assert f"deleted {OLD}: 4 runs, 3 traces, 3.0 MiB" in dash.notices
+
+
 async def test_only_whole_numbers_in_range_are_priorities(dashboard, fake):
     dash = await dashboard(fake, (120, 24))
     await dash.press("number_sign")
@@ -93,13 +106,6 @@ async def test_the_menu_of_retries_says_how_many_there_are_of_each(dashboard, fa
     assert f"same as: scenario retry {CAMPAIGN} --only fail" in dash.text
     await dash.press("a")
     assert fake.told("retry") == [(CAMPAIGN, ("all",))]
-
-
-async def test_menus_leave_room_for_their_choices_on_the_smallest_screens(dashboard, fake):
-    dash = await dashboard(fake, size=(40, 10))
-    await dash.press("r")
-    assert "failed: 2" in dash.text
-    assert "all that are over: 8" in dash.text
 
 
 async def test_answers_can_be_clicked_on(dashboard, fake):
@@ -138,9 +144,9 @@ async def test_the_report_is_made_and_its_place_is_said(dashboard, fake, tmp_pat
     fake.state = str(tmp_path)
     ask = Commands({"answer": "Yes. All is as expected."})
     dash = await dashboard(fake, run_command=ask, target=local(tmp_path))
-    await dash.press("o")
+    await dash.pilot.press("o")
     assert f"goes on writing the report of {CAMPAIGN}" in dash.app.farewell()
-    await dash.press("o")
+    await dash.pilot.press("o")
     assert f"writing the report of {CAMPAIGN} already" in dash.notices
     ask.done.set()
     await dash.until(lambda: "Yes. All is as expected." in dash.notices)
@@ -199,7 +205,7 @@ async def test_who_only_looks_is_offered_nothing_that_changes_anything(dashboard
         assert "read-only" in dash.text
         await dash.press("escape")
     await dash.press("colon")
-    commands = dash.app.get_system_commands(dash.screen_stack[-2])
+    commands = dash.app.get_system_commands(dash.app.screen_stack[-2])
     steered = {binding.description for binding in steering.steering_keys()}
     offered = {command.title for command in commands}
     assert offered.isdisjoint({"Start daemon", "Submit", "Report", *steered})
@@ -218,8 +224,51 @@ def test_a_browser_is_opened_only_on_a_screen_of_this_machine(environ, there):
     assert steering.has_display(environ) is there
 
 
-async def test_the_palette_goes_to_campaigns(dashboard, fake):
+async def type_at_once(dash, *keys):
+    """Hand all keys to the dashboard before it has done anything because of the first one."""
+    for key in keys:
+        dash.app.post_message(Key(key, key_to_character(key)))
+    await dash.settle()
+
+
+@pytest.mark.parametrize(
+    ("keys", "verb", "calls"),
+    [
+        (("c", "y"), "cancel", [(CAMPAIGN,)]),
+        (("c", "n", "P"), "steer", [(CAMPAIGN, True, None)]),
+        (("r", "f"), "retry", [(CAMPAIGN, ("fail",))]),
+        (("r", "j", "enter"), "retry", [(CAMPAIGN, ("fail",))]),
+        (("number_sign", "ctrl+u", "7", "enter"), "steer", [(CAMPAIGN, None, 7)]),
+        (("enter", "r", "f"), "retry", [(CAMPAIGN, ("fail",))]),
+    ],
+)
+async def test_what_is_typed_ahead_is_for_the_dialog(dashboard, fake, keys, verb, calls):
     dash = await dashboard(fake)
-    await choose_from_palette(dash, "campaign ni", f"go to campaign {OLD}")
-    assert isinstance(dash.screen, RunsScreen)
-    assert f"campaigns › {OLD}" in dash.text
+    await type_at_once(dash, *keys)
+    await dash.settle()
+    assert fake.told(verb) == calls
+
+
+@pytest.mark.parametrize("keys", [("c", "y"), ("number_sign", "7", "enter"), ("r", "j", "enter")])
+async def test_what_is_typed_for_a_dialog_that_does_not_open_does_nothing(dashboard, fake, keys):
+    dash = await dashboard(fake)
+    dash.app.read_only = True
+    await type_at_once(dash, *keys)
+    assert isinstance(dash.screen, CampaignsScreen)
+    assert dash.app.clipboard == ""
+    assert not {"steer", "cancel", "retry"} & {call[0] for call in fake.calls}
+
+
+async def test_a_name_typed_ahead_is_that_of_a_file(dashboard, fake, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    dash = await dashboard(fake)
+    await type_at_once(dash, *"s1q3s")
+    assert isinstance(dash.screen, SubmitScreen)
+    assert dash.one(Input).value == "1q3s"
+
+
+async def test_a_text_typed_ahead_filters(dashboard, fake):
+    dash = await dashboard(fake)
+    await type_at_once(dash, "slash", *OLD[:4], "enter", "m")
+    assert isinstance(dash.screen, MatrixScreen)
+    assert dash.screen.campaign().id == OLD

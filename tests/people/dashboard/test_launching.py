@@ -29,8 +29,8 @@ async def test_a_daemon_is_started_when_none_answers_and_leaving_says_how_to_sto
         fake.reachable = True
         return STARTED
 
-    app = make_dashboard(fake, launch_daemon=launch)
-    dash = await dashboard(app)
+    dash = await dashboard(fake, settled=False, launch_daemon=launch)
+    app = dash.app
     app.update_state()
     await until_idle(app)
     assert "starting one on this machine" in "".join(dash.lines)
@@ -42,10 +42,9 @@ async def test_a_daemon_is_started_when_none_answers_and_leaving_says_how_to_sto
     assert app.farewell().endswith("\nStop the daemon with: scenario daemon --stop")
 
 
-async def test_whether_one_is_started_is_said_only_once_nobody_answered():
-    state = Known()
-    line = StatusLine()
-    dash = await App[None]().run_test()
+async def test_whether_one_is_started_is_said_only_once_nobody_answered(dashboard):
+    state, line = Known(), StatusLine()
+    dash = await dashboard(App())
     await dash.app.mount(line)
     line.show(state, 0.0, launching=True)
     assert "connecting" in str(line.content)

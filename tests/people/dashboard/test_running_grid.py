@@ -8,7 +8,6 @@ from textual.events import Key
 from scenario_tui.dashboard.screens.run import RunScreen
 from scenario_tui.dashboard.widgets.running_grid import RunningGrid, RunningRun, run_line
 from scenario_tui.dashboard.widgets.tables import KeyedTable
-from tests.people.dashboard.inline import make_dashboard
 from tests.people.fake import CAMPAIGN, WAITING, FakeDaemon, make_live, make_row, make_rows
 
 
@@ -29,35 +28,62 @@ def busy(count):
     )
 
 
-def opened(fake, size=(80, 24)):
-    return make_dashboard(fake).run_test(size=size)
-
-
-async def look_at(dash):
+def grid_lines(dash):
     """Return the lines of the screen from the title of the grid on."""
-    await dash.settle()
     lines = dash.lines
-    return lines[next((i for i, line in enumerate(lines) if "worst margin so far" in line), 0) :]
-
-
-async def test_running_runs_stand_below_the_campaigns_with_their_worst_margin(dashboard):
-    dash = await dashboard(busy(3))
-    lines = await look_at(dash)
-    assert "▶ running  3 runs, worst margin so far" in lines[0]
-    assert lines[1].split()[1:5] == ["S2/pilot/0", "━━────", "1/3", "wp"]
-    assert "300 s   +0.15 m clear" in lines[1]
-    assert lines[3].split()[1] == "S2/pilot/2"
+    return lines[next(i for i, line in enumerate(lines) if "worst margin so far" in line) :]
 
 
 async def test_of_more_than_fit_those_in_trouble_are_shown_in_their_order(dashboard):
-    fake = busy(20)
-    dash = await dashboard(fake)
-    lines = await look_at(dash)
+    lines = grid_lines(await dashboard(busy(20)))
     assert "20 runs" in lines[0]
     assert "14 more" in lines[0]
     # The margin goes down with the number of the run.
     assert [line.split()[1] for line in lines[1:7]] == [f"S2/pilot/{i}" for i in range(14, 20)]
     assert "✗ −0.8 m clear" in lines[6]
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 50)])
+async def test_below_the_campaigns_stands_what_is_under_way_of_all(dashboard, size):
+    dash = await dashboard(busy(3), size)
+    lines = grid_lines(dash)
+    assert "▶ running  3 runs, worst margin so far" in lines[0]
+    assert "S2/pilot/0" in lines[1]
+    assert "+0.15 m clear" in lines[1]
+    # Keys typed without a pause go there too.
+    for key in ("tab", "j", "enter"):
+        dash.app.post_message(Key(key, None))
+    await dash.settle()
+    assert isinstance(dash.screen, RunScreen)
+    assert f"{CAMPAIGN} › S2/pilot/1" in dash.text
+    await dash.press("escape")
+    assert dash.one(RunningGrid).has_focus
+
+
+async def test_the_table_has_the_keys_again_when_nothing_runs_any_more(dashboard):
+    fake = busy(1)
+    dash = await dashboard(fake)
+    await dash.press("tab")
+    fake.rows = tuple(make_row(i) for i in range(8))
+    fake.calls.clear()
+    await dash.settle()
+    assert not dash.one(RunningGrid).display
+    assert dash.one(KeyedTable).has_focus
+    assert not [call for call in fake.calls if call[0] == "runs" and "running" in call]
+
+
+@pytest.mark.parametrize("size", [(40, 10), (80, 15)])
+async def test_a_low_screen_keeps_its_rows_for_the_table(dashboard, size):
+    dash = await dashboard(busy(3), size)
+    assert not dash.one(RunningGrid).display
+
+
+async def test_the_table_tells_the_least_margin_so_far_of_a_run_that_goes_on(dashboard):
+    dash = await dashboard(busy(1))
+    await dash.press("enter")
+    row = next(line for line in dash.lines if "running" in line and "S2/pilot/0" in line)
+    assert "clear" in row
+    assert "+0.15 m" in row
 
 
 async def test_the_place_of_a_run_that_ended_is_kept_while_more_are_to_come(dashboard):
@@ -72,73 +98,14 @@ async def test_the_place_of_a_run_that_ended_is_kept_while_more_are_to_come(dash
     assert heights == [3, 3, 3, 0]
 
 
-@pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 50)])
-async def test_below_the_campaigns_stands_what_is_under_way_of_all(dashboard, size):
-    dash = await dashboard(busy(2), size)
-    lines = dash.lines
-    name = dash.app.known.campaigns[0].name
-    place = next(i for i, line in enumerate(lines) if "worst margin so far" in line)
-    assert place > next(i for i, line in enumerate(lines) if CAMPAIGN in line)
-    assert f"{name} S2/pilot/0" in lines[place + 1]
-    assert "+0.15 m clear" in "".join(lines[place + 1 :])
-    await dash.press("tab", "enter")
-    assert dash.screen._run_id == f"{CAMPAIGN}.7"
-
-
 def test_the_bar_of_a_run_does_not_move_what_follows_while_its_time_grows():
     runs = [RunningRun("c.1", "S1/pilot/1", live(7, time).snapshot) for time in (9.0, 99.0, 300.0)]
     assert len({run_line(one).plain.index(" clear") for one in runs}) == 1
 
 
-async def test_keys_typed_without_a_pause_go_to_the_run_under_way(dashboard):
-    dash = await dashboard(busy(3))
-    for key in ("tab", "j", "enter"):
-        dash.app.post_message(Key(key, None))
-    await dash.settle()
-    assert isinstance(dash.screen, RunScreen)
-    assert dash.screen._run_id == f"{CAMPAIGN}.8"
-
-
 def test_a_long_name_keeps_its_end():
     line = run_line(RunningRun("c.1", "frontiers-2024 S3.6/fro-omni/4"), 20).plain
     assert line.startswith("…024 S3.6/fro-omni/4 ")
-
-
-@pytest.mark.parametrize("size", [(80, 24), (120, 40)])
-async def test_enter_opens_the_run_one_has_gone_to(dashboard, size):
-    dash = await dashboard(busy(3), size)
-    await look_at(dash)
-    await dash.press("tab", "j", "enter")
-    assert isinstance(dash.screen, RunScreen)
-    assert dash.screen._run_id == f"{CAMPAIGN}.8"
-    await dash.press("escape")
-    assert dash.one(RunningGrid).has_focus
-
-
-async def test_the_table_has_the_keys_again_when_nothing_runs_any_more(dashboard):
-    fake = busy(1)
-    dash = await dashboard(fake)
-    await look_at(dash)
-    await dash.press("tab")
-    fake.rows = tuple(make_row(i) for i in range(8))
-    await dash.settle()
-    grid = dash.one(RunningGrid)
-    assert not grid.display
-    assert dash.one(KeyedTable).has_focus
-
-
-@pytest.mark.parametrize("size", [(40, 10), (80, 15)])
-async def test_a_low_screen_keeps_its_rows_for_the_table(dashboard, size):
-    dash = await dashboard(busy(3), size)
-    await look_at(dash)
-    assert not dash.one(RunningGrid).display
-
-
-async def test_a_campaign_that_is_over_asks_for_no_running_runs(dashboard):
-    fake = busy(0)
-    dash = await dashboard(fake)
-    await look_at(dash)
-    assert not [call for call in fake.calls if call[0] == "runs" and "running" in call]
 
 
 def test_a_line_says_what_is_waited_for_and_what_is_not_heard_of():
@@ -151,12 +118,3 @@ def test_a_line_says_what_is_waited_for_and_what_is_not_heard_of():
     silent = run_line(RunningRun("a.1", "S1/nav2/0", live(7).snapshot, silence=65.0)).plain
     assert "last heard 1 min 05 s ago" in silent
     assert "wp  " in run_line(RunningRun("a.1", "S1/nav2/0", live(7, margin=None).snapshot)).plain
-
-
-async def test_the_table_tells_the_least_margin_so_far_of_a_run_that_goes_on(dashboard):
-    dash = await dashboard(busy(1))
-    await dash.press("enter")
-    lines = dash.lines
-    row = next(line for line in lines if "running" in line and "S2/pilot/0" in line)
-    assert "clear" in row
-    assert "+0.15 m" in row

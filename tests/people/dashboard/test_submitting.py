@@ -146,7 +146,7 @@ async def test_who_leaves_is_told_of_a_submission_that_was_cut_off(
         return (not submit or go_on.wait()) and check(path, submit=submit, **more)
 
     monkeypatch.setattr(dash.app, "check_file", hold)
-    await dash.press("enter")
+    await dash.pilot.press("enter")
     assert "the submission of demo/campaign.yaml was cut off" in dash.app.farewell()
     go_on.set()
     await dash.until(lambda: ": 15 runs" in dash.notices)

@@ -1,8 +1,9 @@
 """Our colours can be read: on every background they stand on, on dark and on light terminals."""
 
 import pytest
+from rich.color_triplet import ColorTriplet
 from textual._context import visible_screen_stack
-from textual.css.stylesheet import Stylesheet
+from textual.color import Color
 
 from grammars.text.diagnostics import Finding, Severity, Where
 from scenario_tui.dashboard.config import Config
@@ -10,6 +11,8 @@ from scenario_tui.dashboard.themes import DARK, LIGHT
 from scenario_tui.library import submission
 from scenario_tui.library.submission import CheckedFile
 from scenario_tui.terminal.capabilities import TerminalLimits
+from scenario_tui.terminal.filters import darken
+from scenario_tui.text.styles import COLOURS
 from tests.people.dashboard.driven import SteeredDaemon
 from tests.people.dashboard.inline import make_dashboard
 from tests.people.dashboard.judged_campaign import judged_campaign
@@ -100,8 +103,8 @@ async def test_a_search_and_the_banner_of_a_lost_connection_can_be_read(dashboar
     assert all(contrast(one) >= LEAST for one in banner if is_text(one))
 
 
-STATES = ("gone", "question_mark", "c")
-"""What takes the keys from a screen: that no daemon answers, and keys that open dialogs."""
+STATES = ("gone", "question_mark", "c", "colon")
+"""What takes the keys from a screen: that no daemon answers, keys that open dialogs, places."""
 
 
 @pytest.mark.parametrize("theme", [DARK, LIGHT])
@@ -111,6 +114,7 @@ async def test_what_is_old_or_behind_a_dialog_can_be_read(dashboard, theme, keys
     dash = await dashboard(fake, config=Config(theme=theme), size=(120, 40))
     await dash.press(*keys)
     shown = dash.screen
+    first = dash.lines[0]
     rows = dash.lines[3:6]
     for state in STATES:
         if state == "gone":
@@ -120,26 +124,18 @@ async def test_what_is_old_or_behind_a_dialog_can_be_read(dashboard, theme, keys
         else:
             await dash.press(state)
             assert dash.screen is not shown
-            seen = [strip.text[:10] for strip in drawn(dash)[3:6]]
-            assert seen == [f"{row:10}"[:10] for row in rows]
+            if state == "colon":
+                await dash.until(lambda: any("Quit" in one.text for one in drawn(dash)[4:-1]))
+                assert drawn(dash)[0].text.rstrip() == first
+            else:
+                seen = [strip.text[:10] for strip in drawn(dash)[3:6]]
+                assert seen == [f"{row:10}"[:10] for row in rows]
         assert dict(poor(dash)) == {}, state
         fake.reachable = True
         if dash.screen is not shown:
             await dash.press("escape")
+        await dash.settle()
         assert not {"-stale", "-behind"} & shown.classes
-
-
-@pytest.mark.parametrize("theme", [DARK, LIGHT])
-@pytest.mark.parametrize("keys", [(), ("enter",), ("m",), ("enter", "enter")])
-async def test_the_palette_and_what_is_behind_it_can_be_read(dashboard, theme, keys):
-    app = make_dashboard(judged_campaign(), config=Config(theme=theme))
-    dash = await dashboard(app, (120, 40))
-    await dash.press(*keys)
-    behind = dash.lines[0]
-    await dash.press("colon")
-    await dash.until(lambda: any("Quit" in strip.text for strip in drawn(dash)[4:-1]))
-    assert drawn(dash)[0].text.rstrip() == behind
-    assert dict(poor(dash)) == {}
 
 
 @pytest.mark.parametrize("theme", [DARK, LIGHT])
@@ -157,7 +153,7 @@ async def test_the_selection_is_seen_without_our_colours(dashboard, theme, colou
     assert any(segment.style and segment.style.reverse for segment in behind)
 
 
-async def test_our_theme_follows_the_terminal_unless_one_was_chosen(monkeypatch):
+async def test_our_theme_follows_the_terminal_unless_one_was_chosen(dashboard, monkeypatch):
     monkeypatch.setenv("COLORFGBG", "0;15")
     app = make_dashboard(SteeredDaemon())
     assert app.theme == DARK
@@ -165,17 +161,24 @@ async def test_our_theme_follows_the_terminal_unless_one_was_chosen(monkeypatch)
     assert app.theme == LIGHT
     chosen = make_dashboard(SteeredDaemon(), config=Config(theme="nord"))
     chosen.limit_to_terminal()
-    async with chosen.run_test(size=(80, 24)):
-        assert chosen.theme == "nord"
+    await dashboard(chosen)
+    assert chosen.theme == "nord"
 
 
-async def test_style_sheets_are_parsed_once_before_the_first_screen(dashboard, monkeypatch):
-    parsed = []
-    parse = Stylesheet.reparse
-    monkeypatch.setattr(Stylesheet, "reparse", lambda sheet: parsed.append(sheet) or parse(sheet))
-    dash = await dashboard(SteeredDaemon(), config=Config())
-    assert not parsed  # they are when the first screen asks for them
-    dash.app.theme = LIGHT
-    await dash.settle()
-    assert len(parsed) == 1
-    assert dash.screen.background_colors[1].hex == "#FBFBF9"
+PALE = {name: Color.parse(colour).rich_color.get_truecolor() for name, colour in COLOURS.items()}
+
+
+@pytest.mark.parametrize("colour", PALE.values(), ids=PALE)
+def test_words_can_be_read_in_bright_themes(colour):
+    dark = darken(Color(*colour)).rich_color.get_truecolor()
+    paper, ink = luminance(ColorTriplet(224, 224, 224)), luminance(dark)  # of textual-light
+    assert (paper + 0.05) / (ink + 0.05) >= LEAST
+
+
+async def test_a_bright_theme_darkens_the_words(dashboard):
+    dash = await dashboard(config=Config(theme="textual-light"))
+    strips = dash.screen._compositor.render_strips()
+    styles = [segment.style for strip in strips for segment in strip if segment.style]
+    used = {style.color.get_truecolor() for style in styles if style.color is not None}
+    assert not used & set(PALE.values())
+    assert darken(Color(*PALE["bad"])).rich_color.get_truecolor() in used
