@@ -26,6 +26,7 @@ from tests.stacks.ros2.pretended_link import (
     FIRST,
     NODES,
     START,
+    Machine,
     PretendedLink,
     observation,
 )
@@ -85,35 +86,6 @@ def driving(machine):
     return system, stack, process
 
 
-@pytest.mark.parametrize("how", ["process", "goal", "link"])
-def test_what_a_stack_says_last_comes_with_its_failure(machine, how):
-    system, stack, process = driving(machine)
-    if how == "process":
-        process.end = "the launch command ended with exit code 9"
-    if how == "goal":
-        stack.answer = replace(stack.answer, goals=(GoalUpdate(0, "rejected"),))
-    if how == "link":
-        stack.gone = True
-    with pytest.raises(SutFailure) as failed:
-        system.update(observation())
-    said = [event.text for event in failed.value.events]
-    assert "ready after" in said[0]
-    assert said[1:] == ([] if how == "link" else ["out of memory"])
-    assert failed.value.printed == ("its last line",)
-
-
-def test_what_was_said_while_a_stack_came_up_comes_with_its_failure(machine):
-    stack, _ = machine.will_have()
-    stack.states["/amcl"] = "inactive"
-    stack.believes = None
-    stack.answer = replace(stack.answer, messages=(log_line("no map"),))
-    system = Ros2Stack(read_settings(SETTINGS | {"start-up": "0.1 s"}))
-    system.start(BRIEFING)
-    with pytest.raises(SutFailure, match=r"within 0\.1 s") as failed:
-        list(system.bring_up(FIRST))
-    assert {event.text for event in failed.value.events} == {"no map"}
-
-
 def test_a_socket_that_cannot_be_made_is_said_and_leaves_nothing(machine, monkeypatch):
     _, process = machine.will_have()
 
@@ -138,15 +110,6 @@ def test_a_refusal_of_the_relay_is_the_reason_and_not_its_end(machine):
         list(coming_up()[1])
 
 
-def test_a_second_clock_in_the_domain_is_refused(machine):
-    stack, _ = machine.will_have()
-    stack.endpoints = (
-        GraphEndpoint("/clock", "rosgraph_msgs/msg/Clock", "/bag", "publisher", True, False),
-    )
-    with pytest.raises(SutFailure, match="/bag publishes /clock too, in ROS domain 7"):
-        list(coming_up()[1])
-
-
 DEATH = "[ERROR] [{}-2]: process has died [pid 7, exit code {}, cmd '/opt/{} --ros-args']."
 ABORT = (
     "[lifecycle_manager-7] [ERROR] [1.0] [lifecycle_manager]: Failed to bring up all requested "
@@ -166,43 +129,80 @@ def coming_up_in_vain(machine, *printed, **keys):
     return process, coming_up(**keys)
 
 
-@pytest.mark.parametrize(
-    ("printed", "reason"),
-    [
-        ([died("amcl")], "amcl died with exit code -11 (SIGSEGV)"),
-        ([ABORT], "Nav2 gave up bringing its nodes up"),
-        (
-            ["[amcl-2] [ERROR] [1.0] [amcl]: no map", ABORT],
-            "Nav2 gave up bringing its nodes up: amcl: no map",
-        ),
-        (
-            ["[bt_navigator-3] [ERROR] [1.0] [bt_navigator]: Could not load library: x.so", ABORT],
-            "bt_navigator cannot load the library x.so",
-        ),
-    ],
-)
-def test_a_start_ends_at_once_with_its_cause(machine, printed, reason):
-    _, (_, waiting) = coming_up_in_vain(machine, *printed)
-    with pytest.raises(SutFailure) as failed:
-        list(waiting)
-    assert failed.value.reason == f"the stack did not come up: {reason}"
-    assert failed.value.printed == tuple(printed)
+LIBRARY = "[bt_navigator-3] [ERROR] [1.0] [bt_navigator]: Could not load library: x.so"
+NO_MAP = "[amcl-2] [ERROR] [1.0] [amcl]: no map"
+SECOND_CLOCK = GraphEndpoint("/clock", "rosgraph_msgs/msg/Clock", "/bag", "publisher", True, False)
+INACTIVE = {"/amcl": "inactive", "/bt_navigator": "active"}
+ACTIVE = {"states": dict.fromkeys(NODES, "active"), "believes": START}
+DOWN = "CRITICAL FAILURE: SERVER amcl IS DOWN after not receiving a heartbeat for 4000 ms."
+LATE = {"start-up": "0.1 s"}
+STARTS = {
+    "a node died": ({"printed": [died("amcl")]}, {}),
+    "Nav2 gave up": ({"printed": [ABORT]}, {}),
+    "Nav2 gave up after an error": (
+        {"printed": ["[amcl-2] [ERROR] [1.0] [amcl]: no map", ABORT]},
+        {},
+    ),
+    "Nav2 gave up for a reason that is known": ({"printed": [LIBRARY, ABORT]}, {}),
+    "it takes too long": ({}, LATE),
+    "no other start begins then": ({}, LATE | {"attempts": 2}),
+    "it takes too long for a reason that is known": ({"printed": [LIBRARY]}, LATE),
+    "it has said something meanwhile": ({"messages": (log_line("no map"),)}, LATE),
+    "a second clock": (ACTIVE | {"endpoints": (SECOND_CLOCK,)}, {}),
+}
+RUNS = {
+    "launch ended": {"end": "the launch command ended with exit code 9"},
+    "the goal was rejected": {"goals": (GoalUpdate(0, "rejected"),)},
+    "the link was lost": {"gone": True},
+    # The launch file may end everything because of it.
+    "a node died": {"printed": [died("amcl")], "end": "the launch command ended"},
+    "a node missed its heartbeat": {"printed": [DOWN]},
+    "the process of a node ended, and launch says nothing": {"dead": "amcl"},
+    "a node is inactive": {"inactive": {"/amcl": "inactive"}},
+    "a node left": {"inactive": {"/amcl": ""}},
+    "a node does not answer": {"inactive": {"/amcl": "not answering"}},
+    "one inactive and one that left": {"inactive": {"/amcl": "inactive", "/bt": ""}},
+}  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("printed", "attempts", "words"),
-    [
-        ("x", 1, r"not ready within 0\.1 s .*1 of 2 nodes active, amcl is inactive\n"),
-        ("x", 2, r"not ready within 0\.1 s .*1 of 2 nodes active, amcl is inactive\n"),
-        ("[amcl-2] [ERROR] [1.0] [amcl]: Could not load library: x.so", 1,
-         r"amcl is inactive; amcl cannot load the library x\.so\n"),
-    ],
-)  # fmt: skip
-def test_a_start_that_takes_too_long_says_what_it_lacks(machine, printed, attempts, words):
-    keys = {"attempts": attempts, "start-up": "0.1 s"}
-    _, (_, waiting) = coming_up_in_vain(machine, printed, **keys)
-    with pytest.raises(SutFailure, match=words):
-        list(waiting)
+def spoil(stack, process, changes):
+    """Change a stack, its processes, or what it answers."""
+    for name, value in changes.items():
+        if name in ("messages", "goals", "inactive"):
+            stack.answer = replace(stack.answer, **{name: value})
+        else:
+            setattr(process if hasattr(process, name) else stack, name, value)
+
+
+def told(name, failure):
+    events = [event.text for event in failure.events if "ready after" not in event.text]
+    said = [f"event {text}" for text in dict.fromkeys(events)]
+    return [f"--- {name}", failure.reason, *said, *(f"printed {line}" for line in failure.printed)]
+
+
+def test_a_failure_has_its_cause_and_all_that_was_said(tmp_path, monkeypatch, golden):
+    """``failures.txt``: of starts, then of runs."""
+    monkeypatch.setattr(ros2_stack, "_PATIENCE", {})
+    lines = []
+    for number, (name, (changes, keys)) in enumerate(STARTS.items()):
+        (folder := tmp_path / str(number)).mkdir()
+        stack, process = Machine(folder, monkeypatch).will_have()
+        stack.believes = None
+        spoil(stack, process, {"states": INACTIVE} | changes)
+        system = Ros2Stack(read_settings(SETTINGS | keys))
+        system.start(BRIEFING)
+        with pytest.raises(SutFailure) as failed:
+            list(system.bring_up(FIRST))
+        lines += told(f"start: {name}", failed.value)
+    for number, (name, changes) in enumerate(RUNS.items(), len(STARTS)):
+        (folder := tmp_path / str(number)).mkdir()
+        system, stack, process = driving(Machine(folder, monkeypatch))
+        assert process.watched == NODES
+        spoil(stack, process, changes)
+        with pytest.raises(SutFailure) as failed:
+            update(system)
+        lines += told(f"run: {name}", failed.value)
+    golden("failures.txt", "\n".join(lines) + "\n")
 
 
 def test_a_start_that_failed_is_told_and_followed_by_another(machine):
@@ -228,43 +228,14 @@ def test_the_last_start_fails_as_the_only_one_does(machine):
     assert [event.text[:22] for event in attempt.events] == ["the first start failed"]
 
 
-@pytest.mark.parametrize(
-    ("printed", "reason"),
-    [
-        (died("amcl"), "amcl died with exit code -11 (SIGSEGV) at 12.4 s"),
-        (
-            "CRITICAL FAILURE: SERVER amcl IS DOWN after not receiving a heartbeat for 4000 ms.",
-            "amcl is down: the lifecycle manager has missed its heartbeat at 12.4 s",
-        ),
-    ],
-)
-def test_a_node_that_dies_during_a_run_is_named(machine, printed, reason):
+def test_launch_may_say_a_little_later_how_a_process_ended(machine, monkeypatch):
     system, _, process = driving(machine)
-    process.printed = [printed]
-    # The launch file may end everything because of it.
-    process.end = "the launch command ended with exit code 1"
-    with pytest.raises(SutFailure) as failed:
-        update(system)
-    assert failed.value.reason == reason
-
-
-@pytest.mark.parametrize(
-    ("printed", "reason"),
-    [([], "amcl died at 12.4 s"), ([died("amcl")], "amcl died with exit code -11 (SIGSEGV)")],
-)
-def test_the_process_of_a_node_that_ends_is_named_also_when_launch_says_nothing(
-    machine, monkeypatch, printed, reason
-):
-    system, _, process = driving(machine)
-    monkeypatch.setattr(bring_up, "_EXIT_CODE_LIMIT", 0.0 if not printed else 60.0)
-    assert process.watched == NODES
+    monkeypatch.setattr(bring_up, "_EXIT_CODE_LIMIT", 60.0)
     process.dead = "amcl"
-    # Launch prints a little later.
     alarms = iter([[]])
-    process.alarms = lambda: next(alarms, printed)
-    with pytest.raises(SutFailure) as failed:
+    process.alarms = lambda: next(alarms, [died("amcl")])
+    with pytest.raises(SutFailure, match=r"amcl died with exit code -11 \(SIGSEGV\)"):
         update(system)
-    assert failed.value.reason.startswith(reason)
 
 
 def test_the_death_of_a_process_without_needed_nodes_is_only_told(machine):
@@ -279,24 +250,6 @@ def test_the_death_of_a_process_without_needed_nodes_is_only_told(machine):
 
 def update(system, time=12.4):
     return system.update(observation(time))
-
-
-@pytest.mark.parametrize(
-    ("inactive", "reason"),
-    [
-        ({"/amcl": "inactive"}, "amcl became inactive at 12.4 s"),
-        ({"/amcl": ""}, "amcl left the graph at 12.4 s"),
-        ({"/amcl": "not answering"}, "amcl did not answer any more at 12.4 s"),
-        ({"/amcl": "inactive", "/bt": ""}, "bt left the graph at 12.4 s"),
-    ],
-)
-def test_a_node_that_is_no_longer_active_is_named(machine, monkeypatch, inactive, reason):
-    system, stack, _ = driving(machine)
-    monkeypatch.setattr(ros2_stack, "_PATIENCE", {})
-    stack.answer = replace(stack.answer, inactive=inactive)
-    with pytest.raises(SutFailure) as failed:
-        update(system)
-    assert failed.value.reason == reason
 
 
 def test_a_node_may_answer_late_on_a_loaded_machine(machine, monkeypatch):

@@ -78,21 +78,19 @@ def test_the_estimate_is_the_stacks_correction_with_the_newest_odometry():
     assert (heard.estimate.time, pose.x, pose.y) == pytest.approx((1.0, 2.0, 4.0))
 
 
-def test_this_sides_own_transforms_are_no_estimate():
-    ours = transform("odom", "base_link", 9.0, 9.0, 0.0)
-    assert telemetry().read((ours,), 1.0, ODOMETRY).estimate is None
-
-
-def test_another_frame_than_the_map_is_no_estimate():
+@pytest.mark.parametrize(
+    "transforms",
+    [
+        # This side's own, those of another frame than the map, and those that go round in circles.
+        (("odom", "base_link", 9.0, 9.0, 0.0),),
+        (("world", "odom", 0, 0, 0),),
+        (("b", "base_link", 0, 0, 0), ("base_link", "b", 0, 0, 0)),
+    ],
+)
+def test_transforms_that_do_not_lead_to_the_map_are_no_estimate(transforms):
     reader = telemetry()
-    assert reader.read((transform("world", "odom", 0, 0, 0),), 1.0, ODOMETRY).estimate is None
-    assert reader.pose() is None
-
-
-def test_transforms_that_go_round_in_circles_end():
-    reader = telemetry()
-    circle = (transform("b", "base_link", 0, 0, 0), transform("base_link", "b", 0, 0, 0))
-    assert reader.read(circle, 1.0, ODOMETRY).estimate is None
+    heard = reader.read(tuple(transform(*each) for each in transforms), 1.0, ODOMETRY)
+    assert (heard.estimate, reader.pose()) == (None, None)
 
 
 def test_the_covariance_of_an_estimate_is_that_of_the_pose_topic():
