@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 
 import pytest
@@ -175,14 +174,6 @@ def test_packages_of_the_users_home_stay_in_sight(tmp_path):
     for name in ("HOME", "ROS_HOME", "ROS_LOG_DIR"):
         assert Path(found[name]).parent == folder
         assert Path(found[name]).is_dir()
-
-
-@pytest.fixture
-def temporary(monkeypatch):
-    """A folder of temporary files with a short path, as usual; pytest's are long."""
-    with tempfile.TemporaryDirectory(dir="/tmp") as folder:
-        monkeypatch.setattr("tempfile.tempdir", folder)
-        yield Path(folder)
 
 
 def test_the_runtime_folder_is_private(temporary):
