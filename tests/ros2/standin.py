@@ -8,11 +8,9 @@ On the wire it is Nav2: the lifecycle services, the actions with their genuine t
 the goal, whatever is in the way. Options and faults are listed in `standin_nodes/options.py`.
 """
 
-import os
 import signal
 import sys
 import threading
-import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -28,7 +26,6 @@ from standin_nodes.lifecycle import LifecycleManager, StandinNode
 from standin_nodes.navigator import Navigator
 from standin_nodes.options import (
     MANAGER,
-    YAML_ERROR,
     read_options,
     say_interrupted,
     without_spent_fault,
@@ -62,9 +59,6 @@ def main(arguments):
     """Run the nodes that are named, all of them by default, until asked to end."""
     options = without_spent_fault(read_options(arguments))
     names = options.nodes.split(",")
-    if options.has("broken-yaml") and options.node in names:
-        print(YAML_ERROR.format(time.time(), options.params), file=sys.stderr, flush=True)
-        os.abort()
     ended = threading.Event()
     signal.signal(signal.SIGINT, lambda *_: ended.set())
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)

@@ -2,7 +2,6 @@
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -14,7 +13,10 @@ import numpy as np
 import pytest
 
 from daemon.model import ros_messages
-from daemon.stacks.ros2 import relay
+from daemon.model.sut import LaserScan
+from daemon.stacks.ros2 import relay, sensors
+from daemon.stacks.ros2.isolation import lock_domain
+from daemon.stacks.ros2.keys import Ros2Frames
 from daemon.stacks.ros2.link import (
     COMMAND_KINDS,
     Cycle,
@@ -24,8 +26,7 @@ from daemon.stacks.ros2.link import (
     TopicSetup,
 )
 from daemon.stacks.ros2.relay_link import RelayLink, relay_path
-
-environment = pytest.importorskip("tests.ros2.environment")
+from grammars.model.robot import Laser, Mount
 
 STACK = Path(__file__).with_name("small_stack.py")
 PERIOD = 50_000_000
@@ -56,22 +57,13 @@ def transforms(child, time):
     return ros_messages.serialize(message, "tf2_msgs/msg/TFMessage")
 
 
+LASER = Laser(Mount(0.2), 0.3, -2.0, 2.0, 400, 0.1, 10.0, 20.0, 0.0, 0.0)
+
+
 def scan(time):
     """Return a sensor_msgs/LaserScan of 400 rays."""
-    message = ros_messages.make(
-        "sensor_msgs/msg/LaserScan",
-        header=ros_messages.header(ros_messages.time(time), "laser"),
-        angle_min=-2.0,
-        angle_max=2.0,
-        angle_increment=0.01,
-        time_increment=0.0,
-        scan_time=0.05,
-        range_min=0.1,
-        range_max=10.0,
-        ranges=np.full(400, 2.0, np.float32),
-        intensities=np.zeros(0, np.float32),
-    )
-    return ros_messages.serialize(message, "sensor_msgs/msg/LaserScan")
+    sweep = LaserScan(time / 1e9, np.full(400, 2.0, np.float32))
+    return sensors.scan(sweep, LASER, time, Ros2Frames())
 
 
 class Bench:
@@ -163,33 +155,11 @@ class Bench:
             child.communicate()
 
 
-@pytest.fixture(params=["jazzy", "kilted"])
-def python(request):
-    found = environment.environment_python(request.param)
-    if found is None:
-        pytest.skip(f"no ROS 2 {request.param}: python -m tests.ros2.environment {request.param}")
-    assert isinstance(found, Path)
-    return found
-
-
-@contextmanager
-def own_domain():
-    """A domain that nobody else on this machine uses as long as the test runs."""
-    for number in range(10, 100):
-        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as holder:
-            try:
-                holder.bind(f"\0scenario-ros-domain-{number}")
-            except OSError:
-                continue
-            yield number
-            return
-    raise RuntimeError("all ROS domains of this machine are in use")
-
-
 @contextmanager
 def make_bench(python):
     # A socket's path is short: pytest's own folders may be too long.
-    with tempfile.TemporaryDirectory(prefix="relay-") as folder, own_domain() as domain:
+    domain, held = lock_domain(None)
+    with tempfile.TemporaryDirectory(prefix="relay-") as folder, held:
         made = Bench(python, Path(folder), domain)
         try:
             yield made
@@ -198,14 +168,8 @@ def make_bench(python):
 
 
 @pytest.fixture
-def bench(python):
-    with make_bench(python) as made:
-        yield made
-
-
-@pytest.fixture
-def other_bench(python):
-    with make_bench(python) as made:
+def bench(ros2_python):
+    with make_bench(ros2_python) as made:
         yield made
 
 
@@ -242,13 +206,14 @@ def drive(bench, kind, cycles):
 
 @pytest.mark.short
 @pytest.mark.parametrize("kind", COMMAND_KINDS)
-def test_each_of_1200_cycles_is_answered_and_again_with_the_same_bytes(bench, other_bench, kind):
+def test_each_of_1200_cycles_is_answered_and_again_with_the_same_bytes(bench, kind):
     commands = drive(bench, kind, 1200)
     assert len(set(commands)) == 1200
     if kind == STAMPED:
         stamps = [relay.read_stamp(data) for data in commands]
         assert stamps == [100_000_000_000 + index * PERIOD for index in range(1200)]
-    assert drive(other_bench, kind, 300) == commands[:300]
+    with make_bench(bench.python) as other:
+        assert drive(other, kind, 300) == commands[:300]
 
 
 def test_an_answer_to_an_earlier_cycle_is_none_to_this_one(bench):
@@ -295,15 +260,13 @@ def test_both_kinds_of_command_are_heard_whenever_they_come(bench):
 
 
 def test_a_reliable_publisher_may_be_joined_by_one_that_is_not(bench):
-    link = bench.connect()
-    link.set_up(setup())
+    bench.connect().set_up(setup())
     first = bench.stack("unstamped")
     bench.cycle_until(lambda answer: answer.commands)
-    second = bench.stack("unstamped", "best-effort")
+    bench.stack("unstamped", "best-effort")
     bench.cycle_until(lambda answer: answer.commands > 1)
     first.kill()
     bench.cycle_until(lambda answer: answer.commands == 1)
-    second.kill()
 
 
 GOALS = {
@@ -475,9 +438,7 @@ def test_a_relay_ends_with_the_connection_and_with_its_starter(bench):
     bench.listen()
     link = bench.connect()
     link.set_up(setup())
-    stdin = bench.children[1].stdin
-    assert stdin is not None
-    stdin.close()
+    bench.children[1].stdin.close()
     assert bench.children[1].wait(DEADLINE) == 0
 
 

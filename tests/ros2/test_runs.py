@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import uuid
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -24,131 +23,32 @@ NEAR = (Waypoint("near", 0.8, 0.0),)
 """In front of the robot, which starts at the origin of the demo's flat."""
 ROUND = (Waypoint("ahead", 0.5, 0.0), Waypoint("left", 0.6, 0.5), Waypoint("back", 0.1, 0.3))
 NODES = ["map_server", "amcl", "controller_server", "planner_server", "bt_navigator"]
-PARAMETERS = """\
-controller_server:
-  controller_frequency: 20.0
-  ros__parameters:
-    controller_frequency: twenty
-    FollowPath:
-      plugin: dwb_core/DWBLocalPlanner
-bt_navigator:
-  ros__parameters:
-    plugin_lib_names: [nav2_dance_action_bt_node]
-"""
-"""A file with each of the mistakes that faults of the stand-in report."""
-
-
-@dataclass(frozen=True)
-class Failure:
-    """A way to fail: options of the stand-in, settings, and what the error has to say."""
-
-    name: str
-    options: str
-    words: str
-    launcher: bool = False
-    is_short: bool = False
-    is_told_at_once: bool = True
-    settings: dict[str, str] = field(default_factory=dict)
-
-    def __str__(self):
-        return self.name
-
-
-FAILURES = [
-    Failure(
-        "planner dies",
-        "fault:=dies,goal-aborted node:=planner_server signal:=11",
-        "planner_server died with exit code -11 (SIGSEGV) at",
-        launcher=True,
-        is_short=True,
-    ),
-    # The wait for its command, which is longer, ends with it.
-    Failure(
-        "controller dies",
-        "fault:=dies node:=controller_server",
-        "controller_server died with exit code 3 at",
-        launcher=True,
-    ),
-    Failure(
-        "amcl is killed",
-        "fault:=dies node:=amcl signal:=9",
-        "amcl died with exit code -9 (SIGKILL) at",
-        launcher=True,
-    ),
-    Failure("all die", "fault:=dies signal:=11", "the launch command was killed by SIGSEGV at"),
-    Failure(
-        "amcl becomes inactive",
-        "fault:=deactivates node:=amcl",
-        "amcl became inactive at",
-    ),
-    Failure(
-        "controller hangs",
-        "fault:=hangs",
-        "controller_server did not answer any more at",
-        settings={"patience": "1 s"},
-        is_told_at_once=False,
-    ),
-    Failure(
-        "action server vanishes",
-        "fault:=no-server",
-        "is gone",
-        settings={"patience": "2 s"},
-        is_told_at_once=False,
-    ),
-    Failure(
-        "stack cannot keep up",
-        "fault:=late every:=3 seconds:=0.4",
-        "could not keep up",
-        settings={"patience": "0.1 s"},
-        is_told_at_once=False,
-    ),
-    Failure("goal rejected", "fault:=goal-rejected", "rejected the goal near"),
-    Failure(
-        "dies at start",
-        "fault:=dies-at-start node:=amcl",
-        "the stack did not come up: amcl died with exit code 3",
-        launcher=True,
-    ),
-    Failure(
-        "late response",
-        "fault:=late-response node:=controller_server seconds:=1",
-        "lifecycle_manager_navigation: Failed to change state for node: controller_server",
-        is_told_at_once=False,
-    ),
-    Failure(
-        "wrong type",
-        "fault:=wrong-type",
-        'line 4 of the file "params": controller_server needs a double for controller_frequency, '
-        'and "twenty" is a string',
-        is_short=True,
-    ),
-    Failure(
-        "missing plug-in",
-        "fault:=no-plugin",
-        'line 6 of the file "params": controller_server finds no plug-in '
-        '"dwb_core/DWBLocalPlanner"',
-        is_short=True,
-    ),
-    Failure(
-        "missing library",
-        "fault:=no-library node:=bt_navigator",
-        'line 9 of the file "params": bt_navigator cannot load the library',
-        is_short=True,
-    ),
-    Failure(
-        "broken YAML",
-        "fault:=broken-yaml node:=planner_server",
-        'line 2 of the file "params": planner_server cannot read it',
-        launcher=True,
-    ),
-    Failure(
-        "wrong frame",
-        "fault:=wrong-frame",
-        "3 of 5 nodes active, planner_server is activating",
-        settings={"start-up": "10 s"},
-        is_told_at_once=False,
-    ),
-]
+FAILURES = {
+    # Options of the stand-in, other settings, what the error has to say. Of a launcher each node
+    # has a process of its own, and launch says how it ended.
+    "planner dies, launched": (
+        "fault:=dies,goal-aborted node:=planner_server signal:=11", {},
+        "planner_server died with exit code -11 (SIGSEGV) at"),
+    "all die": ("fault:=dies signal:=11", {}, "the launch command was killed by SIGSEGV at"),
+    "amcl becomes inactive": (
+        "fault:=deactivates node:=amcl", {}, "amcl became inactive at"),
+    "controller hangs": (
+        "fault:=hangs", {"patience": "1 s"}, "controller_server did not answer any more at"),
+    "action server vanishes": ("fault:=no-server", {"patience": "2 s"}, "is gone"),
+    "stack cannot keep up": (
+        "fault:=late every:=3 seconds:=0.4", {"patience": "0.1 s"}, "could not keep up"),
+    "goal rejected": ("fault:=goal-rejected", {}, "rejected the goal near"),
+    "amcl dies at start, launched": (
+        "fault:=dies-at-start node:=amcl", {},
+        "the stack did not come up: amcl died with exit code 3"),
+    "late response": (
+        "fault:=late-response node:=controller_server seconds:=1", {},
+        "lifecycle_manager_navigation: Failed to change state for node: controller_server"),
+    "wrong frame": (
+        "fault:=wrong-frame", {"start-up": "10 s"},
+        "3 of 5 nodes active, planner_server is activating"),
+}  # fmt: skip
+SHORT = ("planner dies, launched",)
 
 
 @pytest.fixture(scope="module")
@@ -170,9 +70,6 @@ class Recorded:
         return "\n".join(event.text for event in self.trace.events)
 
 
-Drive = Callable[..., Recorded]
-
-
 @pytest.fixture
 def drive(demo, tmp_path, ros2_python):
     """Run a mission of the demo's open house with the stand-in; see `recorded`."""
@@ -192,11 +89,8 @@ def recorded(
 
     With ``launcher`` the node that fails has a process of its own.
     """
-    parameter_file = folder / "parameters.yaml"
-    parameter_file.write_text(PARAMETERS)
-    settings["files"] = {"params": str(parameter_file)}
     program = LAUNCHER if launcher else STANDIN
-    settings["launch"] = f"{python} {program} map:={{map}} params:={{params}} {options}"
+    settings["launch"] = f"{python} {program} map:={{map}} {options}"
     path = folder / "run.mcap"
     waited = []
 
@@ -278,15 +172,14 @@ def test_the_same_run_gets_the_same_commands(drive):
 
 @pytest.mark.one_distribution
 @pytest.mark.parametrize(
-    "failure",
-    [pytest.param(one, marks=pytest.mark.short if one.is_short else ()) for one in FAILURES],
-    ids=str,
+    "failure", [pytest.param(n, marks=pytest.mark.short if n in SHORT else ()) for n in FAILURES]
 )
 def test_what_is_not_the_robots_doing_is_an_error_with_its_cause(drive, failure):
-    run = drive(failure.options, launcher=failure.launcher, **failure.settings)
+    options, settings, words = FAILURES[failure]
+    run = drive(options, launcher="launched" in failure, **settings)
     assert run.result.ended == "crashed"
     assert run.result.outcome == "error"
-    assert failure.words in run.result.note
+    assert words in run.result.note
     assert "the stack printed" in run.result.note
     assert run.output
 

@@ -6,10 +6,10 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from nav_msgs.msg import Path
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.lifecycle import LifecycleNodeMixin, TransitionCallbackReturn
+from rclpy.lifecycle import LifecycleNodeMixin
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from standin_nodes.options import FAULT_BEGINS, MANAGER, NODES, START_ERRORS
+from standin_nodes.options import FAULT_BEGINS, MANAGER, NODES
 
 SIMULATED = [Parameter("use_sim_time", value=True)]
 
@@ -32,16 +32,11 @@ class StandinNode(LifecycleNodeMixin, Node):
         return self._state_machine.current_state[1] == "active"
 
     def on_configure(self, state):
-        """Configure the node; say what Nav2 says where that fails."""
+        """Configure the node."""
         options, name = self.options, self.get_name()
         self.get_logger().info("Configuring")
         if options.has("dies-at-start", name):
             options.end_process()
-        for fault, lines in START_ERRORS.items():
-            if options.has(fault, name):
-                for line in lines:
-                    self.get_logger().error(line)
-                return TransitionCallbackReturn.FAILURE
         if options.has("late-response", name):
             threading.Event().wait(2 * options.seconds)
         return super().on_configure(state)

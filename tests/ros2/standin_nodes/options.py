@@ -22,39 +22,9 @@ FAULTS = {
     "wrong-frame": "amcl calls the map frame `world` in what it publishes to tf",
     "dies-at-start": "`node` ends as with `dies` while it is configured",
     "late-response": "`node` answers a transition only when the manager has given it up",
-    "wrong-type": "`node` finds a parameter of the wrong type",
-    "no-plugin": "`node` finds no plug-in of a name",
-    "no-library": "`node` cannot load a library",
-    "broken-yaml": "`node` cannot read the file `params`",
 }
 
 FAULT_BEGINS = "the fault begins"
-
-START_ERRORS = {
-    "wrong-type": (
-        "Caught exception in callback for transition 10",
-        "Original error: parameter 'controller_frequency' has invalid type: Wrong parameter type,"
-        " parameter {controller_frequency} is of type {double}, setting it to {string} is not"
-        " allowed.",
-    ),
-    "no-plugin": (
-        "Failed to create controller. Exception: According to the loaded plugin descriptions the"
-        " class dwb_core/DWBLocalPlanner with base class type nav2_core::Controller does not"
-        " exist. Declared types are  dwb_core::DWBLocalPlanner"
-        " nav2_mppi_controller::MPPIController",
-    ),
-    "no-library": (
-        "Caught exception in callback for transition 10",
-        "Original error: Could not load library: libnav2_dance_action_bt_node.so: cannot open"
-        " shared object file: No such file or directory",
-    ),
-}
-"""Lines of Nav2 when the configuration of a node fails; the names are those of its parameters."""
-YAML_ERROR = """\
-[ERROR] [{}] [rcl]: Failed to parse global arguments
-terminate called after throwing an instance of 'rclcpp::exceptions::RCLInvalidROSArgsError'
-  what():  failed to initialize rcl: Couldn't parse params file: '--params-file {}'. Error: Cannot \
-have a value before ros__parameters at line 2, at ./src/parse.c:805, at ./src/rcl/arguments.c:406"""
 
 
 @dataclass(frozen=True)
@@ -63,7 +33,6 @@ class Options:
 
     nodes: str = ",".join((*NODES, MANAGER))
     map: str = ""
-    params: str = ""
     footprint: str = ""
     """Frame of the robot in tf, when it is not base_link, which then hangs below it."""
 

@@ -130,6 +130,11 @@ def coming_up_in_vain(machine, *printed, **keys):
 
 
 LIBRARY = "[bt_navigator-3] [ERROR] [1.0] [bt_navigator]: Could not load library: x.so"
+TYPE = (
+    "[controller_server-3] [ERROR] [17.2] []: Original error: parameter 'controller_frequency' has "
+    "invalid type: expected [double] got [string]"
+)
+PARAMETERS = "controller_server:\n  ros__parameters:\n    controller_frequency: twenty\n"
 NO_MAP = "[amcl-2] [ERROR] [1.0] [amcl]: no map"
 SECOND_CLOCK = GraphEndpoint("/clock", "rosgraph_msgs/msg/Clock", "/bag", "publisher", True, False)
 INACTIVE = {"/amcl": "inactive", "/bt_navigator": "active"}
@@ -144,6 +149,7 @@ STARTS = {
         {},
     ),
     "Nav2 gave up for a reason that is known": ({"printed": [LIBRARY, ABORT]}, {}),
+    "a mistake in a file of parameters": ({"printed": [TYPE, ABORT]}, {}),
     "it takes too long": ({}, LATE),
     "no other start begins then": ({}, LATE | {"attempts": 2}),
     "it takes too long for a reason that is known": ({"printed": [LIBRARY]}, LATE),
@@ -184,12 +190,14 @@ def test_a_failure_has_its_cause_and_all_that_was_said(tmp_path, monkeypatch, go
     """``failures.txt``: of starts, then of runs."""
     monkeypatch.setattr(ros2_stack, "_PATIENCE", {})
     lines = []
+    (parameters := tmp_path / "parameters.yaml").write_text(PARAMETERS)
     for number, (name, (changes, keys)) in enumerate(STARTS.items()):
         (folder := tmp_path / str(number)).mkdir()
         stack, process = Machine(folder, monkeypatch).will_have()
         stack.believes = None
         spoil(stack, process, {"states": INACTIVE} | changes)
-        system = Ros2Stack(read_settings(SETTINGS | keys))
+        files = {"files": {"params": str(parameters)}}
+        system = Ros2Stack(read_settings(SETTINGS | files | keys))
         system.start(BRIEFING)
         with pytest.raises(SutFailure) as failed:
             list(system.bring_up(FIRST))
