@@ -20,6 +20,7 @@ from daemon.judging.oracles import (
     judge_so_far,
     oracle_timeline,
     overall_outcome,
+    trace_problems,
 )
 from daemon.model.spec import OracleText
 from daemon.model.verdicts import Outcome
@@ -30,6 +31,7 @@ from grammars.oracle import SIGNALS, Signal, object_signals, obstacle_names
 from grammars.text.expressions import render
 from tests.engine.judging.traces import (
     CORRIDOR,
+    ROBOT,
     along,
     answers,
     box,
@@ -241,6 +243,41 @@ def going_on():
     return make_trace(motion, estimate=estimate, contacts=(hit,), goal=mission((5.0, 0.0)))
 
 
+def standing(vx=0.0, wz=0.0, vy=0.0, count=201, **fields):
+    """A robot that stays where it is, whatever it is told last, and should be 2 m further."""
+    time = times(10.0)
+    given = CommandTrack(time[201 - count :], *(np.full(count, v) for v in (vx, vy, wz)))
+    return make_trace(still(time), **{"goal": mission((2.0, 0.0)), "command": given} | fields)
+
+
+def back_and_forth():
+    time, zero = times(10.0), np.zeros(201)
+    command = CommandTrack(time, np.where(np.arange(201) % 2, 0.3, -0.3), zero, zero)
+    return standing(command=command)
+
+
+def ended_at_once(state):
+    start = ProgressRecord(0.0, 0, 0, "active")
+    return standing(progress=(start, ProgressRecord(0.1, 0, 0, state)))
+
+
+def turning():
+    time = times(10.0)
+    motion = replace(still(time), yaw=0.3 * time, wz=np.full(len(time), 0.3))
+    return make_trace(motion, goal=mission((2.0, 0.0)))
+
+
+def leaping():
+    trace = along(times(10.0))
+    return make_trace(replace(trace, x=np.where(trace.time >= 3.0, trace.x + 4.0, trace.x)))
+
+
+def driven(**changes):
+    """A robot whose drive is otherwise."""
+    return replace(ROBOT, drive=replace(ROBOT.drive, **changes))
+
+
+HELD = ContactRecord(0.0, "robot", "wall-north", (0.0, 1.0), (0.0, 1.0), 0.01)
 TEN = times(10.0)
 STRAIGHT = ((0, 0), (4, 0))
 BACK = ((0, 0), (4, 0), (0, 0))
@@ -309,6 +346,24 @@ TRACES = {
     "recoveries": recoveries,
     "nodes": nodes,
     "going on": going_on,
+    "doubted": lambda: plain(problems=("the clock jumped at 3.20 s",)),
+    "leaping": leaping,
+    "told to drive": lambda: standing(0.3),
+    "told to reverse": lambda: standing(-0.3),
+    "told to move sideways": lambda: standing(vy=0.3),
+    "told to turn": lambda: standing(wz=0.3),
+    "told to stand": standing,
+    "told nothing": lambda: standing(count=0),
+    "given up": lambda: ended_at_once("aborted"),
+    "called done": lambda: ended_at_once("succeeded"),
+    "held": lambda: standing(0.3, contacts=(HELD,)),
+    "no sideways drive": lambda: standing(vy=0.3, robot=driven(kind="differential")),
+    "stiff": lambda: standing(0.3, robot=driven(friction_loss=0.4)),
+    "back and forth": back_and_forth,
+    "told at the end": lambda: standing(0.3, count=1),
+    "there already": lambda: standing(goal=mission((0.05, 0.0))),
+    "nowhere to go": lambda: standing(goal=mission()),
+    "turning": turning,
     "twice off": twice_off,
     "without motion": without_motion,
 }  # fmt: skip
@@ -388,9 +443,17 @@ def test_a_long_sum_is_judged_like_a_short_one():
     assert ", value 481" in judged(full(), f"final({'1+' * 480}1)")
 
 
-@pytest.mark.parametrize(("limit", "outcome"), [(0.6, "inconclusive"), (0.35, "fail")])
-def test_a_crash_is_an_error_whatever_was_seen_before(limit, outcome):
-    crashed = replace(bump(), ended="crashed")
-    found = judge(crashed, (OracleText("a", f"always(loc.error <= {limit} m)"),))
+@pytest.mark.parametrize(
+    ("trace", "text", "outcome", "overall"),
+    [
+        (replace(bump(), ended="crashed"), "always(loc.error <= 0.6 m)", "inconclusive", "error"),
+        (replace(bump(), ended="crashed"), "always(loc.error <= 0.35 m)", "fail", "error"),
+        (standing(), "reached(mission, 0.1 m)", "fail", "fail"),
+        (standing(0.3), "reached(mission, 0.1 m)", "error", "error"),
+    ],
+)
+def test_a_crash_is_an_error_whatever_was_seen_before(trace, text, outcome, overall):
+    found = judge(trace, (OracleText("a", text),))
     assert found[0].outcome == outcome
-    assert overall_outcome(crashed, found) is Outcome.ERROR
+    assert overall_outcome(trace, found) == overall
+    assert (trace_problems(trace) == ()) == (outcome != "error")

@@ -2,7 +2,6 @@ import math
 
 import pytest
 
-from daemon.simulator._behaviours import RobotProximity
 from grammars.model.behaviour import (
     Hold,
     Jump,
@@ -18,7 +17,7 @@ from grammars.model.geometry import Pose2, Twist2
 from grammars.model.scene import Doorway
 from tests.engine.simulator.scenes import box, door, folding, sliding_door, world
 
-AWAY = Pose2(5.0, 0.0, 0.0)
+AWAY, TILTED = Pose2(5.0, 0.0, 0.0), Pose2(5.0, 0.0, 0.4)
 MOTIONS = (Jump(), Servo(1.0, 40.0), Spring(30.0, 15.0))
 
 
@@ -31,15 +30,24 @@ def position_at(simulated, time):
     return float(simulated.joint_positions()[0])
 
 
-@pytest.mark.parametrize("motion", MOTIONS)
-def test_every_motion_reaches_its_key_frames(motion):
-    behaviour = frames(motion, (1.0, 1.4), (8.0, 0.3))
-    simulated = world(door("d", AWAY), behaviours=(behaviour,))
+SLIDES = (Jump(), Servo(0.5, 100.0), Spring(100.0, 100.0))
+
+
+@pytest.mark.parametrize(
+    ("part", "joint", "motion", "most"),
+    [
+        *((door("d", AWAY), "d.hinge", motion, 1.4) for motion in MOTIONS),
+        *((sliding_door("s", TILTED), "s.rail", motion, 0.8) for motion in SLIDES),
+    ],
+)
+def test_every_motion_reaches_its_key_frames(part, joint, motion, most):
+    behaviour = frames(motion, (1.0, most), (8.0, 0.3), joint=joint)
+    simulated = world(part, behaviours=(behaviour,))
     assert position_at(simulated, 1.0) == pytest.approx(0.0, abs=1e-6)
-    assert position_at(simulated, 7.9) == pytest.approx(1.4, abs=0.02)
+    assert position_at(simulated, 7.9) == pytest.approx(most, abs=0.02)
     assert position_at(simulated, 16.0) == pytest.approx(0.3, abs=0.02)
     events = simulated.take_events()
-    assert [(e.time, e.source) for e in events] == [(1.0, "d.hinge"), (8.0, "d.hinge")]
+    assert [(e.time, e.source) for e in events] == [(1.0, joint), (8.0, joint)]
     assert simulated.take_events() == ()
 
 
@@ -90,14 +98,6 @@ def test_a_weak_servo_does_not_move_a_robot_that_a_strong_one_pushes():
 
     assert pushed(40.0) == pytest.approx(0.4, abs=0.01)
     assert pushed(4000.0) < 0.3
-
-
-def test_sliding_doors_follow_every_motion():
-    for motion in (Jump(), Servo(0.5, 100.0), Spring(100.0, 100.0)):
-        behaviour = frames(motion, (0.5, 0.8), (8.0, 0.3), joint="s.rail")
-        simulated = world(sliding_door("s", Pose2(5.0, 0.0, 0.4)), behaviours=(behaviour,))
-        assert position_at(simulated, 8.0) == pytest.approx(0.8, abs=0.02)
-        assert position_at(simulated, 16.0) == pytest.approx(0.3, abs=0.02)
 
 
 def near(motion, **options):
@@ -213,41 +213,6 @@ def test_a_held_chain_link_follows_its_moving_parent():
     assert abs(root) > 0.05
 
 
-def test_no_distance_is_measured_while_the_robot_is_far(monkeypatch):
-    measured = []
-    true_distance = RobotProximity.distance
-
-    def counted(self, base, footprint):
-        measured.append(base)
-        return true_distance(self, base, footprint)
-
-    monkeypatch.setattr(RobotProximity, "distance", counted)
-    simulated = approach(near(Jump(), of="leaf", to="footprint", distance=0.5))
-    simulated.command(Twist2(0.3, 0.0, 0.0))
-    simulated.advance(600)
-    assert 1.2 < min(base.x for base in measured) < 1.3
-
-
-def test_distances_are_measured_from_what_the_trigger_names():
-    start = Pose2(1.0, 1.0, 0.0)
-    measured = {}
-    for of in ("hinge", "foot", "leaf", "doorway"):
-        for to in ("base", "footprint"):
-            simulated = approach(near(Jump(), of=of, to=to, distance=9.0), start=start)
-            simulated.advance(1)
-            (event,) = simulated.take_events()
-            measured[of, to] = float(event.text.split()[2])
-    assert measured["hinge", "base"] == pytest.approx(math.hypot(1.975, 0.475), abs=1e-3)
-    assert measured["foot", "base"] == pytest.approx(math.hypot(2.0, 0.5), abs=1e-3)
-    assert measured["leaf", "base"] == pytest.approx(1.975, abs=1e-3)
-    assert measured["doorway", "base"] == pytest.approx(2.0, abs=1e-3)
-    assert measured["hinge", "footprint"] == pytest.approx(
-        math.hypot(2.975 - 1.35, 0.475 - 0.233), abs=1e-3
-    )
-    assert measured["leaf", "footprint"] == pytest.approx(1.625, abs=1e-3)
-    assert measured["doorway", "footprint"] == pytest.approx(1.65, abs=1e-3)
-
-
 BLOCKED = Pose2(1.0, 0.5, math.pi)
 
 
@@ -296,18 +261,14 @@ def test_a_blocked_jump_completes_when_the_robot_makes_way(part, behaviour, way,
 
 
 @pytest.mark.parametrize(
-    ("behaviours", "message"),
+    ("behaviours", "frozen", "message"),
     [
-        ((Hold("d.lock", 0.0),), "no joint 'd.lock'"),
-        ((Hold("d.hinge", 0.0), Hold("d.hinge", 1.0)), "more than one"),
-        ((near(Jump(), of="doorway"),), "stands in no doorway"),
+        ((Hold("d.lock", 0.0),), False, "no joint 'd.lock'"),
+        ((Hold("d.hinge", 0.0), Hold("d.hinge", 1.0)), False, "more than one"),
+        ((near(Jump(), of="doorway"),), False, "stands in no doorway"),
+        ((Hold("d.hinge", 0.0),), True, "frozen"),
     ],
 )
-def test_impossible_behaviours_are_refused(behaviours, message):
+def test_impossible_behaviours_are_refused(behaviours, frozen, message):
     with pytest.raises(ValueError, match=message):
-        world(door("d"), behaviours=behaviours)
-
-
-def test_a_frozen_joint_takes_no_behaviour():
-    with pytest.raises(ValueError, match="frozen"):
-        world(door("d", frozen=True), behaviours=(Hold("d.hinge", 0.0),))
+        world(door("d", frozen=frozen), behaviours=behaviours)

@@ -88,14 +88,3 @@ def test_asking_at_every_tick_changes_nothing(drawn, every, leg):
             asked._scheduler.due = -math.inf
             asked.advance(1)
         assert state(now) == state(asked)
-
-
-def test_nothing_is_due_when_nothing_is_left_to_happen():
-    now = world(door("timed", Pose2(4.0, 2.0, 0.0)), behaviours=(
-        KeyFrames("timed.hinge", (KeyFrame(0.1, 1.0), KeyFrame(0.3, 0.0)), Servo()),
-    ))  # fmt: skip
-    due = []
-    for _ in range(5):
-        now.advance(10)
-        due.append(now._scheduler.due)
-    assert due == [10, 30, 30, math.inf, math.inf]

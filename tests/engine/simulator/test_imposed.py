@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from grammars.model.behaviour import Hold
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.robot import Drive, OdometryNoise
-from tests.engine.simulator.scenes import ROBOT, door, wall, world
+from tests.engine.simulator.scenes import ROBOT, door, world
 
 INF = math.inf
 DRIVE = Drive(
@@ -18,7 +18,6 @@ DRIVE = Drive(
 )
 ODOMETRY = OdometryNoise(1.0 / 0.051, 0.0, 0.0, 0.0, 0.051, "mean", "map")
 IMPOSED = replace(ROBOT, drive=DRIVE, odometry=ODOMETRY)
-WALL = wall("wall", 2.0, -5.0, 2.05, 5.0)
 
 
 def less(value, loss):
@@ -93,22 +92,6 @@ def test_limits_and_a_time_out_bind_when_they_are_given():
     simulated.command(Twist2(2.0, 1.0, 0.0))
     simulated.advance(100)
     assert simulated.pose() == Pose2(pytest.approx(0.05), pytest.approx(0.0), 0.0)
-
-
-def test_a_wall_stops_it_and_lets_it_go_at_once():
-    simulated = world(WALL, robot=IMPOSED)
-    simulated.command(Twist2(1.0, 0.0, 0.0))
-    deepest = 0.0
-    for _ in range(400):
-        simulated.advance()
-        deepest = max(deepest, simulated.pose().x + 0.35 - 2.0)
-    assert deepest <= 0.010  # the way of one tick
-    assert simulated.pose().x + 0.35 - 2.0 < 0.001
-    (contact,) = simulated.take_contacts()
-    assert (contact.second, contact.time) == ("wall", pytest.approx(1.67, abs=0.02))
-    simulated.command(Twist2(-0.5098, 0.0, 0.0))
-    simulated.advance(100)
-    assert simulated.pose().x == pytest.approx(1.65 - 0.5, abs=0.02)
 
 
 def facing_a_door(*behaviours):

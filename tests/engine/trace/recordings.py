@@ -1,13 +1,15 @@
 """A small but complete run to record: every signal, values that only come back if they are kept."""
 
 import math
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
 
 import numpy as np
+from mcap.reader import make_reader
+from mcap.writer import Writer
 
 from daemon.model.spec import MapSettings, OracleText, RunSpec, SutReference
 from daemon.model.sut import Cloud, CostmapPicture, Estimate, Odometry, Progress
-from daemon.trace import TraceWriter
+from daemon.trace import Trace, TraceWriter
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.grid import OccupancyGrid
 from grammars.model.mission import Mission, Waypoint
@@ -154,3 +156,49 @@ def record(path, *, seconds=12.0, doors=3):
         trace.progress(seconds, Progress(3, 3, "succeeded"))
         trace.event(seconds, "run", "over", level="warn")
         return trace.close("finished", "all waypoints reached")
+
+
+def same(one, other):
+    """Whether two values are equal; those of a trace may lie in different files."""
+    if isinstance(one, np.ndarray):
+        return bool(np.array_equal(one, other, equal_nan=one.dtype.kind == "f"))
+    if isinstance(one, tuple):
+        return len(one) == len(other) and all(map(same, one, other))
+    if is_dataclass(one):
+        names = [field.name for field in fields(one) if field.name != "path"]
+        return all(same(getattr(one, name), getattr(other, name)) for name in names)
+    return bool(one == other)
+
+
+def differing(one, other):
+    """Names of what two traces say differently."""
+    names = [field.name for field in fields(Trace) if field.name not in ("path", "versions")]
+    return [name for name in names if not same(getattr(one, name), getattr(other, name))]
+
+
+def rewritten(source, target, **options):
+    """The same messages in time order, by the mcap library: what other tools make of a trace."""
+    with source.open("rb") as stream, target.open("wb") as out:
+        reader = make_reader(stream)
+        writer = Writer(out, **options)
+        writer.start("ros2", "another tool")
+        for attachment in reader.iter_attachments():
+            writer.add_attachment(0, 0, attachment.name, attachment.media_type, attachment.data)
+        for metadata in reader.iter_metadata():
+            writer.add_metadata(metadata.name, metadata.metadata)
+        schemas = {}
+        channels = {}
+        for schema, channel, message in reader.iter_messages():
+            if schema.name not in schemas:
+                schemas[schema.name] = writer.register_schema(
+                    schema.name, schema.encoding, schema.data
+                )
+            if channel.topic not in channels:
+                channels[channel.topic] = writer.register_channel(
+                    channel.topic, "cdr", schemas[schema.name]
+                )
+            writer.add_message(
+                channels[channel.topic], message.log_time, message.data, message.publish_time
+            )
+        writer.finish()
+    return target

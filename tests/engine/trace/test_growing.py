@@ -1,27 +1,18 @@
 """A trace read while it is written: what it says is what the file will say."""
 
-from dataclasses import fields, is_dataclass
-
 import numpy as np
 import pytest
 
 from daemon.model.sut import Progress
-from daemon.trace import Trace, TraceError, TraceWriter, read_trace
-from tests.engine.trace.recordings import record, record_until, scene, specification
-
-
-def same(one, other):
-    if isinstance(one, np.ndarray):
-        return bool(np.array_equal(one, other))
-    if is_dataclass(one):
-        names = [field.name for field in fields(one) if field.name != "path"]
-        return all(same(getattr(one, name), getattr(other, name)) for name in names)
-    return bool(one == other)
-
-
-def differing(one, other):
-    names = [field.name for field in fields(Trace) if field.name not in ("path", "versions")]
-    return [name for name in names if not same(getattr(one, name), getattr(other, name))]
+from daemon.trace import TraceError, TraceWriter, read_trace
+from tests.engine.trace.recordings import (
+    differing,
+    record,
+    record_until,
+    same,
+    scene,
+    specification,
+)
 
 
 def record_looking(path, times):
