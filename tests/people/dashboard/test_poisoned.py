@@ -2,7 +2,6 @@
 
 import importlib
 import pkgutil
-import sys
 from dataclasses import replace
 
 import pytest
@@ -25,7 +24,6 @@ from scenario_tui.dashboard.screens.standalone import StandaloneApp
 from scenario_tui.dashboard.screens.submit import SubmitScreen
 from scenario_tui.dashboard.screens.workers import WorkersScreen
 from scenario_tui.terminal.filters import PrintableText
-from tests.people.dashboard.inline import make_dashboard, press, settle
 from tests.people.dashboard.searching import (
     NEAREST,
     SearchingDaemon,
@@ -44,7 +42,6 @@ from tests.people.poison import (
     record_poisoned,
     yaml_text,
 )
-from tests.people.terminal.pseudo_terminal import terminal
 
 WIDE = (120, 40)
 LOST = "\N{REPLACEMENT CHARACTER}"
@@ -57,13 +54,13 @@ def trace(tmp_path_factory):
     return record_poisoned(tmp_path_factory.mktemp("poisoned") / f"in{NAME}" / "run.mcap")
 
 
-def look(pilot, kind=None):
+def look(dash, kind=None):
     """Check what the terminal would get to show this screen as a whole; return the text."""
-    screen = pilot.app.screen
+    screen = dash.screen
     SEEN.add(type(screen))
     assert kind is None or type(screen) is kind
     update = screen._compositor.render_update(full=True)
-    text = assert_harmless(update.render_segments(pilot.app.console).encode())
+    text = assert_harmless(update.render_segments(dash.app.console).encode())
     assert WORD in text or kind is Help  # which has words of ours alone
     return text
 
@@ -76,103 +73,91 @@ def daemon(trace):
     return PoisonedDaemon(rows, live=(live,), trouble=f"no space left{POISON}")
 
 
-async def walk_through_the_dashboard(trace, folder):
+async def walk_through_the_dashboard(dashboard, trace, folder):
     (folder / f"bad{NAME}.yaml").write_text(
         f"campaign: x\nabout: {yaml_text(POISON)}\nscenarios: {{{yaml_text(NAME)}: 1}}\n"
     )
-    dashboard = make_dashboard(daemon(trace))
-    async with dashboard.run_test(size=WIDE) as pilot:
-        await settle(pilot)
-        look(pilot)
-        await press(pilot, "m", "n")
-        look(pilot, MatrixScreen)
-        await press(pilot, "a")
-        look(pilot, RunsScreen)
-        await press(pilot, "y")  # what is copied is said
-        look(pilot)
-        assert WORD in dashboard.clipboard
-        assert_harmless(dashboard.clipboard.encode())
-        for index, parts in ((5, 4), (7, 1), (9, 1)):
-            dashboard.open("run", f"{CAMPAIGN}.{index}{NAME}")
-            await settle(pilot)
-            for _ in range(parts):
-                look(pilot, RunScreen)
-                await press(pilot, "tab")
-            await press(pilot, "escape")
-        await press(pilot, "3")
-        look(pilot, WorkersScreen)
-        dashboard.copy(f"scenario show a{POISON}\nreboot\n")
-        assert dashboard.clipboard.splitlines() == [dashboard.clipboard]
-        assert_harmless(dashboard.clipboard.encode())
-        dashboard.say(f"done{POISON}", f"scenario{POISON}")
-        dashboard.problem(f"refused{POISON}")
-        await press(pilot, "colon", *"campaign")
-        look(pilot)
-        await press(pilot, "escape", "s")
-        look(pilot, SubmitScreen)
-        await press(pilot, "down")
-        look(pilot)
+    dash = await dashboard(daemon(trace), WIDE)
+    app = dash.app
+    look(dash)
+    for keys, kind in ((("m", "n"), MatrixScreen), (("a",), RunsScreen), (("y",), RunsScreen)):
+        await dash.press(*keys)
+        look(dash, kind)
+    assert WORD in app.clipboard
+    assert_harmless(app.clipboard.encode())
+    for index, parts in ((5, 4), (7, 1), (9, 1)):
+        await dash.open("run", f"{CAMPAIGN}.{index}{NAME}")
+        for _ in range(parts):
+            look(dash, RunScreen)
+            await dash.press("tab")
+        await dash.press("escape")
+    await dash.press("3")
+    look(dash, WorkersScreen)
+    app.copy(f"scenario show a{POISON}\nreboot\n")
+    assert app.clipboard.splitlines() == [app.clipboard]
+    assert_harmless(app.clipboard.encode())
+    app.say(f"done{POISON}", f"scenario{POISON}")
+    app.problem(f"refused{POISON}")
+    await dash.press("colon", *"campaign")
+    look(dash)
+    await dash.press("escape", "s")
+    look(dash, SubmitScreen)
+    await dash.press("down")
+    look(dash)
 
 
-async def walk_through_a_search(trace):
+async def walk_through_a_search(dashboard):
     class Poisoned(PoisonedDaemon, SearchingDaemon):
         """A search all of whose texts are poisoned."""
 
     rows = (*make_proposals(), NEAREST)
     for search in (make_search(rows), make_search(rows, "failed", note="no such layer")):
-        dashboard = make_dashboard(Poisoned(found=(search,), proposed=rows))
-        async with dashboard.run_test(size=WIDE) as pilot:
-            await settle(pilot)
-            look(pilot)
-            await press(pilot, "enter")
-            assert WORD in look(pilot, SearchScreen)
-            await press(pilot, "x")
-            assert_harmless(dashboard.clipboard.encode())
-            await press(pilot, "y", "p")
-            look(pilot)
+        dash = await dashboard(Poisoned(found=(search,), proposed=rows), WIDE)
+        look(dash)
+        await dash.press("enter")
+        assert WORD in look(dash, SearchScreen)
+        await dash.press("x")
+        assert_harmless(dash.app.clipboard.encode())
+        await dash.press("y", "p")
+        look(dash)
 
 
-async def walk_through_dialogs(trace):
-    dashboard = make_dashboard(daemon(trace))
-    dialogs = (
+async def walk_through_dialogs(dashboard, trace):
+    dash = await dashboard(daemon(trace), WIDE)
+    for dialog in (
         Question(f"sure?{POISON}", f"scenario cancel {NAME}"),
         Menu(f"which?{POISON}", [MenuChoice("a", "1", f"this{POISON}", NAME)], f"note{POISON}"),
         Prompt(f"what?{POISON}", f"value{NAME}", Integer(0, 0, f"wrong{NAME}"), lambda _: NAME),
         Refusal(f"no{POISON}"),
-    )
-    async with dashboard.run_test(size=WIDE) as pilot:
-        await settle(pilot)
-        for dialog in dialogs:
-            dashboard.push_screen(dialog)
-            await settle(pilot)
-            look(pilot, type(dialog))
-            dashboard.pop_screen()
-        await press(pilot, "question_mark")
-        look(pilot, Help)
+    ):
+        dash.app.push_screen(dialog)
+        await dash.settle()
+        look(dash, type(dialog))
+        dash.app.pop_screen()
+    await dash.press("question_mark")
+    look(dash, Help)
 
 
-async def walk_through_what_moves(trace, campaigns):
+async def walk_through_what_moves(dashboard, trace, campaigns):
     playback = open_playback(trace)
     for screen in (
         ReplayScreen(playback, 0.6, clock=lambda: 0.0),
         CompareScreen(playback, playback, clock=lambda: 0.0),
     ):
-        async with StandaloneApp(screen).run_test(size=WIDE) as pilot:
-            await pilot.pause(0)
-            look(pilot, type(screen))
-    shown = Shown(campaigns, to_type=f"relay{NAME}")
-    shown.connected = [f"Foxglove {POISON}"]
-    async with StandaloneApp(shown.screen).run_test(size=WIDE) as pilot:
-        await shown.passes(pilot, 1.0)
-        look(pilot, type(shown.screen))
+        look(await dashboard(StandaloneApp(screen), WIDE), type(screen))
+    world = Shown(campaigns, to_type=f"relay{NAME}")
+    world.connected = [f"Foxglove {POISON}"]
+    dash = await dashboard(world.app, WIDE)
+    await world.passes(dash, 1.0)
+    look(dash, type(world.screen))
 
 
-async def test_no_screen_lets_it_through(trace, tmp_path, campaigns, monkeypatch):
+async def test_no_screen_lets_it_through(dashboard, trace, tmp_path, campaigns, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    await walk_through_the_dashboard(trace, tmp_path)
-    await walk_through_a_search(trace)
-    await walk_through_dialogs(trace)
-    await walk_through_what_moves(trace, campaigns)
+    await walk_through_the_dashboard(dashboard, trace, tmp_path)
+    await walk_through_a_search(dashboard)
+    await walk_through_dialogs(dashboard, trace)
+    await walk_through_what_moves(dashboard, trace, campaigns)
     for module in pkgutil.iter_modules(screens.__path__):
         importlib.import_module(f"{screens.__name__}.{module.name}")
     assert set(_concrete(Screen)) <= SEEN
@@ -198,28 +183,3 @@ def test_a_line_stays_as_wide_as_it_was():
     # Where there are none it goes without a trace.
     assert shown("a\x1bb\u202ec d") == ["abc d"]
     assert shown("tab\there   ") == [f"tab{LOST}here  "]
-
-
-PROGRAM = """
-import sys
-from scenario_tui.cli import main
-from scenario_tui.source import DaemonTarget
-from tests.people.poison import PoisonedDaemon
-fake = PoisonedDaemon(trouble="no space left")
-DaemonTarget.open = lambda self: fake.open()
-main(["tui", "--connect", "tcp/127.0.0.1:9"])
-"""
-
-
-def test_what_the_dashboard_sends_a_real_terminal_is_its_own():
-    with terminal([sys.executable, "-c", PROGRAM], columns=120, rows=40) as shown:
-        shown.until("nightly-00ff00f")
-        shown.type("\r")
-        shown.until(f"S1{LOST}")
-        shown.type("\r")
-        shown.until("took")
-        shown.type("q")
-        assert shown.wait() == 0
-        assert WORD.encode() in shown.raw
-        # Cleared once, by us, before there is anything to see.
-        assert_harmless(bytes(shown.raw).replace(b"\x1b[2J\x1b[1;2H", b""))

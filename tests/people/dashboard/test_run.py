@@ -12,6 +12,7 @@ from scenario_tui.dashboard.screens.replay import ReplayScreen
 from scenario_tui.dashboard.screens.run import RunScreen
 from scenario_tui.dashboard.widgets.tables import VerdictList
 from scenario_tui.dashboard.widgets.top_view import TopView
+from tests.people.dashboard.inline import InlineChildren
 from tests.people.dashboard.recorded_runs import RecordedDaemon, RepeatingDaemon
 from tests.people.fake import CAMPAIGN, make_live
 from tests.people.recorded import HIT, TURNED, record_run
@@ -299,3 +300,14 @@ async def test_where_there_is_nothing_to_play_the_screen_says_why(dashboard, fak
     await dash.open("run", f"{CAMPAIGN}.7")  # still running
     await dash.press("p")
     assert "when it is over" in dash.notices
+
+
+async def test_what_reads_traces_is_loaded_when_runs_are_shown_and_not_before(
+    dashboard, monkeypatch
+):
+    calls = []
+    monkeypatch.setattr(InlineChildren, "run", lambda _, *call: calls.append(call))
+    dash = await dashboard()
+    assert not calls
+    await dash.press("enter")
+    assert len(calls) == 1

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.people.pictures.executed_campaign import execute_campaign
-from tests.people.pictures.shots import (
+from docs.pictures.executed_campaign import execute_campaign
+from docs.pictures.shots import (
     COMMANDS,
     FOLDER,
     KEYS,
@@ -20,7 +20,7 @@ from tests.people.pictures.shots import (
 )
 
 _DOTS = re.compile("[\u2800-\u28ff]")
-AGAIN = "record it again: python -m tests.people.pictures --views"
+AGAIN = "record it again: python -m docs.pictures --views"
 
 
 def _words(svg):

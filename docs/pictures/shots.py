@@ -1,6 +1,6 @@
 """Every view of the dashboard as pictures for the documentation: of executed runs, at a fixed time.
 
-``python -m tests.people.pictures`` writes them, the tests compare what is written in them.
+``python -m docs.pictures`` writes them, the tests compare what is written in them.
 """
 
 from __future__ import annotations
@@ -23,6 +23,13 @@ from textual.keys import format_key
 from textual.pilot import Pilot
 from textual.widgets import Input, Static
 
+from docs.pictures.executed_campaign import (
+    FAILED,
+    PASSED,
+    ExecutedCampaign,
+    ExecutedDaemon,
+    trace_of,
+)
 from scenario_tui.cli import invoke
 from scenario_tui.dashboard.key_bindings import list_key_bindings
 from scenario_tui.dashboard.live_tracks import Tracks
@@ -38,15 +45,8 @@ from scenario_tui.text.styles import terminal_theme
 from tests.people.dashboard.driven import until
 from tests.people.dashboard.inline import make_dashboard, press, settle
 from tests.people.dashboard.searching import SEARCH, SearchingDaemon
-from tests.people.pictures.executed_campaign import (
-    FAILED,
-    PASSED,
-    ExecutedCampaign,
-    ExecutedDaemon,
-    trace_of,
-)
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "docs" / "pictures"
 CAMPAIGNS = ROOT / "campaigns"
 KEYS = "## All keys\n\n"

@@ -6,12 +6,12 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
 
 from tests.make import make_spec, submission_of
 from tests.parts import ROOT, daemon_at, eventually, finished
+from tests.people.poison import WORD, assert_harmless
 from tests.people.recorded import record_run
 from tests.people.terminal.pseudo_terminal import (
     ALTERNATE,
@@ -21,9 +21,8 @@ from tests.people.terminal.pseudo_terminal import (
     terminal,
 )
 
+LOST = "\N{REPLACEMENT CHARACTER}"
 OUTCOMES = {"S1": "pass", "S2": "fail", "S3": "inconclusive"}
-FEW_BYTES = 400
-"""What may be sent to a dashboard in a second in which only ages grow."""
 
 
 @pytest.fixture(scope="module")
@@ -95,23 +94,6 @@ def test_suspended_it_gives_the_terminal_back_and_takes_it_again(daemon):
         shown.type("q")
         assert shown.wait() == 0, bytes(shown.raw[-2000:])
         assert restored(shown)
-
-
-def test_while_nothing_happens_next_to_nothing_is_sent(daemon):
-    with terminal(dashboard(daemon)) as shown:
-        shown.until("corridor-1")
-        shown.until("✗1 fail")
-
-        def sent_in(seconds):
-            before, began = shown.sent, time.monotonic()
-            while time.monotonic() < began + seconds:
-                shown.read(0.3)
-            return (shown.sent - before) / (time.monotonic() - began)
-
-        # On a busy machine it may be late with what is painted first.
-        eventually(lambda: sent_in(1.0) < FEW_BYTES and sent_in(4.0) < FEW_BYTES)
-        shown.type("q")
-        assert shown.wait() == 0, "it is at rest, not dead"
 
 
 def test_sixteen_colours_and_ascii_are_enough(daemon):
@@ -206,54 +188,63 @@ def test_a_dumb_terminal_is_told_what_to_do():
         assert "scenario status" in text
 
 
-class Tmux:
-    """A tmux of this test alone, with one window."""
-
-    def __init__(self, folder, command):
-        # Named from its folder: the whole path of a socket may be too long.
-        self._folder, self._base = folder, ["tmux", "-S", "socket", "-f", "/dev/null"]
-        line = " ".join(map(shlex.quote, command))
-        self.call("new-session", "-d", "-c", str(ROOT), "-x", "80", "-y", "24", f"{line}; cat")
-
-    def call(self, *arguments):
-        around = {"PATH": os.environ["PATH"], "LANG": "C.UTF-8", "HOME": "/nowhere",
-                  "SHELL": "/bin/sh", "SCENARIO_GLYPHS": "unicode"}  # fmt: skip
-        done = subprocess.run(
-            [*self._base, *arguments], env=around, cwd=self._folder, capture_output=True, text=True,
-            check=True,
-        )  # fmt: skip
-        return done.stdout
-
-    @property
-    def text(self):
-        return self.call("capture-pane", "-p")
-
-    def until(self, seen):
-        try:
-            eventually(lambda: seen in self.text)
-        except AssertionError:
-            raise AssertionError(f"not in time: {seen!r}\n{self.text}") from None
-
-
-@pytest.mark.skipif(shutil.which("tmux") is None, reason="tmux is not installed")
-def test_inside_tmux_it_is_typed_at_and_resized(daemon, tmp_path):
-    window = Tmux(tmp_path, dashboard(daemon))
-    try:
-        window.until("corridor-1")
-        window.call("send-keys", "Enter")
-        window.until("S3/pilot/0")
-        window.call("resize-window", "-x", "120", "-y", "40")
-        window.until("worker")
-        window.call("resize-window", "-x", "40", "-y", "10")
-        window.until("S1/pilot/0")
-        window.call("send-keys", "q")
-        window.until("Left the dashboard")
-    finally:
-        window.call("kill-server")
-
-
 def test_a_dashboard_leaves_with_its_terminal_also_where_hang_ups_are_ignored(daemon):
     start = ["/bin/sh", "-c", f"trap '' HUP; exec {shlex.join(dashboard(daemon))}"]
     with terminal(start) as shown:
         shown.until("corridor-1")
         assert shown.hang_up() == -signal.SIGHUP
+
+
+@pytest.mark.skipif(shutil.which("tmux") is None, reason="tmux is not installed")
+def test_inside_tmux_it_is_typed_at_and_resized(daemon, tmp_path):
+    around = {"PATH": os.environ["PATH"], "LANG": "C.UTF-8", "HOME": "/nowhere",
+              "SHELL": "/bin/sh", "SCENARIO_GLYPHS": "unicode"}  # fmt: skip
+
+    def tmux(*arguments):
+        # The socket is named from its folder: its whole path may be too long.
+        command = ["tmux", "-S", "socket", "-f", "/dev/null", *arguments]
+        return subprocess.run(
+            command, env=around, cwd=tmp_path, capture_output=True, text=True, check=True
+        ).stdout
+
+    def until(words):
+        eventually(lambda: words in tmux("capture-pane", "-p"))
+
+    line = f"{shlex.join(dashboard(daemon))}; cat"
+    tmux("new-session", "-d", "-c", str(ROOT), "-x", "80", "-y", "24", line)
+    try:
+        until("corridor-1")
+        tmux("send-keys", "Enter")
+        until("S3/pilot/0")
+        for columns, rows, words in (("120", "40", "worker"), ("40", "10", "S1/pilot/0")):
+            tmux("resize-window", "-x", columns, "-y", rows)
+            until(words)
+        tmux("send-keys", "q")
+        until("Left the dashboard")
+    finally:
+        tmux("kill-server")
+
+
+POISONED = """
+import sys
+from scenario_tui.cli import main
+from scenario_tui.source import DaemonTarget
+from tests.people.poison import PoisonedDaemon
+fake = PoisonedDaemon(trouble="no space left")
+DaemonTarget.open = lambda self: fake.open()
+main(["tui", "--connect", "tcp/127.0.0.1:9"])
+"""
+
+
+def test_what_the_dashboard_sends_a_real_terminal_is_its_own():
+    with terminal([sys.executable, "-c", POISONED], columns=120, rows=40) as shown:
+        shown.until("nightly-00ff00f")
+        shown.type("\r")
+        shown.until(f"S1{LOST}")
+        shown.type("\r")
+        shown.until("took")
+        shown.type("q")
+        assert shown.wait() == 0
+        assert WORD.encode() in shown.raw
+        # Cleared once, by us, before there is anything to see.
+        assert_harmless(bytes(shown.raw).replace(b"\x1b[2J\x1b[1;2H", b""))

@@ -18,11 +18,9 @@ from scenario_tui.dashboard.children import Children
 from scenario_tui.dashboard.playback import read_playback
 from scenario_tui.library.submission import check_file
 from tests.parts import eventually
-from tests.people.dashboard.driven import SteeredDaemon
-from tests.people.dashboard.inline import InlineChildren, make_dashboard, press, settle
 from tests.people.recorded import record_run
 
-DEMO = Path(__file__).parents[3] / "campaigns" / "demo" / "campaign.yaml"
+DEMO = Path(__file__).parents[4] / "campaigns" / "demo" / "campaign.yaml"
 
 
 @pytest.fixture(scope="module")
@@ -139,16 +137,6 @@ def test_a_child_ends_with_a_dashboard_that_is_killed(tmp_path):
         assert os.getsid(child) == child
         dashboard.kill()
     eventually(lambda: not is_alive(child))
-
-
-async def test_what_reads_traces_is_loaded_when_runs_are_shown_and_not_before(monkeypatch):
-    calls = []
-    monkeypatch.setattr(InlineChildren, "run", lambda _, *call: calls.append(call))
-    async with make_dashboard(SteeredDaemon()).run_test() as pilot:
-        await settle(pilot)
-        assert not calls
-        await press(pilot, "enter")
-        assert len(calls) == 1
 
 
 def test_nothing_that_judges_is_loaded_to_look_at_a_run(trace, tmp_path):

@@ -20,7 +20,7 @@ from tests.parts import daemon_at
 from tests.people.dashboard.driven import eventually
 from tests.people.recorded import record_run
 
-CAMPAIGNS = Path(__file__).parents[3] / "campaigns"
+CAMPAIGNS = Path(__file__).parents[4] / "campaigns"
 
 
 async def test_a_campaign_is_steered_to_its_end(tmp_path):

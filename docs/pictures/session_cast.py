@@ -1,4 +1,4 @@
-"""A session in a terminal as asciinema plays it: ``python -m tests.people.pictures --cast``.
+"""A session in a terminal as asciinema plays it: ``python -m docs.pictures --cast``.
 
 What the terminal gets is kept as an asciicast (version 2: a line of JSON about the terminal, then
 one for each piece of output), with pauses cut short. The format:
@@ -11,7 +11,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from tests.people.terminal.first_hour import DOCUMENT, follow, read_steps, shell_in
+from tests.long.first_hour import DOCUMENT, follow, read_steps, shell_in
 from tests.people.terminal.pseudo_terminal import ALTERNATE, DEADLINE, ROOT
 
 CAST = ROOT / "docs" / "pictures" / "first-hour.cast"

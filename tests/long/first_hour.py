@@ -1,21 +1,23 @@
 """Follows the tutorial of the dashboard key by key, in a shell of a terminal of its own.
 
 The steps are the rows of the tables in the document: what is pressed, and words that are seen then.
-What stands in backquotes is typed; everything else is for people.
+What stands in backquotes is typed; everything else is for people. Runs of other
+campaigns than the demo are executed so slowly that one can watch.
 """
 
-from __future__ import annotations
-
+import itertools
 import os
 import re
 import shutil
 import subprocess
 import sys
+import time
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 
-from tests.people.terminal.paced_run import EXECUTOR
+from daemon import run
+from daemon.run_loop import WATCHED_RATE
 from tests.people.terminal.pseudo_terminal import ROOT, terminal
 
 DOCUMENT = ROOT / "docs" / "tutorials" / "first-hour.md"
@@ -23,6 +25,7 @@ SIZE = (120, 32)
 _HEADING = "| press | you see |"
 _KEYS = {"⏎": "\r", "esc": "\x1b", "tab": "\t", "space": " "}
 _PROMPT = "$ "
+EXECUTOR = f"{__name__}:execute"
 _COMMAND = f"""\
 #!{sys.executable}
 from daemon.model import execution
@@ -120,3 +123,33 @@ def _copy_campaigns(folder):
         text = re.sub(r"^repeats: \d+", f"repeats: {repeats}", text, flags=re.M)
         text = re.sub(r"sut: \[a2s[^]]*\]", "sut: [pilot]", text)
         (folder / name).write_text(text.replace(" sut: fro-diff,", ""))
+
+
+_QUICK = "courier"
+"""The mission of the demo."""
+PACE = 6.0
+"""Simulated seconds in a second."""
+
+
+def execute(
+    spec, scene, *, trace_path, on_progress=None, interest=None, leads=False, judgements=None
+):
+    """Do what :func:`daemon.run.execute` does."""
+    if interest is not None and spec.mission.name != _QUICK:
+        interest = _paced(interest)
+    return run.execute(
+        spec, scene, trace_path=trace_path, on_progress=on_progress, interest=interest,
+        leads=leads, judgements=judgements,
+    )  # fmt: skip
+
+
+def _paced(interest):
+    """Let time pass between two questions whether anybody is interested."""
+    began, asked = time.monotonic(), itertools.count()
+
+    def paced():
+        due = began + next(asked) / (WATCHED_RATE * PACE)
+        time.sleep(max(due - time.monotonic(), 0.0))
+        return interest()
+
+    return paced
