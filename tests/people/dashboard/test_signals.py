@@ -1,6 +1,5 @@
 """Signals of a run along time: which ones, where they spoke against an oracle, how drawn."""
 
-import contextlib
 import re
 from dataclasses import replace
 
@@ -8,7 +7,7 @@ import numpy as np
 import pytest
 from textual import events
 
-from daemon.judging.oracles import DOOR_CLEARANCE, SignalSampler, oracle_timeline
+from daemon.judging.oracles import SignalSampler, oracle_timeline
 from daemon.judging.signals import RunSignal
 from daemon.model.live_judgement import DoorMotion, SignalLimit
 from daemon.model.spec import OracleText
@@ -23,7 +22,7 @@ from scenario_tui.dashboard.widgets.timeline_drawing import (
     ranges,
 )
 from scenario_tui.terminal.limited_terminal import LimitedTerminalApp
-from tests.people.recorded import TURNED, record_run
+from tests.people.recorded import record_run
 
 
 @pytest.fixture(scope="module")
@@ -42,19 +41,6 @@ def drawn_of(timeline, columns=80, rows=24, time=2.0):
     assert cells is not None
     assert cells[0].shape == (rows, columns)
     return ["".join(map(chr, row)).rstrip() for row in cells[0]]
-
-
-def test_the_usual_signals_come_first_then_those_oracles_read(playback):
-    names = [signal.name for signal in playback.timeline.signals]
-    assert names == ["loc.error", "clearance", DOOR_CLEARANCE, "speed", "speed.angular", "contact"]
-    signals = {signal.name: signal for signal in playback.timeline.signals}
-    assert signals["speed"].limits == (SignalLimit(0.6, "above"),)
-    assert signals["speed"].against == ()
-    assert signals["speed.angular"].against == (
-        (pytest.approx(TURNED), pytest.approx(TURNED + 0.05)),
-    )
-    assert signals["loc.error"].at(2.0) == pytest.approx((0.2, 0.2))
-    assert signals["contact"].unit == "bool"
 
 
 @pytest.mark.parametrize(
@@ -109,42 +95,9 @@ def test_the_playhead_hides_nothing(playback):
         assert set(map(chr, codes[changed, column])) == {"│"}
 
 
-def test_a_stretch_that_was_shaded_stays_to_be_seen_under_the_playhead(playback):
-    assert "░" in "".join(drawn(playback, time=TURNED))
-
-
-def test_the_timeline_shows_values_limits_violations_doors_and_verdicts(playback):
-    lines = drawn(playback, time=TURNED)
-    text = "\n".join(lines)
-    assert "speed.angular" in text
-    assert "0.9 rad/s" in text
-    assert "≤ 0.5 rad/s" in text
-    assert "░" in text
-    assert lines[-3].startswith("door-1 ")
-    assert "·━━━" in lines[-3]
-    assert lines[-2].startswith("mission")
-    assert "─1 w1─◇─" in lines[-2]
-    assert lines[-2].endswith("2 w2")
-    assert lines[-1].count("✗") == 2
-    assert sum("│" in line for line in lines) > 10
-
-
 @pytest.mark.parametrize("size", [(12, 2), (20, 5), (40, 10), (300, 80)])
 def test_the_timeline_fits_into_any_room(playback, size):
     drawn(playback, *size)
-
-
-def test_rows_fill_the_room_there_is(playback):
-    signals = playback.timeline.signals
-    assert sum(fit_heights(signals, 60)) == 60
-    assert fit_heights(signals[:1], 30) == [30]
-
-
-def test_limits_are_marked_with_the_side_that_is_asked_for(playback):
-    lines = drawn(playback, 90, 30, time=2.0)
-    at = next(i for i, line in enumerate(lines) if line.startswith("speed.angular"))
-    assert any("0.5┤" in line for line in lines[at : at + 5])
-    assert "≤ 0.5 rad/s" in lines[at + 2]
 
 
 def test_a_limit_far_away_is_named_at_the_edge(playback):
@@ -221,13 +174,6 @@ def test_of_two_runs_the_doors_of_both_are_drawn(playback):
     assert "━" in lanes["┊ door-1"]
 
 
-def test_doors_of_which_none_moves_are_not_drawn_as_shut(playback):
-    lane = next(
-        line for line in drawn_of(replace(playback.timeline, doors=())) if line.startswith("doors")
-    )
-    assert "none moves" in lane
-
-
 def test_what_does_not_fit_is_counted(playback):
     assert any("> 3 more" in line for line in drawn(playback, 80, 8))
     few = [replace(playback.timeline.signals[0])] * 3
@@ -260,16 +206,6 @@ def test_a_long_name_is_written_on_two_lines_cut_between_its_words():
     assert lines[1].startswith("0.20 m) ")
 
 
-def test_the_names_of_common_signals_are_whole_beside_the_map_of_a_terminal_of_120():
-    time = np.array([0.0, 10.0])
-    names = ("clearance(doors)", "clearance(0.55 m)", "mission.distance")
-    signals = tuple(RunSignal(name, "m", time, time, time) for name in names)
-    lines = drawn_of(RunTimeline(0.0, 10.0, signals, None, (), (), ()), 72, 14)
-    assert [name for name in names if any(line.startswith(f"{name} ") for line in lines)] == [
-        *names
-    ]
-
-
 class Plots(LimitedTerminalApp):
     """Shows signals, and goes to the moments that are pointed at."""
 
@@ -281,25 +217,21 @@ class Plots(LimitedTerminalApp):
         self.sought = []
 
     def compose(self):
-        """Lay them out, with a border that a pointer has to be corrected by."""
         yield TimelineView()
 
     def on_mount(self):
-        """Show the run from its start."""
         self.query_one(TimelineView).show((self.timeline,), self.timeline.start)
 
     def on_timeline_view_seek(self, event):
-        """Go there."""
         self.sought.append(event.time)
         self.query_one(TimelineView).move(event.time)
 
 
-@contextlib.asynccontextmanager
-async def plots(timeline, size=(92, 26)):
-    async with Plots(timeline).run_test(size=size) as pilot:
-        view = pilot.app.query_one(TimelineView)
-        await pilot.pause()
-        yield pilot, view
+@pytest.fixture
+async def plots(dashboard, playback):
+    """The app, its signals and what points at them."""
+    dash = await dashboard(Plots(playback.timeline), (92, 26))
+    return dash.pilot, dash.one(TimelineView)
 
 
 def axis(view):
@@ -307,31 +239,31 @@ def axis(view):
     return "".join(map(chr, view._cells[0][-1])).rstrip()
 
 
-async def test_a_click_seeks_and_a_drag_seeks_all_along_also_beyond_the_plot(playback):
-    async with plots(playback.timeline) as (pilot, view):
-        gutter = view._drawing.gutter
-        columns = view.size.width - gutter
-        await pilot.click(view, offset=(1 + gutter + columns // 2, 5))
-        assert pilot.app.sought == [pytest.approx(5.0, abs=0.1)]
-        await pilot.mouse_down(view, offset=(1 + gutter, 5))
-        for x in (gutter + 10, gutter + 20, gutter + columns + 1):
-            await pilot.hover(view, offset=(1 + min(x, view.size.width), 9))
-        await pilot.mouse_up(view, offset=(view.size.width, 5))
-        assert pilot.app.sought[1] == 0.0
-        assert pilot.app.sought[1:] == sorted(pilot.app.sought[1:])
-        assert pilot.app.sought[-1] == 10.0
-        count = len(pilot.app.sought)
-        await pilot.hover(view, offset=(1 + gutter + 30, 5))  # the button is not held any more
-        await pilot.click(view, offset=(3, 5))  # beside the plots
-        assert len(pilot.app.sought) == count
+async def test_a_click_seeks_and_a_drag_seeks_all_along_also_beyond_the_plot(plots, playback):
+    pilot, view = plots
+    gutter = view._drawing.gutter
+    columns = view.size.width - gutter
+    await pilot.click(view, offset=(1 + gutter + columns // 2, 5))
+    assert pilot.app.sought == [pytest.approx(5.0, abs=0.1)]
+    await pilot.mouse_down(view, offset=(1 + gutter, 5))
+    for x in (gutter + 10, gutter + 20, gutter + columns + 1):
+        await pilot.hover(view, offset=(1 + min(x, view.size.width), 9))
+    await pilot.mouse_up(view, offset=(view.size.width, 5))
+    assert pilot.app.sought[1] == 0.0
+    assert pilot.app.sought[1:] == sorted(pilot.app.sought[1:])
+    assert pilot.app.sought[-1] == 10.0
+    count = len(pilot.app.sought)
+    await pilot.hover(view, offset=(1 + gutter + 30, 5))  # the button is not held any more
+    await pilot.click(view, offset=(3, 5))  # beside the plots
+    assert len(pilot.app.sought) == count
 
 
-async def test_a_click_on_what_was_decided_goes_to_that_very_moment(playback):
-    async with plots(playback.timeline, (60, 20)) as (pilot, view):
-        first = playback.timeline.decided[0]
-        column = view._drawing.gutter + view._drawing.span.column(first)
-        await pilot.click(view, offset=(1 + column, view.size.height))
-        assert pilot.app.sought == [first]
+async def test_a_click_on_what_was_decided_goes_to_that_very_moment(plots, playback):
+    pilot, view = plots
+    first = playback.timeline.decided[0]
+    column = view._drawing.gutter + view._drawing.span.column(first)
+    await pilot.click(view, offset=(1 + column, view.size.height))
+    assert pilot.app.sought == [first]
 
 
 async def wheel(pilot, view, kind, x, turns=1):
@@ -340,56 +272,56 @@ async def wheel(pilot, view, kind, x, turns=1):
         await pilot.pause()
 
 
-async def test_the_wheel_shows_less_of_the_time_around_the_pointer_and_all_again(playback):
-    async with plots(playback.timeline) as (pilot, view):
-        at = view._drawing.gutter + 40
-        before = view._drawing.span.moment(40)
-        await wheel(pilot, view, events.MouseScrollUp, at, 3)
-        assert view._drawing.span.moment(40) == pytest.approx(before)
-        assert view._drawing.span.end - view._drawing.span.start == pytest.approx(10.0 * ZOOM**3)
-        assert re.match(r"\d\.\d+–\d\.\d+ s of 10\.0 s", axis(view))
-        assert pilot.app.sought == []
-        await wheel(pilot, view, events.MouseScrollDown, at, 3)
-        assert "of 10.0 s" not in axis(view)
-        await wheel(pilot, view, events.MouseScrollUp, at, 99)
-        assert view._drawing.span.end - view._drawing.span.start == pytest.approx(0.1)
-        view.fit_time()
-        assert "of 10.0 s" not in axis(view)
+async def test_the_wheel_shows_less_of_the_time_around_the_pointer_and_all_again(plots, playback):
+    pilot, view = plots
+    at = view._drawing.gutter + 40
+    before = view._drawing.span.moment(40)
+    await wheel(pilot, view, events.MouseScrollUp, at, 3)
+    assert view._drawing.span.moment(40) == pytest.approx(before)
+    assert view._drawing.span.end - view._drawing.span.start == pytest.approx(10.0 * ZOOM**3)
+    assert re.match(r"\d\.\d+–\d\.\d+ s of 10\.0 s", axis(view))
+    assert pilot.app.sought == []
+    await wheel(pilot, view, events.MouseScrollDown, at, 3)
+    assert "of 10.0 s" not in axis(view)
+    await wheel(pilot, view, events.MouseScrollUp, at, 99)
+    assert view._drawing.span.end - view._drawing.span.start == pytest.approx(0.1)
+    view.fit_time()
+    assert "of 10.0 s" not in axis(view)
 
 
-async def test_only_what_happens_in_a_stretch_is_drawn(playback):
-    async with plots(playback.timeline) as (_, view):
-        for _ in range(2):
-            view.zoom_time(nearer=True, around=0.0)  # 0 to 4.9 s: before anything went wrong
-        lines = ["".join(map(chr, row)) for row in view._cells[0]]
-        assert not set("✗░◇") & set("".join(lines))
-        assert lines[-2].rstrip().endswith("1 w1")  # the leg goes on beyond the stretch
-        view.fit_time()
-        assert {"✗", "░", "◇"} <= set("".join(map(chr, view._cells[0].ravel())))
+async def test_only_what_happens_in_a_stretch_is_drawn(plots, playback):
+    _, view = plots
+    for _ in range(2):
+        view.zoom_time(nearer=True, around=0.0)  # 0 to 4.9 s: before anything went wrong
+    lines = ["".join(map(chr, row)) for row in view._cells[0]]
+    assert not set("✗░◇") & set("".join(lines))
+    assert lines[-2].rstrip().endswith("1 w1")  # the leg goes on beyond the stretch
+    view.fit_time()
+    assert {"✗", "░", "◇"} <= set("".join(map(chr, view._cells[0].ravel())))
 
 
-async def test_a_stretch_goes_along_with_the_playhead_that_was_in_it(playback):
-    async with plots(playback.timeline) as (_, view):
-        view.zoom_time(nearer=True)
-        view.zoom_time(nearer=True)
-        assert view._stretch == pytest.approx((0.0, 4.9))
-        view.move(4.8)
-        assert view._stretch == pytest.approx((0.0, 4.9))
-        view.move(5.0)
-        assert view._stretch == pytest.approx((4.51, 9.41))
-        view.move(1.0)
-        assert view._stretch == pytest.approx((0.0, 4.9))
-        view.zoom_time(nearer=True, around=4.9)
-        assert not view._stretch[0] <= 1.0
-        looked = view._stretch
-        view.move(1.1)  # somebody looks at another stretch: it stays
-        assert view._stretch == looked
-        view.reveal()  # a key has moved the playhead
-        assert view._stretch[0] <= 1.1 <= view._stretch[1]
+async def test_a_stretch_goes_along_with_the_playhead_that_was_in_it(plots, playback):
+    _, view = plots
+    view.zoom_time(nearer=True)
+    view.zoom_time(nearer=True)
+    assert view._stretch == pytest.approx((0.0, 4.9))
+    view.move(4.8)
+    assert view._stretch == pytest.approx((0.0, 4.9))
+    view.move(5.0)
+    assert view._stretch == pytest.approx((4.51, 9.41))
+    view.move(1.0)
+    assert view._stretch == pytest.approx((0.0, 4.9))
+    view.zoom_time(nearer=True, around=4.9)
+    assert not view._stretch[0] <= 1.0
+    looked = view._stretch
+    view.move(1.1)  # somebody looks at another stretch: it stays
+    assert view._stretch == looked
+    view.reveal()  # a key has moved the playhead
+    assert view._stretch[0] <= 1.1 <= view._stretch[1]
 
 
-async def test_a_run_that_begins_anew_is_shown_as_a_whole(playback):
-    async with plots(playback.timeline) as (_, view):
-        view.zoom_time(nearer=True, around=10.0)
-        view.show((replace(playback.timeline, end=1.0),), 0.5)
-        assert view._stretch is None
+async def test_a_run_that_begins_anew_is_shown_as_a_whole(plots, playback):
+    _, view = plots
+    view.zoom_time(nearer=True, around=10.0)
+    view.show((replace(playback.timeline, end=1.0),), 0.5)
+    assert view._stretch is None

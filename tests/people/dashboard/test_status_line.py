@@ -60,6 +60,9 @@ STATES = {
     "all of it over, one campaign judged in part": {
         "campaigns": OVER, "conclusions": {OLD: FINE, CAMPAIGN: UNJUDGED}
     },
+    "all of it over, judged before it was": {
+        "campaigns": OVER, "conclusions": {OLD: FINE, CAMPAIGN: FINE}
+    },
     "judged as expected before it is over": {"conclusions": {OLD: FINE, CAMPAIGN: FINE}},
     "a campaign of which nothing is judged": {"conclusions": {CAMPAIGN: UNJUDGED}},
     "a newer campaign that was cancelled": {
