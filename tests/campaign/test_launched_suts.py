@@ -4,7 +4,6 @@ import json
 
 import pytest
 
-from campaigns.studies.published_robots.folder import SUTS
 from daemon.campaign import LayerLibrary, LayerReference, RefusedSutError
 from grammars.text import codec
 from grammars.text.diagnostics import InputError, Severity, Where
@@ -265,41 +264,3 @@ def test_the_same_launch_files_elsewhere_are_the_same_system(folder):
     after = load(moved, "robot").reference
     assert codec.digest(after) == codec.digest(before)
     assert after.parameters["move_base"]["map"] == "$(find nav)/launch/a.yaml"
-
-
-PUBLISHED = {
-    "fetch": ("/amcl", "/base_scan", "/move_base", ["/map"]),
-    "husky": ("/amcl", "/front/scan", "/move_base", ["/map"]),
-    "husky-trajectory": ("/amcl", "/front/scan", "/move_base", None),
-    "jackal": ("/amcl", "/front/scan", "/move_base", ["/map"]),
-    "mir100-dwa": ("/amcl", "/scan", "/move_base_node", ["/map"]),
-    "mir100": ("/amcl", "/scan", "/move_base_node", ["/map", "/virtual_walls/map"]),
-    "robile-amr": ("/amcl", "/scan_front", "/move_base", ["/map"]),
-    "tiago-dwa": ("/amcl", "/scan", "/move_base", ["/vo_map"]),
-    "turtlebot2": ("/amcl", "/scan", "/move_base", ["/map"]),
-    "turtlebot3-burger": ("/amcl", "/scan", "/move_base", ["/map"]),
-}
-"""For each: amcl, where it hears the laser, move_base, the topics of the map."""
-
-
-@pytest.mark.parametrize("name", PUBLISHED)
-def test_published_robots_become_sections(tmp_path, reference_data, name):
-    described = SUTS / f"{name}.yaml"
-    text = described.read_text().replace("ROBOTS/", f"{reference_data / 'robots'}/")
-    (tmp_path / f"{name}.yaml").write_text(text)
-    try:
-        settings = load(tmp_path, name).settings
-    except RefusedSutError as refused:
-        # What of it the stack can do is said elsewhere.
-        settings = refused.settings
-    amcl, scan, move_base, maps = PUBLISHED[name]
-    values = {path: setting.value for path, setting in settings.items()}
-    nodes = ("topics", "nodes")
-    assert values[(*nodes, "amcl", "name")] == amcl
-    assert values.get((*nodes, "amcl", "remap", "/scan"), "/scan") == scan
-    assert values[(*nodes, "move_base", "name")] == move_base
-    assert values.get(("topics", "maps")) == maps
-    assert values["move_base", "base_local_planner"]
-    assert len([path for path in values if path[0] == "amcl"]) >= 3
-    # Nothing that launch files fill in is left over.
-    assert not any("$(arg" in str(v) or "$(env" in str(v) for v in values.values())

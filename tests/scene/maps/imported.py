@@ -1,14 +1,11 @@
 """Maps for the tests of imports, and how far a map is from that of the building made of it."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 
-from grammars.floorplan import FloorPlan
 from grammars.maps import load_walls, walls_text
-from grammars.maps.map_import import ImportedMap, vectorise
+from grammars.maps.map_import import vectorise
 from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from grammars.scenery.composition import compile_scene
 from templates.occupancy import occupancy_grid
@@ -16,19 +13,12 @@ from templates.occupancy import occupancy_grid
 CELL = 0.05
 
 
-@dataclass(frozen=True)
-class Comparison:
-    """The share of cells that a building's map has otherwise, and how many far from borders."""
+def compared(grid, folder, rule="centre"):
+    """Import a map, write and read the layer, draw its map, and hold it beside the first.
 
-    made: ImportedMap
-    plan: FloorPlan
-    differing: float
-    astray: int
-
-
-def compared(grid, folder, rule="centre", settings=None):
-    """Import a map, write and read the layer, draw its map, and hold it beside the first."""
-    made = vectorise(grid, settings)
+    ``differing`` is the share of cells that differ, ``astray`` the number far from borders.
+    """
+    made = vectorise(grid)
     file = folder / "made.walls.yaml"
     file.write_text(walls_text(made.building), encoding="utf-8")
     plan = load_walls(file)
@@ -41,7 +31,8 @@ def compared(grid, folder, rule="centre", settings=None):
     # Where floor ends and no wall stands, the border is one of what was seen.
     frontier = free & within_a_cell(unknown)
     near = within_a_cell(walls | frontier)
-    return Comparison(made, plan, float(other.mean()), int((other & ~near).sum()))
+    astray = int((other & ~near).sum())
+    return SimpleNamespace(made=made, plan=plan, differing=float(other.mean()), astray=astray)
 
 
 def sampled(drawn, like):

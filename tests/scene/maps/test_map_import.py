@@ -54,7 +54,6 @@ def widths(grid):
         ("hbrs", 60, 2),
         ("kitchen", 60, 3),
         ("robile_lab", 100, 1),
-        ("brsu_building_c_static", 800, 6),
         ("brsu_building_c_dynamic", 800, 6),
     ],
 )

@@ -1,3 +1,5 @@
+"""Tasks: ways around rooms at a distance from their walls, missions as task files."""
+
 import math
 
 import pytest
