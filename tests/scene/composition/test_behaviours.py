@@ -9,21 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grammars.model.behaviour import (
-    Behaviour,
     Hold,
-    JointActs,
     Jump,
     KeyFrame,
-    KeyFrames,
-    LegBegins,
-    Reaction,
-    Servo,
-    Spring,
-    Trigger,
-    WaypointReached,
 )
 from grammars.scenery.composition import RandomWaits, compile_scene, resolve_behaviours
-from grammars.text import codec
 from grammars.text.diagnostics import InputError
 from tests.languages.plans import PEOPLE, behaviours_of, layer, resolved, scene_with, two_rooms
 
@@ -47,62 +37,6 @@ def one(*sentences, objects=VISITED, **options):
 
 def times_of(frames):
     return [frame.time for frame in frames.frames]
-
-
-SPRINGS = """\
-parameter pull = 2 N m/rad
-parameter loss = 1 N m s/rad
-parameter pace = 1 rad/s
-parameter push = 9 N m
-a moves to open at 1 s by spring of pull damped by loss
-b moves to open at 1 s by servo at pace with push
-"""
-OPEN_AT_1 = (KeyFrame(1.0, 1.7),)
-LISTED = (KeyFrame(10.0, 0.0), KeyFrame(7.0, 1.0), KeyFrame(8.0, 1.7))
-
-
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("a stays open\nc stays at 20 cm", [Hold("a.hinge", 1.7), Hold("c.rail", 0.2)]),
-        # A mirrored door turns the other way.
-        ("b stays at 1.4 rad", [Hold("b.hinge", -1.4)]),
-        (
-            "a moves to closed at 0 s, to open at 1 min, by servo at 90 deg/s",
-            [KeyFrames("a.hinge", (KeyFrame(0.0, 0.0), KeyFrame(60.0, 1.7)),
-                       Servo(math.pi / 2, Servo().effort))],
-        ),
-        (
-            "a moves to closed at 10 s, to 1 rad at 7 s, to open at 8 s, as listed, by jump",
-            [KeyFrames("a.hinge", LISTED, Jump())],
-        ),
-        ("l stays open", [Hold("l.left", 0.5), Hold("l.right", 0.5)]),
-        ("l.right stays open", [Hold("l.right", 0.5)]),
-        ("l.right stays at 1 cm", [Hold("l.right", 0.01)]),
-        (
-            "a goes from ajar to closed when the robot's footprint is within 1.3 m of its doorway, "
-            "again beyond 2 m, by spring of 0.5 N m/rad damped by 0.1 N m s/rad",
-            [Trigger("a.hinge", pytest.approx(math.pi / 6), 0.0, 1.3, Spring(0.5, 0.1), "doorway",
-                     "footprint", 2.0)],
-        ),
-        (
-            SPRINGS,
-            [KeyFrames("a.hinge", OPEN_AT_1, Spring(2.0, 1.0)),
-             KeyFrames("b.hinge", (KeyFrame(1.0, -1.7),), Servo(1.0, 9.0))],
-        ),
-        ("every hinged_door except a stays open\na stays closed",
-         [Hold("a.hinge", 0.0), Hold("b.hinge", -1.7)]),
-        ("group most: every hinged_door except b\nevery most.hinge stays open",
-         [Hold("a.hinge", 1.7)]),
-    ],
-)  # fmt: skip
-def test_sentences_become_behaviours(text, expected):
-    assert behaviours_of(DOORS, text) == tuple(expected)
-
-
-def test_key_frames_in_order_are_the_same_as_listed():
-    in_order = "a moves to closed at 7 s, to open at 10 s"
-    assert behaviours_of(DOORS, f"{in_order}, as listed") == behaviours_of(DOORS, in_order)
 
 
 def test_groups_of_groups_are_read_once_each():
@@ -279,18 +213,6 @@ def test_a_group_of_one_name_in_two_layers_must_not_be_guessed():
 # Walks and events.
 
 
-def test_routes_are_put_into_the_world():
-    walk = one("visitor walks along (1 m, 0 m), (1 m, 1 m) of hall, (0 m, 0 m) of kitchen.pillar")
-    pillar = two_rooms().features[0].frame
-    expected = [(1.0, 0.0), (1.0, 1.0), pytest.approx((pillar.x, pillar.y), abs=1e-9)]
-    assert list(walk.route) == expected
-    assert (walk.speed, walk.acceleration, walk.manner) == (1.0, 1.0, "once")
-    # A fixed facing is meant in the frame of the last point.
-    walk = one("visitor walks along (0 m, 0 m), (1 m, 0 m) of hall.walls[1], facing 90 deg")
-    frame = two_rooms().spaces[0].walls[1].frame
-    assert math.remainder(walk.yaw - frame.yaw - math.pi / 2, math.tau) == pytest.approx(0.0)
-
-
 def test_frames_are_kept_only_where_something_walks():
     assert scene_with(DOORS).frames == ()
     frames = dict(scene_with(VISITED).frames)
@@ -310,33 +232,3 @@ def test_a_later_layer_gives_another_walk():
     assert str(warning).startswith("second.scenery:1:1: warning: visitor follows this sentence")
     assert "first.scenery:1:1" in str(warning)
     assert [name for name, _ in result.places] == ["visitor.x", "visitor.y", "visitor.yaw"]
-
-
-@pytest.mark.parametrize(
-    ("words", "event"),
-    [
-        ("leg 2 begins", LegBegins(2)),
-        ("waypoint home is reached", WaypointReached("home")),
-        ("a fires", JointActs(("a.hinge",), "fires")),
-        (
-            "visitor starts to move",
-            JointActs(("visitor.x", "visitor.y", "visitor.yaw"), "moves"),
-        ),
-    ],
-)
-def test_events_become_concrete(words, event):
-    reaction = one(f"b goes from open to closed when {words}, after 2 s")
-    assert isinstance(reaction, Reaction)
-    assert (reaction.joint, reaction.event, reaction.delay) == ("b.hinge", event, 2.0)
-    # Door b is mirrored.
-    assert (reaction.start, reaction.end) == (-1.7, 0.0)
-
-
-def test_behaviours_survive_the_way_through_json():
-    kinds = tuple[Behaviour, ...]
-    behaviours = behaviours_of(
-        VISITED,
-        "visitor walks along (0 m, 0 m), (1 m, 0 m), when leg 1 begins, yielding within 1 m\n"
-        "a goes from open to closed when visitor starts to move",
-    )
-    assert codec.from_plain(kinds, codec.to_plain(behaviours, kinds)) == behaviours

@@ -6,7 +6,6 @@ import pytest
 from shapely.geometry import Point, Polygon
 
 from grammars.floorplan import parse_floorplan
-from grammars.model.geometry import Pose2
 from grammars.model.kinematics import link_poses
 from grammars.scenery.composition import compile_scene
 from tests.languages.plans import PEOPLE, TWO_ROOMS, layer, resolved, scene_with, two_rooms
@@ -24,21 +23,6 @@ def the_door(text):
 
 def room_of(scene, point):
     return next((r.name for r in scene.regions if Polygon(r.outline).covers(Point(point))), "")
-
-
-def test_an_object_stands_in_any_frame():
-    for frame, expected in {
-        "world": (0.0, 0.0),
-        "kitchen": (0.0, 3.9),
-        "kitchen.pillar": (1.0, 4.4),
-        "pillar": (1.0, 4.4),
-        "kitchen_doorway": (0.5, 2.0),
-    }.items():
-        pose = the_door(f"d is a hinged_door at {frame}").pose
-        assert (pose.x, pose.y) == pytest.approx(expected)
-    # Wall 1 of the hall is the east one: its frame at (5, 0) looks down (-y).
-    door = the_door("d is a hinged_door at hall.walls[1], x 1 m, y 0.1 m, turned 90 deg")
-    assert door.pose == Pose2(5.1, -1.0, 0.0)
 
 
 def column(name):
@@ -94,18 +78,6 @@ def test_a_hinged_door_fits_its_doorway_and_opens_to_the_side_it_should(side, to
     assert room_of(scene, (tip.x, tip.y)) == expected
 
 
-def test_left_and_right_may_be_seen_from_the_other_room():
-    text = "d is a hinged_door in kitchen_doorway, hinge {} seen from {}, opening into hall"
-    assert the_door(text.format("left", "kitchen")) == the_door(text.format("right", "hall"))
-
-
-def test_a_recessed_door_stands_deeper_in_the_wall():
-    text = "d is a hinged_door in kitchen_doorway, hinge left, opening inwards"
-    flush, deep = the_door(text), the_door(text + ", recessed 12 cm")
-    assert outline(flush, "leaf", 0.0).bounds[1] == pytest.approx(2.0)
-    assert outline(deep, "leaf", 0.0).bounds[1] == pytest.approx(2.12)
-
-
 @pytest.mark.parametrize("side", ["left", "right"])
 @pytest.mark.parametrize(("on", "y"), [("on the inside", 2.0), ("on the side of kitchen", 2.4)])
 def test_a_slider_hangs_on_its_side_of_the_wall(side, on, y):
@@ -114,41 +86,6 @@ def test_a_slider_hangs_on_its_side_of_the_wall(side, on, y):
     assert panel.bounds[0] < 0.0 < 1.0 < panel.bounds[2]
     assert panel.distance(Point(0.5, y)) == pytest.approx(0.01, abs=1e-6)
     assert (opened.centroid.x < panel.centroid.x) == (side == "left")
-
-
-def test_a_double_slider_stands_in_the_middle_of_its_doorway():
-    lift = the_door("d is a lift_door in kitchen_doorway")
-    assert (lift.pose.x, lift.pose.y) == pytest.approx((0.5, 2.2))
-    assert lift.doorway == "kitchen_doorway"
-    assert lift.initial == (0.0, 0.0)
-
-
-def test_objects_start_closed_unless_something_else_is_said():
-    mirrored = "in kitchen_doorway, hinge left, opening inwards"
-    for place, start in {
-        "at kitchen_doorway": 0.0,
-        "at kitchen_doorway, starts open": 1.7,
-        "at kitchen_doorway, starts 30 deg": pytest.approx(math.pi / 6),
-        f"{mirrored}, starts open": -1.7,
-    }.items():
-        assert the_door(f"d is a hinged_door {place}").initial == (start,)
-    door = the_door(f"d is a hinged_door {mirrored}")
-    assert door.mirrored
-    assert (door.joints[0].lower, door.joints[0].upper) == (-2.0, 0.0)
-
-
-def test_a_second_layer_changes_how_a_door_starts_without_touching_the_first():
-    doors = layer("d is a hinged_door at kitchen_doorway\ne is a hinged_door at hall")
-    more = layer("every hinged_door starts ajar\nd is frozen", "more", models=False)
-    d, e = compile_scene(two_rooms(), [doors, more]).objects
-    assert d.initial == e.initial == (pytest.approx(math.pi / 6),)
-    assert (d.frozen, e.frozen) == (True, False)
-
-
-def test_a_door_placed_by_hand_knows_its_doorway():
-    beside = "d is a hinged_door at kitchen_doorway, x {} m, y 0.2 m, turned -90 deg"
-    assert the_door(beside.format("-0.475")).doorway == "kitchen_doorway"
-    assert the_door(beside.format("2")).doorway == ""
 
 
 def test_parts_that_are_fixed_go_with_their_link():

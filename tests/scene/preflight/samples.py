@@ -32,12 +32,16 @@ def mission(*points, start=None):
     return Mission("m", start or Pose2(), waypoints)
 
 
-def messages(scene, task, *behaviours, robot=ROBILE):
-    """Return every finding about a run: its message and hint, with a ``?`` in front of warnings."""
-    if isinstance(scene, str):
-        scene = scene_with(scene)
-    findings = check_run(scene, robot, task, behaviours, where=Where("task.yaml"))
+def shown(findings):
+    """Return findings as texts: message and hint, with a ``?`` in front of warnings."""
     return [
         "? " * (d.severity == "warning") + d.message + (f" ({d.hint})" if d.hint else "")
         for d in findings
     ]
+
+
+def messages(scene, task, *behaviours, robot=ROBILE):
+    """Return every finding about a run, as a text."""
+    if isinstance(scene, str):
+        scene = scene_with(scene)
+    return shown(check_run(scene, robot, task, behaviours, where=Where("task.yaml")))
