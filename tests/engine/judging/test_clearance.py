@@ -95,40 +95,6 @@ def test_the_kernel_agrees_with_shapely(rings, poses, centre, half):
         assert expected[int(nearest[index][1:])] == pytest.approx(min(expected), abs=1e-6)
 
 
-@given(convex_rings(), POSES, st.tuples(HALF, HALF))
-def test_every_obstacle_point_is_at_least_as_far(ring, pose, half):
-    found = float(sample(scene_of(ring), [pose], (0.0, 0.0), half)[0][0])
-    corners = np.array([pose.inverse().apply(corner) for corner in ring])
-    weights = np.random.default_rng(0).dirichlet(np.ones(len(ring)), 200)
-    inside = weights @ corners
-    measured = np.maximum(np.abs(inside[:, 0]) - half[0], np.abs(inside[:, 1]) - half[1])
-    assert measured.min() >= found - 1e-9
-
-
-@pytest.mark.parametrize(
-    ("ring", "expected"),
-    [
-        (box(1.0, -1.0, 2.0, 1.0), 0.65),
-        (box(-0.1, 0.5, 0.1, 1.0), 0.267),
-        (box(0.3, -1.0, 2.0, 1.0), -0.05),
-        (box(-0.05, -0.05, 0.05, 0.05), -0.233),
-        (box(-9.0, -9.0, 9.0, 9.0), -0.233),
-        (box(0.0, 0.0, 9.0, 9.0), -0.233),
-        (box(0.4, 0.4, 1.0, 1.0), 0.167),
-    ],
-    ids=["ahead", "beside", "nose-in", "post-inside", "inside-a-solid", "corner", "diagonal"],
-)  # fmt: skip
-def test_distances_a_person_can_check(ring, expected):
-    values, _ = sample(scene_of(ring), [Pose2()], (0.0, 0.0), (0.35, 0.233))
-    assert values[0] == pytest.approx(expected)
-
-
-def test_the_box_turns_with_the_robot():
-    scene = scene_of(box(1.0, -1.0, 2.0, 1.0))
-    values, _ = sample(scene, [Pose2(yaw=math.pi / 2), Pose2(0.2)], (0.0, 0.0), (0.35, 0.233))
-    assert values == pytest.approx([1.0 - 0.233, 0.8 - 0.35])
-
-
 def test_of_equally_near_obstacles_the_first_is_named():
     scene = scene_of(box(-2.0, -1.0, -1.0, 1.0), box(1.0, -1.0, 2.0, 1.0))
     _, nearest = sample(scene, [Pose2(0.1), Pose2(0.0)], (0.0, 0.0), (0.35, 0.233))
@@ -147,19 +113,6 @@ def test_what_the_robot_passes_under_or_over_is_no_obstacle():
         ),
     )
     assert SignalSampler(make_trace(still(times(0.0)), scene=scene)).obstacles.names == ("step",)
-
-
-def test_an_uneven_footprint_is_measured_from_its_own_middle():
-    ring = ((0.5, 0.2), (-0.1, 0.2), (-0.1, -0.2), (0.5, -0.2))
-    for obstacle, expected in (
-        (box(1.0, -1.0, 2.0, 1.0), 0.5),
-        (box(-2.0, -1.0, -1.0, 1.0), 0.9),
-        (box(-1.0, 1.0, 1.0, 2.0), 0.8),
-        (box(-1.0, -2.0, 1.0, -1.0), 0.8),
-    ):
-        robot = replace(ROBOT, footprint=ring)
-        trace = make_trace(still(times(0.0)), scene=scene_of(obstacle), robot=robot)
-        assert verdict(trace, "min(clearance)").evidence.value == pytest.approx(expected)
 
 
 def swinging(time, angle):

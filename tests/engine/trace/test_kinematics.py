@@ -13,12 +13,6 @@ from grammars.model.kinematics import cos_sin, link_tracks
 from grammars.model.scene import Joint, Link, Scene, SceneObject
 from tests.engine.trace.recordings import scene
 
-ANGLES = st.floats(-3.0, 3.0)
-
-
-def world_of(item):
-    return Scene("world", (), (), (), (item,))
-
 
 def object_with(*joints):
     ring = ((0.0, 0.0), (1.0, 0.0), (1.0, 0.1))
@@ -29,42 +23,6 @@ def object_with(*joints):
 def pose_of(row):
     x, y, qz, qw = row.tolist()
     return Pose2(x, y, 2.0 * math.atan2(qz, qw))
-
-
-def assert_same(found, expected):
-    assert found.x == pytest.approx(expected.x, abs=1e-12)
-    assert found.y == pytest.approx(expected.y, abs=1e-12)
-    assert math.remainder(found.yaw - expected.yaw, math.tau) == pytest.approx(0.0, abs=1e-12)
-
-
-def about(x, y, angle):
-    return Pose2(x, y) @ Pose2(0.0, 0.0, angle) @ Pose2(-x, -y)
-
-
-@given(ANGLES, ANGLES)
-def test_a_folding_door_turns_leaf_on_leaf(first, second):
-    item = object_with(
-        Joint("b", "revolute", "inner", "outer", (1.0, 0.2), (1.0, 0.0), -3.0, 3.0),
-        Joint("a", "revolute", "world", "inner", (0.1, 0.0), (1.0, 0.0), -3.0, 3.0),
-    )
-    links = MovingLinks.of(world_of(item))
-    assert links.names == ("item/outer", "item/inner")
-    poses = links.poses(np.array([[second, first]]))
-    inner = item.pose @ about(0.1, 0.0, first)
-    assert_same(pose_of(poses[0, 1]), inner)
-    assert_same(pose_of(poses[0, 0]), inner @ about(1.0, 0.2, second))
-
-
-@given(st.floats(-2.0, 2.0), ANGLES)
-def test_a_drawer_slides_along_its_axis_and_carries_its_lid(along, angle):
-    item = object_with(
-        Joint("slide", "prismatic", "world", "drawer", (0.0, 0.0), (0.6, 0.8), -2.0, 2.0),
-        Joint("lid", "revolute", "drawer", "lid", (0.0, 0.5), (1.0, 0.0), -3.0, 3.0),
-    )
-    poses = MovingLinks.of(world_of(item)).poses(np.array([[along, angle]]))
-    drawer = item.pose @ Pose2(0.6 * along, 0.8 * along)
-    assert_same(pose_of(poses[0, 0]), drawer)
-    assert_same(pose_of(poses[0, 1]), drawer @ about(0.0, 0.5, angle))
 
 
 @given(
@@ -109,14 +67,6 @@ def test_columns_of_frozen_objects_are_skipped_over():
     world = replace(world, objects=world.objects[2:] + world.objects[:2])
     links = MovingLinks.of(world)
     poses = links.poses(np.array([[9.0, 0.0, 0.5]]))
-    assert_same(pose_of(poses[0, 0]), world.objects[1].pose)
+    first, expected = pose_of(poses[0, 0]), world.objects[1].pose
+    assert (first.x, first.y, first.yaw) == pytest.approx((expected.x, expected.y, expected.yaw))
     assert pose_of(poses[0, 1]).yaw == pytest.approx(0.3 + 0.5)
-
-
-def test_joints_that_form_a_loop_are_refused():
-    item = object_with(
-        Joint("a", "revolute", "y", "x", (0.0, 0.0), (1.0, 0.0), -1.0, 1.0),
-        Joint("b", "revolute", "x", "y", (0.0, 0.0), (1.0, 0.0), -1.0, 1.0),
-    )
-    with pytest.raises(ValueError, match="loop"):
-        MovingLinks.of(world_of(item))
