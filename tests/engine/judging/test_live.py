@@ -1,10 +1,14 @@
 """Judgement of a run that goes on: signals, verdicts and log so far, the least margin."""
 
+import itertools
+import math
 import zlib
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from daemon.judging.live import (
     MOST_COLUMNS,
@@ -177,34 +181,30 @@ def test_stretches_that_touch_become_one():
     assert merge_spans([(3.0, 4.0), (0.0, 1.0), (1.0, 2.0), (3.5, 3.6)]) == ((0.0, 2.0), (3.0, 4.0))
 
 
-def test_a_thinned_signal_keeps_its_extremes_and_says_what_is_not_known():
-    time = np.arange(0.0, 10.0, 0.01)
-    values = np.sin(time)
-    values[777] = 5.123456
-    values[:100] = np.nan
-    thin = thin_signal(
-        RunSignal("it", "m", time, values, values, (SignalLimit(0.5),)), 0.0, 10.0, 50
-    )
-    assert (len(thin.low), len(thin.high), thin.limits) == (50, 50, (SignalLimit(0.5),))
-    assert thin.low[:5] == (None,) * 5
-    assert thin.high[38] == 5.123
-    assert thin.low[38] < 1.0
-
-
-def test_a_thinned_signal_is_received_with_its_parts_until_its_end():
-    values = np.array([np.nan, 3.0, 4.0, 5.0])
-    signal = RunSignal("it", "m", np.arange(4.0), values, values, (SignalLimit(0.5, "below"),))
-    received = received_signal(thin_signal(signal, 0.0, 4.0, 2))
-    assert received.time.tolist() == [0.0, 2.0, 4.0]
-    assert [received.at(t) for t in (1.0, 3.0, 4.0)] == [(3.0, 3.0), (4.0, 5.0), (4.0, 5.0)]
-    assert received.limits == signal.limits
+@given(
+    st.lists(st.floats(-9.0, 9.0) | st.just(math.nan), min_size=1, max_size=60),
+    st.integers(1, 20),
+)
+def test_a_thinned_signal_keeps_the_extremes_of_each_of_its_parts(values, parts):
+    values, limits = np.array(values), (SignalLimit(0.5, "below"),)
+    time, end = np.arange(len(values)) + 0.0, float(len(values))
+    signal = RunSignal("it", "m", time, values, values, limits)
+    received = received_signal(thin_signal(signal, 0.0, end, parts))
+    assert (received.limits, received.time[0], received.time[-1]) == (limits, 0.0, end)
+    for begin, after in itertools.pairwise(received.time.tolist()):
+        inside = values[(time >= begin - 1e-9) & (time < after - 1e-9)]
+        known = inside[np.isfinite(inside)]
+        if len(known):
+            assert received.at(begin) == pytest.approx((known.min(), known.max()), rel=5.1e-4)
+        elif len(inside):
+            assert np.isnan(received.at(begin)).all()
 
 
 def test_a_part_without_samples_holds_the_value_before_it():
-    values = np.array([2.0, 3.0, 4.0])
+    values = np.array([2.0, 5.123456, 4.0])
     signal = RunSignal("it", "m", np.array([0.0, 1.0, 9.0]), values, values)
     thin = thin_signal(signal, 0.0, 10.0, 10)
-    assert thin.low == thin.high == (2.0, *(3.0,) * 8, 4.0)
+    assert thin.low == thin.high == (2.0, *(5.123,) * 8, 4.0)
 
 
 def test_a_thinned_signal_has_no_more_stretches_than_parts():

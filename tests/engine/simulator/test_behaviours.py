@@ -3,7 +3,6 @@ import math
 import pytest
 
 from grammars.model.behaviour import (
-    Hold,
     Jump,
     KeyFrame,
     KeyFrames,
@@ -258,17 +257,3 @@ def test_a_blocked_jump_completes_when_the_robot_makes_way(part, behaviour, way,
     assert simulated.joint_positions()[0] == pytest.approx(behaviour.end, abs=1e-6)
     texts = [event.text.split()[0] for event in simulated.take_events()]
     assert texts == [first, "stopped", "reached"]
-
-
-@pytest.mark.parametrize(
-    ("behaviours", "frozen", "message"),
-    [
-        ((Hold("d.lock", 0.0),), False, "no joint 'd.lock'"),
-        ((Hold("d.hinge", 0.0), Hold("d.hinge", 1.0)), False, "more than one"),
-        ((near(Jump(), of="doorway"),), False, "stands in no doorway"),
-        ((Hold("d.hinge", 0.0),), True, "frozen"),
-    ],
-)
-def test_impossible_behaviours_are_refused(behaviours, frozen, message):
-    with pytest.raises(ValueError, match=message):
-        world(door("d", frozen=frozen), behaviours=behaviours)

@@ -62,11 +62,6 @@ def test_a_waypoint_reached_moves_a_door():
     assert len(now.take_events()) == 1
 
 
-def test_a_waypoint_the_mission_does_not_have_is_refused():
-    with pytest.raises(ValueError, match="no waypoint 'x'"):
-        world(door(), behaviours=(closes(WaypointReached("x")),))
-
-
 def test_doors_fire_one_after_another():
     first = Trigger("other.hinge", 0.0, 1.0, 1.0, Jump())
     second = closes(JointActs(("other.hinge",), "fires"), 0.2)

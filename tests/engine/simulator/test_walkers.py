@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.simulator._walkers import RouteFollower
-from grammars.model.behaviour import JointActs, KeyFrame, KeyFrames, LegBegins, Servo, Trigger, Walk
+from grammars.model.behaviour import JointActs, LegBegins, Walk
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.kinematics import link_poses
 from grammars.model.movers import with_planar_chain
@@ -191,21 +191,3 @@ def test_one_mover_may_wait_for_another():
     now.advance(1000)
     texts = [(e.source, e.text) for e in now.take_events() if e.text == "sets out"]
     assert texts == [("visitor", "sets out"), ("guest", "sets out")]
-
-
-@pytest.mark.parametrize(
-    ("bad", "why"),
-    [
-        (replace(LINE, object="nobody"), "no mover"),
-        (KeyFrames("visitor.x", (KeyFrame(0.0, 0.0),), Servo()), "belongs to a mover"),
-        (Trigger("visitor.yaw", 0.0, 1.0, 1.0, Servo()), "belongs to a mover"),
-    ],
-)
-def test_walks_that_make_no_sense_are_refused(bad, why):
-    with pytest.raises(ValueError, match=why):
-        world(person(), behaviours=(bad,))
-
-
-def test_only_movers_walk():
-    with pytest.raises(ValueError, match="'door' is no mover"):
-        world(door(), behaviours=(replace(LINE, object="door"),))
