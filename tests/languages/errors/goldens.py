@@ -36,10 +36,19 @@ _BLOCK = re.compile(
 _SUBSTITUTION = re.compile(r"^(.+?) =>(?: |$)", re.MULTILINE)
 
 
-def renew(golden, folder):
-    """Return the text of a golden file with the findings of today.
+def findings(path):
+    """Return the findings of a check, with one line for each message and each hint."""
+    lines = [
+        f"{one.where}: {one.severity}: {one.message}\n" + (f"    {one.hint}\n" if one.hint else "")
+        for one in check_file(path)[1]
+    ]
+    return "".join(lines)
 
-    ``folder`` does not exist yet; the files of each case lie there while they are checked.
+
+def renew(golden, folder, describe=findings):
+    """Return the text of a golden file with what ``describe`` says today of each case.
+
+    ``folder`` does not exist yet; the files of each case lie there while they are described.
     """
     files, checked, row_is_complete = {}, "", True
 
@@ -55,7 +64,10 @@ def renew(golden, folder):
         row_is_complete = True
         case = "\n".join(line[4:] for line in block["case"].splitlines())
         try:
-            return block["case"] + _findings(_changed(files, checked, case), checked, folder)
+            _write(_changed(files, checked, case), folder)
+            text = describe(folder / checked).replace(f"{folder}/", "")
+            shutil.rmtree(folder)
+            return block["case"] + (text or "nothing\n")
         except Exception as error:
             error.add_note(f"{golden.name}: {case}")
             raise
@@ -83,15 +95,7 @@ def _changed(files, checked, case):
     return files
 
 
-def _findings(files, checked, folder):
-    """Return the findings of a check, with one line for each message and each hint."""
+def _write(files, folder):
     for name, text in files.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(text, "utf-8")
-    _, findings = check_file(folder / checked)
-    shutil.rmtree(folder)
-    lines = [
-        f"{one.where}: {one.severity}: {one.message}\n" + (f"    {one.hint}\n" if one.hint else "")
-        for one in findings
-    ]
-    return "".join(lines).replace(f"{folder}/", "") or "nothing\n"
