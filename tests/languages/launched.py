@@ -22,12 +22,6 @@ def write(folder, name, body):
     return path
 
 
-def package(folder, name):
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "package.xml").write_text(f"<package><name>{name}</name></package>\n")
-    return folder
-
-
 def started(folder, body, **settings):
     return launch(write(folder, "a.launch", body), **settings)
 
@@ -49,10 +43,6 @@ def errors(folder, body, **settings):
     with pytest.raises(InputError) as caught:
         started(folder, body, **settings)
     return [str(one).replace(f"{folder}/", "") for one in caught.value.findings]
-
-
-def warnings(loaded, folder):
-    return [str(one).replace(f"{folder}/", "") for one in loaded.warnings]
 
 
 MOVE_BASE = '<node pkg="move_base" type="move_base" name="move_base">{}</node>'

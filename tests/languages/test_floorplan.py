@@ -19,7 +19,8 @@ def ring(points):
 
 
 def place(frame):
-    return f"{number(frame.x)} {number(frame.y)} turned {number(round(math.degrees(frame.yaw), 7) % 360)}"
+    yaw = round(math.degrees(frame.yaw), 7) % 360
+    return f"{number(frame.x)} {number(frame.y)} turned {number(yaw)}"
 
 
 def meaning(path):

@@ -10,6 +10,7 @@ import pytest
 import grammars.editor
 from grammars.editor.oracles import literals
 from grammars.text.units import UNIT_WORDS
+from tests.languages.plans import HERE
 
 SYNTAXES = Path(grammars.editor.__file__).parent / "vscode" / "syntaxes"
 COLOURED = ("keyword", "support", "constant.language", "variable.language")
@@ -188,49 +189,17 @@ def test_shipped_files_are_coloured_throughout(campaigns):
         assert rebuilt == lines
 
 
-SAMPLES = {
-    "fpm": """\
-Entryway door:  // in the hall
-    location: in: hall.walls[1] and this.walls[0]
-        translation: x: -1.7 m, z: door_middle
-wrt: walls_of_glass
-""",
-    "scenery": """\
-kitchen_door is a hinged_door in kitchen_doorway, hinge left, opening into kitchen
-all doors go from open to closed when the robot is within 1.2 m of their doorway,
-    by servo at 90 deg/s with 20 N m
-a stays opening_time
-a stays atrium
-a stays isle
-a stays minute_hand
-a stays x2
-joint hinge revolute from post to leaf
-state open: hinge 95 deg
-""",
-    "variation": """\
-import "flat.fpm"
-let slack = uniform(0 m .. 0.25 m)
-hall.pillar: { location.translation.x: normal(mean=1.6, std=0.5) }
-require distance(hall.pillar, door) >= 12 m^2
-""",
-    "oracle": """\
-max(door-17.angle) <= 0.8 m/s when not contact and speed > 5 %
-never(time-close > 1)
-""",
-    "oracles.injection": """\
-a: never(contact)  # not even gently
-name: max
-about: always be kind
-x: [max, min]
-""",
-}
-
-
-@pytest.mark.parametrize("language", SAMPLES)
+@pytest.mark.parametrize("language", [*LANGUAGES, "oracles.injection"])
 def test_texts_have_their_colours(language, golden):
-    lines = [f"{token.text:24} {' '.join(token.scopes[1:])}".rstrip()
-             for token in tokens(SAMPLES[language], language) if token.text.strip()]  # fmt: skip
-    golden(f"highlighting/{language}.txt", "\n".join(lines) + "\n")
+    """The golden file begins with the text."""
+    name = f"highlighting/{language}.txt"
+    text = (HERE / name).read_text("utf-8").partition("\n\n")[0]
+    lines = [
+        f"{token.text:24} {' '.join(token.scopes[1:])}".rstrip()
+        for token in tokens(text, language)
+        if token.text.strip()
+    ]
+    golden(name, "\n".join([text, "", *lines]) + "\n")
 
 
 def test_oracle_lines_are_coloured_inside_yaml(campaigns):

@@ -208,6 +208,8 @@ def test_campaigns_fit_the_shapes_and_come_back(campaigns, tmp_path, folder):
     plan = load_floorplan(campaigns / folder / f"{name}.fpm")
     layers = [load_scenery(campaigns / folder / f"{name}.scenery") for name in names]
     back_plan, back = written_and_read(tmp_path, plan, layers)
+    assert back_plan == plan
+    assert [space.placement for space in back_plan.spaces] == [s.placement for s in plan.spaces]
     assert [one.name for one in back] == names
     assert_the_same_comes_of(plan, layers, back_plan, back)
     for one, other in zip(back, layers, strict=True):

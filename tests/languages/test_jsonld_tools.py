@@ -21,7 +21,7 @@ from grammars.jsonld._expand import expand_text
 from grammars.jsonld.rdf import graph_of
 from grammars.jsonld.vocabulary import COORD, DYN, GZB, OBJ, REL
 from grammars.scenery.composition import compile_scene
-from tests.languages.plans import HERE, layer, two_rooms
+from tests.languages.plans import HERE, layer, model_text, two_rooms
 from tests.languages.test_jsonld_plans import ODD
 
 LIMIT = 10
@@ -32,22 +32,6 @@ object table
     link top circle radius 40 cm from 70 cm to 74 cm, mass 20 kg
 way is a hinged_door in kitchen_doorway, hinge left, opening inwards, starts open
 table_1 is a table in kitchen, x 0.2 m
-"""
-BY_WALLS = """
-Floor plan: by_walls
-Defaults: walls: thickness: 0.2 m height: 2.5 m
-Space lobby:
-    shape: Rectangle width=4 m, length=3 m
-    location: wrt: world of: this.walls[1] translation: x: 2 m, y: 5 m rotation: z: 30 deg
-Space store:
-    shape: Rectangle width=2 m, length=2 m
-    location: wrt: lobby.walls[2] of: this.walls[1] spaced translation: x: 0.4 m
-Space booth:
-    shape: Rectangle width=1 m, length=1.5 m
-    location: wrt: lobby of: this.walls[0] translation: x: 8 m, y: 1 m rotation: z: 15 deg
-Entryway lobby_doorway:
-    shape: Rectangle width=1 m, height=2 m
-    location: in: lobby.walls[2] and store.walls[1] translation: x: 0.5 m, z: 1 m
 """
 
 
@@ -248,9 +232,14 @@ UPRIGHT = (
 )
 
 
-@pytest.mark.parametrize("text", [BY_WALLS, None, UPRIGHT], ids=["by walls", "two rooms", "odd"])
+BY_WALLS, TWO_ROOMS = model_text("by_walls.fpm"), model_text("two_rooms.fpm")
+
+
+@pytest.mark.parametrize(
+    "text", [BY_WALLS, TWO_ROOMS, UPRIGHT], ids=["by walls", "two rooms", "odd"]
+)
 def test_poses_walked_by_their_names_lead_to_the_world(text):
-    plan = two_rooms() if text is None else parse_floorplan(text)
+    plan = parse_floorplan(text)
     points = walked_by_name(by_pyld(scene_document(plan)))
     expected = world_corners(plan)
     assert expected.keys() <= points.keys()

@@ -90,13 +90,6 @@ def test_a_plan_is_measured_in_any_unit_of_its_dimension(unit):
     assert (frame.x if dimension == LENGTH else frame.yaw) == pytest.approx(0.5)
 
 
-def test_a_plan_has_nothing_but_lengths_and_angles():
-    with pytest.raises(InputError, match='variable "depth" is in kg\n    a plan has lengths'):
-        parse_floorplan(PLAN.replace("{unit}", "kg"))
-    with pytest.raises(InputError, match='expected a length, not "4 s"'):
-        parse_floorplan(PLAN.replace("{unit}", "m").replace("width=4 m", "width=4 s"))
-
-
 def test_draws_in_centimetres_arrive_in_the_plan(tmp_path):
     (tmp_path / "flat.fpm").write_text(PLAN.replace("{unit}", "m"), "utf-8")
     text = 'import "flat.fpm"\nlet wide = uniform([70 cm])\n'

@@ -33,7 +33,7 @@ def meaning(path):
         lines += [f"    {source} -> {remap.to}" for source, remap in each.remaps.items()]
     lines += [f"left out: {file}" for file in loaded.left_out]
     lines += map(str, loaded.warnings)
-    return "\n".join(lines) + "\n"
+    return "".join(f"{line}\n" for line in lines)
 
 
 def test_launch_files_come_to_what_roslaunch_makes_of_them(golden, tmp_path):

@@ -8,7 +8,7 @@ import pytest
 from grammars.text.diagnostics import InputError, Severity
 from grammars.variation import Normal, Range, sample, source_defects
 from grammars.variation.designs import halton_points, latin_hypercubes, points_at
-from tests.languages.plans import numbers, vary
+from tests.languages.plans import model_text, numbers, vary
 
 FOUR = """
     gap: uniform([0.8, 0.9, 1.0])
@@ -94,27 +94,7 @@ def test_an_enormous_grid_is_refused(tmp_path):
         sample(vary(tmp_path, statements), seed=0, method="grid", levels=100)
 
 
-SOUND = """\
-Floor plan: two
-Defaults: walls: thickness: 0.2 m height: 2.5 m
-var shift = 0 m
-var wide = 1 m
-Space a: shape: Rectangle width=5 m, length=4 m location: wrt: world of: this
-    walls: thickness: 0.2 m
-    features: Divider screen: shape: Rectangle width=1 m, length=0.1 m height: 2 m
-        location: wrt: this translation: x: 0 m rotation: z: 0 deg
-Space b: shape: Rectangle width=4 m, length=3 m
-    location: wrt: a.walls[1] of: this.walls[3] spaced translation: x: shift rotation: z: 0 deg
-Space c: shape: Rectangle width=4 m, length=3 m
-    location: wrt: world of: this translation: y: -10 m
-Entryway door: shape: Rectangle width=wide, height=2 m
-    location: in: a.walls[1] and b.walls[3] translation: x: 0 m, z: 1 m
-Entryway second: shape: Rectangle width=0.2 m, height=2 m
-    location: in: a.walls[1] and b.walls[3] translation: x: 1 m, z: 1 m
-Window pane: shape: Rectangle width=1 m, height=1 m
-    location: in: a.walls[0] translation: z: 1.5 m, x: 0 m
-"""
-
+SOUND = model_text("sound.fpm")
 UNSOUND = {
     "c: {location.translation.y: uniform([-1])}": '"c" and "a" overlap',
     "shift: uniform([1.5])": "m beyond the end of b-wall-3",
