@@ -235,9 +235,7 @@ UPRIGHT = (
 BY_WALLS, TWO_ROOMS = model_text("by_walls.fpm"), model_text("two_rooms.fpm")
 
 
-@pytest.mark.parametrize(
-    "text", [BY_WALLS, TWO_ROOMS, UPRIGHT], ids=["by walls", "two rooms", "odd"]
-)
+@pytest.mark.parametrize("text", [BY_WALLS, TWO_ROOMS, UPRIGHT], ids=["walls", "rooms", "odd"])
 def test_poses_walked_by_their_names_lead_to_the_world(text):
     plan = parse_floorplan(text)
     points = walked_by_name(by_pyld(scene_document(plan)))

@@ -88,25 +88,6 @@ def test_husky_sets_the_size_of_its_local_costmap_in_the_launch_file(reference_d
     assert place.line == 37
 
 
-def test_husky_without_a_map_loads_another_file(reference_data):
-    file = reference_data / "robots/husky/husky_navigation/launch/move_base_mapless_demo.launch"
-    found = parameters(launch(file), "/move_base")
-    assert found["global_costmap/width"] == 100.0
-    laser = yaml(reference_data, "husky/husky_navigation/config/costmap_global_laser.yaml")
-    expected = flat({"global_costmap": laser})
-    assert {k: v for k, v in found.items() if k in expected} == expected
-    assert "global_costmap/static_map" not in found
-
-
-def test_fetch_and_freight_differ_by_the_files_of_their_name(reference_data):
-    for name in ("fetch", "freight"):
-        loaded = load(reference_data, name)
-        own = yaml(reference_data, f"fetch/fetch_navigation/config/{name}/move_base.yaml")
-        found = parameters(loaded, "/move_base")
-        assert {k: found[k] for k in flat(own)} == flat(own)
-        assert remaps(loaded, "/amcl") == {"/scan": "/base_scan"}
-
-
 def test_mir_fills_in_its_files_and_calls_its_node_otherwise(reference_data):
     loaded = load(reference_data, "mir")
     found = parameters(loaded, "/move_base_node")
@@ -122,16 +103,6 @@ def test_mir_fills_in_its_files_and_calls_its_node_otherwise(reference_data):
     assert remaps(second, "/m2/move_base_node")["/m2/map"] == "/map"
     servers = [one for one in loaded.nodes if one.package == "map_server"]
     assert len({one.arguments for one in servers}) == 1
-
-
-def test_tiago_has_its_planner_from_an_argument_and_amcl_in_degrees(reference_data):
-    loaded = load(reference_data, "tiago")
-    found = parameters(loaded, "/move_base")
-    assert found["base_local_planner"] == "dwa_local_planner/DWAPlannerROS"
-    assert found["base_global_planner"] == "global_planner/GlobalPlanner"
-    amcl = parameters(loaded, "/amcl")
-    assert amcl["update_min_a"] == pytest.approx(0.174532925)
-    assert (amcl["use_map_topic"], amcl["first_map_only"]) == (False, True)
 
 
 def test_turtlebot2_goes_through_links_that_became_text(reference_data):
