@@ -1,14 +1,12 @@
 """Parts of files at the daemon, without a bus: in order, damaged, hostile, stale, too many."""
 
-from __future__ import annotations
-
 import errno
 import hashlib
 import json
 import os
 import random
 import sqlite3
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import pytest
 
@@ -22,7 +20,6 @@ from daemon.batch.server._uploads import Uploads
 from daemon.model.messages import (
     PART,
     Completion,
-    Lease,
     LeaseRef,
     LedgerAnswer,
     PutRequest,
@@ -38,16 +35,15 @@ NOW = 1e9
 TRACE = random.Random(1).randbytes(1000)
 
 
-@dataclass
 class Site:
     """A ledger with one leased run, and the intake beside it."""
 
-    places: StatePaths
-    book: LedgerWriter
-    reader: LedgerReader
-    intake: Uploads
-    journal: EventLog
-    grant: Lease
+    def __init__(self, places, book, reader, journal):
+        self.places, self.book, self.reader, self.journal = places, book, reader, journal
+        book.begin_era()
+        book.submit(make_submission("c", 1), NOW)
+        (self.grant,) = book.lease("w", 1, NOW)
+        self.begin_again()
 
     def part(self, offset, data, *, run="", token=None, **changes):
         sha256 = hashlib.sha256(TRACE).hexdigest()
@@ -102,11 +98,7 @@ def site(tmp_path):
     places.make_folders()
     journal = EventLog(places.log)
     with LedgerWriter.open(places) as book, LedgerReader.open(places) as reader:
-        book.begin_era()
-        book.submit(make_submission("c", 1), NOW)
-        (grant,) = book.lease("w", 1, NOW)
-        intake = Uploads(places, journal, InputStore(places, journal))
-        yield Site(places, book, reader, intake, journal, grant)
+        yield Site(places, book, reader, journal)
     journal.close()
 
 
@@ -115,13 +107,6 @@ def test_a_trace_arrives_in_parts_and_gets_its_name_with_the_result(site):
     assert site.take(0, TRACE[:400]) == 400
     assert site.take(400, TRACE[400:]) == 1000
     assert not site.trace.exists()
-    assert site.complete(site.completion()) is LedgerAnswer.RECORDED
-    assert site.trace.read_bytes() == TRACE
-    assert site.incoming() == []
-
-
-def test_a_trace_that_a_worker_has_left_there_gets_its_name(site):
-    leave(site.places, site.completion())
     assert site.complete(site.completion()) is LedgerAnswer.RECORDED
     assert site.trace.read_bytes() == TRACE
     assert site.incoming() == []
@@ -202,6 +187,8 @@ def test_a_part_that_does_not_continue_changes_nothing(site):
 
 
 def test_a_whole_that_is_another_one_begins_again(site):
+    with pytest.raises(Refused, match="more bytes than the 1000 announced"):
+        site.take(0, TRACE + b"!")
     assert site.take(0, TRACE[:-1] + b"!") == 0
     assert site.incoming() == []
     assert site.take(0, TRACE) == 1000
@@ -217,16 +204,12 @@ def test_a_result_without_its_trace_is_not_recorded(site):
     assert site.book.awaits_result("c.0", site.grant.token)
 
 
-def test_more_than_announced_is_refused(site):
-    with pytest.raises(Refused, match="more bytes than the 1000 announced"):
-        site.take(0, TRACE + b"!")
-
-
 def test_whoever_was_ever_leased_the_run_may_send(site):
     """Late or not, while there is no result; the parts of two do not get into each other's way."""
     for token in (0, site.grant.token + 1):
         with pytest.raises(Refused, match="never leased"):
             site.take(0, TRACE[:400], token=token)
+    assert site.incoming() == []
     site.take(0, TRACE[:400])
     site.book.lapse(site.book.leases(), NOW + 1000.0)
     (again,) = site.book.lease("v", 1, NOW + 2000.0)
@@ -240,12 +223,6 @@ def test_whoever_was_ever_leased_the_run_may_send(site):
     assert site.take(300, TRACE[300:], token=again.token) == 1000
     assert site.complete(site.completion(token=again.token)) is LedgerAnswer.KNOWN
     assert site.trace.read_bytes() == TRACE
-
-
-def test_under_a_lease_that_was_never_given_nothing_is_sent(site):
-    with pytest.raises(Refused, match="never leased"):
-        site.take(0, TRACE, token=site.grant.token + 1)
-    assert site.incoming() == []
 
 
 def test_what_was_executed_before_another_result_was_asked_for_is_not_needed(site):
@@ -320,9 +297,44 @@ def test_hostile_digests_and_sizes_do_not_pass_the_border(site):
             codec.from_json(PutRequest, json.dumps(good | {field: value}))
 
 
-def other_file(number, **changes):
+# --- files of submissions
+
+
+def other_file(number, data=b"begun", **changes):
     """The beginning of another file of a submission."""
-    return replace(PutRequest(f"{number:064x}", 10, 0, b"begun"), **changes)
+    return replace(PutRequest(f"{number:064x}", 10, 0, data), **changes)
+
+
+@pytest.fixture
+def put(site):
+    """Hand a part of the file to the daemon; returns how many bytes it has."""
+
+    def put(offset, data):
+        digest = hashlib.sha256(TRACE).hexdigest()
+        return site.intake.put(None, PutRequest(digest, len(TRACE), offset, data)).count
+
+    return put
+
+
+def test_the_daemon_takes_a_file_in_parts_and_verifies_it(site, put):
+    kept = site.places.files / hashlib.sha256(TRACE).hexdigest()
+    kept.write_bytes(b"damaged")  # it gives way to the good one
+    assert [put(0, b""), put(0, TRACE[:500]), put(0, b"again")] == [0, 500, 500]
+    assert put(500, TRACE[500:]) == put(0, b"") == len(TRACE)
+    assert (kept.read_bytes(), kept.stat().st_mode & 0o777) == (TRACE, 0o400)
+
+
+def test_a_file_that_is_another_one_is_never_kept(site, put):
+    assert put(0, b"x" * len(TRACE)) == 0
+    with pytest.raises(Refused, match="more bytes"):
+        put(0, TRACE + b"!")
+    assert list(site.places.files.iterdir()) == site.incoming() == []
+
+
+def test_as_many_files_are_kept_as_campaigns_need(site, put):
+    for number in range(5000):
+        (site.places.files / f"{number:064x}").touch()
+    assert put(0, TRACE) == len(TRACE)
 
 
 def test_only_traces_are_larger_than_files_may_be(site):
@@ -331,33 +343,42 @@ def test_only_traces_are_larger_than_files_may_be(site):
     assert site.take(0, TRACE[:400], size=2**27) == 400
 
 
-def test_who_has_too_many_uploads_waits_and_keeps_nobody_else(site, monkeypatch):
-    monkeypatch.setattr(_uploads, "_MOST_OF_ONE", 2)
-    for number in (1, 2):
-        site.intake.put(site.reader, other_file(number))
-    with pytest.raises(Unavailable, match="2 files are on their way already"):
-        site.intake.put(site.reader, other_file(3))
-    assert site.take(0, TRACE[:400]) == 400
-    assert site.intake.put(site.reader, other_file(2, offset=5, data=b"on")).count == 7
-
-
-def test_uploads_are_bounded_in_number(site, monkeypatch):
-    monkeypatch.setattr(_uploads, "_MOST_UPLOADS", 2)
-    for number in (1, 2):
-        site.intake.put(site.reader, other_file(number))
-    with pytest.raises(Unavailable, match="2 files are on their way already"):
-        site.take(0, TRACE)
-
-
-@pytest.mark.parametrize("limit", ["_MOST_UPLOADS", "_MOST_OF_ONE"])
-def test_the_oldest_upload_nobody_goes_on_with_gives_way(site, monkeypatch, limit):
-    monkeypatch.setattr(_uploads, limit, 2)
+@pytest.fixture
+def two(site, monkeypatch, request):
+    """Two files on their way, where no more may be."""
+    monkeypatch.setattr(_uploads, request.param, 2)
     for number in (1, 2):
         site.intake.put(site.reader, other_file(number))
         site.leave_idle()
-    assert site.intake.put(site.reader, other_file(3)).count == 5
-    assert [path.name[63] for path in sorted(site.places.incoming.iterdir())] == ["2", "3"]
-    assert site.intake.put(site.reader, other_file(1, data=b"")).count == 0
+    return site
+
+
+def leave_busy(site):
+    for path in site.places.incoming.iterdir():
+        path.touch()
+
+
+@pytest.mark.parametrize("two", ["_MOST_OF_ONE"], indirect=True)
+def test_who_has_too_many_uploads_waits_and_keeps_nobody_else(two):
+    leave_busy(two)
+    with pytest.raises(Unavailable, match="2 files are on their way already"):
+        two.intake.put(two.reader, other_file(3))
+    assert two.take(0, TRACE[:400]) == 400
+    assert two.intake.put(two.reader, other_file(2, offset=5, data=b"on")).count == 7
+
+
+@pytest.mark.parametrize("two", ["_MOST_UPLOADS"], indirect=True)
+def test_uploads_are_bounded_in_number(two):
+    leave_busy(two)
+    with pytest.raises(Unavailable, match="2 files are on their way already"):
+        two.take(0, TRACE)
+
+
+@pytest.mark.parametrize("two", ["_MOST_UPLOADS", "_MOST_OF_ONE"], indirect=True)
+def test_the_oldest_upload_nobody_goes_on_with_gives_way(two):
+    assert two.intake.put(two.reader, other_file(3)).count == 5
+    assert [path.name[63] for path in sorted(two.places.incoming.iterdir())] == ["2", "3"]
+    assert two.intake.put(two.reader, other_file(1, data=b"")).count == 0
 
 
 def test_a_lease_has_one_upload(site):

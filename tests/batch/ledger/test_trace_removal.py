@@ -1,0 +1,100 @@
+"""Traces go when space is wanted back: of finished campaigns, oldest first; results stay."""
+
+import sqlite3
+
+import pytest
+
+from daemon.batch.errors import DaemonError
+from daemon.batch.ledger import RetentionPolicy, SweepResult, sweep_traces
+from daemon.batch.paths import StatePaths
+from tests.make import make_spec
+
+SIZE = 100
+
+
+@pytest.fixture
+def store(ledger):
+    """A state directory with campaigns that finished at 10, 20 and 30 seconds."""
+    for i, name in enumerate(("a", "b", "c"), start=1):
+        ledger.submit(name, 3, fresh=True, at=10.0 * i)
+        ledger.work(at=10.0 * i, trace=bytes(SIZE))
+    return ledger
+
+
+def sweep(store, now=100.0, dry=False, **policy):
+    return sweep_traces(store.places, RetentionPolicy(**policy), now, dry=dry)
+
+
+def test_the_newest_campaigns_keep_their_traces(store):
+    swept = sweep(store, newest=1)
+    assert [trace.campaign for trace in swept.gone] == ["a"] * 3 + ["b"] * 3
+    assert (swept.freed, swept.kept) == (6 * SIZE, 3 * SIZE)
+    assert store.traces() == {"c": 3}
+    assert sweep(store, newest=1) == SweepResult((), 3 * SIZE)
+
+
+def test_traces_of_campaigns_that_finished_long_ago_go(store):
+    sweep(store, now=30.0, age=15.0)
+    assert store.traces() == {"b": 3, "c": 3}
+
+
+def test_the_oldest_go_until_the_rest_fits(store):
+    swept = sweep(store, size=5 * SIZE)
+    assert (swept.freed, swept.kept) == (4 * SIZE, 5 * SIZE)
+    assert store.traces() == {"b": 2, "c": 3}
+
+
+def test_a_dry_run_removes_nothing(store):
+    assert len(sweep(store, newest=0, dry=True).gone) == 9
+    assert store.traces() == {"a": 3, "b": 3, "c": 3}
+
+
+def test_unfinished_campaigns_keep_theirs_and_those_they_took_results_from(store):
+    shared = make_spec(0, scenario="shared")
+    store.submit("old", shared, at=1.0)
+    store.work(at=1.0)
+    others = (make_spec(repeat, scenario="other") for repeat in range(2))
+    store.submit("new", shared, *others, at=50.0)
+    store.work(at=50.0, count=1)
+    store.retry("a", "all", at=60.0)
+    sweep(store, newest=0, age=0.0, size=0)
+    assert store.traces() == {"a": 3, "new": 1, "old": 1}
+
+
+def test_results_stay_and_say_that_the_trace_is_gone(store):
+    sweep(store, newest=0)
+    row, record = store.rows("a")[0], store.rows("a", results=True)[0]
+    assert (row.state, row.outcome, row.trace) == ("done", "pass", "")
+    assert row.reason == record.note == "its trace is gone"
+    assert record.verdicts
+
+
+def test_a_campaign_that_starts_again_meanwhile_keeps_its_traces(store, monkeypatch):
+    choose = RetentionPolicy.choose
+
+    def choose_slowly(*arguments):
+        chosen = choose(*arguments)
+        store.retry("b", "all", at=60.0)
+        return chosen
+
+    monkeypatch.setattr(RetentionPolicy, "choose", choose_slowly)
+    swept = sweep(store, newest=0)
+    assert store.traces() == {"b": 3}
+    assert (len(swept.gone), swept.kept) == (6, 3 * SIZE)
+
+
+def test_what_is_no_ledger_of_this_version_is_left_alone(tmp_path):
+    ledger = tmp_path / "ledger.db"
+
+    def other_version():
+        ledger.unlink()
+        sqlite3.connect(ledger).executescript("PRAGMA user_version = 99").close()
+
+    for spoil, words in (
+        (lambda: None, "nothing was ever run there"),
+        (lambda: ledger.write_bytes(b"no database at all" * 100), "cannot be used"),
+        (other_version, "schema 99"),
+    ):
+        spoil()
+        with pytest.raises(DaemonError, match=words):
+            sweep_traces(StatePaths(tmp_path), RetentionPolicy(), 0.0)

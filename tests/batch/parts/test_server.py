@@ -1,0 +1,418 @@
+"""A real daemon: where it listens, what it admits and keeps, how it starts, waits and leaves."""
+
+import concurrent.futures
+import json
+import os
+import signal
+import socket
+import sqlite3
+import stat
+import subprocess
+import sys
+import threading
+from contextlib import closing, contextmanager, suppress
+from dataclasses import replace
+
+import psutil
+import pytest
+
+from daemon.batch import bus
+from daemon.batch.errors import DaemonError, Refused
+from daemon.batch.ledger import LedgerWriter
+from daemon.batch.operation import examine
+from daemon.batch.paths import Endpoint, StatePaths
+from daemon.model.messages import ASK, OWNER, Completion
+from daemon.model.spec import ENGINE_VERSION
+from daemon.model.submission import MOST_RUNS
+from grammars.text import codec
+from tests.chaos.disk import fill, may_mount, small_disk
+from tests.chaos.light import LightWorker
+from tests.make import SCENE, make_result, make_spec, make_submission, submission_of
+from tests.parts import Part, daemon_at, eventually
+from tests.turned_clock import TURNED, add_time
+
+MANY = 20_000
+
+
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory):
+    with daemon_at(tmp_path_factory.mktemp("server") / "state") as part:
+        part.client().close()  # it is up: some tests ask past the client
+        yield part
+
+
+@pytest.fixture
+def client(shared):
+    with shared.client() as connected:
+        yield connected
+
+
+def test_the_daemon_listens_once_and_on_loopback_only(shared, client):
+    sockets = psutil.Process(shared.pid).net_connections("inet")
+    listening = [s for s in sockets if s.status == psutil.CONN_LISTEN]
+    assert [s.laddr.ip for s in listening] == ["127.0.0.1"]
+    assert [s for s in sockets if s.type == socket.SOCK_DGRAM] == []
+    assert client.overview().workers == 0
+
+
+def test_a_submission_is_in_the_ledger_when_the_receipt_comes(client):
+    submission = make_submission("whole", 4)
+    receipt = client.submit(submission)
+    assert (receipt.runs, receipt.known) == (4, False)
+    assert client.submit(submission).known
+    assert client.runs("whole").total == 4
+    assert client.run("whole.2").spec == submission.specs[2]
+    assert client.scene(SCENE.digest) == SCENE
+    with pytest.raises(Refused):
+        client.scene("0" * 64)
+
+
+def test_a_campaign_of_too_many_runs_is_to_be_split(client):
+    submission = make_submission("split", 1)
+    words = f"has {MOST_RUNS + 1} runs, .* may have {MOST_RUNS}: split its scenarios"
+    with pytest.raises(Refused, match=words):
+        client.submit(replace(submission, runs=submission.runs * (MOST_RUNS + 1)))
+    assert client.campaign("split") is None
+
+
+def test_cancelled_runs_can_be_retried(client):
+    client.submit(make_submission("again", 6))
+    assert [client.cancel("again") for _ in range(2)] == [6, 0]
+    assert client.retry("again", only="lost") == 0
+    assert client.retry("again") == 6
+    row = client.campaign("again")
+    assert (row.queued, row.finished_at, row.finished) == (6, None, False)
+
+
+def test_many_clients_ask_at_once(client):
+    def campaign(number):
+        client.submit(make_submission(f"many-{number}", 3))
+        return client.runs(f"many-{number}").total
+
+    with concurrent.futures.ThreadPoolExecutor(8) as pool:
+        assert list(pool.map(campaign, range(24))) == [3] * 24
+
+
+def test_strange_traffic_and_requests_that_nobody_waits_for_do_no_harm(shared, client):
+    with bus.open_client(shared.endpoint) as session:
+        handler = session.get(f"{ASK}/{OWNER}/overview", payload=b"{}", timeout=1.0)
+        del handler
+        session.put("scenario/v1/event", b"not json")
+        session.put("scenario/v1/ask/run", b"not a question")
+        session.liveliness().declare_token("scenario/v1/alive/ghost").undeclare()
+    assert (client.overview().state, client.overview().workers) == (str(shared.state), 0)
+
+
+def test_a_second_daemon_on_the_directory_or_the_port_is_refused(shared, tmp_path):
+    rest = ("--slots", "0")
+    there = Part(
+        "serve", tmp_path / "1.log", "--state", str(shared.state), "--listen",
+        "tcp/127.0.0.1:1", *rest,
+    )  # fmt: skip
+    port = Part(
+        "serve", tmp_path / "2.log", "--state", str(tmp_path / "other"), "--listen",
+        shared.endpoint, *rest,
+    )  # fmt: skip
+    assert (there.wait(), port.wait()) == (4, 3)
+    assert "a daemon already keeps" in there.output
+    assert f"process {shared.pid}" in there.output
+    assert "cannot listen at " in port.output
+    assert shared.endpoint in port.output
+    assert "Traceback" not in port.output
+
+
+@pytest.mark.parametrize("way", ["shutdown", "SIGTERM", "SIGINT"])
+def test_a_daemon_leaves_cleanly(tmp_path, way):
+    with daemon_at(tmp_path / "state") as daemon:
+        with daemon.client() as client:
+            if way == "shutdown":
+                client.shutdown()
+            else:
+                daemon.signal(signal.Signals[way])
+            assert daemon.wait() == 0
+        assert not StatePaths(daemon.state).contact_file.exists()
+        assert daemon.journal()[-1]["event"] == "stopped"
+        assert daemon.output == ""
+
+
+# --- where it starts
+
+
+def served(state):
+    """Start a daemon that is expected to refuse; returns its code and its words."""
+    order = json.dumps({"state": str(state), "slots": 0})
+    command = [sys.executable, "-m", "daemon", "serve", order]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert "Traceback" not in done.stderr
+    return done.returncode, done.stderr
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda state: (state / "ledger.db").write_bytes(b"\xdd?" * 5000),
+        lambda state: (state.rmdir(), state.touch()),
+    ],
+)
+def test_a_daemon_that_cannot_work_there_says_why_and_leaves(tmp_path, spoil):
+    state = tmp_path / "state"
+    state.mkdir(mode=0o700)
+    spoil(state)
+    code, words = served(state)
+    assert code == 3
+    assert str(state) in words
+
+
+@pytest.mark.skipif(not may_mount(), reason="mounting a small file system needs root")
+def test_a_daemon_on_a_full_disk_says_so_and_leaves(tmp_path):
+    with small_disk(tmp_path / "disk") as disk, daemon_at(disk / "state") as daemon:
+        with daemon.client() as client:
+            client.submit(make_submission("early", 1))
+        daemon.kill()
+        fill(disk / "ballast")
+        code, words = served(daemon.state)
+        assert code == 3
+        assert "No space left on device" in words or "is full" in words
+        (disk / "ballast").unlink()
+        daemon.restart()
+        with daemon.client() as client:
+            assert client.overview().queued == 1
+
+
+def test_others_may_neither_write_nor_read_there(tmp_path):
+    state = tmp_path / "state"
+    state.mkdir()
+    state.chmod(0o770)
+    code, words = served(state)
+    assert code == 3
+    assert words.startswith(f"others can write in {state}, and so decide")
+    state.chmod(0o755)
+    before = os.umask(0)
+    try:
+        with daemon_at(state) as daemon, daemon.client() as client:
+            client.submit(make_submission("c", 1))
+            assert daemon.noted("closed to others")[0]["paths"] == [str(state)]
+            modes = {path: stat.S_IMODE(path.stat().st_mode) for path in (state, *state.iterdir())}
+    finally:
+        os.umask(before)
+    assert {mode for path, mode in modes.items() if path.is_dir()} == {0o700}
+    files = {path.name: mode for path, mode in modes.items() if not path.is_dir()}
+    assert set(files.values()) == {0o600}
+    assert {"ledger.db-wal", "ledger.db-shm", "daemon.log", "daemon.json"} <= set(files)
+
+
+def stored_scene(state):
+    """The places of a daemon that has the scene of runs and was never started."""
+    places = StatePaths(state)
+    places.make_folders()
+    places.scene(SCENE.digest).write_bytes(codec.to_json(SCENE))
+    return places
+
+
+def test_runs_of_another_engine_wait_and_the_daemon_says_so_from_its_start(tmp_path):
+    places = stored_scene(tmp_path / "state")
+    with LedgerWriter.open(places) as ledger:
+        old = replace(make_spec(0), engine="4")
+        ledger.submit(submission_of("old", old, replace(old, repeat=1)), 1.0)
+    words = f"runs of engine 4 wait, this version has engine {ENGINE_VERSION}"
+    offline = [one.message for one in examine(places, Endpoint("tcp/127.0.0.1:1", "default"))]
+    assert words in offline
+    with daemon_at(places.state, slots=1) as daemon, daemon.client() as client:
+        assert words in daemon.noted("held")[0]["why"]
+        (trouble,) = client.overview().troubles
+        assert trouble.words.startswith(words)
+        client.submit(make_submission("new", 1))
+        eventually(lambda: client.overview().done == 1)
+        assert (client.campaign("old").queued, client.runs("old").rows[0].attempt) == (2, 0)
+        client.cancel("old")
+        assert client.overview().troubles == ()
+        # Retried, they wait again: at the latest when one is asked for.
+        client.retry("old")
+        eventually(lambda: any(words in said.words for said in client.overview().troubles))
+
+
+# --- the ledger's thread
+
+
+def test_in_a_pause_nothing_hangs_on_the_wal(tmp_path):
+    with daemon_at(tmp_path / "state") as daemon:
+        with daemon.client() as client:
+            for number in range(5):
+                client.submit(make_submission(f"calm-{number}", 1))
+        journal = daemon.state / "ledger.db-wal"
+        eventually(lambda: journal.stat().st_size == 0)
+        daemon.kill()
+        journal.write_bytes(b"")
+        daemon.restart()
+        with daemon.client() as client:
+            assert client.overview().campaigns == 5
+
+
+def test_a_submission_that_is_killed_is_there_as_a_whole_or_not_at_all(tmp_path):
+    large = make_submission("large", MANY)
+    with daemon_at(tmp_path / "state") as daemon:
+        with daemon.client() as client:
+
+            def submit():
+                with suppress(DaemonError):
+                    client.submit(large)
+
+            wal = StatePaths(daemon.state).ledger.with_name("ledger.db-wal")
+            before = wal.stat().st_size
+            sending = threading.Thread(target=submit)
+            sending.start()
+            # Its rows are being written, before they are committed.
+            eventually(lambda: wal.stat().st_size > before)
+            daemon.kill()
+            sending.join()
+        daemon.restart()
+        with daemon.client() as client:
+            assert [row.queued for row in client.campaigns()] in ([], [MANY])
+            assert client.submit(large).runs == MANY
+            assert client.campaigns()[0].queued == MANY
+            assert client.cancel("large") == MANY
+            (gone,) = client.delete(("large",))
+            assert (gone.campaign, gone.runs) == ("large", MANY)
+            assert client.campaigns() == ()
+
+
+@contextmanager
+def locked_ledger(daemon):
+    """The writer waits, as for a long transaction."""
+    ledger = StatePaths(daemon.state).ledger
+    with closing(sqlite3.connect(ledger, isolation_level=None)) as lock:
+        lock.execute("BEGIN IMMEDIATE")
+        yield
+        lock.execute("ROLLBACK")
+
+
+@contextmanager
+def frozen(daemon):
+    """The process is stopped, as with a machine that swaps."""
+    daemon.freeze()
+    yield
+    daemon.signal(signal.SIGCONT)
+
+
+@pytest.mark.parametrize("stalled", [locked_ledger, frozen])
+def test_no_lease_lapses_while_the_daemon_is_held_up(tmp_path, stalled):
+    with (
+        daemon_at(tmp_path / "state", **TURNED) as daemon,
+        daemon.client() as client,
+        bus.open_client(daemon.endpoint) as session,
+    ):
+        client.submit(make_submission("c", 1))
+        worker = LightWorker(session, daemon.endpoint, "w", 1)
+        leased = worker.lease()
+        over, lost = threading.Event(), []
+
+        def renew():
+            while not over.is_set():
+                with suppress(DaemonError):
+                    lost.append(worker.renew(leased))
+                over.wait(0.2)
+
+        renewing = threading.Thread(target=renew)
+        renewing.start()
+        eventually(lambda: len(lost) > 1)
+        with stalled(daemon):
+            add_time(daemon)
+        lost.clear()
+        eventually(lambda: len(lost) > 5)
+        over.set()
+        renewing.join()
+        assert not any(lost)
+        eventually(lambda: daemon.noted("stalled"))
+        assert not daemon.noted("leases lapsed")
+        assert client.run("c.0").row.attempt == 1
+
+
+# --- what it says of the time left
+
+
+def test_the_speed_of_a_run_under_way_tells_how_long_it_takes_at_most(tmp_path):
+    # One of two slots is free: the worker asks for work each second, and says how far the run is.
+    with daemon_at(tmp_path / "state", slots=2) as part, part.client() as client:
+        # Far from its limit, however late it is asked for.
+        client.submit(submission_of("c", replace(make_spec(sleep=600.0), limit=10_000.0)))
+        # It simulates a second in each; nothing else is known of it.
+        first = eventually(lambda: client.campaign("c").seconds_left)
+        eventually(lambda: 0.0 < client.campaign("c").seconds_left < first)
+
+
+def test_the_time_left_is_that_of_executed_runs_and_not_of_what_is_paused(tmp_path):
+    gate = tmp_path / "gate"
+    places = stored_scene(tmp_path / "state")
+    with LedgerWriter.open(places) as ledger:
+        ledger.submit(submission_of("before", make_spec(0)), 1.0)
+        (grant,) = ledger.lease("w", 1, 1.0)
+        # Long, so that the next one is still expected to run for a while whenever it is asked for.
+        took = make_result(grant.spec, wall=1000.0)
+        ledger.complete(Completion("w", grant.run, grant.attempt, grant.token, took), 2.0)
+    with daemon_at(places.state, slots=1) as part, part.client() as client:
+        assert client.overview().seconds_left is None
+        client.submit(make_submission("c", 3, until=str(gate)))
+        row = eventually(lambda: (row := client.campaign("c")).running and row.seconds_left and row)
+        assert 2000.0 < row.seconds_left < 3001.0
+        assert client.overview().seconds_left is not None
+        client.steer("c", paused=True)
+        row = client.campaign("c")
+        assert (row.paused, row.seconds_left) == (True, None)
+        gate.touch()
+        client.cancel("c")
+        eventually(lambda: client.overview().seconds_left is None)
+
+
+# --- what it keeps stays bounded
+
+SIZE = 40_000
+
+
+def traces(daemon, campaign):
+    return len(list((daemon.state / "traces" / campaign).glob("*.mcap")))
+
+
+def test_the_oldest_traces_go_when_the_quota_is_reached(tmp_path):
+    with daemon_at(tmp_path / "state", 2, quota="320kB") as daemon, daemon.client() as client:
+        for name in ("old", "new"):
+            client.submit(make_submission(name, 5, size=SIZE))
+            eventually(lambda name=name: client.campaign(name).finished)
+
+        def removed():
+            return sum(line["traces"] for line in daemon.noted("traces removed"))
+
+        eventually(lambda: 2 <= removed() == 5 - traces(daemon, "old"))
+        disk = eventually(lambda: 0 < (now := client.disk()).traces <= now.quota and now)
+        assert (traces(daemon, "new"), disk.quota) == (5, 320_000)
+        reasons = [row.reason for row in client.runs("old").rows]
+        assert reasons.count("its trace is gone") == removed()
+        assert client.overview().trouble == ""
+
+
+def test_runs_wait_when_unfinished_campaigns_alone_take_too_much(tmp_path):
+    with daemon_at(tmp_path / "state", 1, quota="100kB") as daemon, daemon.client() as client:
+        client.submit(make_submission("big", 40, size=SIZE, sleep=0.1))
+        trouble = eventually(lambda: client.overview().trouble)
+        assert "the quota is 97.7 KiB: no more runs start" in trouble
+        assert "--quota, or cancel" in trouble
+        eventually(lambda: client.overview().running == 0)
+        there = traces(daemon, "big")
+        assert there == client.overview().done
+        client.cancel("big")
+        eventually(lambda: not client.overview().trouble)
+        assert traces(daemon, "big") < there
+        client.submit(make_submission("next", 1))
+        eventually(lambda: client.campaign("next").finished)
+
+
+def test_the_log_of_a_worker_that_stays_is_put_aside_when_it_has_grown(tmp_path):
+    with daemon_at(tmp_path / "state", 1) as daemon, daemon.client() as client:
+        eventually(client.workers)
+        log = daemon.state / "worker.log"
+        with log.open("ab") as file:
+            file.write(b"many words\n" * 500_000)
+        eventually(lambda: log.with_suffix(".log.1").exists() and log.stat().st_size < 1000)
+        client.submit(make_submission("raises", 1, **{"raise": "in the new log"}))
+        eventually(lambda: client.campaign("raises").finished)
+        assert "in the new log" in log.read_text()
+        assert len(client.workers()) == 1
