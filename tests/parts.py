@@ -258,3 +258,9 @@ def finished(client, runs):
     """Whether that many runs are at rest and nothing is under way."""
     now = client.overview()
     return now.queued == now.running == 0 and now.done + now.lost + now.cancelled == runs
+
+
+def executions(log, count=0):
+    """The processes that runs with that ``log`` were executed by, unless they are fewer."""
+    lines = log.read_text().splitlines() if log.exists() else []
+    return [int(line.split()[1]) for line in lines] if len(lines) >= count else []

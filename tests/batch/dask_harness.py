@@ -9,15 +9,7 @@ from contextlib import contextmanager
 import psutil
 
 from grammars.text.files import matching_paths
-from tests.parts import (
-    EXECUTOR,
-    ROOT,
-    Part,
-    end,
-    eventually,
-    family,
-    free_endpoint,
-)
+from tests.parts import EXECUTOR, ROOT, Part, end, eventually, executions, family, free_endpoint
 
 _SERVING = re.compile(r"^serving (\S+)$", re.MULTILINE)
 
@@ -102,3 +94,9 @@ def gateway_for(dask, daemon, *options, executor=EXECUTOR):
         yield part
     finally:
         part.kill()  # it has no children
+
+
+def begun(log, count):
+    """The processes of the runs that have begun and are not over, once there are as many."""
+    going = [psutil.Process(pid) for pid in executions(log) if psutil.pid_exists(pid)]
+    return going if len(going) >= count else []

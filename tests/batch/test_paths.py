@@ -1,3 +1,5 @@
+"""Places and addresses: state directories, traces, ids, endpoints, disks that are full."""
+
 import os
 from pathlib import Path
 from types import SimpleNamespace
@@ -6,12 +8,14 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from daemon.batch.amounts import QUOTA_VARIABLE, parse_size, size_text
+from daemon.batch.errors import DaemonError
+from daemon.batch.launch import ensure_daemon
 from daemon.batch.paths import (
     DaemonContact,
     StatePaths,
     endpoint_text,
     find_endpoint,
-    is_endpoint,
     parse_endpoint,
 )
 from daemon.model.ids import is_id, is_run_id, trace_name
@@ -19,28 +23,20 @@ from grammars.text import codec
 from grammars.text.files import write_atomically
 
 names = st.text(min_size=1, max_size=20).filter(lambda text: "\ud800" not in text)
+runs = st.tuples(names, names, st.integers(0, 99))
 
 
-@given(names, names, st.integers(0, 999))
-def test_no_trace_leaves_its_directory(scenario, sut, repeat):
+@given(runs, runs)
+def test_no_trace_leaves_its_directory_nor_is_that_of_another_run(one, other):
     places = StatePaths(Path("/nowhere"))
     try:
-        name = trace_name("camp", scenario, sut, repeat)
+        first, second = trace_name("camp", *one), trace_name("camp", *other)
     except (ValueError, UnicodeEncodeError):
         assume(False)
-    path = places.trace(name)
+    path = places.trace(first)
     assert path.parent == places.traces / "camp"
     assert path.name.isprintable()
-
-
-@given(st.tuples(names, names, st.integers(0, 99)), st.tuples(names, names, st.integers(0, 99)))
-def test_different_runs_have_different_traces(one, other):
-    assume(one != other)
-    try:
-        first, second = trace_name("camp", *one), trace_name("camp", *other)
-    except ValueError:
-        assume(False)
-    assert first != second
+    assert (first == second) == (one == other)
 
 
 def test_ordinary_names_stay_readable():
@@ -62,27 +58,22 @@ def test_foreign_trace_names_are_refused(name):
 
 def test_run_ids_are_campaign_and_index():
     assert is_run_id("demo.12")
-    assert not any(
-        map(is_run_id, ("demo", "demo.x", "../demo.1", "demo.1/..", "a.b.1", "demo.1\n"))
-    )
+    wrong = ("demo", "demo.x", "../demo.1", "demo.1/..", "a.b.1", "demo.1\n")
+    assert not any(map(is_run_id, wrong))
 
 
-def test_endpoints_are_tcp_with_host_and_port():
-    assert is_endpoint("tcp/127.0.0.1:7447")
-    assert is_endpoint("tcp/[::1]:7447")
-    assert not any(map(is_endpoint, ("127.0.0.1:7447", "tcp/host", "tcp/host:70000", "udp/h:1")))
-
-
-def test_people_know_a_socket_by_its_path():
-    assert endpoint_text("unixsock-stream//run/scenario/daemon.sock") == "/run/scenario/daemon.sock"
-    assert endpoint_text("tls/server:7447") == "tls/server:7447"
-
-
-@pytest.mark.parametrize("endpoint", ["unixsock-stream//run/daemon.sock", "tls/server:7447", "no"])
-def test_what_people_are_shown_is_what_they_may_type(tmp_path, endpoint):
-    assert parse_endpoint(endpoint_text(endpoint)) == endpoint
-    typed = {"SCENARIO_CONNECT": endpoint_text(endpoint)}
-    assert find_endpoint("", tmp_path, typed).address == endpoint
+@pytest.mark.parametrize(
+    ("endpoint", "text"),
+    [
+        ("unixsock-stream//run/scenario/daemon.sock", "/run/scenario/daemon.sock"),
+        ("tls/server:7447", "tls/server:7447"),
+        ("no", "no"),
+    ],
+)
+def test_people_know_a_socket_by_its_path_and_may_type_it(tmp_path, endpoint, text):
+    assert endpoint_text(endpoint) == text
+    assert parse_endpoint(text) == endpoint
+    assert find_endpoint("", tmp_path, {"SCENARIO_CONNECT": text}).address == endpoint
 
 
 def test_the_state_directory_is_the_argument_then_the_environment(tmp_path):
@@ -94,19 +85,16 @@ def test_the_state_directory_is_the_argument_then_the_environment(tmp_path):
 
 def test_the_endpoint_is_argument_environment_contact_default(tmp_path):
     environ = {"SCENARIO_STATE": str(tmp_path)}
+    places = StatePaths(tmp_path)
     assert find_endpoint("", None, environ).origin == "default"
+    places.contact_file.write_text("{half")
+    assert places.read_contact() is None
     contact = DaemonContact("tcp/127.0.0.1:1234", 1, "0", 0.0)
-    write_atomically(tmp_path / "daemon.json", codec.to_json(contact))
+    write_atomically(places.contact_file, codec.to_json(contact))
     assert find_endpoint("", None, environ).address == "tcp/127.0.0.1:1234"
     environ["SCENARIO_CONNECT"] = "tcp/h:1"
     assert find_endpoint("", None, environ).origin == "SCENARIO_CONNECT"
     assert find_endpoint("tcp/h:2", None, environ).origin == "--connect"
-
-
-def test_an_unreadable_contact_is_no_contact(tmp_path):
-    places = StatePaths(tmp_path)
-    places.contact_file.write_text("{half")
-    assert places.read_contact() is None
 
 
 @pytest.mark.parametrize(
@@ -134,3 +122,17 @@ def test_a_full_disk_is_said_before_runs_start(tmp_path, monkeypatch, few, fewer
 
 def test_a_state_directory_that_is_gone_is_said(tmp_path):
     assert "cannot be used" in StatePaths.find(tmp_path / "gone").disk_shortage()
+
+
+def test_sizes_are_read_as_they_are_written():
+    assert [parse_size(text) for text in ("20GiB", "1.5 kB", " 7 B ")] == [20 * 2**30, 1500, 7]
+    assert size_text(parse_size("1.5GiB")) == "1.5 GiB"
+    for wrong in ("", "20", "GiB", "-1B", "1e9B", "20 parsecs"):
+        with pytest.raises(ValueError, match="is not a size"):
+            parse_size(wrong)
+
+
+def test_a_quota_that_is_no_size_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setenv(QUOTA_VARIABLE, "20")
+    with pytest.raises(DaemonError, match="the quota of traces: '20' is not a size"):
+        ensure_daemon(tmp_path / "state")

@@ -1,9 +1,12 @@
-"""Which workers there are, which of them are away, when one is forgotten, when leases lapse."""
+"""Which workers there are, which of them are away, when one is forgotten, when time stands still.
+
+The state machine of the ledger holds when leases lapse.
+"""
 
 import pytest
 
-from daemon.batch.server._workers import LeaseClock, LeaseDeadlines, WorkerRegistry
-from daemon.model.messages import LeaseRef, WorkerInfo
+from daemon.batch.server._workers import LeaseClock, WorkerRegistry
+from daemon.model.messages import WorkerInfo
 
 TICK = 0.5
 
@@ -15,23 +18,24 @@ def clock():
     return made
 
 
+@pytest.fixture
+def registry(clock):
+    made = WorkerRegistry(30.0, clock)
+    assert made.record_contact(WorkerInfo("w", "host", 1, "1", 2, 0))
+    return made
+
+
 def passes(clock, seconds):
     """Let the clock tick for so many seconds."""
     for _ in range(round(seconds / TICK)):
         clock.advance(clock.now + TICK)
 
 
-def info(name):
-    return WorkerInfo(name, "host", 1, "1", 2, 0)
-
-
 def away(registry):
     return {row.id: row.away for row in registry.rows()}
 
 
-def test_a_worker_that_lost_its_connection_is_away_until_it_is_back(clock):
-    registry = WorkerRegistry(30.0, clock)
-    assert registry.record_contact(info("w"))
+def test_a_worker_that_lost_its_connection_is_away_until_it_is_back(clock, registry):
     registry.disconnected("w")
     registry.disconnected("stranger")
     assert away(registry) == {"w": True}
@@ -43,7 +47,8 @@ def test_a_worker_that_lost_its_connection_is_away_until_it_is_back(clock):
     assert away(registry) == {"w": False}
     assert registry.forget(["w", "stranger"]) == ()
     registry.disconnected("w")
-    assert not registry.record_contact(info("w"))  # its token may come later
+    # Its token may come later.
+    assert not registry.record_contact(WorkerInfo("w", "host", 1, "1", 2, 0))
     assert away(registry) == {"w": False}
     registry.disconnected("w")
     passes(clock, 8.0)
@@ -51,9 +56,7 @@ def test_a_worker_that_lost_its_connection_is_away_until_it_is_back(clock):
     assert away(registry) == {}
 
 
-def test_a_worker_that_is_silent_is_away_whatever_its_connection_says(clock):
-    registry = WorkerRegistry(30.0, clock)
-    registry.record_contact(info("w"))
+def test_a_worker_that_is_silent_is_away_whatever_its_connection_says(clock, registry):
     passes(clock, 29.5)
     assert away(registry) == {"w": False}
     passes(clock, 0.5)
@@ -67,26 +70,3 @@ def test_a_tick_that_comes_late_is_a_stall_and_takes_no_more_than_another():
     assert clock.advance(15.2) == pytest.approx(3.0)
     assert clock.now == pytest.approx(2.2)
     assert clock.advance(15.2) == 0.0
-
-
-def test_a_lease_lasts_one_period_from_its_latest_renewal_or_from_the_first_look(clock):
-    deadlines = LeaseDeadlines(30.0, clock)
-    leases = first, second = LeaseRef("c.0", 7), LeaseRef("c.1", 8)
-    passes(clock, 100.0)  # of another daemon, say
-    assert deadlines.overdue(leases) == ()
-    passes(clock, 20.0)
-    deadlines.renew([second, LeaseRef("c.2", 9)])
-    passes(clock, 10.5)
-    assert deadlines.overdue(leases) == (first,)
-    passes(clock, 20.0)
-    assert deadlines.overdue((second,)) == (second,)
-    # Whoever comes back with one that had lapsed has it for one period.
-    deadlines.renew([first])
-    assert deadlines.overdue((first,)) == ()
-
-
-def test_all_leases_survive_a_daemon_that_was_frozen(clock):
-    deadlines, lease = LeaseDeadlines(30.0, clock), LeaseRef("c.0", 7)
-    assert deadlines.overdue((lease,)) == ()
-    clock.advance(86_400.0)
-    assert deadlines.overdue((lease,)) == ()

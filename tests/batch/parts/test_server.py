@@ -21,13 +21,13 @@ from daemon.batch.errors import DaemonError, Refused
 from daemon.batch.ledger import LedgerWriter
 from daemon.batch.operation import examine
 from daemon.batch.paths import Endpoint, StatePaths
-from daemon.model.messages import ASK, OWNER, Completion
+from daemon.model.messages import ASK, OWNER
 from daemon.model.spec import ENGINE_VERSION
 from daemon.model.submission import MOST_RUNS
 from grammars.text import codec
 from tests.chaos.disk import fill, may_mount, small_disk
 from tests.chaos.light import LightWorker
-from tests.make import SCENE, make_result, make_spec, make_submission, submission_of
+from tests.make import SCENE, make_spec, make_submission, submission_of
 from tests.parts import Part, daemon_at, eventually
 from tests.turned_clock import TURNED, add_time
 
@@ -73,15 +73,6 @@ def test_a_campaign_of_too_many_runs_is_to_be_split(client):
     with pytest.raises(Refused, match=words):
         client.submit(replace(submission, runs=submission.runs * (MOST_RUNS + 1)))
     assert client.campaign("split") is None
-
-
-def test_cancelled_runs_can_be_retried(client):
-    client.submit(make_submission("again", 6))
-    assert [client.cancel("again") for _ in range(2)] == [6, 0]
-    assert client.retry("again", only="lost") == 0
-    assert client.retry("again") == 6
-    row = client.campaign("again")
-    assert (row.queued, row.finished_at, row.finished) == (6, None, False)
 
 
 def test_many_clients_ask_at_once(client):
@@ -338,27 +329,8 @@ def test_the_speed_of_a_run_under_way_tells_how_long_it_takes_at_most(tmp_path):
         # It simulates a second in each; nothing else is known of it.
         first = eventually(lambda: client.campaign("c").seconds_left)
         eventually(lambda: 0.0 < client.campaign("c").seconds_left < first)
-
-
-def test_the_time_left_is_that_of_executed_runs_and_not_of_what_is_paused(tmp_path):
-    gate = tmp_path / "gate"
-    places = stored_scene(tmp_path / "state")
-    with LedgerWriter.open(places) as ledger:
-        ledger.submit(submission_of("before", make_spec(0)), 1.0)
-        (grant,) = ledger.lease("w", 1, 1.0)
-        # Long, so that the next one is still expected to run for a while whenever it is asked for.
-        took = make_result(grant.spec, wall=1000.0)
-        ledger.complete(Completion("w", grant.run, grant.attempt, grant.token, took), 2.0)
-    with daemon_at(places.state, slots=1) as part, part.client() as client:
-        assert client.overview().seconds_left is None
-        client.submit(make_submission("c", 3, until=str(gate)))
-        row = eventually(lambda: (row := client.campaign("c")).running and row.seconds_left and row)
-        assert 2000.0 < row.seconds_left < 3001.0
         assert client.overview().seconds_left is not None
         client.steer("c", paused=True)
-        row = client.campaign("c")
-        assert (row.paused, row.seconds_left) == (True, None)
-        gate.touch()
         client.cancel("c")
         eventually(lambda: client.overview().seconds_left is None)
 

@@ -1,4 +1,4 @@
-"""Processes are killed, frozen and restarted: every run still ends in exactly one result."""
+"""Processes are killed, frozen, cut off: every run still ends in exactly one result."""
 
 import fcntl
 import random
@@ -6,14 +6,13 @@ import signal
 import sqlite3
 import subprocess
 import sys
-import threading
 from contextlib import closing
 from pathlib import Path
 
 import psutil
 import pytest
 
-from daemon.batch import launch
+from daemon.batch import bus, launch
 from daemon.batch.client import Client
 from daemon.batch.errors import DaemonError, LaunchFailed
 from daemon.batch.launch import (
@@ -26,6 +25,8 @@ from daemon.batch.paths import StatePaths, is_locked
 from daemon.batch.server._opening import hold_alone
 from daemon.model.run_state import RunState
 from grammars.text.files import matching_paths
+from tests.chaos.light import LightWorker
+from tests.chaos.links import relay
 from tests.make import make_spec, make_submission, submission_of
 from tests.parts import (
     EXECUTOR,
@@ -34,8 +35,10 @@ from tests.parts import (
     daemon_at,
     end,
     eventually,
+    executions,
     family,
     finished,
+    free_endpoint,
     worker_for,
 )
 from tests.turned_clock import TURNED, end_leases
@@ -43,16 +46,12 @@ from tests.turned_clock import TURNED, end_leases
 
 def check_ledger(state, runs):
     """The ledger is intact and holds one result per run."""
-    with sqlite3.connect(state / "ledger.db") as db:
+    with closing(sqlite3.connect(state / "ledger.db")) as db:
         assert db.execute("PRAGMA integrity_check").fetchone() == ("ok",)
         assert db.execute("PRAGMA foreign_key_check").fetchall() == []
-        assert db.execute("SELECT count(*), count(DISTINCT run) FROM result").fetchone() == (
-            runs,
-            runs,
-        )
-        alarms = db.execute("SELECT count(*) FROM event WHERE kind = 'alarm'").fetchone()
-        assert alarms == (0,)
-    db.close()
+        counts = db.execute("SELECT count(*), count(DISTINCT run) FROM result").fetchone()
+        assert counts == (runs, runs)
+        assert db.execute("SELECT count(*) FROM event WHERE kind = 'alarm'").fetchone() == (0,)
 
 
 def local_worker(daemon):
@@ -65,15 +64,17 @@ def local_worker(daemon):
     return eventually(find)
 
 
-def settled(daemon, runs):
-    def check():
-        try:
-            with Client.open(daemon.endpoint) as client:
-                return finished(client, runs)
-        except DaemonError:
-            return False
+def answered(daemon, question):
+    """Ask a daemon that may just have been killed; nothing comes of it then."""
+    try:
+        with Client.open(daemon.endpoint) as client:
+            return question(client)
+    except DaemonError:
+        return None
 
-    eventually(check)
+
+def settle(daemon, runs):
+    eventually(lambda: answered(daemon, lambda client: finished(client, runs)))
 
 
 def test_a_daemon_killed_in_the_middle_resumes(tmp_path):
@@ -85,24 +86,15 @@ def test_a_daemon_killed_in_the_middle_resumes(tmp_path):
         orphan = local_worker(daemon)
         daemon.kill()
         daemon.restart()
-        settled(daemon, 16)
+        settle(daemon, 16)
         with daemon.client() as client:
             rows = client.runs("c").rows
             assert {row.state for row in rows} == {RunState.DONE}
             # What was running went on and was delivered: next to nothing ran twice.
-            assert len(log.read_text().splitlines()) <= 18
+            assert len(executions(log)) <= 18
             assert all(Path(row.trace).is_file() for row in rows)
         eventually(lambda: not alive([orphan]))
         check_ledger(tmp_path / "state", 16)
-
-
-def answered(daemon, question):
-    """Ask a daemon that may just have been killed; nothing comes of it then."""
-    try:
-        with Client.open(daemon.endpoint) as client:
-            return question(client)
-    except DaemonError:
-        return None
 
 
 def test_kills_of_daemon_and_workers_amid_their_work_lose_nothing(tmp_path):
@@ -135,7 +127,7 @@ def test_kills_of_daemon_and_workers_amid_their_work_lose_nothing(tmp_path):
             eventually(lambda n=number: answered(daemon, lambda c: let_through(c, 4 * n)))
         for gate in gates:
             gate.touch()
-        settled(daemon, 30)
+        settle(daemon, 30)
         check_ledger(tmp_path / "state", 30)
         assert daemon.journal()
 
@@ -173,7 +165,7 @@ def test_a_killed_local_worker_costs_its_runs_a_moment(tmp_path):
     log = tmp_path / "log"
     with daemon_at(tmp_path / "state", 1) as daemon, daemon.client() as client:
         client.submit(make_submission("c", 1, until=str(tmp_path / "gate-{attempt}"), log=str(log)))
-        eventually(log.exists)
+        eventually(lambda: executions(log, 1))
         local_worker(daemon).kill()
         (tmp_path / "gate-2").touch()
         eventually(lambda: finished(client, 1))
@@ -186,7 +178,7 @@ def test_a_frozen_workers_lease_lapses_and_its_late_result_counts_once(tmp_path)
     with daemon_at(tmp_path / "state", **TURNED) as daemon, daemon.client() as client:
         with worker_for(daemon, 1) as frozen:
             client.submit(make_submission("c", 1, until=str(gate), log=str(log)))
-            eventually(log.exists)
+            eventually(lambda: executions(log, 1))
             frozen.freeze()  # its child goes on and leaves a result
             end_leases(daemon)
             eventually(lambda: client.overview().running == 0)
@@ -203,35 +195,12 @@ def test_a_frozen_workers_lease_lapses_and_its_late_result_counts_once(tmp_path)
         check_ledger(daemon.state, 1)
 
 
-def test_a_late_result_is_taken_and_stops_the_second_attempt(tmp_path):
-    log, gates = tmp_path / "log", tmp_path / "gate-{attempt}"
-    with daemon_at(tmp_path / "state", **TURNED) as daemon, daemon.client() as client:
-        with worker_for(daemon, 1) as frozen:
-            client.submit(make_submission("c", 1, until=str(gates), log=str(log)))
-            eventually(log.exists)
-            frozen.freeze()
-            end_leases(daemon)
-            eventually(lambda: client.overview().queued == 1)
-            with worker_for(daemon, 1):
-                eventually(lambda: len(log.read_text().splitlines()) == 2)
-                second = psutil.Process(int(log.read_text().splitlines()[1].split()[1]))
-                (tmp_path / "gate-1").touch()
-                spool = daemon.state / "spool"
-                eventually(lambda: list(matching_paths(spool, "*/*/attempt-1.*/result.json")))
-                assert alive([second])
-                frozen.signal(signal.SIGCONT)
-                eventually(lambda: client.overview().done == 1)
-                eventually(lambda: not alive([second]))
-        assert client.run("c.0").row.state is RunState.DONE
-        check_ledger(daemon.state, 1)
-
-
 def test_a_daemon_told_to_stop_lets_its_runs_finish(tmp_path):
     gate, log = tmp_path / "gate", tmp_path / "log"
     with daemon_at(tmp_path / "state", 2, patience=60.0) as daemon:
         with daemon.client() as client:
             client.submit(make_submission("c", 6, until=str(gate), log=str(log)))
-            eventually(lambda: log.exists() and len(log.read_text().splitlines()) == 2)
+            eventually(lambda: executions(log, 2))
         members = family(daemon.pid)
         daemon.signal(signal.SIGTERM)
         eventually(lambda: daemon.journal()[-1]["event"] == "leaving")
@@ -242,7 +211,7 @@ def test_a_daemon_told_to_stop_lets_its_runs_finish(tmp_path):
         with daemon.client() as client:
             assert client.overview().done >= 2
             assert max(row.attempt for row in client.runs("c").rows) == 1
-        settled(daemon, 6)
+        settle(daemon, 6)
         check_ledger(daemon.state, 6)
 
 
@@ -289,6 +258,7 @@ def test_an_embedded_daemon_is_gone_afterwards(tmp_path, monkeypatch):
 PARENT = """
 import sys, time
 from pathlib import Path
+from daemon.batch import bus
 from daemon.batch.client import Client
 from daemon.batch import launch
 from tests.make import make_submission
@@ -384,10 +354,96 @@ def test_a_state_directory_has_its_daemon_under_every_name(tmp_path):
         eventually(lambda: running_daemon(tmp_path / "other") == endpoint)
 
 
-def test_who_looks_whether_there_is_a_daemon_keeps_none_from_starting(tmp_path):
+def test_who_looks_whether_there_is_a_daemon_keeps_none_from_starting(tmp_path, monkeypatch):
     paths = StatePaths(tmp_path)
-    with paths.lock.open("a") as looking:
-        fcntl.flock(looking, fcntl.LOCK_SH)
-        threading.Timer(0.2, looking.close).start()
-        with hold_alone(paths):
-            assert is_locked(paths.lock)
+    looking = paths.lock.open("a")
+    fcntl.flock(looking, fcntl.LOCK_SH)
+    monkeypatch.setattr("daemon.batch.server._opening.time.sleep", lambda _: looking.close())
+    with hold_alone(paths):
+        assert looking.closed
+        assert is_locked(paths.lock)
+
+
+# --- a worker is cut off and comes back: nothing that is well is started over
+
+
+def away(client):
+    return [row.away for row in client.workers()]
+
+
+def recorded(daemon):
+    """Of each run: the attempt whose result counts, and its strikes."""
+    with closing(sqlite3.connect(daemon.state / "ledger.db")) as db:
+        return db.execute(
+            "SELECT result.attempt, strikes FROM result JOIN run ON run.id = result.run"
+        ).fetchall()
+
+
+def test_three_cuts_shorter_than_the_lease_cost_a_run_nothing(tmp_path):
+    log, gate = tmp_path / "log", tmp_path / "gate"
+    elsewhere = ("--state", str(tmp_path / "elsewhere"))
+    with (
+        daemon_at(tmp_path / "state", listen=free_endpoint()) as daemon,
+        daemon.client() as client,
+        relay(daemon.endpoint) as cable,
+        worker_for(daemon, 1, *elsewhere, connect=cable.endpoint),
+        bus.open_client(cable.endpoint) as session,
+    ):
+        client.submit(make_submission("c", 1, until=str(gate), log=str(log)))
+        process = psutil.Process(*eventually(lambda: executions(log, 1)))
+        LightWorker(session, cable.endpoint, "idle").renew()
+        # Silent, as a cable that is pulled, until the daemon has given up who has no leases.
+        cable.cut()
+        eventually(lambda: [line["worker"] for line in daemon.noted("worker gone")] == ["idle"])
+        for _ in range(3):
+            eventually(lambda: away(client) == [True])
+            assert (client.overview().running, client.overview().workers) == (1, 0)
+            cable.mend()
+            eventually(lambda: away(client) == [False])
+            cable.sever()
+        cable.mend()
+        assert alive([process])
+        gate.touch()
+        eventually(lambda: finished(client, 1))
+        row = client.run("c.0").row
+        assert (row.state, row.attempt, row.reason) == (RunState.DONE, 1, "")
+        assert (recorded(daemon), len(executions(log))) == ([(1, 0)], 1)
+
+
+def test_after_cuts_longer_than_the_lease_work_goes_on_and_the_first_result_counts(tmp_path):
+    log, gates = tmp_path / "log", tmp_path / "gate-{attempt}"
+    elsewhere = ("--state", str(tmp_path / "elsewhere"))
+    with (
+        daemon_at(tmp_path / "state", listen=free_endpoint(), lease=30.0, **TURNED) as daemon,
+        daemon.client() as client,
+        relay(daemon.endpoint) as cable,
+        worker_for(daemon, 1, *elsewhere, connect=cable.endpoint),
+    ):
+        client.submit(make_submission("c", 1, until=str(gates), log=str(log), size=300_000))
+        first = psutil.Process(*eventually(lambda: executions(log, 1)))
+        cable.sever()
+        end_leases(daemon)
+        eventually(lambda: client.overview().queued == 1)
+        assert client.run("c.0").row.reason == "the worker fell silent"
+        cable.mend()
+        eventually(lambda: client.overview().running == 1)  # back: nobody else is there
+        assert (client.run("c.0").row.attempt, client.run("c.0").row.reason) == (1, "")
+        cable.sever()
+        end_leases(daemon)
+        eventually(lambda: client.overview().queued == 1)
+        with worker_for(daemon, 1):
+            second = psutil.Process(eventually(lambda: executions(log, 2))[1])
+            cable.mend()
+            eventually(lambda: away(client) == [False, False])
+            assert alive([first, second]) == [first, second]
+            # Its trace comes over the bus, while another one has the run.
+            Path(str(gates).format(attempt=1)).touch()
+            eventually(lambda: finished(client, 1))
+            eventually(lambda: not alive([second]))
+        trace = Path(client.run("c.0").row.trace)
+        assert trace.stat().st_size > 300_000
+        assert (recorded(daemon), len(executions(log))) == ([(1, 0)], 2)
+        (received,) = daemon.noted("trace received")
+        assert received["name"].startswith("c.0.")
+        assert not list(matching_paths(tmp_path / "elsewhere", "work/*/spool/*/*/attempt-*"))
+        assert not list(matching_paths(daemon.state / "spool", "*/*/attempt-*"))

@@ -10,6 +10,7 @@ import pytest
 
 from daemon.model import kernels
 from daemon.model.kernels import cache_folder, compiling_ahead, kernel, machine_code
+from tests.parts import ROOT
 
 CALLEE = """
 from daemon.model.kernels import kernel
@@ -38,28 +39,7 @@ for total in (by_name, by_module):
     print(total(10), sum(total.stats.cache_hits.values()))
 """
 
-
-def test_a_kernel_is_compiled_anew_when_what_it_calls_or_a_constant_changed(tmp_path):
-    callee, caller = tmp_path / "callee.py", tmp_path / "caller.py"
-    caller.write_text(CALLER)
-    environment = environment_of(tmp_path)
-
-    def run(factor, limit):
-        callee.write_text(CALLEE.format(factor=factor, limit=limit))
-        command = [sys.executable, "-B", str(caller)]
-        done = subprocess.run(
-            command, env=environment, capture_output=True, text=True, timeout=120, check=True
-        )
-        return [int(word) for word in done.stdout.split()]
-
-    assert run(2, 1) == [21, 0, 21, 0]
-    assert run(2, 1) == [21, 1, 21, 1]
-    assert run(3, 1) == [31, 0, 31, 0]
-    assert run(3, 5) == [35, 0, 35, 0]
-
-
 SLOW = """
-import sys
 from daemon.model.kernels import kernel
 
 @kernel
@@ -73,51 +53,49 @@ print(total(4), len(total.stats.cache_hits))
 """
 
 
-def environment_of(folder):
-    """What a process needs that keeps machine code in a folder of its own."""
-    paths = os.pathsep.join([str(Path(__file__).parents[3]), str(folder)])
-    return os.environ | {"PYTHONPATH": paths, "NUMBA_CACHE_DIR": str(folder / "cache")}
+@pytest.fixture
+def start(tmp_path):
+    """Start a program that keeps machine code in a folder of its own."""
+    paths = os.pathsep.join([str(ROOT), str(tmp_path)])
+    environment = os.environ | {"PYTHONPATH": paths, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+
+    def start(program=SLOW):
+        (tmp_path / "program.py").write_text(program)
+        command = [sys.executable, "-B", str(tmp_path / "program.py")]
+        return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)
+
+    return start
 
 
-def test_processes_that_call_one_kernel_compile_it_once(tmp_path):
-    script = tmp_path / "slow.py"
-    script.write_text(SLOW)
-    command = [sys.executable, "-B", str(script)]
-    both = [
-        subprocess.Popen(command, env=environment_of(tmp_path), stdout=subprocess.PIPE, text=True)
-        for _ in range(2)
-    ]
-    said = sorted(process.communicate(timeout=120)[0].split() for process in both)
-    assert said == [["6.0", "0"], ["6.0", "1"]]
+def words_of(process):
+    return process.communicate(timeout=120)[0].split()
+
+
+def test_a_kernel_is_compiled_anew_when_what_it_calls_or_a_constant_changed(start, tmp_path):
+    for factor, limit, expected in (
+        (2, 1, "21 0 21 0"),
+        (2, 1, "21 1 21 1"),
+        (3, 1, "31 0 31 0"),
+        (3, 5, "35 0 35 0"),
+    ):
+        (tmp_path / "callee.py").write_text(CALLEE.format(factor=factor, limit=limit))
+        assert words_of(start(CALLER)) == expected.split()
+
+
+def test_processes_that_call_one_kernel_compile_it_once(start, tmp_path):
+    both = [start() for _ in range(2)]
+    assert sorted(map(words_of, both)) == [["6.0", "0"], ["6.0", "1"]]
     assert len(list((tmp_path / "cache").rglob("*.nbc"))) == 1
-
-
-def test_a_kernel_is_compiled_where_nothing_can_be_kept(tmp_path):
-    script = tmp_path / "slow.py"
-    script.write_text(SLOW)
-    (tmp_path / "cache").write_text("no folder")
-    command = [sys.executable, "-B", str(script)]
-    said = subprocess.check_output(command, env=environment_of(tmp_path), text=True, timeout=120)
-    assert said.split() == ["6.0", "0"]
-
-
-def test_an_index_that_cannot_be_read_is_written_anew(tmp_path):
-    script = tmp_path / "slow.py"
-    script.write_text(SLOW)
-    command = [sys.executable, "-B", str(script)]
-
-    def run():
-        said = subprocess.check_output(
-            command, env=environment_of(tmp_path), text=True, timeout=120
-        )
-        return said.split()
-
-    assert run() == ["6.0", "0"]
+    # An index that cannot be read is written anew: as of a class that has moved.
     (index,) = (tmp_path / "cache").rglob("*.nbi")
-    # As a class that has moved: its name leads nowhere.
     index.write_bytes(index.read_bytes().replace(b"numba.core.types", b"numba.gone.types"))
-    assert run() == ["6.0", "0"]
-    assert run() == ["6.0", "1"]
+    assert words_of(start()) == ["6.0", "0"]
+    assert words_of(start()) == ["6.0", "1"]
+
+
+def test_a_kernel_is_compiled_where_nothing_can_be_kept(start, tmp_path):
+    (tmp_path / "cache").write_text("no folder")
+    assert words_of(start()) == ["6.0", "0"]
 
 
 @pytest.fixture
@@ -169,10 +147,7 @@ def test_a_list_names_also_kernels_that_were_called_before(tmp_path):
         assert [name for _, name, _ in called()].count("shifted") == 1
 
 
-def test_machine_code_is_compiled_by_a_process_of_its_own_while_somebody_asks_for_that(tmp_path):
-    script = tmp_path / "slow.py"
-    # A call before the process has the lock compiles the kernel itself; so the call waits here.
-    ahead = """
+AHEAD = """
 import os
 from daemon.model.kernels import compiling_ahead, machine_code
 told = []
@@ -181,7 +156,9 @@ with compiling_ahead(lambda: told.append(1)) as called:
     os.waitid(os.P_ALL, 0, os.WEXITED | os.WNOWAIT)
     print(len(total.signatures), ready(4), len(told), len(called()))
 """
-    script.write_text(SLOW.replace("print(total(4), len(total.stats.cache_hits))", ahead))
-    command = [sys.executable, "-B", str(script)]
-    said = subprocess.check_output(command, env=environment_of(tmp_path), text=True, timeout=120)
-    assert said.split() == ["0", "6.0", "0", "1"]
+
+
+def test_machine_code_is_compiled_by_a_process_of_its_own_while_somebody_asks_for_that(start):
+    # A call before the process has the lock compiles the kernel itself; so the call waits here.
+    program = SLOW.replace("print(total(4), len(total.stats.cache_hits))", AHEAD)
+    assert words_of(start(program)) == ["0", "6.0", "0", "1"]

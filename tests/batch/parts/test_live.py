@@ -1,14 +1,13 @@
 """What is published of running runs: nothing unless somebody listens, and no more than the line."""
 
-import socket
 from types import SimpleNamespace
 
 import pytest
 
 from daemon.batch import bus
-from daemon.batch.run_process import WATCH, SnapshotSender, Wanted
+from daemon.batch.run_process import Wanted
 from daemon.batch.worker import _live
-from daemon.batch.worker._live import LINE_RATE, LineBudget, LivePublisher
+from daemon.batch.worker._live import LINE_RATE, LivePublisher
 from daemon.model.live_judgement import LiveJudgement, LogLine, pack_judgement
 from daemon.model.messages import LIVE, OWNER, Empty
 from daemon.model.spec import Snapshot
@@ -123,15 +122,6 @@ def test_who_watches_a_run_is_sent_no_more_than_the_line_takes(daemon, client, c
     assert max(sizes[f"{LIVE}/owner/worker-1"]) < 300
 
 
-def test_a_short_message_after_a_pause_is_never_left_out():
-    budget = LineBudget(filled_at=0.0)
-    budget.spend(200_000)
-    assert not budget.allows(1.0)
-    assert budget.allows(6.0)
-    budget.spend(1)
-    assert budget.allows(6.0)
-
-
 def test_who_watches_a_run_is_told_of_no_other_and_of_nothing_that_cannot_be(daemon, client):
     seen = []
     judged = []
@@ -182,15 +172,3 @@ def test_what_a_run_says_that_is_no_snapshot_does_not_stop_its_worker(daemon, cl
         told.tells(7.0)
         publisher.publish(told)
         eventually(lambda: seen and seen[-1].snapshot.time == 7.0)
-
-
-@pytest.mark.parametrize("words", ["", "details", "details judgement", "margin"])
-def test_a_run_hears_what_is_wanted_of_it(words):
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    with ours, theirs:
-        ours.send(WATCH + b"details judgement margin")
-        ours.send(WATCH + words.encode())
-        sender = SnapshotSender(RUN, theirs)
-        assert sender.interest() == ("everything" if "details" in words else "progress")
-        wanted = {"details judgement": "everything", "margin": "margin"}
-        assert sender.wanted() == wanted.get(words, "nothing")

@@ -4,8 +4,6 @@ import hashlib
 import os
 import time
 from contextlib import closing
-from dataclasses import dataclass, field
-from typing import Any
 
 import pytest
 
@@ -34,22 +32,17 @@ from tests.make import make_result, make_spec
 DATA = bytes(range(256)) * 4096
 
 
-@dataclass
 class Daemon:
     """What the daemon answers; ``faults`` are raised, or answered, first."""
 
-    arrived: bytes = b""
-    faults: list[Any] = field(default_factory=list)
-    answers: list[Any] = field(default_factory=list)
-    sizes: list[int] = field(default_factory=list)
-    completions: list[Any] = field(default_factory=list)
-    releases: list[Any] = field(default_factory=list)
+    def __init__(self):
+        self.arrived = b""
+        self.faults, self.answers, self.sizes, self.completions = [], [], [], []
 
     def ask(self, verb, request):
         if verb is verbs.PUT:
             return Count(self._receive(request))
         if verb is verbs.RELEASE:
-            self.releases.append(request)
             return LedgerAcknowledgement(LedgerAnswer.DONE)
         self.completions.append(request)
         answer = self.answers.pop(0) if self.answers else LedgerAnswer.RECORDED
@@ -79,17 +72,9 @@ class Site:
         self.paths.make_folders()
         self.asks, self.uploads = BackgroundAsks(), BackgroundAsks()
         self.spool, self.trouble = Spool(self.paths, "w", print), WorkerTrouble(print, int)
-        paths = WorkerPaths(self.paths, shared)
-        self.deliveries = Deliveries(
-            self.daemon,
-            paths,
-            self.asks,
-            self.uploads,
-            self.spool,
-            self.trouble,
-            "w",
-            lambda _: None,
-        )
+        paths, asks = WorkerPaths(self.paths, shared), (self.asks, self.uploads)
+        rest = (self.spool, self.trouble, "w", lambda _: None)
+        self.deliveries = Deliveries(self.daemon, paths, *asks, *rest)
         spec = make_spec()
         self.attempt = self.spool.open(Lease("c.0", "c", 1, 7, "c/S1.pilot.0.mcap", spec))
         self.trace = self.attempt.folder / TRACE
@@ -188,24 +173,16 @@ def test_a_trace_the_daemon_has_lost_is_sent_again(site):
     assert len(site.daemon.completions) == 2
 
 
+@pytest.mark.parametrize("where", ["site", "local"])
 @pytest.mark.parametrize("damage", [lambda t: t.write_bytes(DATA[:-1]), lambda t: t.unlink()])
-def test_a_trace_damaged_in_the_spool_is_never_sent(site, damage):
-    assert_given_back(site, damage)
-    assert site.daemon.arrived == b""
-
-
-@pytest.mark.parametrize("damage", [lambda t: t.write_bytes(DATA[:-1]), lambda t: t.unlink()])
-def test_nor_is_it_left_for_the_daemon(local, damage):
-    assert_given_back(local, damage)
-    assert not local.left.exists()
-
-
-def assert_given_back(site, damage):
+def test_a_trace_damaged_in_the_spool_is_neither_sent_nor_left(request, where, damage):
+    site = request.getfixturevalue(where)
     damage(site.trace)
     site.deliver()
     (release,) = site.deliveries.releases
     assert "the spool" in release.reason
     assert not release.blame
+    assert (site.daemon.arrived, site.left.exists()) == (b"", False)
 
 
 def test_a_trace_that_cannot_be_read_now_is_kept(site, monkeypatch):
@@ -256,3 +233,36 @@ def test_only_a_rejection_ends_it(local):
     local.deliver()
     assert [release.run for release in local.deliveries.releases] == ["c.0"]
     assert not local.attempt.folder.exists()
+
+
+# --- pauses after trouble, and questions in the background
+
+
+def test_pauses_double_until_a_success(monkeypatch):
+    now = 100.0
+    monkeypatch.setattr(time, "monotonic", lambda: now)
+    trouble, whole = WorkerTrouble(print, int), 1.0
+    for _ in range(12):
+        trouble.note("the disk is full")
+        assert 0.75 * whole <= trouble.until - now <= 1.25 * whole
+        until = trouble.until
+        trouble.note("the disk is full")  # of what had begun before the pause
+        assert trouble.until == until
+        now, whole = until, min(2.0 * whole, 60.0)
+    trouble.clear()
+    assert (trouble.words, trouble.until) == ("", 0.0)
+    trouble.note("no process")
+    assert trouble.until - now <= 1.25
+
+
+def test_answers_are_taken_once_and_wake_the_loop():
+    with closing(BackgroundAsks()) as asks:
+        asks.start("one", lambda: 1)
+        asks.start("two", lambda: 1 // 0)
+        assert ("one" in asks, len(asks)) == (True, 2)
+        asks.wait()
+        (_, good), (_, bad) = asks.take()
+        assert good.result() == 1
+        with pytest.raises(ZeroDivisionError):
+            bad.result()
+        assert (asks.take(), len(asks)) == ([], 0)

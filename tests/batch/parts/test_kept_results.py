@@ -1,0 +1,373 @@
+"""Finished runs are kept and delivered later, whatever the daemon, the disk or the line does.
+
+The workers are as on another machine: their folder is not the daemon's, results and traces travel.
+"""
+
+import random
+import shutil
+import signal
+import subprocess
+from contextlib import contextmanager, nullcontext
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from daemon.model.attachments import attach_files
+from daemon.model.run_state import RunState
+from daemon.model.spec import SutReference
+from daemon.model.verbs import COMPLETE, GET, LEASE, PUT, RELEASE, RENEW
+from grammars.text.files import matching_paths
+from tests.chaos.disk import may_mount
+from tests.chaos.lines import slow_line
+from tests.make import make_spec, make_submission, submission_of
+from tests.parts import daemon_at, eventually, executions, finished, free_endpoint, worker_for
+
+LARGE = 200_000
+"""Bytes of a trace."""
+FAILING = {"module": "tests.batch.failing_daemon"}
+
+
+@contextmanager
+def daemon_and_worker(folder, *, state="state", through=(), **settings):
+    """A daemon and a worker that has none of its files."""
+    options = () if through else ("--state", str(folder / "elsewhere"))
+    with (
+        daemon_at(folder / state, **settings) as daemon,
+        daemon.client() as client,
+        worker_for(daemon, 2, *options, through=through) as worker,
+    ):
+        yield daemon, client, worker
+
+
+def spooled(folder):
+    """Finished runs that wait below a folder."""
+    return len(list(matching_paths(folder, "**/spool/*/*/attempt-*/result.json")))
+
+
+def keeps_results(client):
+    """Whether people see that a worker cannot deliver."""
+    return "results cannot be delivered" in str(client.overview().troubles)
+
+
+def assert_executed_once(client, log, runs, campaign="c"):
+    """Every run has its result and its trace, and was executed once."""
+    rows = client.runs(campaign).rows
+    assert [(row.state, row.attempt, row.reason) for row in rows] == [(RunState.DONE, 1, "")] * runs
+    assert all(row.trace for row in rows)
+    assert len(executions(log)) == runs
+
+
+# --- a daemon that fails at verbs
+
+
+@pytest.fixture(scope="module")
+def failing(tmp_path_factory):
+    """Such a daemon and a worker; a run that was given back in vain waits until its lease ends."""
+    folder = tmp_path_factory.mktemp("failing")
+    (folder / "faults").mkdir()
+    with daemon_and_worker(folder, **FAILING, lease=30.0) as (_, client, worker):
+        yield folder, client, worker
+
+
+@pytest.fixture
+def faults(failing):
+    """Have the daemon fail at a verb from now on; ``None`` ends it."""
+    folder, client, _ = failing
+
+    def fail(verb, kind):
+        file = folder / "faults" / verb.name
+        if kind is None:
+            file.unlink()
+        else:
+            file.write_text(kind)
+
+    yield fail
+    eventually(lambda: not client.overview().troubles)
+    for row in client.campaigns():
+        client.delete((row.id,))
+
+
+@pytest.mark.parametrize(
+    ("verb", "fault"),
+    [
+        *((COMPLETE, fault) for fault in ("raises", "locked", "malformed", "garbles")),
+        *((PUT, fault) for fault in ("system", "reader", "garbles")),
+    ],
+    ids=str,
+)
+def test_no_fault_of_the_daemon_costs_a_finished_run(failing, faults, tmp_path, verb, fault):
+    log, (folder, client, worker) = tmp_path / "log", failing
+    faults(verb, fault)
+    client.submit(make_submission("c", 3, size=LARGE, log=str(log)))
+    eventually(lambda: keeps_results(client))
+    assert "delivered later" in worker.output
+    eventually(lambda: len(executions(log)) == spooled(folder) > 0)
+    faults(verb, None)
+    eventually(lambda: finished(client, 3))
+    assert_executed_once(client, log, 3)
+    eventually(lambda: not spooled(folder))
+
+
+@pytest.mark.parametrize(
+    ("verb", "fault"),
+    [
+        (LEASE, "raises"),
+        *((RENEW, fault) for fault in ("raises", "malformed", "garbles")),
+        *((RELEASE, fault) for fault in ("raises", "garbles")),
+    ],
+    ids=str,
+)
+def test_results_are_delivered_although_other_verbs_fail(failing, faults, tmp_path, verb, fault):
+    log, gate, (_, client, _) = tmp_path / "log", tmp_path / "gate", failing
+    client.submit(make_submission("c", 3, size=LARGE, until=str(gate), log=str(log)))
+    eventually(lambda: executions(log, 2))
+    faults(verb, fault)
+    client.submit(make_submission("d", 1, crash=[1]))
+    gate.touch()
+    eventually(lambda: client.overview().done >= 2)
+    faults(verb, None)
+    eventually(lambda: finished(client, 4))
+    assert_executed_once(client, log, 3)
+
+
+@pytest.mark.parametrize("fault", ["raises", "garbles"])
+def test_no_run_is_blamed_for_a_scene_that_the_daemon_fails_to_send(tmp_path, fault):
+    (tmp_path / "faults").mkdir()
+    (tmp_path / "faults" / GET.name).write_text(fault)
+    with daemon_and_worker(tmp_path, **FAILING, attempts=1) as (_, client, worker):
+        client.submit(make_submission("c", 2))
+        eventually(lambda: "not started" in str(client.overview().troubles))
+        (tmp_path / "faults" / GET.name).unlink()
+        eventually(lambda: finished(client, 2))
+        assert {row.state for row in client.runs("c").rows} == {RunState.DONE}
+        assert worker.process.poll() is None
+
+
+def test_no_run_is_begun_twice_while_its_files_come(tmp_path, monkeypatch):
+    """Each run waits for kernels, then for a file; leases come late, and renewals are due."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    (tmp_path / "faults").mkdir()
+    (tmp_path / "faults" / LEASE.name).write_text("slow")
+    log, specs = tmp_path / "log", []
+    for number in range(6):
+        (tmp_path / f"file-{number}").write_bytes(random.Random(number).randbytes(300_000))
+        attached = attach_files({"model": tmp_path / f"file-{number}"})
+        parameters = {"reads": "model", "log": str(log)}
+        sut = SutReference(f"sut-{number}", "learned", parameters, attached)
+        specs.append(replace(make_spec(number), sut=sut))
+    with daemon_at(tmp_path / "state", **FAILING) as daemon, daemon.client() as client:
+        client.submit(submission_of("c", *specs))
+        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "other"))
+        options = ("--state", str(tmp_path / "elsewhere"))
+        with worker_for(daemon, 2, *options, module="tests.batch.hesitant_worker") as worker:
+            eventually(lambda: finished(client, 6) or worker.process.poll() is not None)
+            assert worker.process.poll() is None, worker.output
+            assert "not started" not in worker.output
+        assert_executed_once(client, log, 6)
+
+
+# --- disks and lines
+
+
+@contextmanager
+def in_place_of_traces(daemon):
+    """Have the daemon unable to make the folder of a campaign's traces."""
+    path = daemon.state / "traces" / "c"
+    path.write_text("")
+    yield
+    path.unlink()
+
+
+@contextmanager
+def without_inodes(daemon):
+    """Make files until there can be no more."""
+    made = []
+    try:
+        while True:
+            made.append(daemon.state / "incoming" / f"ballast-{len(made)}")
+            made[-1].touch()
+    except OSError:
+        made.pop()
+    yield
+    for path in made:
+        path.unlink()
+
+
+@contextmanager
+def mounted(folder, *options):
+    """A file system over ``folder`` for the block."""
+    subprocess.run(["mount", *options, str(folder)], check=True)
+    try:
+        yield
+    finally:
+        subprocess.run(["umount", "-l", str(folder)], check=True)
+
+
+needs_root = pytest.mark.skipif(not may_mount(), reason="mounting needs root")
+
+
+@pytest.mark.parametrize(
+    ("spoilt", "hidden"),
+    [
+        (in_place_of_traces, False),
+        # With a worker that sees another file system.
+        pytest.param(in_place_of_traces, True, marks=needs_root),
+        pytest.param(without_inodes, False, marks=needs_root),
+    ],
+)
+def test_a_daemon_that_cannot_keep_a_trace_costs_no_finished_run(tmp_path, spoilt, hidden):
+    log, gate, disk = tmp_path / "log", tmp_path / "gate", tmp_path / "disk"
+    disk.mkdir()
+    command = f'mount -t tmpfs -o mode=700 tmpfs {disk / "state"} && exec "$@"'
+    through = ("unshare", "--mount", "sh", "-c", command, "sh") if hidden else ()
+    small = ("-t", "tmpfs", "-o", "size=256m,nr_inodes=2000", "tmpfs")
+    with (
+        mounted(disk, *small) if spoilt is without_inodes else nullcontext(),
+        daemon_and_worker(tmp_path, state="disk/state", through=through) as parts,
+    ):
+        daemon, client, worker = parts
+        client.submit(make_submission("c", 3, size=LARGE, log=str(log), until=str(gate)))
+        eventually(lambda: executions(log, 2))
+        with spoilt(daemon):
+            gate.touch()
+            eventually(lambda: keeps_results(client))
+        eventually(lambda: finished(client, 3))
+        assert_executed_once(client, log, 3)
+        assert not hidden or "bytes sent" in worker.output
+
+
+def test_a_large_result_passes_a_slow_line(tmp_path):
+    """Of a third of a Mbit/s, which it takes for longer than a question usually may last."""
+    with (
+        daemon_at(tmp_path / "state") as daemon,
+        daemon.client() as client,
+        slow_line(daemon.endpoint, rate=40_000) as line,
+        worker_for(daemon, 1, "--state", str(tmp_path / "elsewhere"), connect=line.endpoint),
+    ):
+        client.submit(make_submission("c", 1, evidence=230_000))
+        eventually(lambda: finished(client, 1))
+        (row,) = client.runs("c").rows
+        assert (row.state, row.attempt) == (RunState.DONE, 1)
+        assert len(client.run(row.id).row.result.verdicts[0].evidence.note) == 230_000
+        # The worker has its acknowledgement.
+        eventually(lambda: not spooled(tmp_path))
+
+
+@needs_root
+def test_a_spool_that_becomes_read_only_ends_no_worker(tmp_path):
+    log, gate = tmp_path / "log", tmp_path / "gate"
+    with daemon_and_worker(tmp_path, attempts=1) as (_, client, worker):
+        client.submit(make_submission("c", 4, until=str(gate), log=str(log)))
+        eventually(lambda: executions(log, 2))
+        (spool,) = (tmp_path / "elsewhere" / "work").glob("*/spool")
+        with mounted(spool, "--bind", str(spool)):
+            subprocess.run(["mount", "-o", "remount,ro,bind", str(spool)], check=True)
+            gate.touch()
+            eventually(lambda: "Read-only file system" in str(client.overview().troubles))
+        eventually(lambda: finished(client, 4))
+        assert {row.state for row in client.runs("c").rows} == {RunState.DONE}
+        assert worker.process.poll() is None, worker.output
+        eventually(lambda: not client.overview().troubles)
+
+
+@needs_root
+def test_a_folder_that_cannot_be_removed_ends_no_worker(tmp_path):
+    log, gate = tmp_path / "log", tmp_path / "gate"
+    with daemon_and_worker(tmp_path, attempts=1) as (_, client, worker):
+        client.submit(make_submission("c", 1, until=str(gate), log=str(log)))
+        eventually(lambda: executions(log, 1))
+        (attempt,) = (tmp_path / "elsewhere" / "work").glob("*/spool/*/*/attempt-*")
+        (attempt / "busy").mkdir()
+        subprocess.run(["mount", "-t", "tmpfs", "tmpfs", str(attempt / "busy")], check=True)
+        try:
+            gate.touch()
+            eventually(lambda: finished(client, 1))
+            eventually(lambda: "cannot be removed" in worker.output)
+            client.submit(make_submission("d", 2))
+            eventually(lambda: finished(client, 3))
+            assert not attempt.exists()
+            assert worker.process.poll() is None, worker.output
+        finally:
+            # The worker has put the folder aside, with its mount. The kernel knows the new
+            # place; a walk through the spool would race with the removal of other attempts.
+            mounts = (
+                line.split()[1] for line in Path("/proc/self/mounts").read_text().splitlines()
+            )
+            (busy,) = (mount for mount in mounts if mount.startswith(f"{tmp_path}/"))
+            subprocess.run(["umount", "-l", busy], check=True)
+
+
+# --- another ledger answers at the daemon's address: what belongs to the first one waits for it
+
+
+@pytest.mark.parametrize("ends_before", [True, False])
+def test_finished_runs_wait_until_their_own_ledger_answers_again(tmp_path, ends_before):
+    endpoint, log, gate = free_endpoint(), tmp_path / "log", tmp_path / "gate"
+    elsewhere = tmp_path / "elsewhere"
+    with (
+        daemon_at(tmp_path / "first", listen=endpoint, lease=30.0) as first,
+        worker_for(first, 2, "--state", str(elsewhere)) as worker,
+    ):
+        with first.client() as client:
+            client.submit(make_submission("c", 2, until=str(gate), log=str(log)))
+            eventually(lambda: executions(log, 2))
+            first.freeze()
+            if ends_before:
+                gate.touch()
+                eventually(lambda: spooled(elsewhere) == 2)
+        first.kill()
+        with daemon_at(tmp_path / "second", listen=endpoint) as second:
+            eventually(lambda: "keeps another ledger" in worker.output)
+            if ends_before:
+                with second.client() as other:
+                    other.submit(make_submission("d", 2))
+                    # The same worker executes what the second daemon has.
+                    eventually(lambda: finished(other, 2))
+            gate.touch()
+            eventually(lambda: spooled(elsewhere) == 2)
+            second.signal(signal.SIGTERM)
+            second.wait()
+        first.restart()
+        with first.client() as again:
+            eventually(lambda: finished(again, 2))
+            assert_executed_once(again, log, 2)
+        eventually(lambda: spooled(elsewhere) == 0)
+        assert worker.process.poll() is None
+
+
+def test_a_restored_copy_does_not_take_the_results_of_what_came_after_it(tmp_path):
+    state, copy, later = tmp_path / "state", tmp_path / "copy.db", tmp_path / "later"
+    log, gate = tmp_path / "log", tmp_path / "gate"
+    later.mkdir()
+    with daemon_at(state) as daemon, daemon.client() as client:
+        client.submit(make_submission("before", 1))
+    shutil.copy(state / "ledger.db", copy)
+    with daemon_at(state) as daemon:
+        with daemon.client() as client, worker_for(daemon, 2) as worker:
+            client.cancel("before")
+            client.submit(make_submission("c", 2, until=str(gate), log=str(log)))
+            eventually(lambda: executions(log, 2))
+            daemon.freeze()
+            gate.touch()
+            eventually(lambda: spooled(tmp_path) == 2)
+            worker.kill()
+        daemon.kill()
+    move_ledger(state, later)
+    shutil.copy(copy, state / "ledger.db")
+    with daemon_at(state) as daemon, daemon.client() as client, worker_for(daemon, 1):
+        eventually(lambda: finished(client, 1))
+        eventually(lambda: "2 finished runs wait" in str(client.overview().troubles))
+        assert client.overview().trouble == ""
+        eventually(lambda: spooled(tmp_path) == 2)
+    move_ledger(state, tmp_path)
+    move_ledger(later, state)
+    with daemon_at(state) as daemon, daemon.client() as client, worker_for(daemon, 1):
+        eventually(lambda: finished(client, 3))
+        assert_executed_once(client, log, 2)
+
+
+def move_ledger(there, to):
+    """Move a ledger with what is not in its file yet."""
+    for path in there.glob("ledger.db*"):
+        path.rename(to / path.name)

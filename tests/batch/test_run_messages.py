@@ -1,0 +1,190 @@
+"""What a run and its worker tell each other: bounded, and never at the cost of the run."""
+
+import platform
+import socket
+from contextlib import suppress
+from dataclasses import replace
+from multiprocessing.connection import wait
+from types import SimpleNamespace
+
+import pytest
+
+from daemon.batch.run_process import (
+    ENDED,
+    FAILED,
+    LARGEST_MESSAGE,
+    LIVE,
+    STARTED,
+    WATCH,
+    SnapshotSender,
+)
+from daemon.batch.worker import _zygotes
+from daemon.batch.worker._attempts import Attempt
+from daemon.batch.worker._live import LineBudget
+from daemon.batch.worker._zygotes import ForkedExecution
+from daemon.model.execution import available_cores, machine_text
+from daemon.model.messages import Lease
+from daemon.model.spec import Snapshot
+from daemon.model.status import LiveSnapshot
+from grammars.model.geometry import Pose2
+from grammars.text import codec
+from tests.make import make_spec
+
+RUN = "a-campaign-with-a-long-name-0123abcd.99999"
+FULL = Snapshot(
+    0.0,
+    1200.0,
+    Pose2(-12.345678901234567, 23.456789012345678, -1.2345678901234567),
+    None,
+    0,
+    12,
+    tuple(-1.2345678901234567 - index for index in range(500)),
+)
+
+
+@pytest.fixture
+def wires():
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with ours, theirs:
+        yield ours, theirs
+
+
+# --- what a run tells
+
+
+def test_a_building_full_of_doors_is_told_whole(wires):
+    ours, theirs = wires
+    SnapshotSender(RUN, theirs)(FULL)
+    message = ours.recv(LARGEST_MESSAGE)
+    assert message[:1] == LIVE
+    assert codec.from_json(LiveSnapshot, message[1:]).snapshot == FULL
+
+
+def test_a_run_waits_for_no_worker_and_is_told_in_whole_messages(wires):
+    ours, theirs = wires
+    sender = SnapshotSender(RUN, theirs)
+    for second in range(1000):
+        sender(replace(FULL, time=float(second)))
+    ours.setblocking(False)
+    times = []
+    with suppress(BlockingIOError):
+        while True:
+            message = ours.recv(LARGEST_MESSAGE)[1:]
+            times.append(codec.from_json(LiveSnapshot, message).snapshot.time)
+    assert times == [float(second) for second in range(len(times))]
+    assert 0 < len(times) < 1000
+    ours.close()
+    sender(FULL)
+    assert sender.interest() == "progress"
+
+
+@pytest.mark.parametrize(
+    ("words", "interest", "wanted"),
+    [
+        ("", "progress", "nothing"),
+        ("details", "everything", "nothing"),
+        ("details judgement", "everything", "everything"),
+        ("margin", "progress", "margin"),
+    ],
+)
+def test_a_run_hears_what_is_wanted_of_it(wires, words, interest, wanted):
+    ours, theirs = wires
+    ours.send(WATCH + b"details judgement margin")
+    ours.send(WATCH + words.encode())
+    sender = SnapshotSender(RUN, theirs)
+    assert (sender.interest(), sender.wanted()) == (interest, wanted)
+
+
+def test_a_short_message_after_a_pause_is_never_left_out():
+    budget = LineBudget(filled_at=0.0)
+    budget.spend(200_000)
+    assert not budget.allows(1.0)
+    assert budget.allows(6.0)
+    budget.spend(1)
+    assert budget.allows(6.0)
+
+
+# --- how a worker learns of its end
+
+
+class Zygote:
+    """A zygote that may be ended, and ends nothing by it."""
+
+    failure = ""
+
+    def end(self, why):
+        self.failure = why
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    now = SimpleNamespace(time=1000.0)
+    monkeypatch.setattr(_zygotes, "time", SimpleNamespace(monotonic=lambda: now.time))
+    return now
+
+
+@pytest.fixture
+def execution(wires, clock, tmp_path):
+    lease = Lease("c.0", "c", 1, 7, "c/S1.mcap", make_spec())
+    attempt = Attempt.prepare(tmp_path / "attempt-1", lease)
+    wires[0].setblocking(False)
+    return ForkedExecution(attempt, Zygote(), wires[0], 10.0)
+
+
+def test_a_run_ends_when_nothing_of_it_is_left(wires, execution):
+    wires[1].send(STARTED)
+    wires[1].send(FAILED + b"no such door")
+    assert wait(execution.waitables, 60.0) == [wires[0]]
+    execution.listen()
+    assert execution.end is None
+    wires[1].send(ENDED + b"1")
+    execution.listen()
+    assert (execution.end.why, execution.end.counts) == ("no such door", True)
+    assert execution.waitables == ()
+
+
+def test_a_run_that_was_killed_says_by_what(wires, execution):
+    wires[1].send(STARTED)
+    wires[1].send(ENDED + b"-9")
+    execution.listen()
+    assert execution.end.why == "the run's process was killed by SIGKILL"
+
+
+def test_a_run_that_never_started_is_not_blamed(wires, execution):
+    wires[1].close()
+    execution.listen()
+    assert execution.end.why == "the process that starts runs has ended"
+    assert not execution.end.counts
+
+
+def pass_deadline(execution, clock):
+    clock.time = execution.deadline + 1.0
+    execution.listen()
+
+
+def test_a_silent_zygote_is_ended_and_its_run_given_up(execution, clock):
+    pass_deadline(execution, clock)
+    assert "did not answer" in execution.zygote.failure
+    assert execution.end is None
+    pass_deadline(execution, clock)
+    assert not execution.end.counts
+
+
+def test_a_run_that_does_not_end_costs_its_zygote_and_keeps_no_worker(wires, execution, clock):
+    wires[1].send(STARTED)
+    execution.listen()
+    pass_deadline(execution, clock)
+    assert wires[1].recv(10) == b"", "its guardian has it end"
+    assert not execution.zygote.failure
+    pass_deadline(execution, clock)
+    assert execution.zygote.failure
+    pass_deadline(execution, clock)
+    assert execution.end.why == "stopped after 10 s of wall clock time"
+
+
+def test_a_machine_is_told_by_its_processor_and_cores_and_not_by_its_name():
+    said = machine_text()
+    assert f"{available_cores()} core" in said
+    assert platform.python_version() in said
+    assert platform.node() not in said
+    assert all(part.strip() for part in said.split(","))
