@@ -14,6 +14,7 @@ from hypothesis import HealthCheck, settings
 
 from grammars.text.parsing import Language
 from tests.may_skip import pytest_make_collect_report, pytest_runtest_makereport
+from tests.parts import daemon_at
 from tests.rings import order_by_ring
 
 __all__ = ["pytest_make_collect_report", "pytest_runtest_makereport"]
@@ -159,3 +160,10 @@ def golden(request):
         pytest.fail("\n".join([*lines, "To keep what is new: pytest --update"]), pytrace=False)
 
     return compare
+
+
+@pytest.fixture
+def daemon(tmp_path):
+    """A real daemon on loopback for one test, without workers of its own."""
+    with daemon_at(tmp_path / "state") as part:
+        yield part

@@ -7,6 +7,7 @@ itself (``scenario daemon``, the workers of a daemon, zygotes) loads everything,
 another environment than the one in which the tests were read.
 """
 
+import atexit
 import json
 import os
 import runpy
@@ -94,6 +95,7 @@ def _server(root):
             pass_fds=[there.fileno()],
             start_new_session=True,
         ).returncode = 0  # nobody waits for it: it ends after this process
+    atexit.register(here.close)
     return here
 
 

@@ -12,7 +12,6 @@ from daemon.batch.paths import StatePaths
 from daemon.batch.server._submissions import admit_submission
 from grammars.text import codec
 from tests.make import SCENE, make_submission
-from tests.parts import daemon_at, eventually
 
 HOUR = 3600.0
 WEEK = 7 * 24 * HOUR
@@ -146,11 +145,3 @@ def test_nothing_goes_when_nobody_says_what_is_needed(places, tmp_path):
     assert old.exists()
     with pytest.raises(DaemonError, match="there is no ledger"):
         find_strays(StatePaths(tmp_path / "never"), time.time())
-
-
-def test_a_daemon_keeps_house_by_itself(places):
-    strays = leave_strays(places)
-    with daemon_at(places.state) as daemon, daemon.client():
-        (noted,) = eventually(lambda: daemon.noted("strays removed"))
-        assert noted["files"]["scene of no campaign"] == 1
-    assert not any(path.exists() for path in strays)

@@ -10,6 +10,7 @@ import stat
 import subprocess
 import sys
 import threading
+import time
 from contextlib import closing, contextmanager, suppress
 from dataclasses import replace
 
@@ -388,3 +389,17 @@ def test_the_log_of_a_worker_that_stays_is_put_aside_when_it_has_grown(tmp_path)
         eventually(lambda: client.campaign("raises").finished)
         assert "in the new log" in log.read_text()
         assert len(client.workers()) == 1
+
+
+def test_a_daemon_keeps_house_by_itself(tmp_path):
+    places = stored_scene(tmp_path / "state")
+    stray, kept = places.scene("e" * 64), places.scene(SCENE.digest)
+    with LedgerWriter.open(places) as ledger:
+        ledger.submit(make_submission("known", 1), time.time())
+    stray.touch()
+    for path in (stray, kept):
+        os.utime(path, (0.0, 0.0))
+    with daemon_at(places.state) as daemon, daemon.client():
+        (noted,) = eventually(lambda: daemon.noted("strays removed"))
+    assert noted["files"] == {"scene of no campaign": 1}
+    assert (stray.exists(), kept.exists()) == (False, True)
