@@ -2,6 +2,7 @@
 
 import json
 import math
+from contextlib import contextmanager
 
 import pytest
 
@@ -25,62 +26,66 @@ def simulation(campaigns):
     return LiveSimulation(*demo_spec(demo_submission(campaigns)), speed=2.0)
 
 
-@pytest.fixture
-def server(simulation):
-    served = FoxgloveServer(simulation, port=0)
+@contextmanager
+def served(simulation):
+    server = FoxgloveServer(simulation, port=0)
     try:
         with simulation.running():
-            yield served
+            yield server
     finally:
-        served.close()
+        server.close()
 
 
-def test_the_topics_of_a_trace_are_there(server):
+@pytest.fixture
+def server(simulation):
+    with served(simulation) as server:
+        yield server
+
+
+@pytest.fixture
+def client(server):
     with foxglove_client(server.port) as client:
-        assert set(client.channels) == {topic.name for topic in TOPICS if not topic.external}
-        for topic in TOPICS:
-            if not topic.external:
-                channel = client.channels[topic.name]
-                assert channel["schemaName"] == topic.kind
-                assert (channel["encoding"], channel["schemaEncoding"]) == ("cdr", "ros2msg")
-                assert channel["schema"] == ros.schema(topic.kind)
-        assert set(client.info["capabilities"]) >= {"clientPublish", "time", "services"}
-        assert "busy-house" in client.info["name"]
+        yield client
+
+
+def test_the_topics_of_a_trace_are_there(client):
+    assert set(client.channels) == {topic.name for topic in TOPICS if not topic.external}
+    for topic in TOPICS:
+        if not topic.external:
+            channel = client.channels[topic.name]
+            assert channel["schemaName"] == topic.kind
+            assert (channel["encoding"], channel["schemaEncoding"]) == ("cdr", "ros2msg")
+            assert channel["schema"] == ros.schema(topic.kind)
+    assert set(client.info["capabilities"]) >= {"clientPublish", "time", "services"}
+    assert "busy-house" in client.info["name"]
 
 
 def test_each_laser_has_a_topic(campaigns):
     two = expand(load_campaign(campaigns / "two_lasers" / "campaign.yaml"))
     simulation = LiveSimulation(*demo_spec(two), speed=2.0)
-    served = FoxgloveServer(simulation, port=0)
-    try:
-        with simulation.running(), foxglove_client(served.port) as client:
-            assert {name for name in client.channels if name.startswith("/scan")} == {
-                "/scan_front",
-                "/scan_rear",
-            }
-            client.subscribe("/scan_rear")
-            client.until(lambda: len(client.heard("/scan_rear")) > 3)
-            frames = {scan.header.frame_id for scan in client.heard("/scan_rear")}
-            assert frames == {"laser_rear"}
-    finally:
-        served.close()
+    with served(simulation) as server, foxglove_client(server.port) as client:
+        scans = {name for name in client.channels if name.startswith("/scan")}
+        assert scans == {"/scan_front", "/scan_rear"}
+        client.subscribe("/scan_rear")
+        client.until(lambda: len(client.heard("/scan_rear")) > 3)
+        frames = {scan.header.frame_id for scan in client.heard("/scan_rear")}
+        assert frames == {"laser_rear"}
 
 
-def test_what_is_heard_is_the_world(server):
-    with foxglove_client(server.port) as client:
-        client.subscribe("/scan", "/odom", "/tf", "/clock", "/ground_truth")
-        client.until(lambda: len(client.heard("/scan")) > 3 and len(client.heard("/clock")) > 3)
-        scans = [(now, scan) for topic, now, scan in client.messages if topic == "/scan"]
-        for now, scan in scans:
-            stamp = scan.header.stamp
-            assert stamp.sec * 1_000_000_000 + stamp.nanosec == now
-            assert scan.header.frame_id == "laser"
-            assert len(scan.ranges) > 100
-        assert [now for now, _ in scans] == sorted(now for now, _ in scans)
-        frames = {t.child_frame_id for message in client.heard("/tf") for t in message.transforms}
-        assert "base_link" in frames
-        client.until(lambda: client.time >= scans[-1][0])
-        assert server.clients == 1
+def test_what_is_heard_is_the_world(server, client):
+    client.subscribe("/scan", "/odom", "/tf", "/clock", "/ground_truth")
+    client.until(lambda: len(client.heard("/scan")) > 3 and len(client.heard("/clock")) > 3)
+    scans = [(now, scan) for topic, now, scan in client.messages if topic == "/scan"]
+    for now, scan in scans:
+        stamp = scan.header.stamp
+        assert stamp.sec * 1_000_000_000 + stamp.nanosec == now
+        assert scan.header.frame_id == "laser"
+        assert len(scan.ranges) > 100
+    assert [now for now, _ in scans] == sorted(now for now, _ in scans)
+    frames = {t.child_frame_id for message in client.heard("/tf") for t in message.transforms}
+    assert "base_link" in frames
+    client.until(lambda: client.time >= scans[-1][0])
+    assert server.clients == 1
 
 
 def test_who_comes_late_gets_what_is_latched(server):
@@ -122,51 +127,49 @@ def test_a_command_of_a_client_moves_the_robot(server, encoding, kind):
         assert client.until(lambda: client.heard("/cmd_vel"))[0].twist.angular.z == 0.6
 
 
-def test_what_is_not_taken_is_said(server):
-    with foxglove_client(server.port) as client:
-        pose = "geometry_msgs/PoseWithCovarianceStamped"
-        for number, topic, encoding, kind, said in (
-            (1, "/initialpose", "json", pose, "is ignored"),
-            (2, "/cmd_vel", "ros1", TWIST, "must be"),
-            (3, "/cmd_vel", "json", "std_msgs/String", "must be"),
-        ):
-            client.said.clear()
-            client.advertise(number, topic, encoding, kind)
-            client.publish(number, b"{}")
-            (status,) = client.until(lambda: client.of("status"))
-            assert said in status["message"]
+def test_what_is_not_taken_is_said(client):
+    pose = "geometry_msgs/PoseWithCovarianceStamped"
+    for number, topic, encoding, kind, said in (
+        (1, "/initialpose", "json", pose, "is ignored"),
+        (2, "/cmd_vel", "ros1", TWIST, "must be"),
+        (3, "/cmd_vel", "json", "std_msgs/String", "must be"),
+    ):
         client.said.clear()
-        client.advertise(4, "/cmd_vel", "json", TWIST)
-        client.publish(4, b"no json")
-        assert "no JSON" in client.until(lambda: client.of("status"))[0]["message"]
+        client.advertise(number, topic, encoding, kind)
+        client.publish(number, b"{}")
+        (status,) = client.until(lambda: client.of("status"))
+        assert said in status["message"]
+    client.said.clear()
+    client.advertise(4, "/cmd_vel", "json", TWIST)
+    client.publish(4, b"no json")
+    assert "no JSON" in client.until(lambda: client.of("status"))[0]["message"]
 
 
-def test_parameters_and_the_service_steer_the_world(server, simulation):
-    with foxglove_client(server.port) as client:
-        client.subscribe("/clock", "/map")
-        client.until(lambda: client.heard("/clock"))
-        ((service,),) = (
-            one["services"] for one in client.until(lambda: client.of("advertiseServices"))
-        )
-        assert service["name"] == "/reset_world"
-        client.send(op="subscribeParameterUpdates", parameterNames=["speed", "paused"])
-        client.send(op="getParameters", parameterNames=[], id="all")
-        values = client.until(lambda: client.of("parameterValues"))[0]["parameters"]
-        assert {one["name"]: one["value"] for one in values} == {"paused": False, "speed": 2.0}
-        client.said.clear()
-        client.send(op="setParameters", parameters=[{"name": "speed", "value": 5}], id="faster")
-        client.until(lambda: simulation.status.speed == 5.0 or client.of("none"))
-        client.send(op="setParameters", parameters=[{"name": "speed", "value": -1}], id="worse")
-        assert "speed" in client.until(lambda: client.of("status"))[0]["message"]
-        answer = client.until(lambda: [one for one in client.said if one.get("id") == "worse"])
-        assert [one["value"] for one in answer[0]["parameters"]] == [5.0]
-        client.messages.clear()
-        client.said.clear()
-        client.call(service["id"], 77, b"{}")
-        # A new session: clients forget, time begins anew, what is latched comes again.
-        client.until(lambda: client.of("serverInfo"))
-        client.until(lambda: client.heard("/map"))
-        client.until(lambda: simulation.status.worlds == 2)
+def test_parameters_and_the_service_steer_the_world(client, simulation):
+    client.subscribe("/clock", "/map")
+    client.until(lambda: client.heard("/clock"))
+    ((service,),) = (
+        one["services"] for one in client.until(lambda: client.of("advertiseServices"))
+    )
+    assert service["name"] == "/reset_world"
+    client.send(op="subscribeParameterUpdates", parameterNames=["speed", "paused"])
+    client.send(op="getParameters", parameterNames=[], id="all")
+    values = client.until(lambda: client.of("parameterValues"))[0]["parameters"]
+    assert {one["name"]: one["value"] for one in values} == {"paused": False, "speed": 2.0}
+    client.said.clear()
+    client.send(op="setParameters", parameters=[{"name": "speed", "value": 5}], id="faster")
+    client.until(lambda: simulation.status.speed == 5.0 or client.of("none"))
+    client.send(op="setParameters", parameters=[{"name": "speed", "value": -1}], id="worse")
+    assert "speed" in client.until(lambda: client.of("status"))[0]["message"]
+    answer = client.until(lambda: [one for one in client.said if one.get("id") == "worse"])
+    assert [one["value"] for one in answer[0]["parameters"]] == [5.0]
+    client.messages.clear()
+    client.said.clear()
+    client.call(service["id"], 77, b"{}")
+    # A new session: clients forget, time begins anew, what is latched comes again.
+    client.until(lambda: client.of("serverInfo"))
+    client.until(lambda: client.heard("/map"))
+    client.until(lambda: simulation.status.worlds == 2)
 
 
 def test_a_port_that_is_taken_is_said(server, simulation):

@@ -302,8 +302,8 @@ def bare(tmp_path_factory):
 
 
 @pytest.fixture
-def campaign(bare):
-    """Submit the only campaign of a test: its client, its log, its gate."""
+def direct(bare):
+    """A client of it for one test, of whose campaigns nothing is left."""
     with bare.client() as client:
         yield client
         for row in client.campaigns():
@@ -311,37 +311,37 @@ def campaign(bare):
             client.delete((row.id,))
 
 
-def test_a_worker_told_to_leave_finishes_first(bare, campaign, tmp_path):
+def test_a_worker_told_to_leave_finishes_first(bare, direct, tmp_path):
     gate, log = tmp_path / "gate", tmp_path / "log"
     with worker_for(bare, 2) as worker:
-        campaign.submit(make_submission("c", 4, until=str(gate), log=str(log)))
+        direct.submit(make_submission("c", 4, until=str(gate), log=str(log)))
         eventually(lambda: executions(log, 2))  # what is only leased it gives back
         worker.signal(signal.SIGTERM)
         gate.touch()
         assert worker.wait() == 0
-        now = campaign.overview()
+        now = direct.overview()
         assert (now.done, now.queued, now.running) == (2, 2, 0)
-        eventually(lambda: campaign.overview().workers == 0)
+        eventually(lambda: direct.overview().workers == 0)
 
 
-def test_a_worker_told_twice_gives_its_runs_back_without_blame(bare, campaign, tmp_path):
+def test_a_worker_told_twice_gives_its_runs_back_without_blame(bare, direct, tmp_path):
     log = tmp_path / "log"
     with worker_for(bare, 2) as worker:
-        campaign.submit(make_submission("c", 3, sleep=600.0, log=str(log)))
+        direct.submit(make_submission("c", 3, sleep=600.0, log=str(log)))
         eventually(lambda: executions(log, 2))
         members = family(worker.pid)
         for number in (signal.SIGTERM, signal.SIGTERM, signal.SIGQUIT):
             worker.signal(number)
         assert worker.wait() == 0
         assert eventually(lambda: not alive(members))
-    now = campaign.overview()
+    now = direct.overview()
     assert (now.queued, now.running, now.lost) == (3, 0, 0)
-    assert campaign.run("c.0").row.reason == "the worker was stopped"
+    assert direct.run("c.0").row.reason == "the worker was stopped"
 
 
-def test_children_die_with_their_worker_however_far_it_steps_back(bare, campaign):
+def test_children_die_with_their_worker_however_far_it_steps_back(bare, direct):
     with worker_for(bare, 2, "--step-back", "3") as worker:
-        campaign.submit(make_submission("c", 2, sleep=600.0))
+        direct.submit(make_submission("c", 2, sleep=600.0))
         # The worker, its zygote, two runs, and a guardian of each.
         members = eventually(lambda: len(found := family(worker.pid)) >= 6 and found)
         autogroup = Path(f"/proc/{worker.pid}/autogroup")
@@ -353,38 +353,38 @@ def test_children_die_with_their_worker_however_far_it_steps_back(bare, campaign
 # --- troubles
 
 
-def test_a_run_whose_scene_is_gone_waits_without_blame(bare, campaign):
-    campaign.submit(make_submission("c", 1))
+def test_a_run_whose_scene_is_gone_waits_without_blame(bare, direct):
+    direct.submit(make_submission("c", 1))
     (scene,) = (bare.state / "scenes").iterdir()
     scene.unlink()
     with worker_for(bare, 1):
         words = f"the scene {scene.stem[:12]} is gone or was damaged: submit its campaign again"
-        eventually(lambda: campaign.run("c.0").row.reason == words)
-        row = campaign.run("c.0").row
+        eventually(lambda: direct.run("c.0").row.reason == words)
+        row = direct.run("c.0").row
         assert (row.state, row.attempt) == (RunState.QUEUED, 0)
-        assert campaign.overview().troubles == (Trouble(words, TroubleCause.INPUT),)
+        assert direct.overview().troubles == (Trouble(words, TroubleCause.INPUT),)
         # The good copy is in hand.
-        campaign.submit(make_submission("c", 1))
-        eventually(lambda: finished(campaign, 1))
-    assert campaign.overview().troubles == ()
+        direct.submit(make_submission("c", 1))
+        eventually(lambda: finished(direct, 1))
+    assert direct.overview().troubles == ()
 
 
 @pytest.mark.parametrize("elsewhere", [False, True])
 def test_a_scene_damaged_on_the_daemons_disk_is_put_aside_and_healed(
-    bare, campaign, tmp_path, elsewhere
+    bare, direct, tmp_path, elsewhere
 ):
     """By a worker on the same file system, which reads it there, and by one that asks for it."""
-    campaign.submit(make_submission("c", 2))
+    direct.submit(make_submission("c", 2))
     (scene,) = (bare.state / "scenes").iterdir()
     scene.write_text(scene.read_text().replace("4.0", "5.0"))
     options = ("--state", str(tmp_path / "elsewhere")) if elsewhere else ()
     with worker_for(bare, 1, *options) as worker:
         eventually(lambda: "not started" in worker.output)
-        eventually(lambda: "was damaged" in str(campaign.overview().troubles))
+        eventually(lambda: "was damaged" in str(direct.overview().troubles))
         assert not scene.exists()
-        campaign.submit(make_submission("c", 2))
-        eventually(lambda: finished(campaign, 2))
-        assert {row.state for row in campaign.runs("c").rows} == {RunState.DONE}
+        direct.submit(make_submission("c", 2))
+        eventually(lambda: finished(direct, 2))
+        assert {row.state for row in direct.runs("c").rows} == {RunState.DONE}
 
 
 @pytest.mark.skipif(not may_mount(), reason="mounting a small file system needs root")
@@ -404,21 +404,21 @@ def test_a_full_disk_of_daemon_and_worker_is_one_trouble(tmp_path):
         eventually(lambda: client.overview().troubles == ())
 
 
-def test_a_worker_in_trouble_leaves_off_and_says_why(bare, campaign, tmp_path):
+def test_a_worker_in_trouble_leaves_off_and_says_why(bare, direct, tmp_path):
     """Its disk quota was used up: it executed 239 runs in 12 s, and nobody was told."""
     log, room, start = tmp_path / "log", tmp_path / "room", time.monotonic()
     with worker_for(bare, 2):
-        campaign.submit(make_submission("c", 12, full=str(room), log=str(log)))
-        trouble = eventually(lambda: campaign.overview().trouble)
+        direct.submit(make_submission("c", 12, full=str(room), log=str(log)))
+        trouble = eventually(lambda: direct.overview().trouble)
         assert "Disk quota exceeded" in trouble
-        assert campaign.workers()[0].trouble in trouble
+        assert direct.workers()[0].trouble in trouble
         # Two runs find out at once; after a pause another one does. Load makes it only longer.
         eventually(lambda: executions(log, 3))
         assert time.monotonic() - start > 0.7
-        reasons = {row.reason for row in campaign.runs("c").rows if row.reason}
+        reasons = {row.reason for row in direct.runs("c").rows if row.reason}
         assert reasons
         assert all("Disk quota exceeded" in reason for reason in reasons)
         room.touch()
-        eventually(lambda: finished(campaign, 12))
-        assert {row.state for row in campaign.runs("c").rows} == {RunState.DONE}
-        eventually(lambda: campaign.overview().troubles == ())
+        eventually(lambda: finished(direct, 12))
+        assert {row.state for row in direct.runs("c").rows} == {RunState.DONE}
+        eventually(lambda: direct.overview().troubles == ())
