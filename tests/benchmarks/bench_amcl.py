@@ -6,7 +6,6 @@ every second update. Both filters take the same scans in turns in one process.
 """
 
 import statistics
-import time
 from functools import partial
 
 import numpy as np
@@ -16,7 +15,7 @@ from daemon.stacks.ros1.amcl.node import Amcl
 from daemon.stacks.ros1.quirks import FAST
 from grammars.model.geometry import Pose2
 from grammars.model.grid import FREE, OCCUPIED, OccupancyGrid
-from tests.benchmarks.measurement import Measurement, Reference
+from tests.benchmarks.measurement import Measurement, Reference, microseconds
 from tests.kernels import load_all
 from tests.stacks.ros1.amcl.plain import PlainAmcl
 from tests.stacks.ros1.amcl.world import LASER, PUBLISHED, see
@@ -37,13 +36,6 @@ def corridor():
     return OccupancyGrid(0.05, -42.5, -43.25, cells), walls
 
 
-def _timed(work):
-    """Return CPU seconds."""
-    begin = time.thread_time()
-    work()
-    return time.thread_time() - begin
-
-
 def measure():
     """Yield an update and the building of a filter."""
     load_all()
@@ -54,7 +46,7 @@ def measure():
     def build():
         return Amcl(PUBLISHED, FAST, grid, (LASER,), poses[0], np.random.SeedSequence(1))
 
-    first, again = _timed(build), _timed(build)
+    first, again = microseconds(build), microseconds(build)
     amcl = build()
     cap = PUBLISHED.laser_likelihood_max_dist
     field = distance_field(grid, cap, brushfire=FAST.amcl_brushfire_distances)
@@ -73,8 +65,8 @@ def measure():
     counts = []
     worst = 0.0
     for begin in range(0, UPDATES, BLOCK):
-        rows["compiled"].append(_timed(partial(compiled, begin)) / BLOCK * 1e6)
-        rows["plain"].append(_timed(partial(plain, begin)) / BLOCK * 1e6)
+        rows["compiled"].append(microseconds(partial(compiled, begin)) / BLOCK)
+        rows["plain"].append(microseconds(partial(plain, begin)) / BLOCK)
         counts.append(len(amcl.particles))
         worst = max(worst, float(np.abs(amcl.particles - reference.poses).max()))
     sizes = f"map of {grid.cells.shape[1]} x {grid.cells.shape[0]} cells, {LASER.rays} rays"
@@ -83,5 +75,5 @@ def measure():
     yield Measurement(
         "an update, compiled", statistics.median(rows["compiled"]), "us", plainly, (), particles
     )
-    known = Reference("for a known one", 1e3 * again)
-    yield Measurement("built for a new map", 1e3 * first, "ms", known, (), sizes)
+    known = Reference("for a known one", again / 1e3)
+    yield Measurement("built for a new map", first / 1e3, "ms", known, (), sizes)

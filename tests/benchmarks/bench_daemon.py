@@ -5,7 +5,6 @@ told as such. At the end real runs are executed with one slot and with two.
 """
 
 import multiprocessing
-import statistics
 import tempfile
 import threading
 import time
@@ -22,7 +21,7 @@ from daemon.batch.paths import StatePaths
 from daemon.campaign import expand, load_campaign
 from daemon.model.execution import DEFAULT_EXECUTOR
 from daemon.model.submission import MOST_RUNS
-from tests.benchmarks.measurement import Measurement, Reference, at_least, at_most
+from tests.benchmarks.measurement import Measurement, Reference, at_least, at_most, cpu, spread
 from tests.chaos.light import Crew, LightWorker
 from tests.make import make_submission
 from tests.parts import daemon_at, eventually, family, finished
@@ -49,12 +48,6 @@ def fresh(slots=0, **settings):
         daemon_at(Path(folder) / "state", slots, **settings) as daemon,
     ):
         yield daemon
-
-
-def cpu(pid):
-    """CPU seconds of a process so far."""
-    used = psutil.Process(pid).cpu_times()
-    return float(used.user + used.system)
 
 
 def empty_runs():
@@ -216,18 +209,7 @@ def asked(name, question, times=QUESTIONS, goals=()):
         question()
         took.append(1e3 * (time.perf_counter() - start))
         time.sleep(0.002)
-    return replace(spread(name, took), goals=goals)
-
-
-def spread(name, took):
-    """The median of milliseconds, the 99th percentile noted."""
-    last = sorted(took)[int(0.99 * (len(took) - 1))]
-    return Measurement(name, statistics.median(took), "ms", None, (), f"99 %: {last:.2f} ms")
-
-
-def _burn(stop):
-    while time.monotonic() < stop:
-        sum(range(1000))
+    return spread(name, took, *goals)
 
 
 def busy_questions():

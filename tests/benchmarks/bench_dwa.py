@@ -15,7 +15,7 @@ from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.dwa.controller import Dwa
 from daemon.stacks.ros1.quirks import FAST
 from grammars.model.geometry import Pose2, Twist2
-from tests.benchmarks.measurement import Measurement, Reference
+from tests.benchmarks.measurement import Measurement, Reference, microseconds
 from tests.kernels import load_all
 from tests.stacks.ros1.dwa.helpers import A2S, LARGE, OMNI, SMALL, Problem, settings, singles
 
@@ -50,14 +50,6 @@ def problems(parameters, outline):
     return out
 
 
-def _timed(work, rounds):
-    """Return CPU microseconds per call."""
-    begin = time.thread_time()
-    for _ in range(rounds):
-        work()
-    return (time.thread_time() - begin) / rounds * 1e6
-
-
 def _whole(p, parameters):
     dwa = Dwa(parameters, FAST, p.outline, 0.1)
     dwa.set_plan(np.column_stack([p.plan, np.zeros(len(p.plan))]))
@@ -84,8 +76,10 @@ def measure():
         equal = sum(one == other for one, other in zip(decided, plainly, strict=True))
         rows = {"fast": [], "whole": []}
         for _ in range(REPEATS):
-            rows["fast"].append(statistics.mean(_timed(p.cycle()[0], 50) for p in cycles))
-            rows["whole"].append(statistics.mean(_timed(_whole(p, parameters), 50) for p in cycles))
+            rows["fast"].append(statistics.mean(microseconds(p.cycle()[0], 50) for p in cycles))
+            rows["whole"].append(
+                statistics.mean(microseconds(_whole(p, parameters), 50) for p in cycles)
+            )
         fast, whole = (statistics.median(rows[k]) for k in ("fast", "whole"))
         same = f"same winner {equal}/{len(cycles)}"
         yield Measurement(f"{name}, a cycle", fast, "us", Reference("plain", plain), (), same)

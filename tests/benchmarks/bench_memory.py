@@ -18,7 +18,6 @@ from typing import NamedTuple
 from tests.benchmarks import progress
 from tests.benchmarks.measurement import Measurement, Reference, at_most
 
-TIMES = 20
 MOST_GROWTH = 1.05
 """Of the memory after two runs: malloc may keep some more for later."""
 ROOT = Path(__file__).parents[2]
@@ -153,7 +152,8 @@ def measure():
             Reference("RSS before", found[0].rss), goals,
             f"most PSS {pss:.0f}, USS {uss:.0f} MB; at the end RSS {found[-1].rss:.0f} MB",
         )  # fmt: skip
-    yield growth("the demo", "rude-house", TIMES)
+    yield growth("the demo", "rude-house", 20)
+    yield growth("S1", "s1", 8)
 
 
 def growth(what, name, times):

@@ -150,9 +150,9 @@ def world_at(scene, robot, start):
 
 def particles():
     sizes = (500, 5000)
-    grid = bench_amcl.corridor()
+    grid, walls = bench_amcl.corridor()
     poses = [Pose2(bench_amcl.STEP * k, 0.9, 0.0) for k in range(100)]
-    scans = [bench_amcl.see(grid, pose) for pose in poses]
+    scans = [bench_amcl.see(walls, pose) for pose in poses]
 
     def localising(count):
         parameters = replace(PUBLISHED, min_particles=count, max_particles=count)

@@ -1,35 +1,31 @@
 """From text to a checked Scene: building C with its seventeen doors, warm."""
 
-import time
-from pathlib import Path
-from typing import TypeVar
-
 from grammars.floorplan import load_floorplan
 from grammars.preflight import check_scene
 from grammars.scenery import load_scenery
 from grammars.scenery.composition import compile_scene
-from tests.benchmarks.measurement import Measurement, Reference
+from tests.benchmarks.measurement import side_by_side
+from tests.parts import ROOT
 
-T = TypeVar("T")
-FOLDER = Path(__file__).parents[2] / "campaigns" / "ortega2024"
+FOLDER = ROOT / "campaigns" / "ortega2024"
 
 
 def measure():
     """Yield each step, all of them together being the reference."""
-    best = {}
 
-    def timed(step, make):
-        start = time.thread_time()
-        made = make()
-        best[step] = min(best.get(step, 1e9), time.thread_time() - start)
-        return made
+    def plan():
+        return load_floorplan(FOLDER / "building_c.fpm")
 
-    for _ in range(5):
-        plan = timed("plan from text", lambda: load_floorplan(FOLDER / "building_c.fpm"))
-        doors = timed("doors from text", lambda: load_scenery(FOLDER / "doors.scenery"))
-        scene = timed("scene compiled", lambda: compile_scene(plan, [doors]))  # noqa: B023
-        timed("world checked", lambda: check_scene(scene))  # noqa: B023
-    everything = 1e3 * sum(best.values())
-    for step, seconds in best.items():
-        yield Measurement(step, 1e3 * seconds, "ms", Reference("all steps", everything))
-    yield Measurement("text to checked scene", everything, "ms")
+    def doors():
+        return load_scenery(FOLDER / "doors.scenery")
+
+    building, layers = plan(), [doors()]
+    scene = compile_scene(building, layers)
+    works = {
+        "text to checked scene": lambda: check_scene(compile_scene(plan(), [doors()])),
+        "plan from text": plan,
+        "doors from text": doors,
+        "scene compiled": lambda: compile_scene(building, layers),
+        "world checked": lambda: check_scene(scene),
+    }
+    yield from side_by_side(works, 5)

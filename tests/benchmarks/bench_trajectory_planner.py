@@ -14,7 +14,7 @@ from daemon.stacks.ros1.trajectory_planner._parameters import strafe_speeds
 from daemon.stacks.ros1.trajectory_planner._settings import settings_of
 from daemon.stacks.ros1.trajectory_planner.controller import TrajectoryPlanner
 from grammars.model.geometry import Pose2, Twist2
-from tests.benchmarks.measurement import Measurement, Reference
+from tests.benchmarks.measurement import Measurement, Reference, microseconds
 from tests.kernels import load_all
 from tests.stacks.ros1.trajectory_planner.helpers import ROBOTS, costs_around
 from tests.stacks.ros1.trajectory_planner.plain import PlainPlanner
@@ -22,14 +22,6 @@ from tests.stacks.ros1.trajectory_planner.plain import PlainPlanner
 CYCLES = 6
 REPEATS = 5
 BOXES = ((1.0, -1.6, 1.4, -0.9), (0.6, 1.0, 1.2, 1.5))
-
-
-def _timed(work, rounds):
-    """Return CPU microseconds per call."""
-    begin = time.thread_time()
-    for _ in range(rounds):
-        work()
-    return (time.thread_time() - begin) / rounds * 1e6
 
 
 def _cycle(robot, k):
@@ -59,7 +51,7 @@ def measure():
     for name, robot in ROBOTS.items():
         cycles = [_cycle(robot, k) for k in range(CYCLES)]
         fast = statistics.median(
-            statistics.mean(_timed(cycle[0], 20) for cycle in cycles) for _ in range(REPEATS)
+            statistics.mean(microseconds(cycle[0], 20) for cycle in cycles) for _ in range(REPEATS)
         )
         plain = statistics.mean(cycle[1] for cycle in cycles)
         same = sum(cycle[2] for cycle in cycles)

@@ -26,8 +26,8 @@ from daemon.model.messages import (
     WorkerInfo,
 )
 from daemon.model.spec import TraceInfo
-from tests.benchmarks.bench_daemon import cpu, fresh, spread
-from tests.benchmarks.measurement import Measurement, Reference
+from tests.benchmarks.bench_daemon import fresh
+from tests.benchmarks.measurement import Measurement, Reference, cpu, spread
 from tests.chaos.lines import slow_line
 from tests.make import make_result, make_submission
 from tests.parts import eventually, finished, worker_for

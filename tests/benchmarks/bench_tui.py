@@ -17,9 +17,10 @@ from pathlib import Path
 
 import psutil
 
-from tests.benchmarks.measurement import Measurement, Reference, at_most
+from tests.benchmarks.bench_daemon import fresh
+from tests.benchmarks.measurement import Measurement, Reference, at_most, cpu, spread
 from tests.make import make_spec, make_submission, submission_of
-from tests.parts import daemon_at, eventually, finished
+from tests.parts import eventually, finished
 from tests.people.terminal.pseudo_terminal import scenario, terminal
 
 LONG = "100 000 runs, minutes of watching a terminal"
@@ -47,34 +48,11 @@ def measure():
 
 
 @contextmanager
-def fresh(slots=1):
-    """A daemon on an empty state directory."""
-    with (
-        tempfile.TemporaryDirectory(prefix="bench-tui-") as folder,
-        daemon_at(Path(folder) / "state", slots) as daemon,
-    ):
-        yield daemon
-
-
-@contextmanager
 def opened(daemon, **size):
     """The dashboard of a daemon, as soon as it can be typed at."""
     with terminal(scenario("tui", "--connect", daemon.endpoint), **size) as shown:
         shown.until("Quit")
         yield shown
-
-
-def cpu(pid):
-    """CPU seconds of a process so far."""
-    used = psutil.Process(pid).cpu_times()
-    return float(used.user + used.system)
-
-
-def spread(name, values, *goals):
-    """The median of milliseconds, the 95th percentile noted."""
-    ranked = sorted(values)
-    note = f"95 %: {ranked[int(0.95 * (len(ranked) - 1))]:.0f} ms"
-    return Measurement(name, statistics.median(ranked), "ms", None, goals, note)
 
 
 def took(shown, keys, seen):
@@ -89,7 +67,7 @@ def took(shown, keys, seen):
 
 
 def first_paint():
-    with fresh() as daemon, daemon.client() as client:
+    with fresh(slots=1) as daemon, daemon.client() as client:
         client.submit(make_submission("small-1", 5))
         eventually(lambda: finished(client, 5))
         stages = {"connecting": [], "Quit": [], "small-1": []}

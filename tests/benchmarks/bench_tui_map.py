@@ -4,16 +4,9 @@ A robot drives at 10 Hz along the demo's flat, or in building C of Ortega et al.
 returns; the dashboard's widget shows it in a pseudo-terminal.
 """
 
-import fcntl
 import math
-import os
-import pty
-import select
-import struct
-import subprocess
 import sys
 import tempfile
-import termios
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -24,6 +17,7 @@ from scenario_tui.dashboard.widgets.map_frame import View
 from scenario_tui.dashboard.widgets.top_view import TopView
 from scenario_tui.terminal.limited_terminal import LimitedTerminalApp
 from tests.benchmarks.measurement import Measurement, Reference, at_most
+from tests.people.terminal.pseudo_terminal import terminal
 
 CAMPAIGNS = Path(__file__).parents[2] / "campaigns"
 BUILDINGS = {"flat": "demo/campaign.yaml", "building C": "ortega2024/first.yaml"}
@@ -117,37 +111,17 @@ def shown(building, zoom, columns, rows):
         report = Path(folder) / "report"
         command = [sys.executable, "-m", "tests.benchmarks.bench_tui_map"]
         command += [building, str(zoom), str(report)]
-        sent = bytes_of(command, report, columns, rows)
+        with terminal(command, columns=columns, rows=rows) as screen:
+            screen.until(report.exists)
+            before = screen.sent
+            screen.wait()
+            sent = screen.sent - before
         drawn, frame = map(float, report.read_text().split())
     name = f"{building}, {columns}x{rows}, zoom {2**zoom}"
     painted = Reference("with paint", 1e3 * frame)
     yield Measurement(f"{name}: a frame drawn", 1e3 * drawn, "CPU ms", painted, (FRAME,))
     goals = () if zoom else (at_most(LINE[building][columns]),)
     yield Measurement("  bytes to the terminal", sent / SECONDS / 1e3, "kB/s", None, goals)
-
-
-def bytes_of(command, report, columns, rows):
-    """Return how many bytes a program sends to its terminal once its report says it has begun."""
-    master, slave = pty.openpty()
-    fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
-    around = os.environ | {"TERM": "xterm-256color", "COLORTERM": "truecolor"}
-    sent = 0
-    with subprocess.Popen(
-        command, stdin=slave, stdout=slave, stderr=slave, env=around, start_new_session=True
-    ) as process:
-        os.close(slave)
-        deadline = time.monotonic() + SECONDS + 60.0
-        while process.poll() is None and time.monotonic() < deadline:
-            if select.select([master], [], [], 0.05)[0]:
-                try:
-                    size = len(os.read(master, 65536))
-                except OSError:  # Linux says EIO when the program has left
-                    break
-                sent += size if report.exists() else 0
-        if process.poll() is None:
-            process.kill()
-    os.close(master)
-    return sent
 
 
 def measure():

@@ -1,6 +1,6 @@
 """A whole campaign on a daemon of its own with two workers' slots: ``make bench-campaign``.
 
-``python -m tests.benchmarks campaign [FILE] [--only SCENARIO] …``. The 120
+``python -m tests.benchmarks campaign [FILE]``. The 120
 runs of the published experiment unless told otherwise, from the submission to the written report,
 on a state directory that is removed afterwards. Before and after it one run, S1 with a2s, is
 executed alone: its CPU seconds are the reference, since they tell how quick the machine is today.
@@ -8,7 +8,6 @@ At the end it says how many runs ended how, and how many were lost.
 """
 
 import argparse
-import fnmatch
 import json
 import os
 import subprocess
@@ -29,7 +28,7 @@ from tests.benchmarks.measurement import Measurement, Reference, at_most
 from tests.parts import daemon_at, eventually, family
 from tests.people.terminal.pseudo_terminal import scenario
 
-RUNS = 120
+SLOTS = 2
 GOAL = 270.0
 """Seconds for all of them and the report, on two cores."""
 LOOK = 0.5
@@ -49,25 +48,6 @@ def reference():
     return used, simulated
 
 
-def chosen(file, repeats, only, suts):
-    """The campaign with the runs that are asked for.
-
-    Raises ``LookupError`` when none is left.
-    """
-    submission = expand(load_campaign(file))
-    runs = tuple(
-        run
-        for run in submission.runs
-        for cell in (submission.cells[run.cell],)
-        if (repeats is None or run.repeat < repeats)
-        and (not only or any(fnmatch.fnmatchcase(cell.scenario, each) for each in only))
-        and (not suts or cell.sut.name in suts)
-    )
-    if not runs:
-        raise LookupError("no run is left")
-    return replace(submission, runs=runs, reserve=(), fresh=True)
-
-
 def cpu(daemon):
     """CPU seconds so far of the daemon and its worker, and of the processes of runs."""
     own = runs = 0.0
@@ -85,7 +65,7 @@ def cpu(daemon):
     return own, runs
 
 
-def finish(client, slots, start):
+def finish(client, start):
     """Wait for the end; return the campaign, and the seconds in which a slot had nothing to do."""
     idle, last = 0.0, time.monotonic()
     while True:
@@ -93,7 +73,7 @@ def finish(client, slots, start):
         (row,) = client.campaigns()
         now = time.monotonic()
         if row.queued == 0:
-            idle += (slots - min(slots, row.running)) * (now - last) / slots
+            idle += (SLOTS - min(SLOTS, row.running)) * (now - last) / SLOTS
         last = now
         if row.finished:
             return row, idle
@@ -104,18 +84,18 @@ def finish(client, slots, start):
         )
 
 
-def measured(submission, slots, goal):
+def measured(submission, goal):
     """Execute it and yield what it took."""
     before = reference()
     with (
         tempfile.TemporaryDirectory(prefix="bench-campaign-") as name,
-        daemon_at(Path(name, "state"), slots, executor=DEFAULT_EXECUTOR) as daemon,
+        daemon_at(Path(name, "state"), SLOTS, executor=DEFAULT_EXECUTOR) as daemon,
         daemon.client(timeout=60.0) as client,
     ):
         eventually(lambda: client.overview().workers, 600.0)
         begun, start = cpu(daemon), time.monotonic()
         client.submit(submission)
-        row, tail = finish(client, slots, start)
+        row, tail = finish(client, start)
         took = time.monotonic() - start
         own, runs = (b - a for a, b in zip(begun, cpu(daemon), strict=True))
         ended = list(all_runs(client, row))
@@ -133,7 +113,7 @@ def measured(submission, slots, goal):
     beside = Reference("CPU s of one S1", one)
     count = len(submission.runs)
     yield Measurement(
-        f"{count} runs on {slots} slots, and the report", took + report, "s", beside,
+        f"{count} runs on {SLOTS} slots, and the report", took + report, "s", beside,
         () if goal is None else (at_most(goal),),
     )  # fmt: skip
     yield Measurement(
@@ -154,11 +134,11 @@ def measured(submission, slots, goal):
         "  simulated, in the CPU time of all", simulated / everything, "x real time",
         Reference("one S1", after[1] / one), (), f"{simulated:.0f} s simulated",
     )  # fmt: skip
-    there = slots * took
+    there = SLOTS * took
     idle = there - busy
     yield Measurement(
         "  slots idle", 100.0 * idle / there, "%", Reference("all the time", 100.0), (),
-        f"{idle:.1f} of {there:.1f} s, {slots * tail:.1f} s of it when no run was left to start",
+        f"{idle:.1f} of {there:.1f} s, {SLOTS * tail:.1f} s of it when no run was left to start",
     )  # fmt: skip
     yield from outcomes(row)
 
@@ -188,17 +168,9 @@ def all_runs(client, row):
 
 
 def main(arguments):
-    """Measure what the command line asks for."""
+    """Measure the campaign of a file, of the published experiment without one."""
     parser = argparse.ArgumentParser("tests.benchmarks campaign", description=__doc__)
     parser.add_argument("file", nargs="?", type=Path, default=CAMPAIGN)
-    parser.add_argument("--repeats", type=int, help="the first so many of each cell")
-    parser.add_argument("--only", action="append", default=[], metavar="SCENARIO", help="or S3.*")
-    parser.add_argument("--sut", action="append", default=[])
-    parser.add_argument("--slots", type=int, default=2)
-    asked = parser.parse_args(arguments)
-    try:
-        submission = chosen(asked.file, asked.repeats, asked.only, asked.sut)
-    except LookupError as error:
-        parser.error(str(error))
-    whole = asked.file == CAMPAIGN and len(submission.runs) == RUNS and asked.slots == 2
-    yield from measured(submission, asked.slots, GOAL if whole else None)
+    file = parser.parse_args(arguments).file
+    submission = replace(expand(load_campaign(file)), reserve=(), fresh=True)
+    yield from measured(submission, GOAL if file == CAMPAIGN else None)

@@ -127,3 +127,25 @@ def in_turns(works, repeats, clock=time.process_time):
             works[name]()
             took[name].append(clock() - start)
     return took
+
+
+def microseconds(work, times=1):
+    """Return the CPU time of one call of ``work``, called ``times`` times [us]."""
+    begin = time.thread_time()
+    for _ in range(times):
+        work()
+    return (time.thread_time() - begin) / times * 1e6
+
+
+def cpu(pid):
+    """Return the CPU seconds of a process so far."""
+    used = psutil.Process(pid).cpu_times()
+    return used.user + used.system
+
+
+def spread(name, milliseconds, *goals):
+    """Return a measurement of the median of times [ms], the 99th percentile noted."""
+    last = sorted(milliseconds)[int(0.99 * (len(milliseconds) - 1))]
+    return Measurement(
+        name, float(np.median(milliseconds)), "ms", None, goals, f"99 %: {last:.2f} ms"
+    )
