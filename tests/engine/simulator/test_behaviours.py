@@ -156,52 +156,6 @@ def test_a_rearming_trigger_returns_with_hysteresis_and_fires_again():
     assert texts[:3] == ["triggered", "re-armed", "triggered"]
 
 
-def events_of(simulated, commands, *, lazily):
-    """What happens while each command holds for 0.1 s; not lazily: watched at every tick."""
-    if not lazily:
-        simulated._scheduler._way_since_check = lambda: math.inf
-    for command in commands:
-        simulated.command(command)
-        simulated.advance(10)
-    return [(event.time, event.text) for event in simulated.take_events()]
-
-
-@pytest.mark.parametrize("of", ["hinge", "foot", "leaf", "doorway"])
-@pytest.mark.parametrize("to", ["base", "footprint"])
-def test_every_kind_of_distance_fires_at_the_same_tick_as_watching_always(of, to):
-    commands = [
-        Twist2(0.7 * math.cos(0.04 * k), 0.1 * math.sin(0.1 * k), 0.3 * math.cos(0.07 * k))
-        for k in range(240)
-    ]
-    trigger = near(Servo(1.0, 40.0), of=of, to=to, distance=0.9, rearm=1.1)
-    lazy, always = (
-        events_of(approach(trigger, start=Pose2(1.3, -0.3, 0.0)), commands, lazily=lazily)
-        for lazily in (True, False)
-    )
-    assert lazy == always
-    assert len(lazy) >= 2
-
-
-@pytest.mark.parametrize(("joint", "near"), [("s.rail", 0.7), ("f.root", 1.05), ("f.fold", 0.7)])
-def test_triggers_of_sliding_and_chained_joints_miss_nothing_either(joint, near):
-    trigger = Trigger(
-        joint, 0.0, 0.6, near, Servo(1.0, 60.0), of="leaf", to="footprint", rearm=near + 0.2
-    )
-    doors = sliding_door("s", Pose2(3.0, 0.6, 0.0)), folding("f", Pose2(3.2, -1.2, 0.1))
-    commands = [
-        Twist2(0.7 * math.cos(0.042 * k), 0.0, 0.2 * math.cos(0.083 * k)) for k in range(240)
-    ]
-    lazy, always = (
-        events_of(
-            world(*doors, start=Pose2(0.8, 0.0, 0.0), behaviours=(trigger,)),
-            commands, lazily=lazily,
-        )
-        for lazily in (True, False)
-    )  # fmt: skip
-    assert lazy == always
-    assert len(lazy) >= 2
-
-
 def test_a_held_chain_link_follows_its_moving_parent():
     behaviour = Trigger("f.fold", 0.8, 0.0, 0.01, Jump())
     simulated = world(folding("f", Pose2(1.0, -0.5, 0.2)), behaviours=(behaviour,))

@@ -17,7 +17,8 @@ from grammars.model.behaviour import (
     Walk,
 )
 from grammars.model.geometry import Pose2, Twist2
-from tests.engine.simulator.scenes import door, wall, world
+from grammars.model.scene import Doorway
+from tests.engine.simulator.scenes import box, door, folding, sliding_door, wall, world
 from tests.engine.simulator.test_walkers import person
 
 TICKS = 160
@@ -30,11 +31,17 @@ key_frames = st.builds(
     ),
     times, times, MOTIONS,
 )  # fmt: skip
+measured = st.sampled_from(
+    [("near.hinge", of) for of in ("hinge", "foot", "leaf", "doorway")]
+    + [(joint, "leaf") for joint in ("slider.rail", "folding.root", "folding.fold")]
+)
 triggers = st.builds(
-    lambda near, rearm, motion: Trigger(
-        "near.hinge", 0.0, 1.2, near, motion, rearm=None if rearm is None else near + rearm
+    lambda what, to, near, rearm, motion: Trigger(
+        what[0], 0.0, 0.6, near, motion, of=what[1], to=to,
+        rearm=None if rearm is None else near + rearm,
     ),
-    st.floats(0.3, 2.5), st.none() | st.floats(0.1, 1.0), MOTIONS,
+    measured, st.sampled_from(["base", "footprint"]), st.floats(0.3, 2.5),
+    st.none() | st.floats(0.05, 1.0), MOTIONS,
 )  # fmt: skip
 events = st.sampled_from(
     [
@@ -60,7 +67,9 @@ some = st.tuples(*(st.none() | of for of in (key_frames, triggers, reactions, wa
 
 def build(behaviours):
     return world(
-        door("timed", Pose2(4.0, 2.0, 0.0)), door("near", Pose2(2.0, 0.5, 0.0)),
+        door("timed", Pose2(4.0, 2.0, 0.0)), door("near", Pose2(2.0, 0.5, 0.0), doorway="way"),
+        Doorway("way", Pose2(2.0, 1.0, 0.0), box(1.9, 0.5, 2.1, 1.5), 1.0, 0.0, 2.0),
+        sliding_door("slider", Pose2(1.5, -2.0, 0.0)), folding("folding", Pose2(2.2, -1.5, 0.1)),
         door("told", Pose2(0.0, 0.2, math.pi)), person(), wall("end", 2.6, -2.0, 2.8, 2.0),
         start=Pose2(0.0, -0.4, 0.0), behaviours=behaviours,
     )  # fmt: skip
@@ -77,12 +86,17 @@ def test_asking_at_every_tick_changes_nothing(drawn, every, leg):
     now, asked = build(behaviours), build(behaviours)
     for each in (now, asked):
         each.command(Twist2(1.0, 0.0, 0.1))
+    # As if the robot were always where triggers have to be watched.
+    asked._scheduler._way_since_check = lambda: math.inf
     told = False
     while now.tick < TICKS:
         if now.tick >= leg and not told:
             told = True
             for each in (now, asked):
                 each.progress(1, 1)
+        if now.tick > TICKS / 2:
+            for each in (now, asked):
+                each.command(Twist2(-1.0, 0.0, 0.1))
         now.advance(every)
         for _ in range(every):
             asked._scheduler.due = -math.inf
