@@ -80,13 +80,15 @@ def test_rosbags_opens_the_file_as_a_ros2_bag(recorded):
     }
 
 
-def shown(value):
+def shown(value, ids):
     """A decoded message in one line, without what is zero or empty; of long lists the ends."""
+    if hasattr(value, "uuid"):
+        return f"#{ids.setdefault(bytes(value.uuid), len(ids) + 1)}"
     if hasattr(value, "__slots__"):
-        parts = [(name, shown(getattr(value, name))) for name in value.__slots__]
+        parts = [(name, shown(getattr(value, name), ids)) for name in value.__slots__]
         return f"({', '.join(f'{name} {text}' for name, text in parts if text)})".replace("()", "")
     if isinstance(value, (list, tuple, np.ndarray, bytes)):
-        texts = [shown(item) or "0" for item in value]
+        texts = [shown(item, ids) or "0" for item in value]
         if set(texts) <= {"0"}:
             return f"{len(texts)} × 0" if texts else ""
         ends = [*texts[:2], f"… {len(texts)} …", *texts[-4:]] if len(texts) > 8 else texts
@@ -98,7 +100,7 @@ def shown(value):
 
 def contents(path):
     """What the reference reader and decoder find in a file: of each topic the ends."""
-    topics = {}
+    topics, ids = {}, {}
     for topic, time, message in decoded(path):
         topics.setdefault(topic, []).append((time, message))
     with path.open("rb") as stream:
@@ -115,7 +117,7 @@ def contents(path):
         assert [time for time, _ in messages] == sorted(time for time, _ in messages)
         lines.append(f"== {topic}: {len(messages)}")
         for time, message in messages if len(messages) <= 4 else (messages[0], messages[-1]):
-            lines.append(f"    {time:g} s {shown(message)}".rstrip())
+            lines.append(f"    {time:g} s {shown(message, ids)}".rstrip())
     return "\n".join([*lines, ""])
 
 
