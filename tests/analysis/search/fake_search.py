@@ -38,7 +38,7 @@ def search(task, runs, learnt="", **parameters):
     for number in range(task.runs):
         if number >= task.window:
             learnt = learn(learnt, runs.result(number - task.window))
-            runs.report("explore", f"{number} proposed", answer_of(task, number))
+            runs.report("explore", f"{number} proposed", answer_of(number))
         issue(task, runs, number, number, 0, learnt, parameters)
     for number in range(max(0, task.runs - task.window), task.runs):
         learnt = learn(learnt, runs.result(number))
@@ -46,10 +46,10 @@ def search(task, runs, learnt="", **parameters):
         issue(task, runs, task.runs + repeat - 1, 0, repeat, "", parameters, "confirm")
     for repeat in range(CONFIRMED):
         runs.result(task.runs + repeat)
-    return replace(answer_of(task, task.runs), ended="budget")
+    return replace(answer_of(task.runs), ended="budget")
 
 
-def client_of(daemon, campaign, runs, program=search, name="lab", **asked):
+def client_of(daemon, campaign, runs, program=search, name="lab", **parameters):
     """Begin a search at a daemon, and return its client, which is not started."""
     # Not for each process that executes runs.
     from daemon.batch.client import Client
@@ -57,10 +57,10 @@ def client_of(daemon, campaign, runs, program=search, name="lab", **asked):
 
     begun, client = make_search(campaign, name, runs=runs), Client.open(daemon)
     client.begin_search(begun)
-    return SearchClient(client, begun, partial(program, begun.task, **asked))
+    return SearchClient(client, begun, partial(program, begun.task, **parameters))
 
 
-def answer_of(task, explored):
+def answer_of(explored):
     return SearchAnswer("", explored, explored, 0, 0, 0, 0, 0, 0, sentences=("so far",))
 
 
@@ -81,8 +81,7 @@ def result_of(spec, *, leads):
     margin = (spec.sut.parameters["value"] - 50.0) / 10.0 + spec.repeat
     outcome = Outcome.FAIL if margin < 0.0 else Outcome.PASS
     result = make_result(spec, outcome=outcome, margin=margin)
-    lead = LeadingMargin("arrives", margin, "s")
-    return replace(result, leads=(lead,) if leads else ())
+    return replace(result, leads=(LeadingMargin("arrives", margin, "s"),) if leads else ())
 
 
 def execute(spec, scene, *, trace_path, on_progress=None, interest=None, leads=False):

@@ -1,26 +1,25 @@
 """A point of a search is the run that a campaign specifies with the point's values written in."""
 
-import shutil
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
+from daemon.analysis.blame import Candidate
 from daemon.campaign import expand, load_campaign
 from daemon.search.composition import search_case
+from daemon.search.point_runner import PointRunner
+from daemon.search.program import run_search
+from daemon.search.shrinking import missing_words, shrink_failure
+from grammars.model.behaviour import Trigger
 from grammars.text.diagnostics import InputError
-from tests.analysis.search.cases import load_search_case
-from tests.analysis.search.pretended import made_trial
+from tests.analysis.search.searches import (
+    ORACLE,
+    LocalRuns,
+    load_search_case,
+    made_trial,
+    result_of,
+)
 
-DOORS = """\
-parameter swing = 60 deg/s
-parameter closes = 6 s
-parameter opens = 14 s
-group leading: bedroom_door
-
-all leading moves to open at 0 s, to closed at closes, to open at opens, by servo at swing
-living_room_door toggles between closed and open every 5 s with probability 0.5
-"""
 CAMPAIGN = """\
 campaign: tiny
 seed: 3
@@ -30,19 +29,18 @@ robot: courier
 oracles: navigation
 matrix: {sut: [pilot, idle]}
 defaults:
-  floorplan: PLAN
+  floorplan: flat
   objects: doors
   mission: courier
   oracles: [keeps-clear, nearest]
-  chance: CHANCE
+  chance: per repeat
 scenarios:
 """
 BUSY = "  busy: {behaviours: [doors_open, doors_moving]}\n"
-OTHER = """\
+TIMES = """\
+  busy: {behaviours: [doors_open, doors_moving]}
   calm: {behaviours: doors_open}
 compare: {patience: delay(busy vs calm on leg kitchen) <= 9 s}
-"""
-SEARCH = """\
 search:
   s:
     scenario: busy
@@ -56,54 +54,13 @@ search:
       doors_moving.leading: [bedroom_door, kitchen_door]
 """
 WRITTEN = (6.0, 14.0, 60.0, "bedroom_door")
-
-
-@pytest.fixture
-def folder(tmp_path, campaigns):
-    """The layers of the demonstration, with doors whose times have names."""
-    folder = Path(shutil.copytree(campaigns / "demo", tmp_path / "mine"))
-    (folder / "doors_moving.scenery").write_text(DOORS)
-    return folder
-
-
-def case_in(folder, *, chance="per repeat", plan="flat"):
-    path = folder / "tiny.yaml"
-    head = CAMPAIGN.replace("CHANCE", chance).replace("PLAN", plan)
-    path.write_text(head + BUSY + OTHER + SEARCH)
-    return load_search_case(path, "s")
-
-
-def by_hand(folder, scenario, *, chance="per repeat"):
-    """Return the runs with pilot of a campaign with that scenario alone."""
-    path = folder / "hand.yaml"
-    head = CAMPAIGN.replace("CHANCE", chance).replace("PLAN", "flat")
-    path.write_text(head + scenario)
-    return [run for run in expand(load_campaign(path)).specs if run.sut.name == "pilot"]
-
-
-@pytest.mark.parametrize("chance", ["per repeat", "per campaign"])
-def test_a_point_is_the_run_with_its_values_written_beside_the_layer(chance, folder):
-    case = case_in(folder, chance=chance)
-    values = "{closes: 6.25 s, opens: 15 s, swing: 52.5 deg/s, leading: kitchen_door}"
-    scenario = f"  s.7: {{behaviours: [doors_open, doors_moving: {values}]}}\n"
-    wanted = by_hand(folder, scenario, chance=chance)
-    point = (6.25, 15.0, 52.5, "kitchen_door")
-    made = [case.candidate(point, 7, repeat) for repeat in range(3)]
-    assert [one.spec.digest for one in made] == [run.digest for run in wanted]
-    assert all(one.spec.scene == one.scene.digest for one in made)
-
-
-def test_the_written_values_are_the_scenario_as_it_stands(folder):
-    case = case_in(folder)
-    assert tuple(p.written for p in case.task.parameters) == WRITTEN
-    scenario = "  s.0: {behaviours: [doors_open, doors_moving]}\n"
-    wanted = by_hand(folder, scenario)
-    assert [case.candidate(WRITTEN, 0, r).spec.digest for r in (0, 1, 2)] == [
-        run.digest for run in wanted
-    ]
-
-
+OTHER = (6.25, 15.0, 52.5, "kitchen_door")
+OTHER_BUSY = """\
+  s.7: {behaviours: [doors_open, doors_moving: {closes: 6.25 s, opens: 15 s, swing: 52.5 deg/s,
+                                                leading: kitchen_door}]}
+"""
 EVERYWHERE = """\
+  busy: {behaviours: [doors_open, doors_moving]}
 search:
   s:
     scenario: busy
@@ -121,130 +78,234 @@ search:
       pilot.max_speed: 0.3 .. 0.8
 """
 FAR = (0.95, 52.5, 0.125, 0.3, 0.02, 181.0, "clamped", 0.45)
+VARIED = """\
+  busy: {behaviours: doors_open, vary: {floorplan: {flat: {slack: 0.1 m}}, samples: 1}}
+search:
+  s: {scenario: busy, sut: pilot, minimise: keeps-clear, method: halton,
+      over: {vary.slack: 0.09 .. 0.14 m}}
+"""
 
 
-def everywhere(folder):
+def write(folder, rest, chance="per repeat"):
     path = folder / "tiny.yaml"
-    head = CAMPAIGN.replace("CHANCE", "per repeat").replace("PLAN", "flat")
-    path.write_text(head + BUSY + EVERYWHERE)
-    return load_search_case(path, "s")
+    path.write_text(CAMPAIGN.replace("per repeat", chance) + rest)
+    return path
 
 
-def test_every_layer_can_be_searched(folder):
-    spec = everywhere(folder).candidate(FAR, 5).spec
-    assert spec.mission.start.y == 0.125
-    assert spec.mission.waypoints[0].x == 0.3
-    assert (spec.robot.laser.noise, spec.robot.laser.rays) == (0.02, 181)
-    assert spec.robot.laser.too_near == "clamped"
-    assert spec.sut.parameters["max_speed"] == 0.45
-    other = everywhere(folder).candidate((1.0, *FAR[1:]), 5).spec
-    assert other.scene != spec.scene
+@pytest.fixture
+def case(folder):
+    """The search for times of doors."""
+    return load_search_case(write(folder, TIMES), "s")
 
 
-def test_the_campaign_of_a_point_has_its_very_run(folder):
-    case = everywhere(folder)
-    text = case.found_text(made_trial(FAR, -0.1, 5), comment="It fails.")
-    assert text.startswith("# It fails.\n")
+@pytest.fixture
+def everywhere(folder):
+    """A search that varies every layer."""
+    return load_search_case(write(folder, EVERYWHERE), "s")
+
+
+def only_run(folder, text):
+    """The one run of a campaign, and the campaign."""
     (folder / "s.found.yaml").write_text(text)
-    found = load_campaign(folder / "s.found.yaml")
-    (run,) = expand(found).specs
-    assert run.digest == case.candidate(FAR, 5).spec.digest
+    campaign = load_campaign(folder / "s.found.yaml")
+    (run,) = expand(campaign).specs
+    return run, campaign
+
+
+@pytest.mark.parametrize("chance", ["per repeat", "per campaign"])
+@pytest.mark.parametrize(
+    ("point", "number", "scenario"),
+    [(OTHER, 7, OTHER_BUSY), (WRITTEN, 0, BUSY.replace("busy", "s.0"))],
+    ids=["other", "written"],
+)
+def test_a_point_is_the_run_with_its_values_beside_the_layer(
+    folder, chance, point, number, scenario
+):
+    case = load_search_case(write(folder, TIMES, chance), "s")
+    assert tuple(p.written for p in case.task.parameters) == WRITTEN
+    made = [case.candidate(point, number, repeat) for repeat in range(3)]
+    runs = expand(load_campaign(write(folder, scenario, chance))).specs
+    assert [m.spec.digest for m in made] == [r.digest for r in runs if r.sut.name == "pilot"]
+    assert all(one.spec.scene == one.scene.digest for one in made)
+    # What comparisons measure is left out.
+    assert [oracle.name for oracle in made[0].spec.oracles] == ["keeps-clear", "nearest"]
+
+
+def test_every_layer_can_be_searched(everywhere):
+    spec = everywhere.candidate(FAR, 5).spec
+    assert (spec.mission.start.y, spec.mission.waypoints[0].x) == (0.125, 0.3)
+    laser = spec.robot.laser
+    assert (laser.noise, laser.rays, laser.too_near) == (0.02, 181, "clamped")
+    assert spec.sut.parameters["max_speed"] == 0.45
+    assert everywhere.candidate((1.0, *FAR[1:]), 5).spec.scene != spec.scene
+
+
+def test_the_campaign_of_a_point_has_its_very_run(folder, everywhere):
+    text = everywhere.found_text(made_trial(FAR, -0.1, 5), comment="It fails.")
+    assert text.startswith("# It fails.\n")
+    run, found = only_run(folder, text)
+    assert run.digest == everywhere.candidate(FAR, 5).spec.digest
     assert found.searches == ()
 
 
-def test_what_was_found_says_what_is_not_as_written_and_that_it_fails(folder):
-    case = case_in(folder)
-    point = (6.25, 14.0, 60.0, "bedroom_door")
+def test_a_found_campaign_has_the_values_not_as_written_and_expects_the_failure(folder, case):
+    point = (6.25, *WRITTEN[1:])
     text = case.found_text(made_trial(point, -0.1, 5), comment="", why="closes 0.25 s later: bad")
     assert "doors_moving: {closes: 6.25 s}" in text
-    (folder / "s.found.yaml").write_text(text)
-    found = load_campaign(folder / "s.found.yaml")
-    (run,) = expand(found).specs
+    run, found = only_run(folder, text)
     assert run.digest == case.candidate(point, 5).spec.digest
     (expected,) = found.declared.expectations
     assert (expected.oracle, expected.verdict) == ("keeps-clear", "fail")
     assert expected.why == "closes 0.25 s later: bad"
 
 
-def test_what_is_written_with_more_digits_than_a_point_has_is_said_all_the_same(folder):
-    (folder / "doors_moving.scenery").write_text(DOORS.replace("= 6 s", "= 6.00000000004 s"))
-    case = case_in(folder)
+def test_a_value_with_more_digits_than_a_point_has_is_written_all_the_same(folder, doors):
+    (folder / "doors_moving.scenery").write_text(doors.replace("= 6 s", "= 6.00000000004 s"))
+    case = load_search_case(write(folder, TIMES), "s")
     point = (case.task.parameters[0].written, 14.0, 61.0, "bedroom_door")
-    assert point[0] is not None
     text = case.found_text(made_trial(point, -0.1, 5), comment="")
-    (folder / "s.found.yaml").write_text(text)
-    (run,) = expand(load_campaign(folder / "s.found.yaml")).specs
-    assert run.digest == case.candidate(point, 5).spec.digest
+    assert only_run(folder, text)[0].digest == case.candidate(point, 5).spec.digest
     assert "closes" in text
 
 
-def test_values_in_any_layer_can_be_taken_apart(folder):
-    case = everywhere(folder)
-    taken, candidate = case.run_case(FAR, 5), case.candidate(FAR, 5)
-    again = taken.candidate(frozenset(), taken.spec.oracles[0])
-    one = replace(candidate.spec, oracles=candidate.spec.oracles[:1])
-    assert again.spec == one
-
-
 def test_one_building_of_a_variation_can_be_searched(folder):
-    path = folder / "tiny.yaml"
-    head = CAMPAIGN.replace("CHANCE", "per repeat").replace("  floorplan: PLAN\n", "")
-    vary = (
-        "  busy: {behaviours: doors_open, vary: {floorplan: {flat: {slack: 0.1 m}}, samples: 1}}\n"
-    )
-    search = "search:\n  s: {scenario: busy, sut: pilot, minimise: keeps-clear, method: halton,\n"
-    path.write_text(head + vary + search + "      over: {vary.slack: 0.09 .. 0.14 m}}\n")
+    path = write(folder, VARIED)
+    path.write_text(path.read_text().replace("  floorplan: flat\n", "", 1))
     case = load_search_case(path, "s")
     (parameter,) = case.task.parameters
     assert (parameter.slot, parameter.key, parameter.written) == ("vary", "slack", 0.1)
     wide, mean = case.candidate((0.12,), 1), case.candidate((0.1,), 2)
     assert wide.spec.scene != mean.spec.scene
-    (folder / "s.found.yaml").write_text(case.found_text(made_trial((0.12,), -0.1, 1), comment=""))
-    (run,) = expand(load_campaign(folder / "s.found.yaml")).specs
+    run, _ = only_run(folder, case.found_text(made_trial((0.12,), -0.1, 1), comment=""))
     assert run.digest == wide.spec.digest
 
 
-def test_what_comparisons_measure_is_left_out(folder):
-    spec = case_in(folder).candidate(WRITTEN, 0).spec
-    assert [oracle.name for oracle in spec.oracles] == ["keeps-clear", "nearest"]
-
-
-def test_a_point_has_the_same_run_however_often_and_after_whatever(folder):
-    case = case_in(folder)
+def test_a_point_has_the_same_run_however_often_and_after_whatever(case):
     first = case.candidate(WRITTEN, 0).spec.digest
-    others = {
-        case.candidate((4.0 + n / 10, 20.0, 60.0, "bedroom_door"), n).spec.digest for n in range(99)
-    }
+    others = {case.candidate((4.0 + n / 10, 20.0, *WRITTEN[2:]), n).spec.digest for n in range(99)}
     assert len(others) == 99
+    with pytest.raises(InputError, match="is not after"):
+        case.candidate((15.0, *WRITTEN[1:]), 1)
     assert case.candidate(WRITTEN, 0).spec.digest == first
 
 
-def test_a_point_that_makes_no_run_is_bad_input(folder):
-    case = case_in(folder)
-    with pytest.raises(InputError, match="is not after"):
-        case.candidate((15.0, 14.0, 60.0, "bedroom_door"), 1)
-    assert case.candidate(WRITTEN, 2).spec.scenario == "s.2"
+def test_a_point_in_any_layer_can_be_taken_apart(case, everywhere):
+    for one, point in ((case, OTHER), (everywhere, FAR)):
+        taken, candidate = one.run_case(point, 7), one.candidate(point, 7)
+        assert taken.spec == candidate.spec
+        again = taken.candidate(frozenset(), taken.spec.oracles[0])
+        assert again.spec == replace(candidate.spec, oracles=candidate.spec.oracles[:1])
+    assert any("closes 6.25 s" in element.name for element in case.run_case(OTHER, 7).added)
 
 
-def test_a_point_can_be_taken_apart(folder):
-    case = case_in(folder)
-    point = (6.25, 15.0, 52.5, "kitchen_door")
-    taken = case.run_case(point, 7)
-    candidate = case.candidate(point, 7)
-    assert taken.spec == candidate.spec
-    again = taken.candidate(frozenset(), taken.spec.oracles[0])
-    assert again.spec.behaviours == candidate.spec.behaviours
-    assert any("closes 6.25 s" in element.name for element in taken.added)
-
-
-def test_a_task_of_another_campaign_is_refused(folder):
-    case = case_in(folder)
+@pytest.mark.parametrize(
+    ("changes", "parameter", "message"),
+    [
+        ({"scenario": "other"}, {}, 'no scenario "other"'),
+        ({"sut": "a2s"}, {}, 'no system under test "a2s"'),
+        ({}, {"index": 9}, "no layer 9 in"),
+        ({}, {"slot": "vary"}, "no layer 1 in vary"),
+    ],
+)
+def test_a_task_of_another_campaign_is_refused(case, changes, parameter, message):
     first, *rest = case.task.parameters
-    for changed, said in (
-        (replace(case.task, scenario="other"), 'no scenario "other"'),
-        (replace(case.task, sut="a2s"), 'no system under test "a2s"'),
-        (replace(case.task, parameters=(replace(first, index=9), *rest)), "no layer 9 in"),
-        (replace(case.task, parameters=(replace(first, slot="vary"), *rest)), "no layer 1 in vary"),
-    ):
-        with pytest.raises(InputError, match=said):
-            search_case(case.campaign, changed)
+    parameters = (replace(first, **parameter), *rest)
+    with pytest.raises(InputError, match=message):
+        search_case(case.campaign, replace(case.task, parameters=parameters, **changes))
+
+
+RUDE = """\
+  rude:
+    objects: [doors, people]
+    behaviours: [doors_open, doors_in_your_face]
+    oracles: [reached, keeps-clear]
+search:
+  near:
+    scenario: rude
+    sut: pilot
+    minimise: keeps-clear
+    over: {doors_in_your_face.near: 0.5 .. 2 m}
+"""
+
+
+@pytest.fixture
+def rude(folder):
+    """The search for how near doors shut in the robot's face."""
+    return load_search_case(write(folder, RUDE), "near")
+
+
+def runs_judged_by(fails):
+    """Runs that are not executed: they fail keeps-clear by a rule about their specification."""
+
+    def result(spec):
+        margin = -0.02 if fails(spec) else 0.1
+        margins = {o.name: margin if o.name == ORACLE else 0.1 for o in spec.oracles}
+        return result_of(spec, margin, margins=margins)
+
+    return LocalRuns(lambda candidates: [result(candidate.spec) for candidate in candidates])
+
+
+def shrink(case, fails):
+    """Shrink the run of a point; return its runs and what is left."""
+    points = PointRunner(case, runs := runs_judged_by(fails))
+    failure = points.finish(points.begin((1.5,), "explore", "halton", guided=False))
+    return runs, shrink_failure(points, failure)
+
+
+def test_one_door_and_its_behaviour_are_left_of_a_failure(rude):
+    def fails(spec):
+        doing = any(b.joint.startswith("kitchen_door") for b in spec.behaviours)
+        return doing and any(w.id == "kitchen" for w in spec.mission.waypoints)
+
+    runs, shrunk = shrink(rude, fails)
+    assert shrunk.minimal
+    assert shrunk.story[-2:] == (
+        "  waypoints kitchen (of 4)",
+        "  behaviours kitchen_door.hinge (of 5)",
+    )
+    assert shrunk.left == (
+        "1 of 6 objects (kitchen_door), 1 of 4 waypoints (kitchen) and "
+        "1 of 5 behaviours (kitchen_door.hinge) are left"
+    )
+    tried = [p for p in runs.proposals if p.phase == "shrink"]
+    assert shrunk.runs == len(tried) > 5
+    assert [p.number for p in tried] == list(range(1, len(tried) + 1)), "each is its own scenario"
+    assert {p.values for p in tried} == {(1.5,)}
+    assert any("without" in p.note and "bedroom" in p.note for p in tried)
+    assert len(set(runs.digests)) == len(runs.digests)
+
+
+def test_a_run_that_does_not_fail_is_not_shrunk(rude):
+    _, shrunk = shrink(rude, lambda spec: False)
+    story = "nothing to shrink: near.0/pilot/0 does not fail keeps-clear: "
+    assert shrunk.story == (f"{story}reached pass, keeps-clear pass",)
+    assert shrunk.runs == 0
+
+
+@pytest.mark.parametrize(
+    ("left_out", "words"),
+    [
+        (lambda e: e.name in ("kitchen", "home"), "without waypoint kitchen, waypoint home"),
+        (lambda e: e.kind == "override", "with fewer values"),
+    ],
+)
+def test_missing_parts_are_told(rude, left_out, words):
+    whole = rude.run_case((1.5,), 0)
+    removed = frozenset(filter(left_out, whole.remaining(frozenset())))
+    part = whole.candidate(removed, whole.spec.oracles[1])
+    assert missing_words(Candidate(whole.spec, whole.cell.scene), part) == words
+
+
+def test_a_whole_search_leaves_a_file_with_the_very_run_it_found(folder, rude):
+    def fails(spec):
+        return any(b.distance > 1.2 for b in spec.behaviours if isinstance(b, Trigger))
+
+    task = replace(rude.task, runs=6, method="halton", confirm=2, then=("nearest", "shrink"))
+    runs = runs_judged_by(fails)
+    answer = run_search(replace(rude, task=task), runs)
+    run, _ = only_run(folder, answer.found)
+    assert run.digest == answer.told_failure.digest
+    assert run.digest == runs.digests[answer.nearest.result.proposal.position]
+    assert run.label == answer.told_failure.label
+    phases = list(dict.fromkeys(p.phase for p in runs.proposals))
+    assert phases == ["explore", "confirm", "nearest", "shrink"]
