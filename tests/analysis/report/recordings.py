@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 
 from daemon.analysis.recorded import read_traces
-from daemon.analysis.report import read_report_data
-from daemon.analysis.results import read_results
+from daemon.analysis.report import SuggestedCommand, read_report_data
+from daemon.analysis.results import read_results, write_campaign_note
 from daemon.model.assessments import AssessmentRules, Expectation, RepeatPolicy, ScenarioComparison
 from daemon.model.ids import trace_name
 from daemon.model.spec import MapSettings, OracleText, RunSpec, SutReference
+from daemon.model.submission import Submission
 from daemon.model.sut import Estimate, Progress
 from daemon.trace import TraceWriter
 from grammars.model.behaviour import Jump, Trigger
@@ -17,6 +18,7 @@ from grammars.model.geometry import Pose2, Twist2
 from grammars.model.grid import OccupancyGrid
 from tests.engine.judging.traces import CORRIDOR, ROBOT, mission
 
+COMMAND = SuggestedCommand("scenario judge {run}", "judge it again")
 NAME = 'evil <script>alert("1")</script> & $x^2$'
 ABOUT = "Is <b>everything</b> & all of it escaped?"
 WHY = "the <i>corridor</i> is narrow"
@@ -107,6 +109,14 @@ def record_all(folder):
         name = trace_name("c", run.scenario, run.sut.name, run.repeat)
         record(folder / name.partition("/")[2], run)
     return specs
+
+
+def record_campaign(folder):
+    """Leave a folder as `scenario run` does."""
+    specs = record_all(folder)
+    plain = Submission.of("c", specs, (CORRIDOR,))
+    write_campaign_note(folder, replace(plain, name=NAME, about=ABOUT, declared=DECLARED))
+    return folder
 
 
 def report_of(folder, processes=1):

@@ -9,13 +9,15 @@ import pytest
 from lxml import etree
 
 from daemon.analysis.report import MEASURES, report_table, write_junit
-from daemon.model.assessments import Assessment, CellVerdict, ExpectationStatus
+from daemon.model.assessments import Assessment, ExpectationStatus
 from daemon.model.spec import Timing
 from daemon.model.verdicts import Outcome
 from tests.analysis.report.recordings import OPEN_SHOWN, SHUT, SUTS, WHY, with_assessment
 from tests.make import with_result
 
 MET, OPEN, CONTRADICTED = ExpectationStatus
+NEAR, FAR = SUTS
+SCHEMA = etree.XMLSchema(etree.parse(str(Path(__file__).with_name("junit.xsd"))))
 
 
 def test_the_table_has_every_measure_and_margin(data):
@@ -32,113 +34,106 @@ def test_the_table_has_every_measure_and_margin(data):
             assert found[run.record.id, verdict.oracle]["margin"] == verdict.margin
 
 
-def write(data, path):
-    write_junit(data.input.row.name, data.assessment, [run.record for run in data.runs], path)
+@pytest.fixture
+def junit(tmp_path):
+    """Write the file of a report; return the path."""
+
+    def write(data):
+        path = tmp_path / "deep" / "results.xml"
+        write_junit(data.input.row.name, data.assessment, [r.record for r in data.runs], path)
+        return path
+
+    return write
 
 
-def cases(data, folder):
-    path = folder / "results.xml"
-    write(data, path)
-    return {
-        (suite.name, case.name): case
-        for suite in junitparser.JUnitXml.fromfile(str(path))
-        for case in suite
-    }
+@pytest.fixture
+def cases(junit):
+    """The cases of the file of a report, by suite and name."""
+
+    def read(data):
+        suites = junitparser.JUnitXml.fromfile(str(junit(data)))
+        return {(suite.name, case.name): case for suite in suites for case in suite}
+
+    return read
 
 
-def test_build_servers_see_failures_known_ones_and_passes(data, tmp_path):
-    found = cases(data, tmp_path)
-    near, far = SUTS
-    (unexpected,) = found[f"{OPEN_SHOWN}/{near}", "buffer"].result
-    assert isinstance(unexpected, junitparser.Failure)
-    assert "0 of 2 pass" in unexpected.message
-    assert "door-17.leaf" in unexpected.message
-    (known,) = found[f"{SHUT}/{near}", "buffer"].result
-    assert isinstance(known, junitparser.Skipped)
-    assert known.message == f"xfail: {WHY}"
-    assert found[f"{SHUT}/{far}", "buffer"].result == []
-    assert len(found) == 3 * 4 + 2
-
-
-def only(data, **changes):
-    """A campaign of one oracle of one cell, changed."""
-    cell = next(c for c in data.assessment.cells if (c.scenario, c.sut) == (SHUT, SUTS[0]))
-    oracle = replace(cell.oracles[-1], **changes)
-    return with_cell(data, replace(cell, oracles=(oracle,)))
-
-
-def with_cell(data, cell):
+def with_cell(data, index=0, **changes):
+    """A campaign of one cell, changed."""
+    cell = replace(data.assessment.cells[index], **changes)
     return with_assessment(data, Assessment((cell,), (), (), 0))
 
 
+def test_build_servers_see_failures_known_ones_and_passes(data, cases):
+    found = cases(data)
+    (unexpected,) = found[f"{OPEN_SHOWN}/{NEAR}", "buffer"].result
+    assert isinstance(unexpected, junitparser.Failure)
+    assert "0 of 2 pass" in unexpected.message
+    assert "door-17.leaf" in unexpected.message
+    (known,) = found[f"{SHUT}/{NEAR}", "buffer"].result
+    assert isinstance(known, junitparser.Skipped)
+    assert known.message == f"xfail: {WHY}"
+    assert found[f"{SHUT}/{FAR}", "buffer"].result == []
+    assert len(found) == 3 * 4 + 2
+
+
 @pytest.mark.parametrize(
-    ("changes", "kind", "type_"),
+    ("verdict", "expected", "status", "passed", "kind", "type_"),
     [
-        ({"verdict": Outcome.PASS, "expected": "pass", "status": MET}, None, ""),
-        ({"verdict": Outcome.FAIL, "expected": "pass", "status": CONTRADICTED}, "Failure", "fail"),
-        ({"verdict": Outcome.ERROR, "expected": "pass", "status": OPEN}, "Error", "error"),
-        ({"verdict": Outcome.INCONCLUSIVE, "expected": "pass", "status": OPEN}, "Error",
-         "inconclusive"),
-        ({"verdict": Outcome.FAIL, "expected": "fail", "status": MET}, "Skipped", "xfail"),
-        ({"verdict": Outcome.PASS, "expected": "fail", "status": CONTRADICTED, "passed": 2},
-         "Failure", "xpass"),
-        ({"verdict": Outcome.FAIL, "expected": "fail", "status": CONTRADICTED, "passed": 1},
-         "Failure", "xpass"),
-        ({"verdict": Outcome.INCONCLUSIVE, "expected": "fail", "status": OPEN, "passed": 0},
-         "Error", "inconclusive"),
-        ({"verdict": Outcome.ERROR, "expected": "mixed", "status": OPEN, "passed": 0}, "Error",
-         "error"),
-        ({"verdict": Outcome.PASS, "expected": "any", "status": MET}, None, ""),
+        (Outcome.PASS, "pass", MET, 2, None, ""),
+        (Outcome.FAIL, "pass", CONTRADICTED, 2, "Failure", "fail"),
+        (Outcome.ERROR, "pass", OPEN, 2, "Error", "error"),
+        (Outcome.INCONCLUSIVE, "pass", OPEN, 2, "Error", "inconclusive"),
+        (Outcome.FAIL, "fail", MET, 2, "Skipped", "xfail"),
+        (Outcome.PASS, "fail", CONTRADICTED, 2, "Failure", "xpass"),
+        (Outcome.FAIL, "fail", CONTRADICTED, 1, "Failure", "xpass"),
+        (Outcome.INCONCLUSIVE, "fail", OPEN, 0, "Error", "inconclusive"),
+        (Outcome.ERROR, "mixed", OPEN, 0, "Error", "error"),
+        (Outcome.PASS, "any", MET, 2, None, ""),
     ],
-)  # fmt: skip
-def test_each_verdict_has_its_place_in_junit(data, tmp_path, changes, kind, type_):
-    (case,) = cases(only(data, **changes), tmp_path).values()
+)
+def test_each_verdict_has_its_place_in_junit(
+    data, cases, verdict, expected, status, passed, kind, type_
+):
+    oracle = data.assessment.cells[0].oracles[-1]
+    oracle = replace(oracle, verdict=verdict, expected=expected, status=status, passed=passed)
+    (case,) = cases(with_cell(data, oracles=(oracle,))).values()
     shown = [(type(result).__name__, result.type) for result in case.result]
     assert shown == ([] if kind is None else [(kind, type_)])
 
 
-def test_a_cell_that_nothing_judged_is_an_error(data, tmp_path):
-    cell = replace(data.assessment.cells[0], oracles=(), verdict=Outcome.ERROR)
-    (case,) = cases(with_cell(data, cell), tmp_path).values()
+def test_a_cell_that_nothing_judged_is_an_error(data, cases):
+    (case,) = cases(with_cell(data, oracles=(), verdict=Outcome.ERROR)).values()
     assert isinstance(case.result[0], junitparser.Error)
 
 
-def test_names_no_xml_can_hold_are_made_holdable(data, tmp_path):
+def test_names_no_xml_can_hold_are_made_holdable(data, cases):
     oracle = replace(data.assessment.cells[0].oracles[0], oracle="bell \x07", worst=None)
-    assert isinstance(oracle, CellVerdict)
-    cell = replace(data.assessment.cells[0], oracles=(oracle,), scenario="\x00")
-    assert [name for _, name in cases(with_cell(data, cell), tmp_path)] == ["bell \ufffd"]
+    found = cases(with_cell(data, oracles=(oracle,), scenario="\x00"))
+    assert [name for _, name in found] == ["bell \ufffd"]
 
 
-def test_a_junit_file_is_valid_and_tells_times(data, tmp_path):
-    timed = replace(
-        data,
-        runs=tuple(
-            replace(run, record=with_result(run.record, timing=Timing(2.5, 2.0, 40.0)))
-            for run in data.runs
-        ),
+def test_a_junit_file_is_valid_and_tells_times(data, junit):
+    runs = (
+        replace(run, record=with_result(run.record, timing=Timing(2.5, 2.0, 40.0)))
+        for run in data.runs
     )
-    path = tmp_path / "deep" / "results.xml"
-    write(timed, path)
-    schema = etree.XMLSchema(etree.parse(str(Path(__file__).with_name("junit.xsd"))))
-    schema.assertValid(etree.parse(str(path)))
+    path = junit(replace(data, runs=tuple(runs)))
+    SCHEMA.assertValid(etree.parse(str(path)))
     root = ET.parse(path).getroot()
     suites = root.findall("testsuite")
-    assert float(root.get("time", "")) == pytest.approx(2.5 * len(data.runs), abs=0.01)
+    assert float(root.get("time")) == pytest.approx(2.5 * len(data.runs), abs=0.01)
     for suite, cell in zip(suites, data.assessment.cells, strict=False):
-        assert float(suite.get("time", "")) == pytest.approx(2.5 * len(cell.runs), abs=0.01)
-        times = [float(case.get("time", "")) for case in suite.findall("testcase")]
-        assert sum(times) == pytest.approx(float(suite.get("time", "")), abs=0.01)
+        assert float(suite.get("time")) == pytest.approx(2.5 * len(cell.runs), abs=0.01)
+        times = [float(case.get("time")) for case in suite.findall("testcase")]
+        assert sum(times) == pytest.approx(float(suite.get("time")), abs=0.01)
         assert suite.find("properties/property[@name='time']").get("value") == "wall clock"
     for key in ("tests", "failures", "errors"):
-        assert int(root.get(key, "")) == sum(int(suite.get(key, "")) for suite in suites)
+        assert int(root.get(key)) == sum(int(suite.get(key)) for suite in suites)
 
 
-def test_of_traces_alone_the_time_is_what_they_simulated(data, tmp_path):
-    write(data, tmp_path / "results.xml")
-    suite = ET.parse(tmp_path / "results.xml").getroot().find("testsuite")
-    assert suite is not None
+def test_of_traces_alone_the_time_is_the_simulated_one(data, junit):
+    suite = ET.parse(junit(data)).getroot().find("testsuite")
     assert suite.find("properties/property[@name='time']").get("value") == "simulated"
     cell = data.assessment.cells[0]
     simulated = [r.record.result.timing.simulated for r in data.runs if r.record.id in cell.runs]
-    assert float(suite.get("time", "")) == pytest.approx(sum(simulated), abs=0.01)
+    assert float(suite.get("time")) == pytest.approx(sum(simulated), abs=0.01)

@@ -13,12 +13,14 @@ from daemon.campaign import load_campaign
 from daemon.model.proposals import Proposal
 from daemon.model.run_state import RunState
 from daemon.model.search import OracleScale, SearchParameter, SearchTask
+from daemon.model.search_answer import SearchRow
 from daemon.model.spec import LeadingMargin, RunResult, Timing, TraceInfo
 from daemon.model.trials import ObjectiveValue, Trial
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from daemon.run import execute
 from daemon.search.composition import search_case
 from daemon.search.methods import SearchMethod
+from daemon.search.program import run_search
 from daemon.search.space import SearchSpace
 from grammars.text.diagnostics import InputError, Where
 from tests.make import SCENE, make_spec, run_row
@@ -189,6 +191,17 @@ class PretendedCase:
 
     def runs(self, slots=2, **more):
         return LocalRuns(self.execute, slots, **more)
+
+
+def finished_search(*parameters, margin=lambda p, _: (7.0 - p[0]) / 10.0, **more):
+    """A finished search with its runs; as a rule it fails above 7 of the first parameter."""
+    task = make_task(*parameters, **({"confirm": 2} | more))
+    case = PretendedCase(task, margin)
+    runs = case.runs()
+    answer = run_search(case, runs)
+    rows = tuple(runs.result(position) for position in range(len(runs.proposals)))
+    row = SearchRow("demo-s-1", "demo-s", 0.0, task, "finished", finished=len(rows), answer=answer)
+    return row, rows
 
 
 def made_trial(point, margin, number=0, near="door", method="halton", guided=False):

@@ -13,7 +13,7 @@ from daemon.campaign import campaign_origin, expand, load_campaign
 from daemon.model.verdicts import Outcome
 from daemon.run import execute
 from scenario_tui.cli import invoke
-from tests.analysis.blame.cases import CAMPAIGN, failing_if, pretend, write
+from tests.analysis.blame import CAMPAIGN, failing_if, pretend, write
 from tests.people.cli.outputs import declared
 
 

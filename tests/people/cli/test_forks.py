@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from daemon.model.spec import SutReference
+from tests.analysis.old_runs import recorded
 from tests.analysis.report.recordings import record_all
-from tests.analysis.test_verification import recorded
 
 WATCHED = """
 import os

@@ -7,7 +7,7 @@ import pytest
 from daemon.model.spec import SutReference
 from daemon.stacks import registry
 from scenario_tui.cli import invoke
-from tests.analysis.test_verification import EXTERNAL, erratic, idle, recorded
+from tests.analysis.old_runs import EXTERNAL, IDLE, erratic, recorded
 from tests.people.cli.outputs import declared
 from tests.people.cli.test_run_limits import campaign
 from tests.plugins import MODULE, install_plugins
@@ -21,13 +21,13 @@ def state(tmp_path, monkeypatch):
 
 
 def test_the_same_bytes_are_what_is_expected(tmp_path, capsys):
-    path, run = recorded(tmp_path, sut=idle())
+    path, run = recorded(tmp_path, sut=IDLE)
     assert invoke(["verify", str(path), "--repeats", "2"]) == 0
     assert capsys.readouterr().out == f"{run.label}: 2 of 2 executions left the same bytes\n"
 
 
 def test_other_bytes_are_a_finding(tmp_path, capsys):
-    path, run = recorded(tmp_path, sut=idle())
+    path, run = recorded(tmp_path, sut=IDLE)
     data = path.read_bytes()
     path.write_bytes(data.replace(b"scenario", b"Scenario", 1))
     assert invoke(["verify", str(path)]) == 1
@@ -114,5 +114,5 @@ def test_one_execution_of_a_campaign_file_compares_nothing(tmp_path, campaigns, 
     assert invoke(["verify", str(file), "-n", "1"]) == 4
     said = "house/seeded/0: executed once, which compares nothing; say --repeats 2 or more\n"
     assert capsys.readouterr().out == said
-    recording, _ = recorded(tmp_path, sut=idle())
+    recording, _ = recorded(tmp_path, sut=IDLE)
     assert invoke(["verify", str(recording), "-n", "1"]) == 0

@@ -9,32 +9,19 @@ import pytest
 
 from daemon.analysis.charts import draw_charts
 from daemon.model.run_state import RunState
-from daemon.model.search_answer import SearchRow
 from daemon.model.spec import own_version
 from daemon.model.trials import point_trials, smallest_so_far
 from daemon.search.answers.sentences import headline, minus
 from daemon.search.figures import margins_chart, space_charts
 from daemon.search.page import search_page
-from daemon.search.program import run_search
 from tests.analysis.report.recordings import SHUT, SUTS, record, spec
-from tests.analysis.search.searches import PretendedCase, chosen, make_task, ranged
+from tests.analysis.search.searches import chosen, finished_search, ranged
 
 DOOR = ranged("doors.kitchen_opens")
 OTHERS = tuple(ranged(f"doors.time_{number}") for number in range(5))
 CHOICE = chosen("doors.leading", "a", "b")
 LATE = replace(chosen("doors.late", 6.0, -8.0), unit="s", written=1.0)
 COMMANDS = (("scenario replay demo-s-1.3", "watch it"),)
-
-
-def finished_search(*parameters, margin=lambda p, _: (7.0 - p[0]) / 10.0, **more):
-    """A finished search with its runs; as a rule it fails above 7 of the first parameter."""
-    task = make_task(*parameters, **({"confirm": 2} | more))
-    case = PretendedCase(task, margin)
-    runs = case.runs()
-    answer = run_search(case, runs)
-    rows = tuple(runs.result(position) for position in range(len(runs.proposals)))
-    row = SearchRow("demo-s-1", "demo-s", 0.0, task, "finished", finished=len(rows), answer=answer)
-    return row, rows
 
 
 @pytest.fixture(scope="module")

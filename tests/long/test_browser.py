@@ -1,11 +1,22 @@
-"""The page as a reader sees it, in headless Chromium; skipped where there is none."""
+"""Pages as readers see them, in headless Chromium; skipped where there is none."""
 
 import re
 from contextlib import contextmanager
 
 import pytest
 
-from tests.analysis.report.recordings import NAME, REPEATS
+from daemon.analysis.history import CampaignHistory, OracleRecord, SubmissionRecord
+from daemon.analysis.history_page import history_page
+from daemon.analysis.report import write_page
+from daemon.search.page import search_page
+from tests.analysis.report.recordings import (
+    COMMAND,
+    NAME,
+    REPEATS,
+    record_campaign,
+    report_of,
+)
+from tests.analysis.search.searches import finished_search, ranged
 from tests.chromium import CHROMIUM, chromium_page
 
 DARK = "--blink-settings=preferredColorScheme=0"
@@ -49,12 +60,36 @@ ROWS = """[...document.querySelector("#runs table").tBodies[0].rows]
 
 @contextmanager
 def opened(page, folder, *options, width=1280):
-    """Open the page of a report as a browser has it that can reach no network."""
+    """Open a page as a browser has it that can reach no network."""
     file = folder / "page.html"
     file.write_text(page, "utf-8")
     with chromium_page(file.as_uri(), folder, *options, width=width) as browser:
+        browser.evaluate("document.documentElement.style.scrollBehavior = 'auto'")
         yield browser
         assert browser.problems == []
+
+
+def click(browser, *places):
+    """Press the mouse at the first place, move it to the others, and release it."""
+    browser.point("Moved", *places[0])
+    browser.point("Pressed", *places[0], held=True)
+    for place in places[1:]:
+        browser.point("Moved", *place, held=True)
+    browser.point("Released", *places[-1], held=True)
+
+
+def middle(browser, element):
+    """The middle of an element [px]."""
+    return browser.evaluate(
+        f"(() => {{ const box = {element}.getBoundingClientRect();"
+        " return [box.x + box.width / 2, box.y + box.height / 2]; })()"
+    )
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    folder = record_campaign(tmp_path_factory.mktemp("traces") / "results")
+    return write_page(report_of(folder), (COMMAND,), processes=1)
 
 
 @pytest.fixture
@@ -90,6 +125,13 @@ def test_a_reader_on_a_phone_in_the_dark_sees_the_same(page, tmp_path):
     assert all(width <= 500 for width, _ in seen["figures"])
     assert seen["overlaps"] == 0
     assert seen["paper"] != "rgb(255, 255, 255)"
+
+
+def test_without_scripts_all_figures_are_there(page, tmp_path):
+    bare = re.sub(r"<script>.*?</script>", "", page, flags=re.DOTALL)
+    with opened(bare, tmp_path) as browser:
+        seen = browser.evaluate(SEEN)
+    assert len(seen["figures"]) >= page.count('class="chart"') + page.count('class="map" data-cell')
 
 
 def test_a_table_sorts_by_a_column_up_down_and_back_and_shows_the_rows_with_some_words(open_page):
@@ -154,24 +196,17 @@ def test_a_chart_comes_alive_in_its_place_and_says_the_values_under_the_pointer(
     assert live == pytest.approx(drawn, abs=1.0)
     for step in (0.5, 0.51):
         open_page.point("Moved", x + step * width, y + 0.5 * height)
-    told = open_page.wait("document.querySelector('#vg-tooltip-element.visible')?.innerText")
-    assert {"repeat", "time [s]", "clearance [m]"} <= {
-        line.split("\t")[0] for line in told.split("\n")
-    }
+    text = open_page.wait("document.querySelector('#vg-tooltip-element.visible')?.innerText")
+    names = {line.split("\t")[0] for line in text.split("\n")}
+    assert {"repeat", "time [s]", "clearance [m]"} <= names
 
 
 def test_an_entry_of_a_legend_is_shown_alone_after_a_click(open_page):
     live_chart(open_page, "#localisation .panels:last-child .chart")
     dimmed = "[...chart.querySelectorAll('.live path[opacity=\"0.05\"]')]"
     assert open_page.evaluate(f"{dimmed}.length") == 0
-    x, y = open_page.evaluate(
-        "(() => { const entry = [...chart.querySelectorAll('.live text')]"
-        ".find((text) => text.textContent === 'σx').getBoundingClientRect();"
-        " return [entry.x + entry.width / 2, entry.y + entry.height / 2]; })()"
-    )
-    open_page.point("Moved", x, y)
-    open_page.point("Pressed", x, y, held=True)
-    open_page.point("Released", x, y, held=True)
+    entry = "[...chart.querySelectorAll('.live text')].find((text) => text.textContent === 'σx')"
+    click(open_page, middle(open_page, entry))
     assert open_page.wait(f"new Set({dimmed}.map((line) => line.getAttribute('stroke'))).size") == 1
 
 
@@ -182,15 +217,10 @@ def test_a_brushed_span_of_time_is_marked_on_the_map_and_in_the_other_chart(open
         "ofCell = (selector) => [...document.querySelectorAll(selector)].find((element) =>"
         " element.closest('[data-cell]').dataset.cell === chart.dataset.cell)"
     )
-    middle = y + 0.5 * height
-    open_page.point("Moved", x + 0.3 * width, middle)
-    open_page.point("Pressed", x + 0.3 * width, middle, held=True)
-    for step in (0.4, 0.5, 0.6):
-        open_page.point("Moved", x + step * width, middle, held=True)
-    open_page.point("Released", x + 0.6 * width, middle, held=True)
+    click(open_page, *((x + step * width, y + 0.5 * height) for step in (0.3, 0.4, 0.5, 0.6)))
     way = open_page.wait("ofCell('svg[data-way]').querySelector('.brushed')?.getAttribute('d')")
     assert re.fullmatch(r"(M[-\d.]+ [-\d.]+( [-\d.]+ [-\d.]+)+)+", way)
-    open_page.point("Moved", x + 0.7 * width, middle)
+    open_page.point("Moved", x + 0.7 * width, y + 0.5 * height)
     assert open_page.wait("ofCell('svg[data-way]').querySelector('.pointed')?.getAttribute('cx')")
 
 
@@ -204,8 +234,46 @@ def test_on_paper_the_drawings_of_all_charts_are_there(page, open_page):
     assert not open_page.evaluate("document.querySelector('.chart.alive .live').clientWidth")
 
 
-def test_without_scripts_all_figures_are_there(page, tmp_path):
-    bare = re.sub(r"<script>.*?</script>", "", page, flags=re.DOTALL)
-    with opened(bare, tmp_path) as browser:
-        seen = browser.evaluate(SEEN)
-    assert len(seen["figures"]) >= page.count('class="chart"') + page.count('class="map" data-cell')
+FADED = """(() => [...document.querySelectorAll("#space .live .mark-line path")]
+  .map((line) => line.getAttribute("opacity") ?? line.getAttribute("stroke-opacity") ?? 1)
+  .filter((opacity) => Number(opacity) < 0.1).length)()"""
+FIRST_AXIS = """(() => {
+  const [line, svg] = [".mark-line", "svg"].map(
+    (part) => document.querySelector(`#space .live ${part}`).getBoundingClientRect());
+  return [line.x, svg.y, svg.height];
+})()"""
+
+
+@pytest.mark.parametrize("width", [1280, 500])
+def test_an_area_brushed_over_an_axis_keeps_the_runs_of_a_search_that_lie_in_it(tmp_path, width):
+    search = finished_search(*(ranged(f"doors.time_{number}") for number in range(6)))
+    with opened(search_page(*search), tmp_path, width=width) as browser:
+        browser.evaluate("document.querySelector('#space .chart').scrollIntoView()")
+        browser.wait("document.querySelectorAll('#space .live .mark-line').length")
+        assert browser.evaluate(FADED) == 0
+        left, top, high = browser.evaluate(FIRST_AXIS)
+        click(browser, (left - 8, top + 0.3 * high), (left + 8, top + 0.5 * high))
+        assert browser.wait(FADED) > 0
+        assert browser.evaluate("document.documentElement.scrollWidth") <= width
+
+
+def test_an_oracle_that_is_clicked_in_the_legend_of_a_history_is_shown_alone(tmp_path):
+    # Whether a mission is done has no margin.
+    oracles = tuple(
+        OracleRecord("S1", "pilot", name, unit, "pass", 5, 5, 0.5, 1.0, margin, margin, 20.0, 1.5)
+        for name, unit, margin in (("arrives", "s", 2.0), ("clear", "m", 0.5), ("done", "", None))
+    )
+    submission = SubmissionRecord("d-1", 0.0, 5, 0, True, "", "", None, ("bench",), 7.5, oracles)
+    history = CampaignHistory("demo", (submission,) * 2)
+    faded = "document.querySelectorAll('#cells figure:first-of-type [opacity=\"0.1\"]').length"
+    entry = (
+        '[...document.querySelectorAll("#cells .live .role-legend-label text")]'
+        '.find((text) => text.textContent === "clear")'
+    )
+    with opened(history_page(history), tmp_path, width=500) as browser:
+        browser.evaluate("document.querySelector('#cells').scrollIntoView()")
+        browser.wait("document.querySelectorAll('#cells .live .mark-line path').length")
+        assert browser.evaluate(faded) == 0
+        click(browser, middle(browser, entry))
+        assert browser.wait(faded) > 0
+        assert browser.evaluate("document.documentElement.scrollWidth") <= 500

@@ -1,0 +1,250 @@
+"""What a report takes from traces: numbers by hand, tracks that keep what matters."""
+
+import json
+import math
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from daemon.analysis.recorded import read_traces
+from daemon.analysis.report import oracle_limit, read_report_data, safety_buffer, thinned_indices
+from daemon.analysis.report._data import measure_columns
+from daemon.analysis.report._measures import measured_values, standard_names, standard_oracles
+from daemon.analysis.report._safety_buffer import SafetyBuffer
+from daemon.analysis.results import read_results
+from daemon.batch.errors import Refused
+from daemon.campaign import expand, load_campaign
+from daemon.judging.oracles import judge
+from daemon.model.verdicts import Outcome
+from tests.analysis.report.recordings import (
+    ABOUT,
+    DECLARED,
+    LATERAL,
+    NAME,
+    OPEN,
+    REPEATS,
+    SECONDS,
+    SHUT,
+    SPEED,
+    SUTS,
+    report_of,
+)
+from tests.engine.judging.traces import along, make_trace, track, with_tree
+
+NEAR, FAR = SUTS
+BOX = SafetyBuffer((0.55, 0.433), 0.0, "")
+MARGIN = SafetyBuffer(None, 0.7, "")
+
+
+@pytest.fixture
+def run_of(data):
+    def find(scenario, sut, repeat=0):
+        names = scenario, sut, repeat
+        return next(
+            r for r in data.runs if (r.record.scenario, r.record.sut, r.record.repeat) == names
+        )
+
+    return find
+
+
+@pytest.fixture
+def copies(folder, tmp_path):
+    """Copies of the traces, without the note of the campaign."""
+    return [Path(shutil.copy(trace, tmp_path)) for trace in sorted(folder.glob("*.mcap"))]
+
+
+def test_a_folder_is_a_campaign_with_its_declarations(folder):
+    source = read_traces(str(folder))
+    assert (source.row.name, source.row.about) == (NAME, ABOUT)
+    assert source.declared(str(folder)) == DECLARED
+    assert len(source.rows) == 4 * REPEATS
+
+
+def test_traces_without_a_note_must_all_pass(copies, tmp_path):
+    source = read_traces(str(tmp_path))
+    assert (source.row.name, source.declared(source.row.id).expectations) == (NAME, ())
+    assert report_of(tmp_path).assessment.exit_code == 1
+
+
+def test_runs_are_judged_and_assessed(data, run_of):
+    assert run_of(SHUT, NEAR).record.outcome is Outcome.FAIL
+    assert run_of(SHUT, FAR).record.outcome is Outcome.PASS
+    (surprise,) = data.assessment.surprises
+    assert (surprise.scenario, surprise.sut, surprise.oracle) == (OPEN, NEAR, "buffer")
+
+
+def test_measures_are_those_of_plain_geometry(run_of):
+    # The leaf of the door stands 2 cm out of the wall at y = 1 m.
+    nearest = 1.0 - 0.02 - LATERAL[NEAR] - 0.233
+    errors = dict.fromkeys(("error mean", "error median", "error p95", "error max"), 0.12)
+    measures = run_of(OPEN, NEAR, 1).tracks.measures
+    assert measures == pytest.approx(errors | {
+        "duration": SECONDS,
+        "path length": SPEED * SECONDS,
+        "min clearance": nearest,
+        "time in buffer": SECONDS,
+        "longest in buffer": SECONDS,
+        "max speed in buffer": SPEED,
+        "inside 2 sigma": 1.0,
+    })  # fmt: skip
+    far = run_of(SHUT, FAR).tracks.measures
+    assert far["time in buffer"] == 0.0
+    assert "max speed in buffer" not in far
+
+
+def test_laser_returns_in_the_buffer_are_seen_from_the_robot(run_of):
+    near, far = (run_of(OPEN, sut).tracks.returns for sut in SUTS)
+    assert len(near) == round(SECONDS) + 1
+    angle, beside = math.radians(-114.592 + 161 * 1.273240), 1.0 - LATERAL[NEAR]
+    seen = (0.25 + beside * math.cos(angle), beside * math.sin(angle))
+    assert near == pytest.approx(np.tile(seen, (len(near), 1)), abs=1e-4)
+    assert far.shape == (0, 2)
+
+
+def test_a_door_that_shuts_and_the_same_door_that_does_not(run_of):
+    (fired,) = run_of(SHUT, NEAR).tracks.encounters
+    assert (fired.fired, fired.time, fired.speed_then) == (True, 14.0, SPEED)
+    tracks = run_of(OPEN, NEAR).tracks
+    (would,) = tracks.encounters
+    assert not would.fired
+    ahead = math.sqrt(1.3**2 - (1.0 - LATERAL[NEAR]) ** 2)
+    assert would.time == pytest.approx((8.0 - ahead) / SPEED, abs=0.051)
+    assert tracks.contacts == ((5.0, "wall-north", 2.5, 1.0),)
+
+
+def test_a_file_that_is_no_trace_is_named_and_left_out(copies, tmp_path):
+    copies[0].write_bytes(b"nothing of the kind")
+    source = read_traces(str(tmp_path))
+    assert source.unread == ((str(copies[0]), "is not an MCAP file"),)
+    assert len(source.rows) == 4 * REPEATS - 1
+
+
+def test_a_trace_that_was_cut_is_judged_as_far_as_it_goes(copies, tmp_path):
+    copies[0].write_bytes(copies[0].read_bytes()[:-9000])
+    data = report_of(tmp_path)
+    (cut,) = [run for run in data.runs if run.record.trace == str(copies[0])]
+    assert cut.record.ended == ""
+    assert cut.record.outcome in (Outcome.INCONCLUSIVE, Outcome.FAIL, Outcome.ERROR)
+
+
+def test_a_trace_that_went_away_leaves_its_run(copies, tmp_path):
+    source = read_traces(str(tmp_path))
+    Path(source.rows[0].trace).unlink()
+    data = read_report_data(read_results(source, source.row), (), processes=1)
+    assert "cannot be read" in data.runs[0].tracks.problem
+    assert data.runs[0].record.outcome is None
+
+
+def test_folders_without_traces_or_with_a_strange_note_are_refused(folder, tmp_path):
+    with pytest.raises(Refused, match="holds no traces"):
+        read_traces(str(tmp_path))
+    shutil.copy(next(folder.glob("*.mcap")), tmp_path)
+    note = {"name": "n", "about": "", "declared": {}, "submitted_at": 1e300}
+    (tmp_path / "campaign.json").write_text(json.dumps(note), encoding="utf-8")
+    with pytest.raises(Refused, match=r"campaign\.json is not what `scenario run` leaves"):
+        read_traces(str(tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("texts", "half", "margin"),
+    [
+        (("always(clearance(0.55 m, 0.433 m) >= 0 m)", "never(clearance(0.35 m, 0.2 m) <= 0 m)"),
+         (0.55, 0.433), 0.0),
+        (("always(clearance >= 5 cm)", "min(clearance)"), None, 0.05),
+        (("reached(mission, 0.25 m)", "no oracle at all"), None, 0.2),
+    ],
+)  # fmt: skip
+def test_the_buffer_is_that_of_the_oracles(texts, half, margin):
+    buffer = safety_buffer(texts)
+    assert (buffer.half, buffer.margin) == (half, pytest.approx(margin))
+
+
+@pytest.mark.parametrize(("scenario", "half"), [("S2", None), ("S3.1", (0.55, 0.433))])
+def test_a_box_narrower_than_the_robot_is_where_a_collision_begins(campaigns, scenario, half):
+    """S2 of the paper asks for no collision and names no buffer: its box is no room around it."""
+    specs = expand(load_campaign(campaigns / "ortega2024" / "paper.yaml")).specs
+    run = next(run for run in specs if run.scenario == scenario)
+    texts = tuple(oracle.text for oracle in run.oracles)
+    assert any("clearance(0.35 m, 0.20 m)" in text for text in texts)
+    buffer = safety_buffer(texts, (run.robot.footprint,))
+    assert buffer.half == half
+    if half is None:
+        assert buffer.margin == pytest.approx(0.2)
+        assert "no oracle names" in buffer.source
+
+
+def test_the_limit_of_a_signal_is_the_strictest():
+    texts = ("always(loc.error <= 0.35 m)", "never(loc.error > 1 m)", "max(loc.error) < 30 cm")
+    assert oracle_limit(texts, "loc.error") == pytest.approx(0.3)
+    assert oracle_limit(("mean(loc.error) <= 0.1 m",), "loc.error") is None
+    assert oracle_limit(texts, "clearance") is None
+
+
+@given(
+    st.lists(st.floats(-5.0, 5.0), min_size=1, max_size=400),
+    st.integers(0, 399),
+    st.integers(10, 200),
+)
+def test_thinning_keeps_the_deepest_dip_and_the_highest_peak(values, shift, points):
+    clearance = np.array(values)
+    error = np.roll(clearance, shift)
+    kept = thinned_indices(clearance, error, points)
+    assert (np.diff(kept) > 0).all()
+    assert (kept[0], kept[-1]) == (0, len(values) - 1)
+    assert clearance[kept].min() == clearance.min()
+    assert error[kept].max() == error.max()
+    assert len(kept) <= max(points + 4, 4) or len(kept) <= 2 * points
+
+
+def test_a_declared_measure_shares_the_column_of_the_standard_one_that_means_the_same(data):
+    columns = {column.measure.name: column for column in measure_columns(data)}
+    assert columns["time in buffer"].measure.declared == ("buffer-time",)
+    assert "buffer-time" not in columns
+    # The same name and another text, in one of the scenarios, is another measure.
+    text = "time(clearance < 0.1 m)"
+    runs = tuple(with_text(run, text) if run.record.scenario == OPEN else run for run in data.runs)
+    columns = {column.measure.name: column for column in measure_columns(replace(data, runs=runs))}
+    assert columns["time in buffer"].measure.declared == ("buffer-time",)
+    assert columns["buffer-time"].measure.text == text
+    assert set(columns["buffer-time"].values) == {(OPEN, sut) for sut in SUTS}
+
+
+def with_text(run, text):
+    """The same run with another text of the oracle ``buffer-time``."""
+    verdicts = tuple(
+        replace(v, text=text) if v.oracle == "buffer-time" else v for v in run.record.verdicts
+    )
+    result = replace(run.record.result, verdicts=verdicts)
+    return replace(run, record=replace(run.record, result=result))
+
+
+@pytest.mark.parametrize(
+    ("text", "buffer", "name"),
+    [
+        ("final( elapsed )", BOX, "duration"),
+        ("time(clearance(55 cm, 0.4330 m) < 0 m)", BOX, "time in buffer"),
+        ("time(clearance < 70 cm)", MARGIN, "time in buffer"),
+        ("time(clearance < 70 cm)", BOX, None),
+        ("max(speed) when clearance < 0.7 m", MARGIN, "max speed in buffer"),
+        ("max(speed)", MARGIN, None),
+        ("max(loc.error) <= 1 m", BOX, None),
+        ("max(loc.error) on leg 2", BOX, None),
+        ("no oracle", BOX, None),
+    ],
+)
+def test_a_measure_is_known_by_its_meaning(text, buffer, name):
+    assert standard_names({"any": text}, buffer).get("any") == name
+
+
+def test_recoveries_count_where_a_behaviour_tree_is_recorded():
+    time = np.arange(21) / 20
+    motion = along(time)
+    trace = make_trace(motion, estimate=track(time, motion.x, motion.y))
+    assert "recoveries" not in measured_values(judge(trace, standard_oracles(BOX)))
+    trace = with_tree(trace, (0.1, "Spin 1 IDLE>RUNNING"), (0.5, "Wait 2 IDLE>RUNNING"))
+    assert measured_values(judge(trace, standard_oracles(BOX)))["recoveries"] == 2.0
