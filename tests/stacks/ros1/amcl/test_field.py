@@ -38,20 +38,6 @@ def scattered(rows, columns, share, seed, resolution=0.05):
     return OccupancyGrid(resolution, 1.0, -2.0, cells)
 
 
-def slanted(rows, columns, walls, seed):
-    """Walls at random angles, whose cells lead far past what is nearest to others."""
-    random = np.random.default_rng(seed)
-    cells = np.full((rows, columns), FREE, dtype=np.int8)
-    for _ in range(walls):
-        begin, angle = random.uniform((0.0, 0.0), (rows, columns)), random.uniform(0.0, np.pi)
-        along = np.arange(0.0, random.uniform(10.0, 60.0), float(random.choice([0.3, 1.0, 1.7])))
-        ends = begin + along[:, None] * (np.sin(angle), np.cos(angle))
-        on_map = ((ends >= 0.0) & (ends < (rows, columns))).all(axis=1)
-        row, column = ends[on_map].astype(int).T
-        cells[row, column] = OCCUPIED
-    return OccupancyGrid(0.05, 0.0, 0.0, cells)
-
-
 @given(
     rows=st.integers(1, 30),
     columns=st.integers(1, 30),
@@ -77,13 +63,6 @@ def test_spread_distances_are_those_of_the_plain_queue(rows, columns, share, res
     grid = scattered(rows, columns, share, seed, resolution)
     found = metres(distance_field(grid, cap, brushfire=True), cap)
     np.testing.assert_array_equal(found, brushfire(grid, cap)[0])
-
-
-@given(walls=st.integers(1, 8), seed=st.integers(0, 2**32 - 1))
-def test_distances_between_slanted_walls_are_those_of_the_plain_queue(walls, seed):
-    grid = slanted(40, 50, walls, seed)
-    found = metres(distance_field(grid, 2.0, brushfire=True), 2.0)
-    np.testing.assert_array_equal(found, brushfire(grid, 2.0)[0])
 
 
 def test_a_cell_nearer_than_the_one_it_is_reached_from_leaves_the_queue_in_its_stead():

@@ -5,8 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from daemon.stacks.ros1.costmap import (
     InflationLayer,
@@ -229,34 +227,3 @@ def test_a_cell_whose_neighbours_have_other_obstacles_never_hears_of_its_own(upd
             costmap.update(Pose2(0.1, 0.1))
         costs = [[plain.cost(math.sqrt(n), NEAR, POINT, 0.05) for n in row] for row in squared]
         np.testing.assert_array_equal(costmap.grid.cells, costs)
-
-
-def slanted(rng, rows, columns, walls):
-    """Walls at random angles, and free and unknown cells around them."""
-    cells = rng.choice(np.array([0, -1]), (rows, columns), p=[0.9, 0.1])
-    for _ in range(walls):
-        begin, angle = rng.uniform((0.0, 0.0), (rows, columns)), rng.uniform(0.0, math.pi)
-        along = np.arange(0.0, rng.uniform(5.0, 40.0), float(rng.choice([0.3, 1.0, 1.7])))
-        ends = begin + along[:, None] * (math.sin(angle), math.cos(angle))
-        row, column = ends[((ends >= 0.0) & (ends < (rows, columns))).all(axis=1)].astype(int).T
-        cells[row, column] = 100
-    return cells
-
-
-@given(
-    seed=st.integers(0, 2**32 - 1),
-    walls=st.integers(0, 6),
-    radius=st.sampled_from([0.04, 0.1, 0.27, 0.55]),
-)
-def test_distances_are_those_of_the_plain_queue(seed, walls, radius):
-    cells = slanted(np.random.default_rng(seed), 40, 50, walls)
-    layer = replace(NEAR, inflation_radius=radius)
-    first = made(below_inflation(layer), cells, ORDERED)
-    lethal = [(int(x), int(y)) for y, x in np.argwhere(cells == 100)]
-    away = plain.by_queue(lethal, (40, 50), math.ceil(radius / 0.05))
-    expected = np.where(cells == -1, 255, 0)
-    for y, x in np.argwhere(away < np.inf).tolist():
-        value = plain.cost(float(away[y, x]), layer, POINT, 0.05)
-        if cells[y, x] != -1 or value >= 253:
-            expected[y, x] = value
-    np.testing.assert_array_equal(first.grid.cells, expected)

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
+import yaml
 
+from daemon.stacks.findings import FindingCollector
 from daemon.stacks.kernels import Integers
 from daemon.stacks.ros1.base_local_planner.map_grid import passable_cells
 from daemon.stacks.ros1.cost_grid import CostGrid
@@ -21,47 +24,23 @@ from daemon.stacks.ros1.dwa._scoring import critic_weights
 from daemon.stacks.ros1.dwa._search import find_best_sample
 from daemon.stacks.ros1.dwa._settings import DwaSettings, longest_trajectory, settings_of
 from daemon.stacks.ros1.dwa.samples import sample_speeds
+from daemon.stacks.ros1.parameters import read_section
 from daemon.stacks.ros1.quirks import FAST
 from grammars.model.geometry import Floats
 from tests.stacks.ros1.dwa import plain
 
-A2S = DwaParameters(
-    max_vel_x=0.22,
-    min_vel_x=-0.22,
-    max_vel_y=0.0,
-    min_vel_y=0.0,
-    max_vel_trans=0.22,
-    min_vel_trans=0.11,
-    max_vel_theta=2.75,
-    min_vel_theta=1.37,
-    acc_lim_x=2.5,
-    acc_lim_y=0.0,
-    acc_lim_theta=3.2,
-    xy_goal_tolerance=0.1,
-    yaw_goal_tolerance=0.5,
-    sim_time=1.5,
-    vx_samples=20,
-    vy_samples=0,
-    vth_samples=40,
-    controller_frequency=10.0,
-    path_distance_bias=32.0,
-    goal_distance_bias=20.0,
-    occdist_scale=0.02,
+FILE = Path(__file__).parents[4] / "campaigns/suts/fro-diff/dwa_local_planner_params.yaml"
+A2S = read_section(
+    DwaParameters,
+    yaml.safe_load(FILE.read_text("utf-8"))["DWAPlannerROS"],
+    ("DWAPlannerROS",),
+    FindingCollector(),
 )
 OMNI = replace(
-    A2S,
-    min_vel_x=0.11,
-    max_vel_y=0.11,
-    min_vel_y=-0.11,
-    acc_lim_y=1.25,
-    xy_goal_tolerance=0.15,
-    yaw_goal_tolerance=6.28,
-    sim_time=2.5,
-    vx_samples=5,
-    vy_samples=10,
-    vth_samples=20,
+    A2S, min_vel_x=0.11, max_vel_y=0.11, min_vel_y=-0.11, acc_lim_y=1.25, xy_goal_tolerance=0.15,
+    yaw_goal_tolerance=6.28, sim_time=2.5, vx_samples=5, vy_samples=10, vth_samples=20,
     controller_frequency=20.0,
-)
+)  # fmt: skip
 SMALL = np.array([[0.115, 0.085], [-0.09, 0.085], [-0.09, -0.085], [0.115, -0.085]])
 LARGE = np.array([[0.36, 0.243], [-0.36, 0.243], [-0.36, -0.243], [0.36, -0.243]])
 
@@ -121,18 +100,10 @@ class Problem:
 
     def costs(self):
         """Return the cost of every sample by the plain version, infinite where it is illegal."""
-        frame = np.array((self.local.x, self.local.y, self.local.resolution))
-        return plain.costs(
-            self.state,
-            self.plan,
-            self.front_end,
-            self.aligned,
-            self.settings,
-            self.local.cells,
-            frame,
-            self.outline,
-            self.banned,
-        )
+        local = self.local
+        frame = np.array((local.x, local.y, local.resolution))
+        plan = self.state, self.plan, self.front_end, self.aligned, self.settings
+        return plain.costs(*plan, local.cells, frame, self.outline, self.banned)
 
     def samples(self):
         """Return every sample, shape (samples, 3), by the plain version."""

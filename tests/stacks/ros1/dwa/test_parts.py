@@ -12,24 +12,8 @@ from daemon.stacks.ros1.dwa import DwaParameters
 from daemon.stacks.ros1.dwa._distances import allocate_scoring_grid
 from daemon.stacks.ros1.dwa._settings import longest_trajectory, settings_of
 from daemon.stacks.ros1.dwa.controller import Oscillation
-from daemon.stacks.ros1.dwa.samples import (
-    dynamic_window,
-    sample_axis,
-)
 from daemon.stacks.ros1.quirks import FAST, FIXED
-from tests.stacks.ros1.dwa.helpers import A2S, OMNI, SMALL, settings, singles
-
-
-def test_a_measured_strafe_leaks_into_the_samples():
-    state, out = singles(0, 0, 0, 0.1, 0.003, 0), np.zeros((3, 2))
-    dynamic_window(state, 5.0, settings(), out)
-    values = np.zeros(4)
-    assert values[: sample_axis(out[1, 0], out[1, 1], 1, values)].tolist() == [
-        float(np.float32(0.003)),
-        0.0,
-    ]
-    dynamic_window(state, 5.0, settings(A2S, FIXED), out)
-    assert out[1].tolist() == [0.0, 0.0]
+from tests.stacks.ros1.dwa.helpers import A2S, OMNI, SMALL, settings
 
 
 def test_rows_of_an_upright_costmap_all_have_room_for_what_an_outline_encloses():

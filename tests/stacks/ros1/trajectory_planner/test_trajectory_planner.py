@@ -84,18 +84,6 @@ def test_no_command_without_a_plan_nearby():
     assert first(planner).twist == Twist2()
 
 
-def test_meters_and_cells_weigh_the_same_times_the_resolution():
-    box = (0.9, 0.25, 1.2, 0.6)
-    answers = []
-    for metres in (True, False):
-        factor = 1.0 if metres else 0.05
-        weights = {"path_distance_bias": 1.5 * factor, "goal_distance_bias": 2.0 * factor}
-        planner = controller(replace(HUSKY, meter_scoring=metres, **weights))
-        planner.set_plan(straight(1.8, 0.2))
-        answers.append(first(planner, Twist2(0.3), box).twist)
-    assert answers[0] == answers[1]
-
-
 def at_goal(
     yaw_error,
     twist=Twist2(),  # noqa: B008
