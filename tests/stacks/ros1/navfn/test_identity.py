@@ -148,8 +148,8 @@ def test_the_restricted_wave_gives_up_where_a_buffer_could_run_over():
         wave, begin = wave_over(costs, 40, room)
         size = wave.states.size
         _, _, fill, _, _ = spread_towards(
-            wave, np.zeros(size, dtype=np.float32), UNREACHED, np.float32(254), begin + 1300, 10_000,
-            seed_cell(wave, begin + 820), 1, np.empty(size, dtype=np.int32),
+            wave, np.zeros(size, dtype=np.float32), UNREACHED, np.float32(254), begin + 1300,
+            10_000, seed_cell(wave, begin + 820), 1, np.empty(size, dtype=np.int32),
         )  # fmt: skip
         assert (fill == room) is gives_up
         assert (wave.states < 256).all()
