@@ -1,5 +1,6 @@
-"""Systems under test in layers: like another, or of a folder of ROS parameter files."""
+"""Systems under test: layers, configurations that ship; test_settings.py has their files."""
 
+import json
 import shutil
 
 import pytest
@@ -9,12 +10,12 @@ from hypothesis import strategies as st
 from daemon.campaign import (
     LayerLibrary,
     LayerReference,
+    RefusedSutError,
     flatten_parameters,
     merge_parameters,
     parameter_tree,
 )
 from daemon.stacks.ros1.configuration import read_ros
-from daemon.stacks.ros1.costmap import InflationLayer
 from daemon.stacks.ros1.wiring import Wiring
 from grammars.text import codec
 from grammars.text.diagnostics import InputError, Where
@@ -25,27 +26,11 @@ from tests.parts import ROOT
 ONE_LASER = ("",)
 
 
-@pytest.fixture
-def folder(tmp_path):
-    """A folder with the parameter files of a robot and the system under test they make."""
-    shutil.copytree(ROOT / "tests/languages/errors/ros_robot/robot", tmp_path / "robot")
-    write_sut(tmp_path, "robot", "kind: ros\nros: robot\n")
-    return tmp_path
-
-
 def parameters(folder, name):
     return load_sut(folder, name)[0].parameters
 
 
-def test_a_system_like_another_is_the_same_except_for_its_own_words(tmp_path):
-    write_sut(tmp_path, "base", "kind: pilot\nparameters: {max_speed: 0.4, max_turn: 0.8}\n")
-    write_sut(tmp_path, "slow", "like: base\nparameters: {max_speed: 0.2}\n")
-    write_sut(tmp_path, "free", "like: slow\nparameters: {max_turn: null, patience: 30.0}\n")
-    assert parameters(tmp_path, "slow") == {"max_speed": 0.2, "max_turn": 0.8}
-    sut, _ = load_sut(tmp_path, "free")
-    assert (sut.name, sut.kind) == ("free", "pilot")
-    assert sut.parameters == {"max_speed": 0.2, "patience": 30.0}
-    # The other one may also lie beside the campaign.
+def test_a_system_may_be_like_one_beside_the_campaign(tmp_path):
     (tmp_path / "suts").mkdir()
     (tmp_path / "mine" / "suts").mkdir(parents=True)
     write_sut(tmp_path / "suts", "shared", "kind: pilot\nparameters: {max_speed: 0.4}\n")
@@ -60,69 +45,6 @@ def test_a_long_chain_of_files_is_refused_at_its_line(tmp_path):
     assert parameters(tmp_path, "s50") == {}
     with pytest.raises(InputError, match="s9.yaml:2:1: like: more than 50 files"):
         load_sut(tmp_path, "s59")
-
-
-def test_a_folder_of_ros_files_is_loaded_as_launch_files_load_it(folder):
-    sut, warnings = load_sut(folder, "robot")
-    assert warnings == []
-    move_base = sut.parameters["move_base"]
-    assert sut.parameters["amcl"] == {"odom_alpha1": 0.1}
-    assert move_base["controller_frequency"] == 10.0
-    assert move_base["DWAPlannerROS"]["max_vel_trans"] == 0.5
-    assert move_base["global_costmap"]["inflation_radius"] == 0.5
-    assert move_base["local_costmap"]["inflation_radius"] == 0.4
-    assert len(move_base["local_costmap"]["footprint"]) == 4
-    # Files that are named one by one give the same tree.
-    names = ["costmap_global", "costmap_local", "dwa_local_planner", "move_base"]
-    files = ", ".join(f"robot/{name}_params.yaml" for name in names)
-    common = "amcl: robot/amcl.yaml, costmap_common: robot/costmap_common_params.yaml"
-    write_sut(folder, "listed", f"kind: ros\nfiles: {{{common}, move_base: [{files}]}}\n")
-    listed = parameters(folder, "listed")
-    assert codec.digest(listed) == codec.digest(sut.parameters)
-    assert listed == sut.parameters
-
-
-def test_a_file_about_one_section_may_leave_its_name_out(folder):
-    expected = parameters(folder, "robot")
-    file = folder / "robot" / "costmap_local_params.yaml"
-    lines = file.read_text().replace("  ", "").splitlines()[1:]
-    file.rename(file.with_name("local_costmap_params.yaml")).write_text("\n".join(lines))
-    assert parameters(folder, "robot") == expected
-
-
-def test_a_name_with_slashes_means_levels_and_a_leading_one_leaves_the_namespace(folder):
-    text = "DWAPlannerROS/sim_time: 1.5\n/amcl/odom_alpha2: 0.3\n"
-    (folder / "robot" / "move_base_params.yaml").write_text(text)
-    found = parameters(folder, "robot")
-    assert found["move_base"]["DWAPlannerROS"]["sim_time"] == 1.5
-    assert found["amcl"]["odom_alpha2"] == 0.3
-
-
-def test_what_both_costmaps_share_is_overridden_in_one_line(folder):
-    shared = "{costmap_common: {inflation_radius: 0.9, scan: {topic: s}}}"
-    write_sut(folder, "mine", f"like: robot\nparameters: {shared}\n")
-    found = parameters(folder, "mine")
-    costmaps = [found["move_base"][f"{name}_costmap"] for name in ("global", "local")]
-    assert [costmap["inflation_radius"] for costmap in costmaps] == [0.9, 0.4]
-    assert costmaps[1]["scan"]["data_type"] == "LaserScan"
-    assert read_ros(found).topics.local_costmap == ("/s",)
-
-
-def test_a_missing_file_is_warned_of_once_however_many_systems_are_like_it(folder):
-    (folder / "robot" / "amcl.yaml").unlink()
-    write_sut(folder, "mine", "like: robot\nros: robot\n")
-    assert sum("ROS defaults apply" in w for w in load_sut(folder, "mine")[1]) == 1
-
-
-def test_of_two_names_for_a_file_the_usual_one_is_read(folder):
-    (folder / "robot" / "amcl_params.yaml").write_text("odom_alpha1: 0.7\n")
-    sut, warnings = load_sut(folder, "robot")
-    assert sut.parameters["amcl"] == {"odom_alpha1": 0.1}
-    assert any("not read in robot: amcl_params.yaml" in w for w in warnings)
-    (folder / "robot" / "amcl.yaml").unlink()
-    sut, warnings = load_sut(folder, "robot")
-    assert sut.parameters["amcl"] == {"odom_alpha1": 0.7}
-    assert not any("not read" in w for w in warnings)
 
 
 def test_a_kind_named_without_a_file_is_warned_of_as_files_are(tmp_path):
@@ -156,45 +78,6 @@ def plainly_merged(base, over):
     if not isinstance(base, dict) or not isinstance(over, dict):
         return over
     return base | {name: plainly_merged(base.get(name), value) for name, value in over.items()}
-
-
-LAYERED = {
-    "costmap_common_params.yaml": """\
-footprint: [[0.2, 0.2], [0.2, -0.2], [-0.2, -0.2], [-0.2, 0.2]]
-static: {enabled: true}
-laser_layer:
-  observation_sources: laser
-  laser: {data_type: LaserScan, topic: scan, marking: true, clearing: true}
-inflation: {inflation_radius: 1.0}
-""",
-    "costmap_global_params.yaml": """\
-global_frame: map
-plugins:
-- {name: static, type: 'costmap_2d::StaticLayer'}
-- {name: laser_layer, type: 'costmap_2d::ObstacleLayer'}
-- {name: inflation, type: 'costmap_2d::InflationLayer'}
-""",
-    "costmap_local_params.yaml": """\
-global_frame: odom
-rolling_window: true
-plugins:
-- {name: laser_layer, type: 'costmap_2d::ObstacleLayer'}
-- {name: inflation, type: 'costmap_2d::InflationLayer'}
-""",
-}
-
-
-def test_files_with_plugins_one_section_each_and_no_section_names_are_understood(folder):
-    for name, text in LAYERED.items():
-        (folder / "robot" / name).write_text(text)
-    sut, warnings = load_sut(folder, "robot")
-    assert [w for w in warnings if "without effect here: local_costmap/static" not in w] == []
-    read = read_ros(sut.parameters)
-    assert read.topics.heard(ONE_LASER) == Wiring(ONE_LASER, ONE_LASER, ONE_LASER)
-    names = [layer.name for layer in read.global_costmap.layers]
-    assert names == ["static", "laser_layer", "inflation"]
-    assert [layer.name for layer in read.local_costmap.layers] == ["laser_layer", "inflation"]
-    assert read.local_costmap.layers[1] == InflationLayer("inflation", inflation_radius=1.0)
 
 
 def test_the_three_mistakes_of_the_paper_are_three_lines(campaigns):
@@ -257,3 +140,54 @@ def test_a_campaign_reports_every_bad_ros_file_at_once(campaign, campaigns):
         "fro-diff/costmap_common_params.yaml:10:19",
         "fro-diff/dwa_local_planner_params.yaml:9:18",
     }
+
+
+LAUNCH = """\
+<launch>
+  <arg name="speed" default="0.5"/>
+  <node pkg="move_base" type="move_base" name="move_base">
+    <param name="base_local_planner" value="dwa_local_planner/DWAPlannerROS"/>
+    <param name="DWAPlannerROS/max_vel_trans" value="$(arg speed)"/>
+    <param name="DWAPlannerROS/min_vel_trans" value="0.1"/>
+    <param name="map" value="$(dirname)/a.yaml"/>
+    <param name="config" value="$(find nav)/b"/>
+  </node>
+</launch>
+"""
+
+
+@pytest.fixture
+def launched(tmp_path):
+    """A folder with a package of ROS and a system under test of its launch file."""
+    (tmp_path / "nav").mkdir()
+    (tmp_path / "nav" / "package.xml").write_text("<package><name>nav</name></package>")
+    (tmp_path / "nav" / "all.launch").write_text(LAUNCH)
+    write_sut(tmp_path, "robot", "kind: ros\nros: {launch: nav/all.launch}\n")
+    return tmp_path
+
+
+def test_the_same_launch_files_elsewhere_are_the_same_system(launched):
+    before = LayerLibrary(launched).sut_file(launched / "robot.yaml").reference
+    moved = launched / "somewhere" / "else"
+    moved.mkdir(parents=True)
+    for name in ("nav", "robot.yaml"):
+        (launched / name).rename(moved / name)
+    after = LayerLibrary(moved).sut_file(moved / "robot.yaml").reference
+    assert codec.digest(after) == codec.digest(before)
+    assert after.parameters["move_base"]["map"] == "$(find nav)/a.yaml"
+
+
+def test_what_a_refused_configuration_would_be_is_known(launched):
+    write_sut(launched, "robot", "kind: ros\nros: {launch: nav/all.launch, args: {speed: 0.05}}\n")
+    with pytest.raises(RefusedSutError) as refusal:
+        load_sut(launched, "robot")
+    setting = refusal.value.settings["move_base", "DWAPlannerROS", "max_vel_trans"]
+    assert setting.value == 0.05
+
+
+def test_the_guide_names_every_key():
+    text = (ROOT / "docs" / "campaigns.md").read_text()
+    section = text.partition("## A ROS 1 configuration")[2].partition("\n## ")[0]
+    schema = json.loads((ROOT / "grammars/editor/schemas/sut.schema.json").read_text())
+    keys = schema["$defs"]["rossource"]["properties"]
+    assert [key for key in keys if f"\n| `{key}` |" not in section] == []

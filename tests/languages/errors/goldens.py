@@ -38,11 +38,14 @@ _SUBSTITUTION = re.compile(r"^(.+?) =>(?: |$)", re.MULTILINE)
 
 def findings(path):
     """Return the findings of a check, with one line for each message and each hint."""
-    lines = [
+    return "".join(finding_lines(check_file(path)[1]))
+
+
+def finding_lines(found):
+    return [
         f"{one.where}: {one.severity}: {one.message}\n" + (f"    {one.hint}\n" if one.hint else "")
-        for one in check_file(path)[1]
+        for one in found
     ]
-    return "".join(lines)
 
 
 def renew(golden, folder, describe=findings):
