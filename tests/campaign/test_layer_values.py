@@ -14,9 +14,9 @@ from tests.campaign.loaded import cells, digests, runs
 def changed(campaign):
     """Write a campaign with a scenario ``changed`` in which some slots are not those of calm."""
 
-    def write(*, search=None, **slots):
+    def write(**slots):
         base = {"like": "calm", "behaviours": "doors_moving"}
-        return campaign(scenarios={"plain": base, "changed": base | slots}, search=search)
+        return campaign(scenarios={"plain": base, "changed": base | slots})
 
     return write
 
@@ -126,56 +126,6 @@ def test_later_values_win_over_those_that_are_written(changed):
     for slot, number in (("sut", 1), ("vary", 0)):
         with pytest.raises(ValueError, match=f"no layer {number} in {slot}"):
             with_overrides(scenario, slot, number, {})
-
-
-@pytest.mark.parametrize(
-    ("slots", "over", "expected"),
-    [
-        ({}, "doors_moving.swing: 30 .. 90 deg/s", ("swing", 60.0, "deg/s")),
-        ({}, "doors_moving.kitchen-opens: 7 .. 9 s", ("kitchen_opens", 8.0, "s")),
-        ({}, "flat.room_length: 2.9 .. 3.1 m", ("room_length", 3.0, "m")),
-        (
-            {"floorplan": {"flat": {"room-length": "4 m"}}},
-            "floorplan.room_length: 3 .. 5 m",
-            ("room_length", 4.0, "m"),
-        ),
-        ({}, "mission.start.y: -1 .. 1", ("start.y", 0.0, "m")),
-        (
-            {"mission": {"courier": {"start.y": "10 cm"}}},
-            "mission.start.y: -1 .. 1 m",
-            ("start.y", 0.1, "m"),
-        ),
-        ({}, "mission.waypoints.kitchen.x: 0 .. 1", ("waypoints.kitchen.x", 0.2, "m")),
-        ({}, "mission.waypoints.kitchen.yaw: 0 .. 1", ("waypoints.kitchen.yaw", None, "rad")),
-        ({}, "robot.laser.dropout: 0 .. 5 %", ("laser.dropout", 0.5, "%")),
-        ({}, "robot.laser.rays: 90 .. 200", ("laser.rays", 361.0, "")),
-        ({}, "robot.laser.mount.yaw: 0 .. 2 deg", ("laser.mount.yaw", 0.0, "deg")),
-        ({}, "robot.laser.too_near: [clamped, infinite]", ("laser.too_near", "infinite", "")),
-        ({}, "pilot.max_speed: 0.2 .. 0.6", ("max_speed", 0.5, "")),
-        (
-            {"sut": [{"pilot": {"max_speed": 0.3}}]},
-            "sut.max_speed: 20 .. 60 cm/s",
-            ("max_speed", 30, "cm/s"),
-        ),
-        (
-            {"vary": {"floorplan": "flat", "samples": 1}},
-            "vary.slack: 0.02 .. 0.04 m",
-            ("slack", None, "m"),
-        ),
-        (
-            {"vary": {"floorplan": {"flat": {"slack": 0.1}}, "samples": 1}},
-            "vary.slack: 0.09 .. 0.2 m",
-            ("slack", 0.1, "m"),
-        ),
-    ],
-)
-def test_a_search_begins_at_the_value_that_a_layer_has(changed, slots, over, expected):
-    key, _, values = over.partition(": ")
-    values = values.strip("[]").split(", ") if values.startswith("[") else values
-    search = {"s": {"scenario": "changed", "minimise": "reached", "over": {key: values}}}
-    (task,) = load_campaign(changed(search=search, **slots)).searches
-    (parameter,) = task.parameters
-    assert (parameter.key, parameter.written, parameter.unit) == expected
 
 
 @pytest.mark.parametrize("name", ["demo/campaign", "two_lasers/campaign", "ortega2024/paper"])

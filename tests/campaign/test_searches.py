@@ -1,9 +1,12 @@
 """Searches of campaign files: their tasks, and the values they begin at."""
 
+import re
 import sys
 from importlib.metadata import EntryPoint
+from pathlib import Path
 
 import pytest
+import yaml
 
 from daemon.campaign import load_campaign, read_budget, read_confirm, read_stop
 from grammars.text import plugins
@@ -107,36 +110,27 @@ def test_searches_are_no_runs_and_change_none(search, campaign):
     )
 
 
-@pytest.mark.parametrize(
-    ("name", "range", "low", "high", "unit", "step", "written"),
-    [
-        ("opens", "20 .. 40 s", 20.0, 40.0, "s", 0.01, 30.0),
-        ("opens", "0.3 .. 0.7 min", 0.3, 0.7, "min", 0.0001, 0.5),
-        ("near", "50 cm .. 1 m", 0.5, 1.0, "m", 0.001, 0.8),
-        ("near", "50 .. 100 cm", 50.0, 100.0, "cm", 0.1, 80.0),
-        ("swing", "0.5 .. 1.5 rad/s", 0.5, 1.5, "rad/s", 0.001, 1.0471975512),
-        ("closes", "5.9 .. 6.1 s", 5.9, 6.1, "s", 0.01, 6.0),
-        ("closes", "5.99 .. 6.01 s", 5.99, 6.01, "s", 0.0001, 6.0),
-        ("closes", "0.01 .. 10 s, log", 0.01, 10.0, "s", 0.001, 6.0),
-    ],
-)
-def test_ranges_are_in_the_unit_they_are_written_in(
-    search, name, range, low, high, unit, step, written
-):
-    (parameter,) = only_search(search(over={f"moving.{name}": range})).parameters
-    assert (parameter.low, parameter.high, parameter.unit) == (low, high, unit)
-    assert parameter.step == step
-    assert parameter.written == pytest.approx(written, rel=1e-10)
+CASE = re.compile(r"((?:^--- .*\n)+)(?:(?!---).+\n)*", re.MULTILINE)
 
 
-def test_choices_are_names_or_quantities(search):
-    choices = {
-        "moving.leading": ["bedroom_door", "kitchen_door"],
-        "moving.near": ["0.8 m", "50 cm"],
-    }
-    leading, near = only_search(search(over=choices)).parameters
-    assert (leading.choices, leading.written) == (("bedroom_door", "kitchen_door"), "bedroom_door")
-    assert (near.choices, near.written) == (("0.8 m", "50 cm"), "0.8 m")
+def test_ranges_and_choices_and_the_values_they_begin_at(search, golden):
+    def renewed(block):
+        *slots, over = (line[4:] for line in block[1].splitlines())
+        slots = {"like": "busy", "behaviours": "doors_moving"} | (
+            yaml.safe_load("\n".join(slots)) or {}
+        )
+        slots |= {"objects": [], "behaviours": []} if "vary" in slots else {}
+        scenarios = SCENARIOS | {"changed": slots}
+        task = only_search(search(scenarios, scenario="changed", over=yaml.safe_load(over)))
+        (found,) = task.parameters
+        begin = round(found.written, 9) if isinstance(found.written, float) else found.written
+        span = found.choices or f"{found.low:g} .. {found.high:g}, in steps of {found.step:g}"
+        name = f"{found.slot} {found.index} {found.key}"
+        log = ", log" if found.log else ""
+        return f"{block[1]}{name}: {begin} {found.unit} of {span}{log}\n"
+
+    file = Path(__file__).with_name("search_values.txt")
+    golden(file.name, CASE.sub(renewed, file.read_text("utf-8")))
 
 
 def test_a_name_with_a_dash_means_the_parameter_with_a_stroke(search, demo):
