@@ -3,16 +3,49 @@
 import threading
 import time
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import pytest
 
-from daemon.batch.errors import Unreachable
 from daemon.model.status import ChangeEvent
 from scenario_tui.dashboard import feed as feed_module
 from scenario_tui.dashboard.feed import Feed
+from scenario_tui.dashboard.state import Known
 from tests.parts import DEADLINE, eventually
 from tests.people.fake import CAMPAIGN, make_live
+
+
+@dataclass
+class Taker:
+    """Takes the news of a feed, as a dashboard does."""
+
+    feed: Feed
+    known: Known = field(default_factory=Known)
+    front: object = None
+    fetched: object = None
+    lives: list = field(default_factory=list)
+    notices: list = field(default_factory=list)
+
+    def take(self):
+        news = self.feed.take_news()
+        self.known = news.known or self.known
+        self.front, self.fetched = news.front, news.fetched
+        self.lives += news.lives
+        self.notices += news.notices
+        return self
+
+    def until(self, condition):
+        eventually(lambda: condition(self.take()))
+
+
+@dataclass
+class PageFront:
+    """A screen in front that shows a page of runs."""
+
+    about: str = CAMPAIGN
+
+    def fetch(self, daemon, known):
+        return daemon.runs(CAMPAIGN, limit=3)
 
 
 @pytest.fixture
@@ -24,7 +57,18 @@ def feed(fake, monkeypatch):
     feed.close()
 
 
-def test_a_daemon_that_hangs_is_told_before_its_connection_is_closed(feed, fake, monkeypatch):
+@pytest.fixture
+def taker(feed):
+    return Taker(feed)
+
+
+def count(fake, verb):
+    return sum(call[0] == verb for call in fake.calls)
+
+
+def test_a_daemon_that_hangs_is_told_before_its_connection_is_closed(
+    feed, taker, fake, monkeypatch
+):
     closing, go_on = threading.Event(), threading.Event()
 
     @contextmanager
@@ -38,140 +82,108 @@ def test_a_daemon_that_hangs_is_told_before_its_connection_is_closed(feed, fake,
 
     monkeypatch.setattr(feed, "connect", hanging)
     feed.start()
-    eventually(lambda: (known := feed.take_news().known) is not None and known.connected)
+    taker.until(lambda it: it.known.connected)
     fake.reachable = False
     assert closing.wait(DEADLINE)
-    known = feed.take_news().known
+    connected = taker.take().known.connected
     go_on.set()
-    assert known is not None
-    assert not known.connected
+    assert not connected
 
 
-@dataclass
-class RunFront:
-    """A screen in front that shows a run."""
-
-    feed: Feed
-    run: str = f"{CAMPAIGN}.0"
-    about: str = CAMPAIGN
-
-    def fetch(self, daemon, known):
-        return self.feed.watch.look(daemon, self.run)
-
-
-@dataclass
-class PageFront:
-    """A screen in front that shows a page of runs."""
-
-    about: str = CAMPAIGN
-
-    def fetch(self, daemon, known):
-        return daemon.runs(CAMPAIGN, limit=3)
-
-
-def test_only_what_the_screen_in_front_fetches_is_asked_for(feed, fake, monkeypatch):
+def test_only_what_the_screen_in_front_fetches_is_asked_for(feed, taker, fake, monkeypatch):
     monkeypatch.setattr(feed_module, "_ASSESS_EVERY", 60.0)
+
+    class RunFront(PageFront):
+        def fetch(self, daemon, known):
+            return feed.watch.look(daemon, f"{CAMPAIGN}.5")
+
     feed.start()
-    eventually(lambda: feed.take_news().known is not None)
+    taker.until(lambda it: it.known.connected)
     assert {call[0] for call in fake.calls} == {"open", "overview", "campaigns"}
-    page = PageFront()
+    page, run = PageFront(), RunFront()
     feed.look_at(page)
-    eventually(lambda: feed.take_news().front is page)
-    assert len(feed._fetched[1].rows) == 3
-    assert "run" not in {call[0] for call in fake.calls}
-    run = RunFront(feed, f"{CAMPAIGN}.5")
+    taker.until(lambda it: it.front is page)
+    assert len(taker.fetched.rows) == 3
+    assert not count(fake, "run")
     feed.look_at(run)
-    eventually(lambda: feed.take_news().front is run)
-    assert feed._fetched[1].scene is not None
+    taker.until(lambda it: it.front is run)
+    assert taker.fetched.scene is not None
     assert sum(call[0] == "get" and not call[3] for call in fake.calls) == 1  # kept after that
 
 
-def test_all_that_becomes_known_is_told_at_once(feed, fake):
-    told = []
-    feed.on_news = lambda: told.append(feed._known.connected)
-    feed.step(fake)
-    feed._lose(Unreachable("gone"))
-    feed.step(fake)
-    assert told == [True, False, True]
-
-
-def test_what_was_judged_is_told_without_asking_anew(feed, fake, monkeypatch):
+def test_what_was_judged_is_told_without_asking_anew(feed, taker, fake, monkeypatch):
     monkeypatch.setattr(feed_module, "REFRESH", 60.0)
+    told = []
+    feed.on_news = lambda: told.append(None)
     feed.look_at(PageFront())
     feed.start()
-    eventually(lambda: feed._known.results)
-    assert sum(call[0] == "campaigns" for call in fake.calls) == 1
+    taker.until(lambda it: it.known.results)
+    assert count(fake, "campaigns") == 1
+    assert told
 
 
-def test_a_gone_daemon_leaves_the_last_picture_and_is_found_again(feed, fake):
+def test_a_gone_daemon_leaves_the_last_picture_and_is_found_again(feed, taker, fake):
     feed.start()
-    eventually(lambda: feed._known.connected)
+    taker.until(lambda it: it.known.connected)
     fake.reachable = False
-    eventually(lambda: not feed._known.connected)
-    assert feed._known.problem.startswith("no daemon answers")
-    assert feed._known.campaigns
+    taker.until(lambda it: not it.known.connected)
+    assert taker.known.problem.startswith("no daemon answers")
+    assert taker.known.campaigns
     fake.reachable = True
-    eventually(lambda: feed._known.connected)
+    taker.until(lambda it: it.known.connected)
 
 
-def test_telemetry_waits_until_it_is_taken(feed, fake):
-    fake.live = (make_live(7, 1.0), make_live(7, 2.0))
+def test_telemetry_waits_until_it_is_taken_and_does_not_grow(feed, taker, fake):
+    fake.live = tuple(make_live(7, float(time)) for time in range(2000))
     feed.start()
-    eventually(lambda: len(feed._lives) == 2)
-    assert [live.snapshot.time for live in feed.take_news().lives] == [1.0, 2.0]
-    assert feed.take_news().lives == []
+    eventually(lambda: fake.listeners)
+    taker.until(lambda it: it.lives)
+    assert len(taker.lives) == 512
+    assert taker.lives[-1].snapshot.time == 1999.0
 
 
-def test_telemetry_nobody_takes_does_not_grow(feed):
-    for index in range(2000):
-        feed._lives.append(make_live(7, float(index)))
-    assert len(feed.take_news().lives) == 512
-
-
-def test_actions_become_notices(feed, fake):
+def test_actions_become_notices(feed, taker, fake):
     feed.enqueue_action(lambda daemon: f"cancelled {daemon.cancel(CAMPAIGN)}")
     feed.enqueue_action(lambda daemon: str(daemon.run("nobody.1")))
     feed.start()
-    eventually(lambda: len(feed._notices) == 2)
-    good, bad = feed.take_news().notices
+    taker.until(lambda it: len(it.notices) == 2)
+    good, bad = taker.notices
     assert (good.text, good.severity) == ("cancelled 2", "information")
     assert (bad.text, bad.severity) == ("there is no run nobody.1", "error")
 
 
-def test_an_action_without_a_daemon_is_told_not_to_be_done(feed, fake):
+def test_an_action_without_a_daemon_is_told_not_to_be_done(feed, taker, fake):
     fake.reachable = False
     feed.start()
-    eventually(lambda: feed._known.problem)
+    taker.until(lambda it: it.known.problem)
     feed.enqueue_action(lambda daemon: "done")
-    eventually(lambda: feed._notices)
-    assert [notice.text for notice in feed.take_news().notices] == [
-        "no daemon answers: nothing was done"
-    ]
+    taker.until(lambda it: it.notices)
+    assert [notice.text for notice in taker.notices] == ["no daemon answers: nothing was done"]
 
 
 def test_a_bug_in_the_thread_is_seen_by_whoever_takes(feed, fake):
     def bug(daemon):
         raise KeyError("a bug")
 
+    told = threading.Event()
+    feed.on_news = told.set
     fake.before = bug
     feed.start()
-    eventually(lambda: feed._failure is not None)
+    assert told.wait(DEADLINE)
     with pytest.raises(KeyError):
         feed.take_news()
 
 
-def test_an_event_makes_the_feed_look_at_once(fake, monkeypatch):
-    monkeypatch.setattr(feed_module, "REFRESH", 60.0)
-    monkeypatch.setattr(feed_module, "_BREATH", 0.005)
-    monkeypatch.setattr(feed_module, "_ASSESS_EVERY", 60.0)
+def test_only_an_event_makes_the_feed_look_before_it_is_time(fake, monkeypatch):
+    for name, seconds in (("REFRESH", 3600.0), ("_BREATH", 0.005), ("_ASSESS_EVERY", 3600.0)):
+        monkeypatch.setattr(feed_module, name, seconds)
     feed = Feed(fake.open)
+    taker = Taker(feed)
     feed.start()
-    eventually(lambda: bool(fake.listeners) and feed._known.connected)
-    before = len(fake.calls)
-    time.sleep(0.05)
-    assert len(fake.calls) <= before + 2
-    fake.listeners[0][0](ChangeEvent(1, "run", f"{CAMPAIGN}.7"))
-    eventually(lambda: len(fake.calls) > before + 1)
+    taker.until(lambda it: fake.listeners and it.known.connected)
+    for looks in (2, 3):
+        fake.listeners[0][0](ChangeEvent(1, "run", f"{CAMPAIGN}.7"))
+        eventually(lambda looks=looks: count(fake, "overview") == looks)
     feed.close()
 
 
@@ -186,10 +198,12 @@ def test_a_key_that_is_held_keeps_nothing_else_from_being_looked_at(feed, fake, 
     monkeypatch.setattr(feed, "_clock", time.time)
     feed.look_at(page)
     feed.start()
-    eventually(lambda: sum(call[0] == "overview" for call in fake.calls) > 2)
+    eventually(lambda: count(fake, "overview") > 2)
 
 
-def test_a_daemon_that_goes_while_it_is_asked_for_results_is_noticed(feed, fake, monkeypatch):
+def test_a_daemon_that_goes_while_it_is_asked_for_results_is_noticed(
+    feed, taker, fake, monkeypatch
+):
     silent, asked = threading.Event(), threading.Event()
     monkeypatch.setattr(feed_module, "_PATIENCE", 0.01)
     monkeypatch.setattr(feed_module, "_ASSESS_EVERY", 0.005)
@@ -203,9 +217,9 @@ def test_a_daemon_that_goes_while_it_is_asked_for_results_is_noticed(feed, fake,
     feed.start()
     assert asked.wait(DEADLINE)
     fake.reachable = False
-    eventually(lambda: not feed._known.connected)
+    taker.until(lambda it: not it.known.connected and it.known.problem)
     silent.set()
     for thread in threading.enumerate():
         if thread.name == "judge":
             thread.join()
-    assert feed._failure is None
+    taker.take()  # no bug
