@@ -125,10 +125,11 @@ async def test_the_log_ends_with_what_an_external_system_printed(dashboard, tmp_
     )
 
 
-@pytest.mark.parametrize(("width", "words"), [(120, 46), (169, 46), (200, 60), (240, 72)])
-async def test_the_words_of_a_run_grow_with_vast_terminals(dashboard, trace, width, words):
-    dash = await dashboard(RecordedDaemon(trace), (width, 40), run=RUN)
-    assert dash.one("#left").outer_size.width == words
+async def test_the_words_of_a_run_grow_with_vast_terminals(dashboard, trace):
+    dash = await dashboard(RecordedDaemon(trace), run=RUN)
+    for width, words in ((120, 46), (169, 46), (200, 60), (240, 72)):
+        await dash.resize(width, 40)
+        assert dash.one("#left").outer_size.width == words
 
 
 async def test_time_passes_while_it_plays_and_follows_zoom_and_pan(dashboard, trace):
@@ -154,18 +155,17 @@ async def test_time_passes_while_it_plays_and_follows_zoom_and_pan(dashboard, tr
     assert dash.text != before
 
 
-@pytest.mark.parametrize(
-    ("index", "words", "size"),
-    [
+async def test_what_cannot_be_shown_is_said(dashboard):
+    dash = await dashboard()
+    for index, words, size in (
         (0, "not on this machine", (80, 24)),
         (8, "Its signals are drawn while it runs", (40, 10)),
         (9, "r queues it again", (120, 40)),
-    ],
-)
-async def test_what_cannot_be_shown_is_said(dashboard, fake, index, words, size):
-    dash = await dashboard(fake, size, run=f"{CAMPAIGN}.{index}")
-    await dash.press("tab", "space", "n", "right", "z", "p")
-    assert words in dash.words
+    ):
+        await dash.resize(*size)
+        await dash.open("run", f"{CAMPAIGN}.{index}")
+        await dash.press("tab", "space", "n", "right", "z", "p")
+        assert words in dash.words
 
 
 async def test_a_trace_that_was_cut_is_shown_as_far_as_it_goes(dashboard, fake, trace, tmp_path):

@@ -54,6 +54,9 @@ async def test_a_campaign_is_checked_beside_its_name_and_submitted(dashboard, fa
     await opened_at(dash, "demo/camp")
     await dash.until(lambda: "✓" in about(dash))
     assert "3 scenarios, 15 runs" in about(dash)
+    assert "3 cells × 5 repeats = 15 runs\n" in about(dash)  # no ledger is here to ask
+    searches = "doors-in-time is a search: start it with `scenario search demo/campaign.yaml`"
+    assert searches in about(dash)
     assert "same as: scenario submit demo/campaign.yaml" in about(dash)
     await dash.press("ctrl+r")
     assert "demo/campaign.yaml --fresh" in about(dash)
@@ -71,15 +74,6 @@ async def test_the_cursor_goes_to_what_was_submitted(dashboard, fake, folder):
     assert table.key == rows[0].id != rows[1].id
     dash.app.remember(folder / "demo" / "campaign.yaml", rows[1].id)
     await dash.until(lambda: table.key == rows[1].id)
-
-
-async def test_what_would_be_executed_is_said_before(dashboard, fake, folder):
-    dash = await dashboard(fake, size=(120, 30))
-    await opened_at(dash, "demo/camp")
-    await dash.until(lambda: "✓" in about(dash))
-    assert "3 cells × 5 repeats = 15 runs\n" in about(dash)  # no ledger is here to ask
-    searches = "doors-in-time is a search: start it with `scenario search demo/campaign.yaml`"
-    assert searches in about(dash)
 
 
 @pytest.mark.parametrize(
