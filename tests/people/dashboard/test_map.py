@@ -1,6 +1,7 @@
 """The map in cells: one orientation, filled walls, texts that cover nothing, what decides."""
 
 import math
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grammars.model.geometry import Pose2
-from grammars.model.kinematics import object_rings
 from grammars.model.mission import Mission, Waypoint
 from grammars.model.movers import with_planar_chain
 from grammars.model.scene import Link, SceneObject
@@ -24,7 +24,7 @@ from scenario_tui.dashboard.widgets.block_cells import (
 from scenario_tui.dashboard.widgets.cell_view import Canvas
 from scenario_tui.dashboard.widgets.map_frame import View, draw_view
 from scenario_tui.dashboard.widgets.map_names import place_beside, place_inside
-from scenario_tui.dashboard.widgets.map_projection import cell_of, fit, main_axis, map_turn
+from scenario_tui.dashboard.widgets.map_projection import fit, main_axis, map_turn
 from scenario_tui.dashboard.widgets.map_style import Layer, MapSigns, legend_lines
 from scenario_tui.dashboard.widgets.top_view import TopView
 from templates.plan_shapes import MeasuredMark
@@ -38,10 +38,6 @@ def view(**changes):
 def rows_of(frame):
     codes, _ = frame.cells()
     return ["".join(map(chr, row)) for row in codes]
-
-
-def owners_of(frame, layer):
-    return int((frame.cells()[1] == layer).sum())
 
 
 def turned(scene, angle):
@@ -64,17 +60,83 @@ def askew(degrees, **changes):
     return View(scene, ROBOT, mission, (), **changes)
 
 
+def waypoints(*places):
+    return tuple(Waypoint(f"w{i}", x, y) for i, (x, y) in enumerate(places))
+
+
+def with_waypoints(*places):
+    mission = replace(MISSION, waypoints=waypoints(*places))
+    return View(make_scene(), ROBOT, mission, (0.0,))
+
+
+def marked(**changes):
+    leaf = ((9.0, 1.0), (9.1, 1.0), (9.1, 2.0), (9.0, 2.0))
+    mark = MeasuredMark("door-1.leaf", ((6.3, 1.5), (9.0, 1.5)), "0.03 m, limit 0.05 m", (leaf,))
+    return view(robot_pose=Pose2(6.0, 1.5), decisive=replace(mark, **changes))
+
+
+def visited(x):
+    body = Link("body", (((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2)),), 70.0, 0.0, 1.7)
+    links, joints = with_planar_chain((body,), (), "body")
+    visitor = SceneObject("visitor", "person", Pose2(), links, joints, (0.0, 0.0, 0.0))
+    return View(replace(make_scene(), objects=(visitor,)), ROBOT, MISSION, (x, 1.0, 0.0))
+
+
+WAY = {
+    "trail": tuple((1.0 + 0.1 * i, 2.0) for i in range(90)),
+    "robot_pose": Pose2(11.5, 3.5),
+}
+NEAR = {"clearances": (1.0,) * 30 + (0.1,) * 30 + (0.0,) * 30, "limit": 0.2}
+SEEN = tuple((2.0 + 0.05 * i, 4.0) for i in range(40))
+MIDDLE = Pose2(6.0, 2.0)
+PICTURES = {
+    "a corridor": (view(), (76, 20)),
+    "the same, small": (view(), (40, 10)),
+    "a door ajar": (View(make_scene(), ROBOT, MISSION, (-1.5,)), (76, 20)),
+    "a building that stands askew": (
+        askew(33.0, robot_pose=Pose2(5.0, 5.0, math.radians(33.0))), (100, 20)
+    ),
+    "two waypoints at one place": (with_waypoints((4, 2), (8, 1), (11, 2), (4, 2)), (76, 20)),
+    "two waypoints reached": (view(robot_pose=MIDDLE, reached=2), (76, 20)),
+    "a robot where the name of the room was": (view(robot_pose=Pose2(6.0, 1.9)), (76, 20)),
+    "a trail": (view(**WAY), (100, 30)),
+    "a trail that came near and touched": (view(**WAY, **NEAR), (100, 30)),
+    "walls the laser meets": (view(returns=SEEN, robot_pose=MIDDLE), (100, 30)),
+    "somebody who walks": (visited(3.0), (76, 20)),
+    "the same later": (visited(7.5), (76, 20)),
+    "a failure": (marked(), (100, 30)),
+    "a failure in little room": (marked(), (60, 14)),
+    "a measure that decides for the run": (marked(fails=False), (100, 30)),
+    "a measure beside a wall": (marked(line=((6.0, 3.0), (6.0, 3.9))), (100, 30)),
+}  # fmt: skip
+"""Maps, and the cells they are drawn in."""
+
+
+def test_maps_look_as_they_did(golden):
+    """Below each map stands how many cells each of its layers has, which are their colours."""
+    texts = []
+    for name, (shown, size) in PICTURES.items():
+        frame = draw_view(shown, *size)
+        cells = Counter(frame.cells()[1].ravel().tolist())
+        layers = "  ".join(f"{layer.name} {cells[layer]}" for layer in Layer if cells[layer])
+        lines = "\n".join(row.rstrip() for row in rows_of(frame))
+        texts.append(f"--- {name}\n{lines}\n{layers}\n")
+    golden("screens/maps.txt", "\n".join(texts))
+
+
+def test_the_robot_is_an_arrow_that_points_where_it_looks():
+    yaws = (0.0, 0.8, math.pi / 2, math.pi, -math.pi / 2)
+    for yaw, arrow in zip(yaws, "→↗↑←↓", strict=True):
+        shown = view(robot_pose=Pose2(6.0, 2.0, yaw))
+        assert arrow in "".join(rows_of(draw_view(shown, 76, 20)))
+
+
 @pytest.mark.parametrize("degrees", [0.0, 33.0, -33.0, 90.0, 150.0])
 def test_a_building_that_stands_askew_fills_the_pane_as_one_that_does_not(degrees):
     straight = draw_view(askew(0.0), 100, 20).still.projection.scale
     frame = draw_view(askew(degrees), 100, 20)
     assert frame.still.projection.scale == pytest.approx(straight, rel=0.02)
     assert any("x" in text.text for text in frame.still.edge) == (degrees != 0.0)
-
-
-def test_a_robot_on_a_turned_map_points_along_the_building():
-    shown = askew(33.0, robot_pose=Pose2(5.0, 5.0, math.radians(33.0)))
-    assert "→" in "".join(rows_of(draw_view(shown, 100, 20)))
 
 
 @pytest.mark.parametrize(
@@ -151,32 +213,6 @@ def test_blocks_look_like_their_squares():
     assert [chr(0x2800 + bits) for bits in dots[0].tolist()] == ["⢣", "⠛"]
 
 
-def test_walls_thinner_than_a_square_have_no_gaps():
-    frame = draw_view(view(), 40, 10)
-    walls = frame.still.walls > 0
-    ((left, below), (right, _)) = frame.still.projection.dots(np.array([(0.0, -0.1), (12.0, -0.1)]))
-    assert walls[int(below // 4), int(left // 2) : int(right // 2)].all()
-
-
-def test_rooms_and_doors_have_names_that_cover_no_wall():
-    frame = draw_view(view(), 100, 30)
-    shown = "\n".join(rows_of(frame))
-    assert "hall" in shown
-    assert "door-1" in shown
-    solid = frame.still.walls > 0
-    assert not any(solid[name.cells].any() for name in frame.still.names)
-
-
-def test_a_name_makes_room_for_the_robot():
-    still = draw_view(view(), 100, 30).still
-    (hall,) = (name for name in still.names if name.text == "hall")
-    off = np.array([2 * hall.column + 4, 4 * hall.row + 2]) - np.array(still.projection.centre)
-    way = still.projection.metres(off[0], -off[1])
-    x, y = np.add(still.projection.middle, way).tolist()
-    shown = rows_of(draw_view(view(robot_pose=Pose2(x, y, 0.0)), 100, 30))
-    assert not any("hall" in line for line in shown)
-
-
 def test_a_name_too_long_for_its_room_is_left_out():
     room = [np.array([(0.0, 0.0), (14.0, 0.0), (14.0, 6.0), (0.0, 6.0)])]
     free = np.ones((6, 14), dtype=bool)
@@ -184,16 +220,6 @@ def test_a_name_too_long_for_its_room_is_left_out():
     assert name is not None
     assert (name.row, name.column) in ((2, 1), (3, 1))
     assert place_inside("x" * 13, Layer.SPACE_NAME, room, free) is None
-
-
-def with_waypoints(*places):
-    stops = tuple(Waypoint(f"w{i}", x, y) for i, (x, y) in enumerate(places))
-    return View(make_scene(), ROBOT, replace(MISSION, waypoints=stops), (0.0,))
-
-
-def test_waypoints_carry_their_numbers_those_in_one_cell_together():
-    shown = "".join(rows_of(draw_view(with_waypoints((4, 2), (8, 1), (11, 2), (4, 2)), 76, 20)))
-    assert all(mark in shown for mark in ("◆1,4", "◆2", "◆3"))
 
 
 near = st.tuples(st.floats(3.0, 5.0), st.floats(0.3, 3.7))
@@ -225,30 +251,6 @@ def test_the_bar_is_as_long_as_it_says(columns):
     length = float(bar.split("┤")[1].split()[0])
     assert cells == pytest.approx(length * frame.still.projection.scale / 2, abs=0.5)
     assert length in (0.5, 1.0, 2.0, 5.0)
-
-
-def test_a_trail_says_how_near_it_came_without_colours():
-    way = tuple((1.0 + 0.1 * i, 2.0) for i in range(90))
-    clear = tuple(1.0 if i < 30 else 0.1 if i < 60 else 0.0 for i in range(90))
-    pose = Pose2(11.5, 3.5)
-    plain = draw_view(view(trail=way, robot_pose=pose), 100, 30)
-    frame = draw_view(view(trail=way, robot_pose=pose, clearances=clear, limit=0.2), 100, 30)
-    assert owners_of(plain, Layer.NEAR_TRAIL) == owners_of(plain, Layer.TOUCHING_TRAIL) == 0
-    dots = [
-        int(np.unpackbits(frame.canvas.dots[layer]).sum())
-        for layer in (Layer.TRAIL, Layer.NEAR_TRAIL)
-    ]
-    assert dots[1] > 1.6 * dots[0]
-    assert "×××" in "".join(rows_of(frame))
-
-
-def test_walls_the_laser_meets_stay_walls_and_are_lit():
-    seen = tuple((2.0 + 0.05 * i, 4.0) for i in range(40))
-    frame = draw_view(view(returns=seen, robot_pose=Pose2(6.0, 2.0)), 100, 30)
-    codes, owners = frame.cells()
-    lit = owners == Layer.LIT
-    assert lit.sum() > 5
-    assert (codes[lit] == frame.still.blocks[lit]).all()
 
 
 def test_what_is_nowhere_on_the_map_is_not_in_the_legend():
@@ -283,18 +285,6 @@ def test_middle_lines_end_where_a_wall_is_cut_aslant():
     assert middle_line(mitred) == pytest.approx([0.5, 0.5, 9.5, 0.5])
 
 
-def test_whoever_walks_takes_their_name_along():
-    body = Link("body", (((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2)),), 70.0, 0.0, 1.7)
-    links, joints = with_planar_chain((body,), (), "body")
-    visitor = SceneObject("visitor", "person", Pose2(), links, joints, (0.0, 0.0, 0.0))
-    scene = replace(make_scene(), objects=(visitor,))
-    for x in (3.0, 7.5):
-        frame = draw_view(View(scene, ROBOT, MISSION, (x, 1.0, 0.0)), 100, 30)
-        ((at, _),) = frame.still.projection.dots(np.array([(x, 1.0)]))
-        (line,) = (row for row in rows_of(frame) if "visitor" in row)
-        assert abs(line.index("visitor") + 3 - at / 2) < 9
-
-
 def test_a_text_stands_beside_its_thing_where_there_is_room():
     free = np.ones((5, 20), dtype=bool)
     box = (8, 2, 9, 2)
@@ -303,45 +293,6 @@ def test_a_text_stands_beside_its_thing_where_there_is_room():
         places.append((text.row, text.column))
     assert places[:3] == [(2, 11), (2, 3), (1, 7)]
     assert {row for row, _ in places} == set(range(5))
-
-
-def marked(**changes):
-    leaf = ((9.0, 1.0), (9.1, 1.0), (9.1, 2.0), (9.0, 2.0))
-    mark = MeasuredMark("door-1.leaf", ((6.3, 1.5), (9.0, 1.5)), "0.03 m, limit 0.05 m", (leaf,))
-    return view(robot_pose=Pose2(6.0, 1.5), decisive=replace(mark, **changes))
-
-
-@pytest.mark.parametrize("size", [(60, 14), (100, 30), (200, 50)])
-def test_what_decides_is_red_with_a_line_and_its_measure(size):
-    frame = draw_view(marked(), *size)
-    codes, owners = frame.cells()
-    red = owners == Layer.FAILURE
-    row, column = cell_at(frame, 9.0, 1.5)
-    assert chr(codes[row, column]) == "✗"
-    for x in (6.8, 7.5, 8.5):
-        assert red[cell_at(frame, x, 1.5)]
-    assert red[cell_at(frame, 9.05, 1.2)]
-    assert "✗ 0.03 m, limit 0.05 m" in "\n".join(rows_of(frame))
-    legend = legend_lines([MapSigns(frame.layers, decisive="door-1.leaf")], 300, 1)
-    assert "✗ door-1.leaf decides" in legend[0].plain
-
-
-def test_what_decides_for_a_run_has_another_sign_and_is_not_red():
-    frame = draw_view(marked(fails=False), 100, 30)
-    assert owners_of(frame, Layer.FAILURE) == 0
-    assert "● 0.03 m" in "\n".join(rows_of(frame))
-
-
-def test_a_measure_covers_no_wall_if_it_can():
-    frame = draw_view(marked(line=((6.0, 3.0), (6.0, 3.9))), 100, 30)
-    ((row, line),) = ((i, line) for i, line in enumerate(rows_of(frame)) if "limit" in line)
-    column = line.index("0.03 m")
-    assert not frame.still.walls[row, column - 2 : column + 20].any()
-
-
-def cell_at(frame, x, y):
-    ((right, down),) = frame.still.projection.dots(np.array([(x, y)])).tolist()
-    return cell_of(right, down)
 
 
 # Dot positions of a braille cell by Unicode's own numbering: bit k is dot k+1.
@@ -392,34 +343,6 @@ def test_a_cell_belongs_to_its_highest_layer():
     assert "".join(map(chr, codes[0])) == "⢁ "
 
 
-def test_lintels_are_above_the_eye_and_leave_the_doorway_open():
-    frame = draw_view(view(), 76, 20)
-    walls = frame.still.walls > 0
-    ((x, y),) = frame.still.projection.dots(np.array([[5.5, 4.1]]))
-    top = int(y // 4)
-    wall = walls[top - 1 : top + 2].any(axis=0)
-    assert not wall[int(x // 2)]
-    assert wall[int(x // 2) - 10]
-    assert wall[int(x // 2) + 10]
-
-
-def test_a_door_is_drawn_at_its_angle():
-    (name,) = make_scene().joint_names
-    shut = object_rings(make_scene(), 0.3, {name: 0.0})[0]
-    ajar = object_rings(make_scene(), 0.3, {name: -math.pi / 2})[0]
-    assert max(y for _, y in shut) == pytest.approx(4.02)
-    assert min(y for _, y in ajar) == pytest.approx(4.0 - 0.95)
-    assert rows_of(draw_view(view(), 76, 20)) != rows_of(
-        draw_view(View(make_scene(), ROBOT, MISSION, (-1.5,)), 76, 20)
-    )
-
-
-def test_zoom_keeps_the_robot_in_the_middle():
-    shown = view(robot_pose=Pose2(9.0, 1.0, 0.0))
-    rows = rows_of(draw_view(shown, 76, 20, zoom=4, middle=(9.0, 1.0)))
-    assert "→" in rows[9][37:39] + rows[10][37:39]
-
-
 def test_a_trail_grows_with_the_way_and_starts_anew_with_a_new_attempt():
     tracks = Tracks()
     for time in (0.0, 0.1, 20.0, 40.0):
@@ -449,14 +372,3 @@ def test_a_robot_that_is_nowhere_is_not_come_nearer_to():
     assert (top.cells(80, 24)[0] == whole).all()
     top.show(view(robot_pose=Pose2(6.0, 2.0, 0.0)))
     assert (top.cells(80, 24)[0] != whole).any()
-
-
-@pytest.mark.parametrize(
-    ("yaw", "arrow"),
-    [(0.0, "→"), (math.pi / 2, "↑"), (math.pi, "←"), (-math.pi / 2, "↓"), (0.8, "↗")],
-)
-def test_the_robot_is_an_arrow_that_points_where_it_looks(yaw, arrow):
-    frame = draw_view(view(robot_pose=Pose2(6.0, 2.0, yaw), reached=2), 76, 20)
-    text = "".join(rows_of(frame))
-    assert arrow in text
-    assert (text.count("◇"), text.count("◆")) == (2, 1)
