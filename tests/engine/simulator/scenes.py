@@ -90,3 +90,11 @@ def world(
     seed=7,
 ):
     return World(scene(*parts), robot, start, behaviours, np.random.SeedSequence(seed))
+
+
+def driven(command, ticks, *parts, **options):
+    """A world whose robot has followed a command for some ticks."""
+    now = world(*parts, **options)
+    now.command(command)
+    now.advance(ticks)
+    return now

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grammars.model.geometry import Pose2, Twist2
-from tests.engine.simulator.scenes import DRIVE, ROBOT, differential, wall, world
+from tests.engine.simulator.scenes import DRIVE, ROBOT, differential, driven, wall, world
 from tests.engine.simulator.test_imposed import IMPOSED
 
 WALL = wall("wall", 2.0, -5.0, 2.2, 5.0)
@@ -57,18 +57,14 @@ def test_no_kind_of_base_leaves_a_room_of_thin_walls(robot, deepest, yaw, vx, vy
 
 
 def test_the_robot_slides_along_a_wall_it_meets_at_an_angle():
-    simulated = world(WALL, start=Pose2(1.0, -2.0, 0.0))
-    simulated.command(Twist2(0.3, 0.5, 0.0))
-    simulated.advance(600)
+    simulated = driven(Twist2(0.3, 0.5, 0.0), 600, WALL, start=Pose2(1.0, -2.0, 0.0))
     assert simulated.pose().y > -1.0
     assert simulated.pose().x + 0.35 < 2.002
 
 
 def test_the_robot_does_not_catch_where_pieces_of_a_wall_meet():
     pieces = (wall(f"piece-{k}", 0.7 * k - 2.0, 0.5, 0.7 * k - 1.3, 0.7) for k in range(20))
-    simulated = world(*pieces)
-    simulated.command(Twist2(0.5, 0.2, 0.0))
-    simulated.advance(200)
+    simulated = driven(Twist2(0.5, 0.2, 0.0), 200, *pieces)
     for _ in range(300):
         simulated.advance(5)
         assert simulated.twist().vx > 0.3
@@ -76,9 +72,7 @@ def test_the_robot_does_not_catch_where_pieces_of_a_wall_meet():
 
 
 def test_acceleration_and_speed_are_limited():
-    simulated = world()
-    simulated.command(Twist2(5.0, -5.0, 9.0))
-    simulated.advance(50)
+    simulated = driven(Twist2(5.0, -5.0, 9.0), 50)
     assert simulated.twist().vx == pytest.approx(0.5, abs=0.02)
     assert simulated.twist().vy == pytest.approx(-0.5, abs=0.02)
     assert simulated.twist().wz == pytest.approx(2.0, abs=1e-6)
@@ -88,17 +82,13 @@ def test_acceleration_and_speed_are_limited():
 
 
 def test_a_differential_base_ignores_sideways_commands():
-    simulated = world(robot=differential())
-    simulated.command(Twist2(0.5, 0.9, 0.0))
-    simulated.advance(200)
+    simulated = driven(Twist2(0.5, 0.9, 0.0), 200, robot=differential())
     assert simulated.pose().y == pytest.approx(0.0, abs=1e-12)
     assert simulated.pose().x > 0.7
 
 
 def test_a_steady_turn_is_a_circle():
-    simulated = world(robot=differential())
-    simulated.command(Twist2(0.5, 0.0, 0.5))
-    simulated.advance(200)
+    simulated = driven(Twist2(0.5, 0.0, 0.5), 200, robot=differential())
     begin = simulated.pose()
     centre = begin.apply((0.0, 1.0))
     for _ in range(100):
@@ -125,9 +115,7 @@ def test_a_strong_drive_without_acceleration_limits_follows_at_once():
         DRIVE, max_ax=math.inf, max_ay=math.inf, max_az=math.inf,
         max_force=math.inf, max_torque=math.inf,
     )  # fmt: skip
-    simulated = world(robot=replace(ROBOT, drive=ideal))
-    simulated.command(Twist2(0.3, 0.1, 0.2))
-    simulated.advance(1)
+    simulated = driven(Twist2(0.3, 0.1, 0.2), 1, robot=replace(ROBOT, drive=ideal))
     twist = simulated.twist()
     assert (twist.vx, twist.vy, twist.wz) == pytest.approx((0.3, 0.1, 0.2), abs=1e-9)
 
@@ -138,18 +126,17 @@ def test_commands_that_are_not_numbers_are_refused():
 
 
 def test_low_and_high_walls_do_not_collide():
-    simulated = world(
-        replace(WALL, z_min=0.3, z_max=2.5), replace(WALL, z_min=-1.0, z_max=0.0),
-    )  # fmt: skip
-    simulated.command(Twist2(1.0, 0.0, 0.0))
-    simulated.advance(400)
+    simulated = driven(
+        Twist2(1.0, 0.0, 0.0),
+        400,
+        replace(WALL, z_min=0.3, z_max=2.5),
+        replace(WALL, z_min=-1.0, z_max=0.0),
+    )
     assert simulated.pose().x > 3.0
 
 
 def test_contacts_say_what_was_touched_where_and_how_long():
-    simulated = world(WALL, wall("side", -1.0, 0.5, 5.0, 0.6))
-    simulated.command(Twist2(0.5, 0.0, 0.0))
-    simulated.advance(500)
+    simulated = driven(Twist2(0.5, 0.0, 0.0), 500, WALL, wall("side", -1.0, 0.5, 5.0, 0.6))
     (contact,) = simulated.take_contacts()
     assert (contact.first, contact.second) == ("robot", "wall")
     assert 3.0 < contact.time < 3.7
@@ -185,9 +172,12 @@ def test_no_touch_is_lost_however_seldom_contacts_are_taken():
 
 
 def test_pieces_of_one_wall_are_one_contact():
-    simulated = world(wall("wall", 1.0, -2.0, 1.2, 0.0), wall("wall", 1.0, 0.0, 1.2, 2.0))
-    simulated.command(Twist2(0.5, 0.0, 0.0))
-    simulated.advance(300)
+    simulated = driven(
+        Twist2(0.5, 0.0, 0.0),
+        300,
+        wall("wall", 1.0, -2.0, 1.2, 0.0),
+        wall("wall", 1.0, 0.0, 1.2, 2.0),
+    )
     assert [c.second for c in simulated.take_contacts()] == ["wall"]
 
 
@@ -200,7 +190,5 @@ def test_a_start_inside_a_wall_shows_as_a_contact():
 
 
 def test_the_pose_is_wrapped():
-    simulated = world(start=Pose2(0.0, 0.0, 3.0))
-    simulated.command(Twist2(0.0, 0.0, 1.0))
-    simulated.advance(200)
+    simulated = driven(Twist2(0.0, 0.0, 1.0), 200, start=Pose2(0.0, 0.0, 3.0))
     assert -math.pi < simulated.pose().yaw < 0.0

@@ -14,7 +14,7 @@ from grammars.model.behaviour import (
 )
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.scene import Doorway
-from tests.engine.simulator.scenes import box, door, folding, sliding_door, world
+from tests.engine.simulator.scenes import box, door, driven, folding, sliding_door, world
 
 AWAY, TILTED = Pose2(5.0, 0.0, 0.0), Pose2(5.0, 0.0, 0.4)
 MOTIONS = (Jump(), Servo(1.0, 40.0), Spring(30.0, 15.0))
@@ -158,9 +158,9 @@ def test_a_rearming_trigger_returns_with_hysteresis_and_fires_again():
 
 def test_a_held_chain_link_follows_its_moving_parent():
     behaviour = Trigger("f.fold", 0.8, 0.0, 0.01, Jump())
-    simulated = world(folding("f", Pose2(1.0, -0.5, 0.2)), behaviours=(behaviour,))
-    simulated.command(Twist2(0.4, 0.0, 0.0))
-    simulated.advance(250)
+    simulated = driven(
+        Twist2(0.4, 0.0, 0.0), 250, folding("f", Pose2(1.0, -0.5, 0.2)), behaviours=(behaviour,)
+    )
     fold, root = simulated.joint_positions()
     assert fold == pytest.approx(0.8, abs=0.02)
     assert abs(root) > 0.05

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from grammars.model.behaviour import Hold
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.robot import Drive, OdometryNoise
-from tests.engine.simulator.scenes import ROBOT, door, world
+from tests.engine.simulator.scenes import ROBOT, door, driven, world
 
 INF = math.inf
 DRIVE = Drive(
@@ -58,18 +58,16 @@ def test_a_constant_command_is_followed_to_a_millimetre(yaw, vx, vy, wz):
 
 
 def test_commands_act_at_once_and_hold_without_limit():
-    simulated = world(robot=IMPOSED)
-    simulated.command(Twist2(5.0098, -3.0098, 0.0))
-    simulated.advance(1)
+    simulated = driven(Twist2(5.0098, -3.0098, 0.0), 1, robot=IMPOSED)
     assert simulated.pose() == Pose2(pytest.approx(0.05), pytest.approx(-0.03), 0.0)
     simulated.advance(999)
     assert simulated.pose().x == pytest.approx(50.0)
 
 
 def test_the_ground_takes_its_share_along_each_axis_of_the_world():
-    simulated = world(robot=IMPOSED, start=Pose2(0.0, 0.0, math.radians(55.0)))
-    simulated.command(Twist2(0.22, 0.0, 0.0))
-    simulated.advance(100)
+    simulated = driven(
+        Twist2(0.22, 0.0, 0.0), 100, robot=IMPOSED, start=Pose2(0.0, 0.0, math.radians(55.0))
+    )
     assert gap(simulated.pose(), Pose2()) == pytest.approx(0.2064, abs=1e-4)
     simulated.command(Twist2(0.0, 0.009, 0.04))
     held = simulated.pose()
@@ -88,19 +86,14 @@ def test_the_twist_is_that_of_the_motion():
 
 def test_limits_and_a_time_out_bind_when_they_are_given():
     drive = replace(DRIVE, max_vx=0.5, timeout=0.1, friction_loss=0.0, kind="differential")
-    simulated = world(robot=replace(IMPOSED, drive=drive))
-    simulated.command(Twist2(2.0, 1.0, 0.0))
-    simulated.advance(100)
+    simulated = driven(Twist2(2.0, 1.0, 0.0), 100, robot=replace(IMPOSED, drive=drive))
     assert simulated.pose() == Pose2(pytest.approx(0.05), pytest.approx(0.0), 0.0)
 
 
 def facing_a_door(*behaviours):
     """A closed leaf of 1 kg from (1, 0) to (1, 1), which swings away from the robot."""
     leaf = door("d", Pose2(1.0, 0.5, math.pi), mass=1.0)
-    simulated = world(leaf, robot=IMPOSED, behaviours=behaviours)
-    simulated.command(Twist2(0.2298, 0.0, 0.0))
-    simulated.advance(800)
-    return simulated
+    return driven(Twist2(0.2298, 0.0, 0.0), 800, leaf, robot=IMPOSED, behaviours=behaviours)
 
 
 def test_it_pushes_a_free_door_without_slowing_down():

@@ -8,7 +8,7 @@ from grammars.model.behaviour import Hold, KeyFrame, KeyFrames, Servo
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.kinematics import link_poses
 from grammars.model.scene import Joint, Link, SceneObject
-from tests.engine.simulator.scenes import box, door, folding, sliding_door, wall, world
+from tests.engine.simulator.scenes import box, door, driven, folding, sliding_door, wall, world
 
 AHEAD = Pose2(1.0, 0.5, math.pi)
 """A closed door across the robot's way, opening away from it."""
@@ -24,9 +24,7 @@ AHEAD = Pose2(1.0, 0.5, math.pi)
     ids=["opens the other way", "held", "frozen"],
 )
 def test_a_door_that_does_not_give_way_stops_the_robot(part, behaviours, rest, stops):
-    simulated = world(part, behaviours=behaviours)
-    simulated.command(Twist2(0.5, 0.0, 0.0))
-    simulated.advance(500)
+    simulated = driven(Twist2(0.5, 0.0, 0.0), 500, part, behaviours=behaviours)
     assert simulated.joint_positions()[0] == pytest.approx(rest, abs=0.01)
     assert simulated.joint_states()[1][0] == pytest.approx(0.0, abs=0.01)
     assert simulated.pose().x + 0.35 == pytest.approx(stops, abs=0.01)
@@ -48,9 +46,7 @@ def test_limits_hold_however_a_door_is_pushed(speed, offset, mass):
 
 
 def test_dry_friction_stops_a_swinging_door():
-    simulated = world(door("d", AHEAD, friction=4.0))
-    simulated.command(Twist2(0.3, 0.0, 0.0))
-    simulated.advance(250)
+    simulated = driven(Twist2(0.3, 0.0, 0.0), 250, door("d", AHEAD, friction=4.0))
     simulated.command(Twist2(-0.5, 0.0, 0.0))
     simulated.advance(200)
     rest = simulated.joint_positions()[0]
@@ -69,39 +65,33 @@ def test_a_closer_shuts_the_door_behind_the_robot():
 
 
 def test_a_sliding_door_moves_along_its_rail_only():
-    simulated = world(sliding_door("s", Pose2(0.6, 0.1, 0.0), initial=0.3))
-    simulated.command(Twist2(0.0, 0.3, 0.0))
-    simulated.advance(100)
+    simulated = driven(
+        Twist2(0.0, 0.3, 0.0), 100, sliding_door("s", Pose2(0.6, 0.1, 0.0), initial=0.3)
+    )
     assert simulated.joint_positions()[0] == pytest.approx(0.3, abs=1e-9)
-    pushed = world(sliding_door("s", Pose2(0.0, 0.5, 0.0)))
-    pushed.command(Twist2(0.0, 0.3, 0.0))
-    pushed.advance(800)
+    pushed = driven(Twist2(0.0, 0.3, 0.0), 800, sliding_door("s", Pose2(0.0, 0.5, 0.0)))
     assert pushed.joint_positions()[0] == pytest.approx(1.0, abs=0.01)
     assert pushed.pose().y == pytest.approx(1.5 - 0.233, abs=0.01)
 
 
 def test_a_sliding_door_resists_being_pushed_across():
-    simulated = world(sliding_door("s", Pose2(1.0, -0.5, 0.0), friction=20.0))
-    simulated.command(Twist2(0.5, 0.0, 0.0))
-    simulated.advance(600)
+    simulated = driven(
+        Twist2(0.5, 0.0, 0.0), 600, sliding_door("s", Pose2(1.0, -0.5, 0.0), friction=20.0)
+    )
     assert simulated.pose().x + 0.35 == pytest.approx(0.975, abs=0.01)
     assert simulated.joint_positions()[0] == pytest.approx(0.0, abs=0.01)
 
 
 def test_a_leaf_passes_through_walls_beside_it():
     jamb = wall("jamb", 0.9, 0.45, 1.3, 3.0)
-    simulated = world(door("d", AHEAD), jamb)
-    simulated.command(Twist2(0.4, -0.1, 0.0))
-    simulated.advance(400)
+    simulated = driven(Twist2(0.4, -0.1, 0.0), 400, door("d", AHEAD), jamb)
     assert simulated.joint_positions()[0] > 1.0
 
 
 def test_leaves_of_two_doors_push_each_other():
     first = door("a", Pose2(1.0, 0.5, math.pi))
     second = door("b", Pose2(1.5, 0.45, math.pi))
-    simulated = world(first, second)
-    simulated.command(Twist2(0.3, 0.0, 0.0))
-    simulated.advance(400)
+    simulated = driven(Twist2(0.3, 0.0, 0.0), 400, first, second)
     a, b = simulated.joint_positions()
     assert a > 0.3
     assert b > 0.05
@@ -126,9 +116,12 @@ def test_a_chain_of_joints_folds_when_pushed_and_agrees_with_kinematics():
 
 
 def test_a_link_on_a_held_joint_is_part_of_what_it_hangs_on():
-    simulated = world(folding("f", Pose2(1.0, -0.5, 0.2)), behaviours=(Hold("f.fold", 1.2),))
-    simulated.command(Twist2(0.4, 0.0, 0.0))
-    simulated.advance(200)
+    simulated = driven(
+        Twist2(0.4, 0.0, 0.0),
+        200,
+        folding("f", Pose2(1.0, -0.5, 0.2)),
+        behaviours=(Hold("f.fold", 1.2),),
+    )
     fold, root = simulated.joint_positions()
     assert fold == 1.2
     assert abs(root) > 0.05

@@ -16,7 +16,7 @@ from grammars.model.behaviour import (
     WaypointReached,
 )
 from grammars.model.geometry import Pose2, Twist2
-from tests.engine.simulator.scenes import ROBOT, door, scene, world
+from tests.engine.simulator.scenes import ROBOT, door, driven, scene, world
 
 AWAY = Pose2(5.0, 5.0, 0.0)
 OTHER = Pose2(0.0, -6.0, 0.0)
@@ -91,9 +91,14 @@ def test_a_joint_that_starts_to_move_is_noticed_whatever_moves_it():
 
 def test_a_pushed_door_starts_to_move():
     behaviours = (closes(JointActs(("other.hinge",), "moves")),)
-    now = world(door(), door("other", OTHER), start=Pose2(1.0, -5.5, 0.0), behaviours=behaviours)
-    now.command(Twist2(-0.5, 0.0, 0.0))
-    now.advance(300)
+    now = driven(
+        Twist2(-0.5, 0.0, 0.0),
+        300,
+        door(),
+        door("other", OTHER),
+        start=Pose2(1.0, -5.5, 0.0),
+        behaviours=behaviours,
+    )
     assert now.joint_positions()[0] == pytest.approx(0.0, abs=1e-6)
 
 

@@ -15,7 +15,7 @@ from grammars.model.kinematics import link_poses
 from grammars.model.movers import with_planar_chain
 from grammars.model.scene import Link, SceneObject
 from tests.engine.simulator.reference import true_ranges
-from tests.engine.simulator.scenes import box, door, wall, world
+from tests.engine.simulator.scenes import box, door, driven, wall, world
 
 ROUND = tuple((0.25 * math.cos(a), 0.25 * math.sin(a)) for a in np.linspace(0, 6, 12))
 FAR = Pose2(0.0, 50.0, 0.0)
@@ -158,9 +158,7 @@ def test_the_laser_sees_a_mover_where_it_is():
 
 def test_a_mover_without_a_walk_stands_like_a_wall():
     who = person(pose=Pose2(1.0, 0.0, 0.0))
-    now = world(who)
-    now.command(Twist2(1.0, 0.0, 0.0))
-    now.advance(300)
+    now = driven(Twist2(1.0, 0.0, 0.0), 300, who)
     assert now.pose().x == pytest.approx(1.0 - 0.25 - 0.35, abs=0.02)
     assert now.joint_positions().tolist() == [0.0, 0.0, 0.0]
 
