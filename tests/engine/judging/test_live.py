@@ -30,7 +30,7 @@ from daemon.model.live_judgement import (
     unpack_judgement,
 )
 from daemon.model.spec import OracleText
-from daemon.model.sut import BehaviorTreeLog, CollisionMonitorState, SpeedLimit, TreeChange
+from daemon.model.sut import CollisionMonitorState, SpeedLimit
 from daemon.model.verdicts import deciding_verdict
 from daemon.trace import ContactRecord, EventRecord, JointTrack, ProgressRecord
 from grammars import oracle as language
@@ -45,6 +45,7 @@ from tests.engine.judging.traces import (
     mission,
     times,
     track,
+    with_tree,
 )
 
 ORACLES = {
@@ -273,27 +274,18 @@ def test_a_list_shows_the_same_oracle_of_a_run_before_and_after_its_end(texts, s
 
 
 def test_recoveries_failed_nodes_interventions_and_limits_are_told():
-    reports = (
-        BehaviorTreeLog(
-            1.0,
-            (
-                TreeChange("FollowPath", 1, "IDLE", "RUNNING"),
-                TreeChange("GoalUpdated", 2, "IDLE", "FAILURE"),
-            ),
-        ),
-        BehaviorTreeLog(
-            2.0,
-            (
-                TreeChange("FollowPath", 1, "RUNNING", "FAILURE"),
-                TreeChange("Spin", 3, "IDLE", "RUNNING"),
-            ),
-        ),
+    trace = with_tree(
+        make_trace(along(times(10.0))),
+        (1.0, "FollowPath 1 IDLE>RUNNING", "GoalUpdated 2 IDLE>FAILURE"),
+        (2.0, "FollowPath 1 RUNNING>FAILURE", "Spin 3 IDLE>RUNNING"),
+    )
+    others = (
         CollisionMonitorState(3.0, "approach", "Footprint"),
         SpeedLimit(4.0, 0.25, False),
         CollisionMonitorState(5.0, "none", ""),
         SpeedLimit(6.0, 0.0, False),
     )
-    trace = replace(make_trace(along(times(10.0))), reports=reports)
+    trace = replace(trace, reports=(*trace.reports, *others))
     assert [(line.time, line.level, f"{line.source}: {line.text}") for line in run_log(trace)] == [
         (2.0, "info", "behavior tree: FollowPath failed"),
         (2.0, "warn", "behavior tree: Spin begins"),
