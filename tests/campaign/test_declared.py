@@ -1,18 +1,12 @@
 """Words of campaign files about their results: repeats, comparisons, expectations, references."""
 
-from itertools import count
+import json
 
 import pytest
 
 from daemon.campaign import expand, load_campaign
-from daemon.model.assessments import (
-    AssessmentRules,
-    Expectation,
-    ReferenceValue,
-    RegressionGate,
-    RepeatPolicy,
-    ScenarioComparison,
-)
+from daemon.model.assessments import RepeatPolicy
+from grammars.text import codec
 
 PATIENT = {"n": 2, "pass": "rate >= 80 %", "until": "decided", "at-most": 5}
 COMPARE = {
@@ -52,33 +46,11 @@ def declared(campaign):
     return load
 
 
-def place_of(campaign, words):
-    """Return the place of the first line that holds some words."""
-    lines = zip(count(1), campaign.source.splitlines(), strict=False)
-    return f"campaign.yaml:{next(number for number, line in lines if words in line)}"
-
-
-def test_sentences_become_values(declared):
-    campaign = declared()
-    assert campaign.declared == AssessmentRules(
-        RepeatPolicy(2, "rate", 0.8, until_decided=True, at_most=5),
-        (
-            ScenarioComparison("slower", "delay", "rude.1", "calm.1", None, "<=", 30.0, "s",
-                       "delay(rude.1 vs calm.1) <= 0.5 min"),
-            ScenarioComparison("kitchen", "delay", "rude.1", "calm.1", "kitchen", "<", 10.0, "s",
-                       "delay( rude.1 vs calm.1 on leg kitchen ) < 10 s",
-                       "elapsed-on-leg-kitchen"),
-            ScenarioComparison("closer", "nearest", "rude.1", "calm.1", None, ">=", -0.2, "m",
-                       "nearest(rude.1 vs calm.1) >= -20 cm"),
-        ),
-        (
-            Expectation("rude.*", "reached", ("pilot",), "fail", "shut",
-                        place_of(campaign, "rude.*")),
-            Expectation("*", "slower", (), "any", "nobody knows",
-                        place_of(campaign, "- oracle: slower")),
-        ),
-        RegressionGate("last-green", 0.1),
-    )  # fmt: skip
+def test_sentences_become_values(declared, golden):
+    campaign = declared(reference={"earlier": {"source": SOURCE, "values": VALUES}})
+    rules = json.dumps(codec.to_plain(campaign.declared), indent=1, ensure_ascii=False)
+    lines = "".join(f"{n:3} {line}\n" for n, line in enumerate(campaign.source.splitlines(), 1))
+    golden("declared.txt", f"{lines}\n{rules}\n")
 
 
 def test_a_plain_number_of_repeats_has_nothing_in_reserve(declared):
@@ -111,22 +83,3 @@ def test_any_change_of_a_declaration_is_another_campaign_of_the_same_runs(declar
     ):
         assert first.campaign != other.campaign
         assert first.digests == other.digests
-
-
-def test_reference_values_are_in_si_and_keep_their_words(declared):
-    campaign = declared(expect=None, reference={"earlier": {"source": SOURCE, "values": VALUES}})
-
-    def value(scenario, suts, oracle, first_line, **more):
-        where = place_of(campaign, first_line)
-        return ReferenceValue("earlier", SOURCE, scenario, suts, oracle, where=where, **more)
-
-    assert campaign.declared.references == (
-        value("rude.1", ("pilot",), "duration", "- scenario: rude.1", statistic="mean", value=30.0,
-              unit="s", text="0.5 min ± 2 s", deviation=2.0, runs=4),
-        value("*", (), "nearest", "- scenario: '*'", statistic="min", value=0.05, unit="m",
-              text="5 cm (4 cm to 6 cm)", low=0.04, high=0.06, note="n"),
-        value("calm.1", (), "reached", "- scenario: calm.1", statistic="rate", value=0.6, unit="1",
-              text="3 of 5", runs=5),
-        value("", ("pilot",), "slower", "- oracle: slower", statistic="mean", value=-8.9, unit="s",
-              text="-8.9 s"),
-    )  # fmt: skip

@@ -1,5 +1,6 @@
 """Searches of campaign files: their tasks, and the values they begin at."""
 
+import json
 import re
 import sys
 from importlib.metadata import EntryPoint
@@ -9,7 +10,7 @@ import pytest
 import yaml
 
 from daemon.campaign import load_campaign, read_budget, read_confirm, read_stop
-from grammars.text import plugins
+from grammars.text import codec, plugins
 from tests.campaign.loaded import digests, messages
 
 DOORS = """\
@@ -68,39 +69,17 @@ def only_search(path):
     return task
 
 
-def test_a_search_that_says_little_has_defaults(search):
-    path = search(over=CLOSES)
-    task = only_search(path)
-    assert (task.runs, task.seconds, task.stop, task.method) == (60, 0.0, "budget", "auto")
-    assert (task.confirm, task.then, task.window) == (5, ("nearest", "shrink"), 8)
-    assert (task.sut, task.seed, task.repeatable, task.constraints) == ("pilot", 3, True, ())
-    (scale,) = task.scales
-    assert (scale.oracle, scale.scale, scale.unit) == ("keeps-clear", 0.05, "m")
-    (parameter,) = task.parameters
-    assert (parameter.slot, parameter.index, parameter.key) == ("behaviours", 0, "closes")
-    assert (parameter.low, parameter.high, parameter.unit) == (5.0, 7.0, "s")
-    line = 1 + path.read_text().partition("moving.closes")[0].count("\n")
-    assert (parameter.step, parameter.written, parameter.where) == (
-        0.01, 6.0, f"campaign.yaml:{line}"
-    )  # fmt: skip
-
-
-def test_everything_can_be_said(search):
-    task = only_search(
-        search(
-            about="everything", scenario="two", sut="pilot", minimise="any",
-            over={"moving.swing": "30 .. 90 deg/s, log"}, budget="200 runs, 10 min",
-            stop="5 failures", method="halton", confirm=3, then="nearest", window=4, seed=9,
-            **{"such that": "moving.swing > 40 deg/s"},
-        )
-    )  # fmt: skip
-    assert (task.name, task.about, task.sut, task.minimise) == ("s", "everything", "pilot", "any")
-    assert (task.runs, task.seconds, task.stop, task.failures) == (200, 600.0, "failures", 5)
-    assert (task.method, task.confirm, task.then) == ("halton", 3, ("nearest",))
-    assert (task.window, task.seed) == (4, 9)
-    assert task.constraints == ("moving.swing > 40 deg/s",)
-    assert task.parameters[0].log
-    assert [scale.oracle for scale in task.scales] == ["reached", "keeps-clear"]
+def test_searches_become_tasks(search, golden):
+    """One search says little, the other one everything that can be said."""
+    everything = {
+        "about": "everything", "scenario": "two", "sut": "pilot", "minimise": "any",
+        "over": {"moving.swing": "30 .. 90 deg/s, log"}, "budget": "200 runs, 10 min",
+        "stop": "5 failures", "method": "halton", "confirm": 3, "then": "nearest", "window": 4,
+        "seed": 9, "such that": "moving.swing > 40 deg/s",
+    }  # fmt: skip
+    tasks = [only_search(search(**keys)) for keys in ({"over": CLOSES}, everything)]
+    texts = (json.dumps(codec.to_plain(task), indent=1) for task in tasks)
+    golden("search_tasks.txt", "\n".join(texts) + "\n")
 
 
 def test_searches_are_no_runs_and_change_none(search, campaign):

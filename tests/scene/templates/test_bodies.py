@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from grammars.model.geometry import Pose2
 from grammars.model.scene import Joint, Link, SceneObject
 from templates.bodies import body_of
-from tests.scene.templates.worlds import box, hinged, walker
+from tests.scene.templates.worlds import box
 
 HERE = Pose2(3.0, -2.0, 0.4)
 
@@ -72,23 +72,3 @@ def test_a_link_and_a_joint_have_different_names():
     body = body_of(SceneObject("x", "x", HERE, (same,), (turn,), (0.0,)))
     assert body.links[0].name != body.joints[0].name
     assert body.joint_name("part") == body.joints[0].name
-
-
-def test_a_mover_stands_where_it_starts_without_its_carriers():
-    body = body_of(walker())
-    assert [link.name for link in body.links] == ["person", "bag"]
-    assert body.links[0].pose[:2] == pytest.approx((1.0, 2.0))
-    assert body.links[1].pose[:2] == pytest.approx((1.0, 2.3))
-    kinds = [(joint.kind, joint.parent, joint.child) for joint in body.joints]
-    assert kinds == [("fixed", "world", "person"), ("revolute", "person", "bag")]
-    assert body.joints[1].pose[:2] == pytest.approx((0.0, -0.1))
-
-
-def test_a_fixed_joint_holds_its_link_to_its_parent():
-    thing = hinged("door", 0.0, 0.0)
-    handle = Link("handle", (box(0.02, 0.8, 0.06, 0.9),), 0.5, 1.0, 1.1)
-    grip = Joint("grip", "revolute", "leaf", "handle", (0.0, 0.8), (1.0, 0.0), 0.0, 0.0)
-    body = body_of(
-        SceneObject("door", "door", HERE, (*thing.links, handle), (*thing.joints, grip), (0.0, 0.0))
-    )
-    assert ("fixed", "leaf", "handle") in [(j.kind, j.parent, j.child) for j in body.joints]

@@ -7,10 +7,11 @@ from xml.etree import ElementTree
 import pytest
 
 from grammars.model.behaviour import Hold, Jump, KeyFrame, KeyFrames, Servo, Spring, Trigger
+from grammars.model.scene import Joint, Link
 from templates.artefacts import export
 from templates.sdf import behaviour_by_joint, models_of, write_keyframes, write_sdf
 from templates.world import BehaviourDraw
-from tests.scene.templates.worlds import BEHAVIOURS, OTHERS, job, scene, world
+from tests.scene.templates.worlds import BEHAVIOURS, OTHERS, box, hinged, job, scene, walker, world
 
 TEXTS = (".sdf", ".world", ".config", ".launch", ".xml", ".json", ".yaml")
 DRAWS = (BehaviourDraw("repeat-0", BEHAVIOURS), BehaviourDraw("repeat-3", OTHERS))
@@ -23,6 +24,18 @@ def test_files_of_an_export(tmp_path, golden, kind):
     texts = (path for path in sorted(paths) if path.suffix in TEXTS)
     shown = (f"=== {path.relative_to(tmp_path)}\n{path.read_text()}" for path in texts)
     golden(f"exports/{kind}.txt", "\n".join(shown))
+
+
+def test_movers_and_fixed_joints_in_models(tmp_path, golden):
+    """Somebody who walks stands without carriers, with a bag that swings; a handle is held."""
+    door = hinged("handled", 2.1, 0.5)
+    handle = Link("handle", (box(0.02, 0.8, 0.06, 0.9),), 0.5, 1.0, 1.1)
+    grip = Joint("grip", "revolute", "leaf", "handle", (0.0, 0.8), (1.0, 0.0), 0.0, 0.0)
+    parts = {"links": (*door.links, handle), "joints": (*door.joints, grip), "initial": (0.0, 0.0)}
+    crowd = replace(scene(), objects=(replace(door, **parts), walker()))
+    export(world("errand", BehaviourDraw("", ()), scene=crowd), ["sdf"], tmp_path)
+    models = [tmp_path / "gazebo" / "models" / name / "model.sdf" for name in ("door", "walker")]
+    golden("exports/crowd.txt", "\n".join(model.read_text() for model in models))
 
 
 def test_every_file_that_a_world_names_is_written(tmp_path):

@@ -19,56 +19,38 @@ from tests.scene.templates.worlds import clockwise as box
 from tests.scene.templates.worlds import job
 
 L_SHAPE = ((0.0, 0.0), (0.0, 6.0), (2.0, 6.0), (2.0, 2.0), (6.0, 2.0), (6.0, 0.0))
+SQUARE = box(0, 0, 4, 4)
 BARBELL = (
     (0.0, 0.0), (0.0, 4.0), (4.0, 4.0), (4.0, 2.5), (6.0, 2.5), (6.0, 4.0),
     (10.0, 4.0), (10.0, 0.0), (6.0, 0.0), (6.0, 1.5), (4.0, 1.5), (4.0, 0.0),
 )  # fmt: skip
 
 
-def near(ring):
-    return [(pytest.approx(x, abs=1e-9), pytest.approx(y, abs=1e-9)) for x, y in ring]
-
-
 @pytest.mark.parametrize("mirrored", [False, True])
-def test_an_l_shape_keeps_its_inner_corner(mirrored):
-    def turned(ring):
-        return tuple((-x, y) for x, y in ring) if mirrored else ring
-
-    # A corner between two others in line needs no waypoint.
-    outline = ((0.0, 0.0), (0.0, 3.0), *L_SHAPE[1:])
-    contour = inset_contour(Region("l", turned(outline)), 0.3)
-    assert contour.findings == ()
-    expected = ((0.3, 5.7), (1.7, 5.7), (1.7, 1.7), (5.7, 1.7), (5.7, 0.3), (0.3, 0.3))
-    assert list(contour.parts[0]) == near(turned(expected))
-
-
-def test_a_narrow_room_has_no_contour_and_says_so():
-    contour = inset_contour(Region("closet", box(0, 0, 1.3, 9)), 0.7)
-    assert contour.parts == ()
-    assert contour.findings == ("closet: nowhere 0.7 m from its walls, so no waypoints",)
-    assert contour_route(contour) == ()
-
-
-def test_a_room_with_a_narrow_middle_has_two_parts():
-    contour = inset_contour(Region("wing", BARBELL), 0.7)
-    assert [len(part) for part in contour.parts] == [4, 4]
-    assert "falls into 2 parts" in contour.findings[0]
-    assert [stop.part for stop in contour_route(contour)] == [0] * 4 + [1] * 4
-
-
-def test_start_direction_and_closing_can_be_chosen():
-    contour = inset_contour(Region("room", box(0, 0, 4, 4)), 1.0)
-    numbers = lambda **how: [stop.number for stop in contour_route(contour, **how)]  # noqa: E731
-    assert numbers() == [0, 1, 2, 3]
-    assert numbers(first=1, closed=True) == [1, 2, 3, 0, 1]
-    assert numbers(first=6, forward=False) == [2, 1, 0, 3]
-
-
-def test_the_robot_may_look_where_it_goes():
-    contour = inset_contour(Region("room", ((0, 0), (4, 0), (4, 4), (0, 4))), 1.0)
-    yaws = [stop.yaw for stop in contour_route(contour, closed=True, yaw="path")]
-    assert yaws == pytest.approx([math.pi / 2, math.pi, -math.pi / 2, 0.0, 0.0])
-    assert {stop.yaw for stop in contour_route(contour)} == {0.0}
+def test_ways_around_rooms(golden, mirrored):
+    """A corner between two others in line needs no waypoint; a narrow room has none at all."""
+    rooms = {
+        "an L": (((0.0, 0.0), (0.0, 3.0), *L_SHAPE[1:]), 0.3, {}),
+        "a narrow closet": (box(0, 0, 1.3, 9), 0.7, {}),
+        "a wing with a narrow middle": (BARBELL, 0.7, {}),
+        "a room, from its second corner and back to it": (
+            SQUARE,
+            1.0,
+            {"first": 1, "closed": True},
+        ),
+        "a room, the other way round": (SQUARE, 1.0, {"first": 6, "forward": False}),
+        "a room, looking ahead": (SQUARE, 1.0, {"closed": True, "yaw": "path"}),
+    }
+    text = ""
+    for name, (ring, distance, how) in rooms.items():
+        outline = tuple((-x, y) for x, y in ring) if mirrored else ring
+        contour = inset_contour(Region("room", outline), distance)
+        text += f"=== {name}\n" + "".join(f"{one}\n" for one in contour.findings)
+        for stop in contour_route(contour, **how):
+            x, y, yaw = (round(value, 6) + 0.0 for value in (stop.x, stop.y, stop.yaw))
+            text += f"part {stop.part} corner {stop.number}: {x:g}, {y:g} looking to {yaw:g}\n"
+        text += "\n"
+    golden("ways-mirrored.txt" if mirrored else "ways.txt", text.removesuffix("\n"))
 
 
 @pytest.mark.parametrize("distance", [0.0, -1.0, math.inf, math.nan])
