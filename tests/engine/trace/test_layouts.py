@@ -8,7 +8,7 @@ from hypothesis.extra.numpy import arrays
 
 from daemon.model import ros_messages as ros
 from daemon.model.sut import CostmapPicture
-from daemon.trace import encode_costmap, encode_path, layouts, messages
+from daemon.trace import encode_costmap, encode_path, encode_poses, layouts, messages
 from daemon.trace.layouts import HEADER, stamps
 from grammars.model.grid import OccupancyGrid
 from tests.engine.trace.recordings import ROBOT
@@ -125,6 +125,15 @@ def test_a_path_is_what_rosbags_serializes(points, now):
     for header in (message.header, *(p.header for p in message.poses)):
         assert header.stamp.sec * 10**9 + header.stamp.nanosec == now
         assert header.frame_id == "map"
+
+
+@pytest.mark.parametrize("count", [0, 3])
+def test_particles_are_what_rosbags_serializes(count):
+    data = encode_poses(7, np.full((count, 3), (1.5, -0.5, 0.0)))
+    message = ros.deserialize(data, "geometry_msgs/msg/PoseArray")
+    assert ros.serialize(message, "geometry_msgs/msg/PoseArray") == data
+    assert (message.header.stamp.nanosec, message.header.frame_id) == (7, "map")
+    assert [(p.position.x, p.orientation.w) for p in message.poses] == [(1.5, 1.0)] * count
 
 
 @pytest.mark.parametrize("frame", ["map", "odom"])
