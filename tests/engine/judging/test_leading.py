@@ -6,7 +6,6 @@ in each; ``leading_kinds.txt`` what is known of oracles before anything runs.
 
 import re
 from dataclasses import replace
-from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +20,6 @@ from daemon.model.verdicts import Outcome
 from daemon.trace import ContactRecord, JointTrack, ProgressRecord
 from grammars.model.scene import Region
 from grammars.oracle import CustomOracle, CustomSignal, parse_oracle
-from grammars.text import plugins
 from grammars.text.diagnostics import Where
 from tests.engine.judging.test_properties import FORMS, PREDICATES, oracles, traces
 from tests.engine.judging.test_verdicts import number
@@ -200,24 +198,11 @@ tidy = CustomOracle(lambda trace: (1.0, 1.0), "bool")
 smooth = CustomOracle(lambda trace: (0.25, 0.25), "m/s^2")
 
 
-@pytest.fixture
-def plugged(monkeypatch):
-    groups = {"scenario.signals": ("busy",), "scenario.oracles": ("tidy", "smooth")}
-    entries = {
-        group: {name: EntryPoint(name, f"{__name__}:{name}", group) for name in names}
-        for group, names in groups.items()
-    }
-    plugins.load_plugin.cache_clear()
-    monkeypatch.setattr(plugins, "installed", entries.__getitem__)
-    yield
-    plugins.load_plugin.cache_clear()
-
-
-@pytest.mark.usefixtures("plugged")
 @pytest.mark.parametrize(
     ("name", "answer"), [("leads.txt", leads), ("leading_kinds.txt", kind_and_scale)]
 )
-def test_each_oracle_is_led_by_what_stands_below_it(name, answer, golden):
+def test_each_oracle_is_led_by_what_stands_below_it(name, answer, golden, plug_oracles):
+    plug_oracles({"busy": f"{__name__}:busy"}, {n: f"{__name__}:{n}" for n in ("tidy", "smooth")})
     golden(name, answers(HERE / name, lambda family: FAMILIES.get(family, list)(), answer))
 
 

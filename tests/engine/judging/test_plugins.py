@@ -2,7 +2,6 @@
 
 import re
 import sys
-from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
@@ -11,7 +10,6 @@ from daemon.judging.oracles import judge
 from daemon.model.spec import OracleText
 from daemon.model.verdicts import Outcome
 from grammars.oracle import parse_oracle
-from grammars.text import plugins
 from grammars.text.diagnostics import InputError, Where
 from tests.engine.judging.traces import along, cut, make_trace, times, verdict
 
@@ -57,7 +55,7 @@ NAMED = re.findall(r"^(\w+) = Custom(Signal|Oracle)", MODULE, re.MULTILINE)
 
 
 @pytest.fixture(autouse=True)
-def plugged(tmp_path, monkeypatch):
+def plugged(tmp_path, monkeypatch, plug_oracles):
     (tmp_path / "their_oracles.py").write_text(MODULE)
     (tmp_path / "their_imports.py").write_text("import a_module_nobody_has\n")
     (example,) = re.findall(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
@@ -75,14 +73,8 @@ def plugged(tmp_path, monkeypatch):
         "number": "their_oracles:number",
     }
     oracles["smooth"] = "their_documentation:smooth"
-    entries = {
-        group: {name: EntryPoint(name, value, group) for name, value in named.items()}
-        for group, named in (("scenario.signals", signals), ("scenario.oracles", oracles))
-    }
-    plugins.load_plugin.cache_clear()
-    monkeypatch.setattr(plugins, "installed", entries.__getitem__)
+    plug_oracles(signals, oracles)
     yield
-    plugins.load_plugin.cache_clear()
     for name in ("their_oracles", "their_imports", "their_documentation"):
         sys.modules.pop(name, None)
 

@@ -26,40 +26,30 @@ def closes(event, delay=0.0, joint="door.hinge"):
     return Reaction(joint, 1.5, 0.0, event, Jump(), delay)
 
 
-def test_a_leg_that_begins_moves_a_door_after_its_delay():
-    now = world(door(), start=AWAY, behaviours=(closes(LegBegins(2), 0.5),))
-    now.progress(0, 0)
+@pytest.mark.parametrize(
+    ("event", "delay", "before", "news"),
+    [
+        (LegBegins(2), 0.5, [(0, 0)], [(1, 1)]),
+        (LegBegins(1), 0.0, [], [(0, 0)]),
+        (WaypointReached("b"), 0.0, [(1, 1)], [(2, 2), (2, 2)]),
+    ],
+    ids=["a leg", "the first leg", "a waypoint of two that are called so"],
+)
+def test_news_of_the_mission_move_a_door_once(event, delay, before, news):
+    seed, behaviours = np.random.SeedSequence(1), (closes(event, delay),)
+    now = World(scene(door()), ROBOT, AWAY, behaviours, seed, ("a", "b", "b"))
+    for report in before:
+        now.progress(*report)
     now.advance(100)
-    assert now.joint_positions()[0] == pytest.approx(1.5)
-    now.progress(1, 1)
-    now.advance(50)
+    for report in news:
+        now.progress(*report)
+    if delay:
+        now.advance(round(delay * 100))
     assert now.joint_positions()[0] == pytest.approx(1.5)
     now.advance(1)
     assert now.joint_positions()[0] == pytest.approx(0.0, abs=1e-6)
-    (event,) = now.take_events()
-    assert (event.time, event.source, event.text) == (1.5, "door.hinge", "reacts: to 0")
-
-
-def test_the_first_leg_begins_with_the_first_news_of_the_mission():
-    now = world(door(), start=AWAY, behaviours=(closes(LegBegins(1)),))
-    now.advance(10)
-    assert now.joint_positions()[0] == pytest.approx(1.5)
-    now.progress(0, 0)
-    now.advance(10)
-    assert now.joint_positions()[0] == pytest.approx(0.0, abs=1e-6)
-
-
-def test_a_waypoint_reached_moves_a_door():
-    behaviours = (closes(WaypointReached("b")),)
-    now = World(scene(door()), ROBOT, AWAY, behaviours, np.random.SeedSequence(1), ("a", "b", "b"))
-    now.progress(1, 1)
-    now.advance(10)
-    assert now.joint_positions()[0] == pytest.approx(1.5)
-    now.progress(2, 2)
-    now.progress(2, 2)
-    now.advance(10)
-    assert now.joint_positions()[0] == pytest.approx(0.0, abs=1e-6)
-    assert len(now.take_events()) == 1
+    (moved,) = now.take_events()
+    assert (moved.time, moved.source, moved.text) == (1.0 + delay, "door.hinge", "reacts: to 0")
 
 
 def test_doors_fire_one_after_another():
