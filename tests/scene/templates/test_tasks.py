@@ -33,7 +33,7 @@ def test_ways_around_rooms(golden, mirrored):
         "an L": (((0.0, 0.0), (0.0, 3.0), *L_SHAPE[1:]), 0.3, {}),
         "a narrow closet": (box(0, 0, 1.3, 9), 0.7, {}),
         "a wing with a narrow middle": (BARBELL, 0.7, {}),
-        "a room, from its second corner and back to it": (
+        "a room from its second corner on": (
             SQUARE,
             1.0,
             {"first": 1, "closed": True},
