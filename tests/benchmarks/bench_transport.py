@@ -28,7 +28,7 @@ from daemon.model.messages import (
 from daemon.model.spec import TraceInfo
 from tests.benchmarks.bench_daemon import fresh
 from tests.benchmarks.measurement import Measurement, Reference, cpu, spread
-from tests.chaos.lines import slow_line
+from tests.chaos.links import slow_line
 from tests.make import make_result, make_submission
 from tests.parts import eventually, finished, worker_for
 

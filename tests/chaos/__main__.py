@@ -16,13 +16,10 @@ from daemon.batch.errors import DaemonError
 from tests.chaos.bits import bits
 from tests.chaos.clock import clock
 from tests.chaos.cluster import cluster
-from tests.chaos.cut import cut_off
-from tests.chaos.disk import full_disk
-from tests.chaos.long_writes import long_writes
+from tests.chaos.disk import full_disk, full_start, quota
 from tests.chaos.network import network
 from tests.chaos.output import output
 from tests.chaos.plugins import plugins
-from tests.chaos.quota import full_start, quota
 from tests.chaos.report import Report, table
 from tests.chaos.stacks import stacks
 from tests.chaos.storm import storm
@@ -38,12 +35,10 @@ def _scenarios(options):
         "disk": full_disk,
         "torn": lambda folder: torn(folder, seed=seed),
         "clock": lambda folder: clock(folder, seed=seed),
-        "cut": cut_off,
         "stacks": lambda folder: stacks(folder, seed=seed),
         "cluster": lambda folder: cluster(folder, seed=seed),
         "network": network,
         "storm": lambda folder: storm(folder, seed=seed),
-        "long": long_writes,
         "trees": trees,
         "plugins": plugins,
         "quota": quota,

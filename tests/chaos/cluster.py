@@ -8,9 +8,10 @@ from contextlib import suppress
 import psutil
 
 from tests.batch.dask_harness import dask_in, gateway_for
+from tests.chaos.executor import EXECUTOR
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
-from tests.chaos.violence import EXECUTOR, attempts_below, progress
+from tests.chaos.violence import attempts_below, progress
 from tests.make import make_spec, submission_of
 from tests.parts import alive, daemon_at
 

@@ -3,9 +3,10 @@
 The parameters of the system under test say how long it takes (``sleep`` [s]), how much of what
 does not compress the trace holds (``ballast`` [bytes]), how much it prints (``chatter`` [bytes]),
 how large the result is (``evidence`` [bytes]) and where it notes that it begins and ends (``log``,
-a file read by :mod:`tests.chaos.executions`). It goes on until there is a file ``until``; while
-there is a file ``quota`` it finds none left. With ``tree`` it leaves a tree of processes, whose
-numbers are in that file, and then ends as ``ending`` says. Same specification, same bytes.
+a file read by :class:`Executions`). It goes on until there is a file ``until``; while there is a
+file ``quota`` it finds none left. With ``tree`` it leaves a tree of processes, whose numbers are in
+that file, and then ends as ``ending`` says. With ``stack`` it starts a stack and a relay of its own
+for so many seconds, and does nothing with them. Same specification, same bytes.
 """
 
 import errno
@@ -14,32 +15,38 @@ import json
 import os
 import random
 import signal
+import socket
 import subprocess
 import sys
 import time
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
 from mcap.writer import CompressionType, Writer
 
 from daemon.model.spec import TraceInfo
-from tests.chaos.executions import note
 from tests.make import make_result
 
+EXECUTOR = f"{__name__}:execute"
+PROGRAMS = Path(__file__).parent / "programs"
 MESSAGES = 20
 TREE = 4
 """Processes of a tree."""
+GRACE = 0.5
 
 
 def execute(spec, scene, *, trace_path, on_progress=None, interest=None):
     asked = spec.sut.parameters
     log = asked.get("log", "")
-    note(log, "begin", spec)
+    _note(log, "begin", spec)
     if "chatter" in asked:
         _chatter(asked["chatter"])
-        note(log, "said", spec)
+        _note(log, "said", spec)
     if "tree" in asked:
         _leave_tree(Path(asked["tree"]))
+    if "stack" in asked:
+        _start_stack(spec.seed, asked["stack"])
     time.sleep(asked.get("sleep", 0.0))
     while "until" in asked and not Path(asked["until"]).exists():
         time.sleep(0.05)
@@ -49,12 +56,44 @@ def execute(spec, scene, *, trace_path, on_progress=None, interest=None):
     _record(trace_path, spec.digest, asked.get("ballast", 0))
     data = trace_path.read_bytes()
     trace = TraceInfo(hashlib.sha256(data).hexdigest(), len(data), MESSAGES)
-    note(log, "end", spec)
+    _note(log, "end", spec)
     result = make_result(spec, trace=trace)
     if "evidence" in asked:
         verdicts = (replace(result.verdicts[0], text="x" * asked["evidence"]),)
         result = replace(result, verdicts=verdicts)
     return result
+
+
+def _note(log, what, spec):
+    """Append a line to the file ``log``, if there is one; whole also when many write."""
+    if log:
+        file = os.open(log, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
+        os.write(file, f"{what} {spec.digest} {os.getpid()}\n".encode())
+        os.close(file)
+
+
+class Executions:
+    """The file in which executions note that they begin and end."""
+
+    def __init__(self, path):
+        self.path = path
+
+    @property
+    def begun(self):
+        """How often each run was begun, by the digest of its specification."""
+        return self.counted("begin")
+
+    @property
+    def started_over(self):
+        """Executions beyond the first one of each run."""
+        return self.begun.total() - len(self.begun)
+
+    def counted(self, what):
+        """How often each run began (``begin``), ended (``end``), had printed it all (``said``)."""
+        if not self.path.exists():
+            return Counter()
+        words = (line.split() for line in self.path.read_text().splitlines())
+        return Counter(digest for kind, digest, _ in words if kind == what)
 
 
 def _chatter(size):
@@ -67,10 +106,33 @@ def _chatter(size):
 
 def _leave_tree(pids):
     """Start what starts more, as a system under test that daemonises; wait until all are there."""
-    program = Path(__file__).parent / "programs" / "tree.py"
-    subprocess.Popen([sys.executable, "-I", "-S", str(program), str(pids)])
+    subprocess.Popen([sys.executable, "-I", "-S", str(PROGRAMS / "tree.py"), str(pids)])
     while not pids.exists() or len(pids.read_text().splitlines()) < TREE:
         time.sleep(0.02)
+
+
+def _start_stack(seed, seconds):
+    """Start a stack that listens, ignores SIGINT now and then, and leaves a part of itself."""
+    # Not for each process that executes runs.
+    from daemon.model.sut import SutFailure
+    from daemon.stacks.ros2.process import StackProcess
+    from daemon.stacks.ros2.settings import Ros2Settings
+
+    launch = f"{sys.executable} {PROGRAMS / 'stack.py'} {seed}"
+    settings = Ros2Settings(launch=launch, python=sys.executable)
+    stack = StackProcess(settings, values={}, relay=PROGRAMS / "relay.py", grace=GRACE)
+    try:
+        with socket.socket(socket.AF_UNIX) as listener:
+            listener.bind(str(stack.socket))
+            listener.listen()
+            stack.start()
+            end = time.monotonic() + seconds
+            while time.monotonic() < end and not stack.ended():
+                time.sleep(0.02)
+    except SutFailure:
+        pass  # its supervisor was killed before it had started anything
+    finally:
+        stack.release()
 
 
 def _end_badly(ending):

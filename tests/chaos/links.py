@@ -1,62 +1,63 @@
-"""Cables between a worker and the daemon that can be pulled.
+"""Lines between a worker and the daemon that can be pulled, that are slow, or that lose packets.
 
 With root and ``ip`` a worker gets a network namespace of its own, tied to ours by a veth pair that
 can be taken down. Elsewhere a relay on loopback stops passing bytes on: connections stay open and
 silent, as with a pulled cable.
+
+A slow line is a process of its own, so that nothing else in the test delays it:
+``python -m tests.chaos.links PORT HOST:PORT DELAY RATE`` listens at loopback and passes on what
+comes, each byte DELAY seconds later and at most RATE bytes a second in each direction.
 """
 
-from __future__ import annotations
-
+import asyncio
 import itertools
 import os
 import shutil
+import signal
 import socket
 import subprocess
+import sys
 import threading
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
-from typing import Protocol
+from types import SimpleNamespace
 
 import pytest
 
 from daemon.batch.paths import INSECURE_VARIABLE
+from tests.parts import ROOT, eventually, free_endpoint
 
 _CHUNK = 65536
 _NUMBERS = itertools.count()
-
-
-class Link(Protocol):
-    """A way to the daemon: ``endpoint`` to connect to, ``through`` to start the worker with."""
-
-    @property
-    def endpoint(self): ...
-
-    @property
-    def through(self): ...
-
-    def cut(self):
-        """Pull the cable."""
-
-    def mend(self):
-        """Plug it in again."""
+CHUNKS = (2**12, 2**16)
+"""Bytes passed on at a time, at least and at most: a tenth of a second where that is between."""
+BUFFER = 2**18
+"""Bytes that may wait in each direction; what is under way on a long and fast line comes on top."""
+UNLIMITED = 1e9
+"""Bytes per second of a line that only delays: more than goes through this program."""
 
 
 class Relay:
-    """Passes bytes between a free loopback port and the daemon's, until it is cut."""
+    """Passes bytes between a free loopback port and the daemon's, until it is cut.
 
-    def __init__(self, endpoint):
+    One that ``breaks`` ends its connections when it is cut, so that both ends know at once.
+    """
+
+    through = ()
+
+    def __init__(self, endpoint, *, breaks=False):
         host, _, port = endpoint.removeprefix("tcp/").rpartition(":")
-        self._target = (host, int(port))
+        self._target, self._breaks = (host, int(port)), breaks
         self._whole = threading.Event()
         self._whole.set()
         self._until_cut = None
         self._sockets = []
         self._door = socket.create_server(("127.0.0.1", 0))
         self.endpoint = f"tcp/127.0.0.1:{self._door.getsockname()[1]}"
-        self.through = ()
         threading.Thread(target=self._accept, daemon=True).start()
 
     def cut(self):
+        if self._breaks:
+            self.sever()
         self._whole.clear()
 
     def cut_after(self, size):
@@ -118,17 +119,26 @@ class Relay:
                 one.shutdown(socket.SHUT_RDWR)
 
 
-@dataclass(slots=True)
+@contextmanager
+def relay(endpoint, *, breaks=False):
+    """A cable that is a relay, for the block."""
+    made = Relay(endpoint, breaks=breaks)
+    try:
+        yield made
+    finally:
+        made.close()
+
+
+def _ip(*words):
+    subprocess.run(["ip", *words], check=True, capture_output=True)
+
+
 class Namespace:
     """A network namespace with one veth pair to ours."""
 
-    name: str
-    device: str
-    endpoint: str
-
-    @property
-    def through(self):
-        return ("ip", "netns", "exec", self.name)
+    def __init__(self, name, device, endpoint):
+        self.device, self.endpoint = device, endpoint
+        self.through = ("ip", "netns", "exec", name)
 
     def cut(self):
         _ip("link", "set", self.device, "down")
@@ -136,15 +146,12 @@ class Namespace:
     def mend(self):
         _ip("link", "set", self.device, "up")
 
-
-@contextmanager
-def relay(endpoint):
-    """A cable that is a relay, for the block."""
-    made = Relay(endpoint)
-    try:
-        yield made
-    finally:
-        made.close()
+    def drop_packets(self, share):
+        """Lose that ``share`` of the packets in each direction, at random."""
+        for chain in ("INPUT", "OUTPUT"):
+            rule = ("iptables", "-A", chain, "-m", "statistic", "--mode", "random")
+            words = (*self.through, *rule, "--probability", str(share), "-j", "DROP")
+            subprocess.run(words, check=True, capture_output=True)
 
 
 def may_make_namespaces():
@@ -178,8 +185,7 @@ def namespaces(count, port):
 @contextmanager
 def _namespace(us, index, address, endpoint):
     name, device, inside = f"chaos{us}-{index}", f"ch{us}o{index}", f"ch{us}i{index}"
-    subnet = f"198.19.{us % 250}.{4 * index}"
-    ours, theirs = (subnet.rpartition(".")[0] + f".{4 * index + k}" for k in (1, 2))
+    ours, theirs = (f"198.19.{us % 250}.{4 * index + k}" for k in (1, 2))
     _ip("netns", "add", name)
     try:
         _ip("link", "add", device, "type", "veth", "peer", "name", inside, "netns", name)
@@ -195,18 +201,83 @@ def _namespace(us, index, address, endpoint):
         _ip("netns", "del", name)  # and with it the pair
 
 
-def _ip(*words):
-    subprocess.run(["ip", *words], check=True, capture_output=True)
-
-
 @contextmanager
 def links(endpoint, count, *, isolated):
     """The endpoint to listen at, and ``count`` cables to it, the best this machine has."""
     if isolated:
-        port = int(endpoint.rpartition(":")[2])
-        with namespaces(count, port) as (outside, made):
-            yield outside, list(made)
+        with namespaces(count, int(endpoint.rpartition(":")[2])) as made:
+            yield made
         return
     with ExitStack() as stack:
-        cables = itertools.repeat(endpoint, count)
-        yield endpoint, [stack.enter_context(relay(end)) for end in cables]
+        yield endpoint, [stack.enter_context(relay(endpoint)) for _ in range(count)]
+
+
+@contextmanager
+def slow_line(endpoint, *, delay=0.0, rate=UNLIMITED):
+    """A line with ``delay`` [s] and ``rate`` [bytes/s] each way; cut, it freezes."""
+    mine = free_endpoint()
+    command = [sys.executable, "-m", "tests.chaos.links", mine.rpartition(":")[2]]
+    command += [endpoint.removeprefix("tcp/"), str(delay), str(rate)]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE)
+    try:
+        eventually(process.stdout.readline)
+        yield SimpleNamespace(
+            endpoint=mine,
+            through=(),
+            cut=lambda: process.send_signal(signal.SIGSTOP),
+            mend=lambda: process.send_signal(signal.SIGCONT),
+        )
+    finally:
+        process.kill()
+        process.communicate()
+
+
+async def _pass_on(reader, writer, delay, rate):
+    """Pass bytes on one way until one of both ends is closed."""
+    clock = asyncio.get_running_loop()
+    chunk = min(max(CHUNKS[0], int(rate / 10.0)), CHUNKS[1])
+    under_way = asyncio.Queue(int(BUFFER + rate * delay) // chunk)
+
+    async def take():
+        free, data = clock.time(), b"-"
+        while data:
+            data = b""
+            with suppress(ConnectionError):
+                data = await reader.read(chunk)
+            free = max(free, clock.time()) + len(data) / rate
+            await under_way.put((free + delay, data))
+
+    async def give():
+        data = b"-"
+        while data:
+            due, data = await under_way.get()
+            await asyncio.sleep(max(0.0, due - clock.time()))
+            if not writer.is_closing():  # what still comes in then is for nobody
+                with suppress(ConnectionError):
+                    writer.write(data)
+                    await writer.drain()
+        writer.close()
+
+    await asyncio.gather(take(), give())
+
+
+async def _serve(port, target, delay, rate):
+    async def connect(here, back):
+        try:
+            there, forth = await asyncio.open_connection(*target)
+        except OSError:
+            back.close()  # no daemon just now: as good as refused
+            return
+        ways = ((here, forth), (there, back))
+        await asyncio.gather(*(_pass_on(*way, delay, rate) for way in ways))
+
+    server = await asyncio.start_server(connect, "127.0.0.1", port)
+    print("passes on", flush=True)
+    async with server:
+        await server.serve_forever()
+
+
+if __name__ == "__main__":
+    port, target, delay, rate = sys.argv[1:]
+    host, _, number = target.rpartition(":")
+    asyncio.run(_serve(int(port), (host, int(number)), float(delay), float(rate)))

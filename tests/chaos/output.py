@@ -3,12 +3,11 @@
 import psutil
 
 from grammars.text.files import matching_paths
-from tests.chaos.executions import Executions
+from tests.chaos.executor import EXECUTOR, Executions
 from tests.chaos.report import Report
 from tests.make import make_spec, submission_of
 from tests.parts import daemon_at, eventually, finished
 
-EXECUTOR = "tests.chaos.executor:execute"
 MIB = 2**20
 LARGEST_OUTPUT = 2 * MIB
 """Bytes of one run's output on the disk, at most, while it prints on."""
@@ -34,7 +33,7 @@ def output(folder, *, chatty=4, chatter=32 * MIB, huge=60, evidence=4 * 1000 * 1
     ):
         client.submit(submission_of("talk", *talkers))
         eventually(lambda: client.overview().running == chatty)
-        eventually(lambda: said.said.total() == chatty, PATIENCE)
+        eventually(lambda: said.counted("said").total() == chatty, PATIENCE)
         sizes = [_size(path) for path in _outputs(daemon.state)]
         report.fact("largest output of a run", f"{max(sizes) / MIB:.1f} MiB")
         report.expect(max(sizes) <= LARGEST_OUTPUT, f"an output of {max(sizes)} bytes")
@@ -53,8 +52,7 @@ def output(folder, *, chatty=4, chatter=32 * MIB, huge=60, evidence=4 * 1000 * 1
         memory = psutil.Process(daemon.pid).memory_info().rss
         report.fact("memory of the daemon", f"{memory / MIB:.0f} MiB")
         report.expect(memory <= MOST_MEMORY, f"the daemon takes {memory} bytes")
-        report.executions, report.started_over = log.begun.total(), log.started_over
-        report.expect(not log.started_over, f"{log.started_over} runs were started over")
+        report.expect_none_started_over(log)
     report.runs = runs
     return report
 

@@ -6,9 +6,9 @@ import subprocess
 from collections import Counter
 from contextlib import closing, contextmanager, suppress
 from dataclasses import replace
-from pathlib import Path
 
 import psutil
+import pytest
 
 from daemon.model.execution import DEFAULT_EXECUTOR
 from daemon.model.spec import SutReference
@@ -17,7 +17,7 @@ from tests.chaos.programs.hostile import DEEDS
 from tests.chaos.report import Report
 from tests.chaos.verify import check_book
 from tests.make import make_spec, submission_of
-from tests.parts import daemon_at, eventually, finished
+from tests.parts import ROOT, daemon_at, eventually, finished
 
 MARK = "SCENARIO_CHAOS_PLUGINS"
 HONEST = 4
@@ -106,12 +106,10 @@ def _installed(folder):
     (info / "entry_points.txt").write_text(
         "[scenario.suts]\nhostile = tests.chaos.programs.hostile:Hostile\n"
     )
-    before = os.environ.copy()
-    root = Path(__file__).parents[2]
-    os.environ |= {"PYTHONPATH": f"{place}{os.pathsep}{root}", MARK: str(folder)}
     try:
-        yield
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setenv("PYTHONPATH", f"{place}{os.pathsep}{ROOT}")
+            patch.setenv(MARK, str(folder))
+            yield
     finally:
-        os.environ.clear()
-        os.environ |= before
         subprocess.run(["chattr", "-R", "-i", str(folder)], check=False, capture_output=True)

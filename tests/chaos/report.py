@@ -1,38 +1,15 @@
 """What a scenario did and saw, and what of it must not be."""
 
-from __future__ import annotations
-
 import os
 import time
-from dataclasses import dataclass
 
 _SHOWN = 12
 _HEADS = ("scenario", "runs", "executions", "started over", "lost", "violations", "seconds")
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
-    """What one part of a scenario came to; ``None`` where nobody counted."""
-
-    name: str
-    seconds: float
-    runs: int | None = None
-    executions: int | None = None
-    started_over: int | None = None
-    lost: int | None = None
-    violations: int = 0
-
-    @property
-    def cells(self):
-        """The row as text."""
-        counts = (self.runs, self.executions, self.started_over, self.lost)
-        shown = ("-" if count is None else str(count) for count in counts)
-        return (self.name, *shown, str(self.violations), f"{self.seconds:.0f}")
-
-
 def table(rows):
     """Rows below each other, numbers to the right."""
-    lines = [_HEADS, *(row.cells for row in rows)]
+    lines = [_HEADS, *rows]
     widths = [max(len(line[i]) for line in lines) for i in range(len(_HEADS))]
     return "\n".join(
         "  ".join([line[0].ljust(widths[0]), *map(str.rjust, line[1:], widths[1:])])
@@ -41,28 +18,28 @@ def table(rows):
 
 
 class Report:
-    """Facts in order of their appearance, rows of parts, and violations."""
+    """Facts in order of their appearance, rows of parts, and violations.
+
+    ``runs``, ``executions``, ``started_over`` and ``lost`` are ``None`` where nobody counted.
+    """
 
     def __init__(self, name, start=None):
         self.name = name
         self.violations = []
-        self.parts = []
-        self.runs = None
-        self.executions = None
-        self.started_over = None
-        self.lost = None
-        self._facts = {}
+        self.runs = self.executions = self.started_over = self.lost = None
+        self._facts, self._parts = {}, []
         self._start = time.monotonic() if start is None else start
-        self._end = 0.0
+        self._seconds = None
 
     def end(self):
         """Its time is over."""
-        self._end = time.monotonic()
+        self._seconds = self.seconds
 
     @property
     def seconds(self):
         """How long it took, or takes so far."""
-        return (self._end or time.monotonic()) - self._start
+        passed = time.monotonic() - self._start
+        return passed if self._seconds is None else self._seconds
 
     def fact(self, what, value):
         """Something done or seen."""
@@ -74,38 +51,34 @@ class Report:
             self.violations.append(otherwise)
         return holds
 
-    @property
-    def row(self):
-        """All of it in one line."""
-        return Row(
-            self.name.partition(":")[0],
-            self.seconds,
-            self.runs,
-            self.executions,
-            self.started_over,
-            self.lost,
-            len(self.violations),
-        )
+    def count(self, executions):
+        """Take in how often runs were begun."""
+        self.executions, self.started_over = executions.begun.total(), executions.started_over
+
+    def expect_none_started_over(self, executions):
+        """No run was begun twice."""
+        self.count(executions)
+        self.expect(not self.started_over, f"{self.started_over} runs were started over")
 
     def include(self, part):
         """Take in what a part came to; its violations are ours."""
-        self.parts.append(part.row)
+        self._parts += part.rows
         self.violations += [f"{part.name}: {found}" for found in part.violations]
 
     @property
     def rows(self):
-        """The parts, or all of it where there are none."""
-        return self.parts or [self.row]
+        """The parts, or all of it in one line, as text."""
+        counts = (self.runs, self.executions, self.started_over, self.lost)
+        shown = ("-" if count is None else str(count) for count in counts)
+        name = self.name.partition(":")[0]
+        return self._parts or [(name, *shown, f"{len(self.violations)}", f"{self.seconds:.0f}")]
 
     def text(self):
         """The facts, the parts and what must not be."""
-        load = os.getloadavg()[0]
-        took = f"{self.seconds:.1f} s, load {load:.1f}"
+        took = f"{self.seconds:.1f} s, load {os.getloadavg()[0]:.1f}"
         lines = [f"\n== {self.name}"]
-        facts = {**self._facts, "took": took}
-        lines += [f"{what:40} {value}" for what, value in facts.items()]
-        if self.parts:
-            lines.append(table(self.parts))
+        lines += [f"{what:40} {value}" for what, value in {**self._facts, "took": took}.items()]
+        lines += [table(self._parts)] if self._parts else []
         lines += [f"VIOLATION: {found}" for found in self.violations[:_SHOWN]]
         if len(self.violations) > _SHOWN:
             lines.append(f"and {len(self.violations) - _SHOWN} more violations")

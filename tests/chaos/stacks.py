@@ -1,6 +1,5 @@
 """Workers, processes of runs, their stacks, relays and supervisors are killed at random."""
 
-import os
 import random
 import tempfile
 import time
@@ -9,16 +8,16 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import psutil
+import pytest
 
 from daemon.stacks.ros2.process import StackProcess
 from daemon.stacks.ros2.settings import Ros2Settings
+from tests.chaos.executor import EXECUTOR, PROGRAMS
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
 from tests.make import make_spec, submission_of
 from tests.parts import daemon_at, eventually, finished, worker_for
-from tests.stacks.ros2.holder import QUIET_RELAY
 
-EXECUTOR = "tests.chaos.stack_executor:execute"
 MARKER = "SCENARIO_STACK"
 PATIENCE = 300.0
 """Seconds for runs that nobody disturbs any more, on a machine that has much else to do."""
@@ -28,16 +27,10 @@ TARGETS = {"worker": 1, "process of a run": 3, "stack": 3, "relay": 3, "supervis
 @contextmanager
 def folder_of_stacks():
     """Temporary files of everything that is started meanwhile, so that others' stay out of it."""
-    kept, chosen = os.environ.get("TMPDIR"), tempfile.tempdir
-    with tempfile.TemporaryDirectory(dir="/tmp") as folder:
-        os.environ["TMPDIR"] = tempfile.tempdir = folder
-        try:
-            yield Path(folder)
-        finally:
-            tempfile.tempdir = chosen
-            os.environ.pop("TMPDIR")
-            if kept is not None:
-                os.environ["TMPDIR"] = kept
+    with tempfile.TemporaryDirectory(dir="/tmp") as folder, pytest.MonkeyPatch.context() as patch:
+        patch.setenv("TMPDIR", folder)
+        patch.setattr(tempfile, "tempdir", folder)
+        yield Path(folder)
 
 
 class Stacks:
@@ -105,22 +98,22 @@ class Stacks:
         return found
 
 
-def stacks(folder, *, runs=50, seed=1, every=0.5, limit=120.0, executor=EXECUTOR):
+def stacks(folder, *, runs=50, seed=1, every=0.5, limit=120.0):
     """Strike every ``every`` seconds until nothing is under way; then look for what is left.
 
     After ``limit`` seconds what is still under way is left to end undisturbed.
     """
     report = Report("stacks: workers, runs, stacks, relays and supervisors killed")
     rng = random.Random(seed)
-    specs = [make_spec(i, sleep=round(rng.uniform(0.2, 1.5), 3)) for i in range(runs)]
+    specs = [make_spec(i, stack=round(rng.uniform(0.2, 1.5), 3)) for i in range(runs)]
     with folder_of_stacks() as place:
-        with batch(folder, place, rng, executor) as (daemon, scene):
+        with batch(folder, place, rng) as (daemon, scene):
             _strike(report, daemon, scene, specs, every, limit)
         for what, count in sorted(scene.done.items()):
             report.fact(what, count)
         report.fact("runs", runs)
         # The next stack of this machine ends what a killed supervisor of a killed run has left.
-        last = StackProcess(Ros2Settings(launch="true"), values={}, relay=QUIET_RELAY)
+        last = StackProcess(Ros2Settings(launch="true"), values={}, relay=PROGRAMS / "relay.py")
         last.release()
         deadline = time.monotonic() + 30.0
         while scene.left() and time.monotonic() < deadline:
@@ -132,14 +125,15 @@ def stacks(folder, *, runs=50, seed=1, every=0.5, limit=120.0, executor=EXECUTOR
 
 
 @contextmanager
-def batch(folder, place, rng, executor):
+def batch(folder, place, rng):
     """A daemon and two workers with two slots each, whose stacks lie in ``place``."""
     with ExitStack() as parts:
         daemon = parts.enter_context(daemon_at(folder / "state", 0, lease=3.0, attempts=200))
-        options = [("--state", str(folder / f"worker-{i}")) for i in range(2)]
         workers = [
-            parts.enter_context(worker_for(daemon, 2, *words, executor=executor))
-            for words in options
+            parts.enter_context(
+                worker_for(daemon, 2, "--state", str(folder / f"worker-{i}"), executor=EXECUTOR)
+            )
+            for i in range(2)
         ]
         yield daemon, Stacks(place, workers, rng)
 

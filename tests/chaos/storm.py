@@ -4,16 +4,15 @@ import random
 import time
 from contextlib import ExitStack
 
-from tests.chaos.executions import Executions
-from tests.chaos.lines import drop_packets, slow_line
-from tests.chaos.links import Namespace, links, may_make_namespaces
+from tests.chaos.executor import EXECUTOR, Executions
+from tests.chaos.links import links, may_make_namespaces, slow_line
+from tests.chaos.network import worker_at
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
 from tests.chaos.violence import progress
 from tests.make import make_spec, submission_of
-from tests.parts import daemon_at, eventually, finished, free_endpoint, worker_for
+from tests.parts import daemon_at, eventually, finished, free_endpoint
 
-EXECUTOR = "tests.chaos.executor:execute"
 CUTS = (1.0, 3.0, 6.0)
 """Seconds, all shorter than the lease."""
 
@@ -44,21 +43,13 @@ def storm(folder, *, runs=200, seed=1, lease=30.0, every=8.0, seconds=120.0):
             daemon_at(folder / "state", 1, listen=endpoint, lease=lease, executor=EXECUTOR)
         )
         daemon.client().close()
-        if isinstance(cables[1], Namespace):
-            drop_packets(cables[1], 0.1)
+        if isolated:
+            cables[1].drop_packets(0.1)
         far = stack.enter_context(slow_line(endpoint, delay=0.1))
         slow = stack.enter_context(slow_line(endpoint, rate=200_000))
         lines = [*cables, far, slow]
         for number, line in enumerate(lines):
-            worker = worker_for(
-                daemon,
-                2,
-                *("--state", str(folder / f"away-{number}")),
-                connect=line.endpoint,
-                through=line.through,
-                executor=EXECUTOR,
-            )
-            stack.enter_context(worker)
+            stack.enter_context(worker_at(daemon, line, 2, folder / f"away-{number}"))
             stack.callback(line.mend)
         with daemon.client() as client:
             # A worker that finds no daemon when it begins leaves, and nobody starts it again.
@@ -82,7 +73,6 @@ def storm(folder, *, runs=200, seed=1, lease=30.0, every=8.0, seconds=120.0):
             eventually(lambda: finished(client, runs), 300.0)
         for what, times in struck.items():
             report.fact(what, times)
-        report.executions, report.started_over = log.begun.total(), log.started_over
-        report.expect(not log.started_over, f"{log.started_over} runs were started over")
+        report.expect_none_started_over(log)
         verify(report, daemon.state, runs)
     return report

@@ -7,12 +7,11 @@ from contextlib import suppress
 import psutil
 
 from daemon.model.run_state import RunState
-from tests.chaos.executor import TREE
+from tests.chaos.executor import EXECUTOR, TREE
 from tests.chaos.report import Report
 from tests.make import make_submission
 from tests.parts import alive, daemon_at, eventually
 
-EXECUTOR = "tests.chaos.executor:execute"
 PATIENCE = 40.0
 """Seconds that a tree may take to end: a daemon told to stop lets its runs finish for 20 s."""
 ENDINGS = (

@@ -1,49 +1,37 @@
 """Daemon and workers are killed and frozen at random while many short runs go through them."""
 
-from __future__ import annotations
-
 import random
 import threading
 import time
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass, field
 
 import psutil
 
 from daemon.batch.client import Client
 from daemon.batch.errors import DaemonError
 from grammars.text.files import matching_paths
-from tests.chaos.links import Link, links, may_make_namespaces
+from tests.chaos.executor import EXECUTOR
+from tests.chaos.links import links, may_make_namespaces
+from tests.chaos.network import worker_at
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
 from tests.make import make_spec, submission_of
-from tests.parts import (
-    DaemonPart,
-    Part,
-    daemon_at,
-    eventually,
-    free_endpoint,
-    worker_for,
-)
+from tests.parts import daemon_at, eventually, free_endpoint
 
-EXECUTOR = "tests.chaos.executor:execute"
 LOCAL, REMOTE = 2, 4
 FREEZES = (0.5, 6.0)
 CAMPAIGNS = 4
 
 
-@dataclass(slots=True)
 class Yard:
     """A daemon with local slots, workers at the ends of cables, and what was done to them."""
 
-    daemon: DaemonPart
-    workers: list[Part]
-    cables: list[Link]
-    rng: random.Random
-    done: Counter[str] = field(default_factory=Counter)
-    _thaws: list[threading.Timer] = field(default_factory=list)
+    def __init__(self, daemon, workers, cables, rng):
+        self.daemon, self.workers, self.cables, self.rng = daemon, workers, cables, rng
+        self.done = Counter()
+        self._thaws = []
 
     def strike(self, *, kill=False):
         """Do one of the things that happen to processes and cables, or ``kill`` one of these."""
@@ -120,16 +108,7 @@ def yard(folder, seed, *, isolated):
         )
         daemon.client().close()
         workers = [
-            stack.enter_context(
-                worker_for(
-                    daemon,
-                    1,
-                    *("--state", str(folder / f"worker-{i}")),
-                    connect=link.endpoint,
-                    through=link.through,
-                    executor=EXECUTOR,
-                )
-            )
+            stack.enter_context(worker_at(daemon, link, 1, folder / f"worker-{i}"))
             for i, link in enumerate(cables)
         ]
         made = Yard(daemon, workers, cables, random.Random(seed))
@@ -212,7 +191,7 @@ def _kill_evenly(scene, runs, kills):
 @contextmanager
 def operating(endpoint, campaigns, count, seed):
     """People who steer campaigns for the block; yields digests of results they were told of."""
-    seen: dict[str, str] = {}
+    seen = {}
     closing = threading.Event()
 
     def steer(number):

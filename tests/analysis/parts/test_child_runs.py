@@ -183,7 +183,7 @@ def test_a_specification_is_held_against_its_first_execution(places, plugged):
     assert other.first_difference.topic == "/cmd_vel"
 
 
-@pytest.mark.parametrize("repeats", [1, 2, 3])
+@pytest.mark.parametrize("repeats", [1, 2])
 def test_a_specification_is_executed_as_often_as_asked_for(tmp_path, places, repeats):
     log = tmp_path / "log.txt"
 

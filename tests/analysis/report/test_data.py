@@ -124,14 +124,6 @@ def test_a_file_that_is_no_trace_is_named_and_left_out(copies, tmp_path):
     assert len(source.rows) == 4 * REPEATS - 1
 
 
-def test_a_trace_that_was_cut_is_judged_as_far_as_it_goes(copies, tmp_path):
-    copies[0].write_bytes(copies[0].read_bytes()[:-9000])
-    data = report_of(tmp_path)
-    (cut,) = [run for run in data.runs if run.record.trace == str(copies[0])]
-    assert cut.record.ended == ""
-    assert cut.record.outcome in (Outcome.INCONCLUSIVE, Outcome.FAIL, Outcome.ERROR)
-
-
 def test_a_trace_that_went_away_leaves_its_run(copies, tmp_path):
     source = read_traces(str(tmp_path))
     Path(source.rows[0].trace).unlink()

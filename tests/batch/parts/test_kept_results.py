@@ -19,7 +19,7 @@ from daemon.model.spec import SutReference
 from daemon.model.verbs import COMPLETE, GET, LEASE, PUT, RELEASE, RENEW
 from grammars.text.files import matching_paths
 from tests.chaos.disk import may_mount
-from tests.chaos.lines import slow_line
+from tests.chaos.links import slow_line
 from tests.make import make_spec, make_submission, submission_of
 from tests.parts import daemon_at, eventually, executions, finished, free_endpoint, worker_for
 

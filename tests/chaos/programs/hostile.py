@@ -1,12 +1,13 @@
 """Systems under test that misbehave, each in one way, half a second after their run began.
 
-A table of small functions: what a deed returns is what the system answers. Processes and files that
-deeds leave are found by the environment and the folder of the run.
+A table of deeds: what a deed returns is what the system answers. Processes and files that deeds
+leave are found by the environment and the folder of the run.
 """
 
 import contextlib
 import ctypes
 import gc
+import inspect
 import os
 import resource
 import shutil
@@ -30,208 +31,133 @@ def own_folder():
     return next(link.readlink().parent for link in links if link.readlink().suffix == ".partial")
 
 
-def behave():
-    pass
-
-
-def print_megabytes():
-    print("x" * 20_000_000)
-
-
-def leave():
-    os._exit(0)
-
-
-def leave_badly():
-    os._exit(77)
-
-
-def raise_exit():
-    raise SystemExit(0)
-
-
-def raise_interrupt():
-    raise KeyboardInterrupt
-
-
-def raise_anything():
-    raise BaseException("neither an error nor an exit")
-
-
-def loop():
-    while True:
-        pass
-
-
-def swallow_everything():
-    while True:
-        try:
-            loop()
-        except BaseException:
-            continue
-
-
-def ignore_signals():
-    for number in set(signal.Signals) - {signal.SIGKILL, signal.SIGSTOP}:
-        with contextlib.suppress(OSError):
-            signal.signal(number, signal.SIG_IGN)
-    loop()
-
-
-def stop_timer():
-    signal.setitimer(signal.ITIMER_REAL, 0.0)
-    loop()
-
-
 def sleep():
     time.sleep(1e6)
 
 
-def take_memory():
-    taken = []
-    while True:
-        taken.append(bytearray(50_000_000))
+class Deeds:
+    """What takes more than an expression."""
 
+    def raise_interrupt():
+        raise KeyboardInterrupt
 
-def recurse():
-    recurse()
+    def raise_anything():
+        raise BaseException("neither an error nor an exit")
 
+    def loop():
+        while True:
+            pass
 
-def recurse_for_good():
-    sys.setrecursionlimit(10**9)
-    recurse()
+    def swallow_everything():
+        while True:
+            try:
+                Deeds.loop()
+            except BaseException:
+                continue
 
+    def ignore_signals():
+        for number in set(signal.Signals) - {signal.SIGKILL, signal.SIGSTOP}:
+            with contextlib.suppress(OSError):
+                signal.signal(number, signal.SIG_IGN)
+        Deeds.loop()
 
-def touch_nothing():
-    ctypes.string_at(0)
+    def stop_timer():
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        Deeds.loop()
 
+    def take_memory():
+        taken = []
+        while True:
+            taken.append(bytearray(50_000_000))
 
-def abort():
-    os.abort()
+    def recurse():
+        Deeds.recurse()
 
+    def recurse_for_good():
+        sys.setrecursionlimit(10**9)
+        Deeds.recurse()
 
-def kill_itself():
-    os.kill(os.getpid(), signal.SIGKILL)
+    def open_descriptors():
+        opened = []
+        while True:
+            opened.append(os.open("/dev/null", os.O_RDONLY))
 
+    def replace_stdout():
+        sys.stdout = sys.stderr = None
 
-def stop_itself():
-    os.kill(os.getpid(), signal.SIGSTOP)
+    def go_elsewhere():
+        os.chdir("/")
+        os.umask(0o777)
 
+    def make_immutable():
+        kept = own_folder() / "kept"
+        kept.touch()
+        subprocess.run(["chattr", "+i", str(kept)], check=False, capture_output=True)
 
-def signal_group():
-    os.killpg(0, signal.SIGTERM)
+    def leave_pipes():
+        for name in ("result.json", "judged.json.z", "watched", "pipe"):
+            with contextlib.suppress(FileExistsError):
+                os.mkfifo(own_folder() / name)
 
+    def leave_links():
+        for name, target in (("loop", "loop"), ("root", "/"), ("result.json", "/dev/zero")):
+            with contextlib.suppress(FileExistsError):
+                (own_folder() / name).symlink_to(target)
 
-def close_descriptors():
-    os.closerange(0, 1024)
+    def leave_threads():
+        for _ in range(20):
+            threading.Thread(target=sleep).start()
 
+    def leave_children():
+        for _ in range(5):
+            subprocess.Popen(SLEEPER, start_new_session=True)
 
-def open_descriptors():
-    opened = []
-    while True:
-        opened.append(os.open("/dev/null", os.O_RDONLY))
-
-
-def replace_stdout():
-    sys.stdout = sys.stderr = None
-
-
-def read_stdin():
-    sys.stdin.read()
-
-
-def go_elsewhere():
-    os.chdir("/")
-    os.umask(0o777)
-
-
-def close_folder():
-    own_folder().chmod(0)
-
-
-def make_immutable():
-    (own_folder() / "kept").touch()
-    subprocess.run(["chattr", "+i", str(own_folder() / "kept")], check=False, capture_output=True)
-
-
-def leave_pipes():
-    for name in ("result.json", "judged.json.z", "watched", "pipe"):
-        with contextlib.suppress(FileExistsError):
-            os.mkfifo(own_folder() / name)
-
-
-def leave_links():
-    for name, target in (("loop", "loop"), ("root", "/"), ("result.json", "/dev/zero")):
-        with contextlib.suppress(FileExistsError):
-            (own_folder() / name).symlink_to(target)
-
-
-def remove_folder():
-    shutil.rmtree(own_folder())
-
-
-def leave_threads():
-    for _ in range(20):
-        threading.Thread(target=sleep).start()
-
-
-def leave_children():
-    for _ in range(5):
-        subprocess.Popen(SLEEPER, start_new_session=True)
-
-
-def daemonise():
-    if not os.fork():
-        os.setsid()
-        if os.fork():
-            os._exit(0)
-        os.execv(SLEEPER[0], SLEEPER)
-
-
-def fork_much():
-    for _ in range(200):
+    def daemonise():
         if not os.fork():
-            time.sleep(1e6)
+            os.setsid()
+            if os.fork():
+                os._exit(0)
+            os.execv(SLEEPER[0], SLEEPER)
+
+    def fork_much():
+        for _ in range(200):
+            if not os.fork():
+                sleep()
+
+    def collect_nothing():
+        gc.disable()
+        gc.freeze()
+
+    def lower_limits():
+        resource.setrlimit(resource.RLIMIT_NOFILE, (3, 3))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+
+    def complain_about_numbers():
+        np.seterr(all="raise")
 
 
-def collect_nothing():
-    gc.disable()
-    gc.freeze()
-
-
-def lower_limits():
-    resource.setrlimit(resource.RLIMIT_NOFILE, (3, 3))
-    resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
-
-
-def command_nan():
-    return Decision(Twist2(float("nan")), Progress(0, 0, "active"))
-
-
-def command_much():
-    return Decision(Twist2(1e300, -1e300, 1e300), Progress(0, 0, "active"))
-
-
-def answer_nonsense():
-    return "drive"
-
-
-def complain_about_numbers():
-    np.seterr(all="raise")
-
-
+ACTIVE = Progress(0, 0, "active")
 DEEDS = {
-    deed.__name__: deed
-    for deed in (
-        behave, print_megabytes, leave, leave_badly, raise_exit, raise_interrupt, raise_anything,
-        loop, swallow_everything, ignore_signals, stop_timer, sleep, take_memory, recurse,
-        recurse_for_good, touch_nothing, abort, kill_itself, stop_itself, signal_group,
-        close_descriptors, open_descriptors, replace_stdout, read_stdin, go_elsewhere,
-        close_folder, make_immutable, leave_pipes, leave_links, remove_folder, leave_threads,
-        leave_children, daemonise, fork_much, collect_nothing, lower_limits, command_nan,
-        command_much, answer_nonsense, complain_about_numbers,
-    )
-}  # fmt: skip
+    "behave": lambda: None,
+    "print_megabytes": lambda: print("x" * 20_000_000),
+    "leave": lambda: os._exit(0),
+    "leave_badly": lambda: os._exit(77),
+    "raise_exit": lambda: sys.exit(0),
+    "sleep": sleep,
+    "touch_nothing": lambda: ctypes.string_at(0),
+    "abort": os.abort,
+    "kill_itself": lambda: os.kill(os.getpid(), signal.SIGKILL),
+    "stop_itself": lambda: os.kill(os.getpid(), signal.SIGSTOP),
+    "signal_group": lambda: os.killpg(0, signal.SIGTERM),
+    "close_descriptors": lambda: os.closerange(0, 1024),
+    "read_stdin": lambda: sys.stdin.read() and None,
+    "close_folder": lambda: own_folder().chmod(0),
+    "remove_folder": lambda: shutil.rmtree(own_folder()),
+    "command_nan": lambda: Decision(Twist2(float("nan")), ACTIVE),
+    "command_much": lambda: Decision(Twist2(1e300, -1e300, 1e300), ACTIVE),
+    "answer_nonsense": lambda: "drive",
+    **dict(inspect.getmembers(Deeds, inspect.isfunction)),
+}
 
 
 class Hostile:
@@ -252,4 +178,4 @@ class Hostile:
             answer = deed()
             if answer is not None:
                 return answer
-        return Decision(Twist2(), Progress(0, 0, "active"))
+        return Decision(Twist2(), ACTIVE)

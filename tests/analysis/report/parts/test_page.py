@@ -333,8 +333,12 @@ def test_figures_are_written_as_vector_files_too(data, tmp_path):
     assert all(content.startswith(b"%PDF") for content in files.values())
 
 
+def figures(page, label):
+    return re.findall(rf'aria-label="{label}".*?(<svg.*?)</div>', page)
+
+
 def figure(page, label):
-    (found,) = re.findall(rf'aria-label="{label}".*?(<svg.*?)</div>', page)
+    (found,) = figures(page, label)
     return found
 
 
@@ -348,3 +352,6 @@ def test_a_reference_is_a_diamond_in_the_figure_of_its_measure(other_page, page)
     assert "21.5 s" not in buffer
     assert "paper -8.9 s" in figure(other_page, 'What comparisons in s found[^"]*')
     assert "Somebody" not in page
+    # What is no other figure is the same one.
+    for label in ('Clearance over time, [^"]*far[^"]*', 'Speed and turning[^"]*near'):
+        assert figures(other_page, label) == figures(page, label) != []

@@ -242,7 +242,7 @@ def test_requests_of_clients_are_held_to_the_search(asked):
 CAMPAIGN = """\
 campaign: tiny
 seed: 3
-limit: 6 s
+limit: 3 s
 robot: courier
 oracles: navigation
 matrix: {sut: [pilot]}
