@@ -7,7 +7,6 @@ or ``slow``.
 import errno
 import json
 import os
-import sqlite3
 import sys
 import time
 from pathlib import Path
@@ -19,8 +18,6 @@ from daemon.batch.server import _dispatcher
 FAULTS = {
     "raises": RuntimeError("nobody thought of that"),
     "system": OSError(errno.EIO, os.strerror(errno.EIO)),
-    "reader": sqlite3.DatabaseError("database disk image is malformed"),
-    "locked": sqlite3.OperationalError("database is locked"),
     "malformed": Refused("the request is malformed: versions differ"),
 }
 """What a handler raises. With ``garbles`` no worker understands its answer, with ``slow`` it takes

@@ -19,7 +19,7 @@ from daemon.model.run_state import RunState
 from daemon.model.spec import LARGEST_RESULT
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from grammars.text import codec
-from tests.batch.ledger.conftest import NOW, refs
+from tests.batch.ledger.conftest import NOW
 from tests.make import make_result, make_spec, make_submission
 
 RUNS = 600
@@ -332,14 +332,6 @@ def test_traces_stay_when_the_deletion_is_undone(ledger):
 # --- files
 
 
-def test_everything_is_still_there_after_reopening(ledger):
-    ledger.submit("c", 2)
-    (granted,) = ledger.lease(1)
-    with LedgerWriter.open(ledger.places) as again:
-        assert again.leases() == refs(granted)
-        assert again.lease("w", 1, NOW)[0].token > granted.token
-
-
 @pytest.mark.parametrize("version", [1, SCHEMA_VERSION - 1, SCHEMA_VERSION + 1])
 def test_a_ledger_of_another_schema_is_refused(tmp_path, version):
     places = StatePaths(tmp_path)
@@ -353,10 +345,3 @@ def test_a_ledger_of_another_schema_is_refused(tmp_path, version):
     for opening in (LedgerWriter.open(places), LedgerReader.open(places)):
         with pytest.raises(DaemonError, match=re.escape(words)), opening:
             pass
-
-
-def test_a_damaged_ledger_is_named(tmp_path):
-    path = tmp_path / "ledger.db"
-    path.write_bytes(b"not a database, but long enough to be looked at" * 100)
-    with pytest.raises(DaemonError, match=r"ledger\.db is not a usable ledger"):
-        connect(path)

@@ -15,7 +15,7 @@ import pytest
 
 from daemon.batch import bus
 from daemon.batch.client import Client
-from daemon.batch.errors import DaemonError, KeysUnusable, Refused, Unreachable
+from daemon.batch.errors import KeysUnusable, Refused, Unreachable
 from daemon.batch.paths import StatePaths
 from daemon.batch.security import find_credentials, find_daemon_credentials
 from daemon.batch.security._access_control import CLIENT_ROLES, allowed_verbs
@@ -223,13 +223,6 @@ def test_a_key_asks_under_its_own_name_only(daemon, keys):
         mine.cancel("named")
 
 
-def test_who_comes_over_tls_is_not_the_owner(daemon, keys):
-    with raw(daemon, keys, "worker") as session:
-        for name in ("worker", "owner"):
-            for verb in (verbs.SHUTDOWN, verbs.OVERVIEW):
-                assert list(session.get(f"{ASK}/{name}/{verb}", payload=b"{}", timeout=60.0)) == []
-
-
 # --- keys that are not taken
 
 
@@ -355,13 +348,6 @@ def test_it_listens_at_addresses_of_either_kind(keys):
                 context.wrap_socket(plain, server_hostname=host) as wrapped,
             ):
                 assert wrapped.version() == "TLSv1.3"
-
-
-def test_an_address_that_is_taken_is_said(keys):
-    with closing(socket.create_server(("127.0.0.1", 0))) as taken:
-        port = taken.getsockname()[1]
-        with pytest.raises(DaemonError, match=f"cannot listen at tls/127.0.0.1:{port}"):
-            bus.open_router([f"tls/127.0.0.1:{port}"], find_daemon_credentials(keys))
 
 
 def test_of_a_daemon_that_was_killed_nothing_is_said_about_the_key(keys, tmp_path):
