@@ -1,12 +1,12 @@
 """Which workers there are, which of them are away, when one is forgotten, when time stands still.
 
-The state machine of the ledger holds when leases lapse.
+The state machine of the ledger holds what becomes of leases that lapse.
 """
 
 import pytest
 
-from daemon.batch.server._workers import LeaseClock, WorkerRegistry
-from daemon.model.messages import WorkerInfo
+from daemon.batch.server._workers import LeaseClock, LeaseDeadlines, WorkerRegistry
+from daemon.model.messages import LeaseRef, WorkerInfo
 
 TICK = 0.5
 
@@ -70,3 +70,13 @@ def test_a_tick_that_comes_late_is_a_stall_and_takes_no_more_than_another():
     assert clock.advance(15.2) == pytest.approx(3.0)
     assert clock.now == pytest.approx(2.2)
     assert clock.advance(15.2) == 0.0
+
+
+def test_a_lease_lapses_after_its_period_and_not_at_its_end(clock):
+    deadlines, lease = LeaseDeadlines(30.0, clock), LeaseRef("c.0", 7)
+    passes(clock, 100.0)  # of another daemon, say
+    for seconds in (0.0, 30.0):
+        passes(clock, seconds)
+        assert deadlines.overdue((lease,)) == ()
+    passes(clock, TICK)
+    assert deadlines.overdue((lease,)) == (lease,)

@@ -174,6 +174,7 @@ def test_two_runs_of_one_specification_that_differ_are_both_doubted(ledger):
     ledger.submit("second", 1)
     for grant, margin in zip(ledger.lease(), (0.5, 0.1), strict=True):
         ledger.complete(grant, make_result(grant.spec, margin=margin))
+    ledger.book.delete(("second",), NOW)
     assert ledger.submit("third", 1).cached == 0
 
 

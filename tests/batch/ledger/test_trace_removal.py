@@ -34,6 +34,7 @@ def test_the_newest_campaigns_keep_their_traces(store):
 
 
 def test_traces_of_campaigns_that_finished_long_ago_go(store):
+    assert sweep(store, now=25.0, age=15.0).gone == ()
     sweep(store, now=30.0, age=15.0)
     assert store.traces() == {"b": 3, "c": 3}
 
