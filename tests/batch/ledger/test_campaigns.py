@@ -174,25 +174,6 @@ def test_the_rate_is_runs_per_minute_lately(ledger):
     assert ledger.reader.rate(NOW + 9999) == 0.0
 
 
-def test_counting_does_not_read_the_runs(ledger):
-    ledger.submit("c", 1)
-    ledger.db.execute("BEGIN")
-    ledger.db.execute(
-        "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 100000)"
-        " INSERT INTO run (id, campaign, position, cell, script, scenario, sut, repeat,"
-        " time_limit, digest, trace_name)"
-        " SELECT 'c.' || i, 'c', i, 0, 0, 'S', 's', i, 9, 'd', 'c/' || i FROM n"
-    )
-    ledger.db.execute("UPDATE tally SET runs = runs + 100000")
-    ledger.db.execute("COMMIT")
-    reader, thousands = LedgerReader(ledger.db, ledger.places), []
-    ledger.db.set_progress_handler(lambda: thousands.append(1), 1000)
-    assert reader.counts()[1]["queued"] == reader.campaigns()[0].queued == 100_001
-    assert len(reader.runs(sort="index", offset=500, limit=50).rows) == 50
-    # Steps of SQLite's machine; reading every run takes several for each of the 100 000.
-    assert len(thousands) < 50
-
-
 # --- news: the state machine holds runs that are lost, failed, executed again
 
 

@@ -94,30 +94,12 @@ def test_what_might_keep_the_zygote_is_left_to_the_runs(ended, tmp_path):
     assert read_example(gone) is None
 
 
-FORKING = """
-import sys
-from pathlib import Path
-from daemon import run_map
-from daemon.run import execute, prepare
-from tests.batch.parts.test_zygotes import SHORT, SCENE
-prepare(SHORT, SCENE)
-run_map.building_grid = None
-execute(SHORT, SCENE, trace_path=Path(sys.argv[1]))
-"""
-
-
 @pytest.fixture(scope="module")
 def expected(tmp_path_factory):
     """The trace of the run, executed in this process."""
     path = tmp_path_factory.mktemp("here") / "here.mcap"
     execute(SHORT, SCENE, trace_path=path)
     return path.read_bytes()
-
-
-def test_a_run_finds_the_map_of_the_one_before(tmp_path, expected):
-    command = [sys.executable, "-c", FORKING, str(tmp_path / "trace.mcap")]
-    subprocess.run(command, cwd=ROOT, check=True)
-    assert (tmp_path / "trace.mcap").read_bytes() == expected
 
 
 def test_runs_of_one_zygote_leave_the_same_bytes_whoever_is_first(tmp_path, scene, expected):
