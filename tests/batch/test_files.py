@@ -211,14 +211,14 @@ def test_a_file_of_the_same_name_and_size_is_not_mistaken(tmp_path):
 
 
 def test_the_cache_is_bounded(tmp_path, monkeypatch):
-    monkeypatch.setattr("daemon.batch.stores._LARGEST_CACHE", 2500)
+    monkeypatch.setattr("daemon.batch.stores._LARGEST_CACHE", 3500)
     cache = tmp_path / "cache"
-    for number in range(4):
+    for number in range(5):
         source = tmp_path / f"{number}.mcap"
         source.write_bytes(bytes([number]) * 1000)
         trace = TraceReference("c.0", source.as_uri(), file_sha256(source), 1000)
         os.utime(local_copy(trace, cache=cache), (number, number))
-    assert sorted(path.read_bytes()[0] for path in cache.iterdir()) == [2, 3]
+    assert sorted(path.read_bytes()[0] for path in cache.iterdir()) == [2, 3, 4]
 
 
 # --- a trace leaves the state directory once the ledger says where it lies
