@@ -157,6 +157,16 @@ def test_the_start_cell_is_freed_in_the_costmap_for_good():
     assert grid.version == version + 1
 
 
+def test_without_the_quirk_only_the_cell_of_the_robot_is_free_and_only_for_the_planner():
+    grid = a_grid()
+    grid.cells[:, 20] = 254
+    planner = GlobalPlanner(GlobalPlannerParameters(old_navfn_behavior=True), FIXED)
+    goal = centre(grid, 30, 10)
+    assert planner.plan(grid, centre(grid, 20, 10), goal) is not None
+    assert planner.plan(grid, centre(grid, 5, 10), goal) is None
+    assert (grid.cells[:, 20] == 254).all()
+
+
 def test_what_did_not_change_is_not_planned_again(monkeypatch):
     calls = []
 
