@@ -42,16 +42,11 @@ def plugged(tmp_path, monkeypatch):
     (tmp_path / "their_imports.py").write_text("import a_module_nobody_has\n")
     (tmp_path / "their_syntax.py").write_text("def make(:\n")
     monkeypatch.syspath_prepend(str(tmp_path))
-    objects = {
-        "stack": "their_stack:Stack",
-        "broken": "their_stack:broken",
-        "number": "their_stack:number",
-        "gone": "their_stack:gone",
-        "imports": "their_imports:make",
-        "syntax": "their_syntax:make",
-    }
+    places = {name: f"their_stack:{name}" for name in ("broken", "number", "gone")}
+    places |= {"stack": "their_stack:Stack", "imports": "their_imports:make"}
+    places["syntax"] = "their_syntax:make"
     group = registry.ENTRY_POINT_GROUP
-    entries = {name: EntryPoint(name, value, group) for name, value in objects.items()}
+    entries = {name: EntryPoint(name, value, group) for name, value in places.items()}
     monkeypatch.setattr(registry, "installed", lambda group: entries)
     yield
     for name in ("their_stack", "their_imports", "their_syntax"):

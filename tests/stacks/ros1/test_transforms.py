@@ -51,8 +51,8 @@ def test_between_two_broadcasts_the_correction_is_interpolated():
 def test_without_the_quirk_corrections_hold_at_once():
     buffer = TransformBuffer(Pose2(), 0.5, delayed=False)
     buffer.move(at(0.0))
-    buffer.correct(0.1, Pose2(0.1))
-    buffer.correct(0.2, Pose2(0.2))
+    for tenth in (1, 2):
+        buffer.correct(0.1 * tenth, Pose2(0.1 * tenth))
     assert buffer.correction_at(0.2) == Pose2(0.2)
 
 

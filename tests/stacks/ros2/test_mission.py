@@ -65,19 +65,21 @@ def test_all_waypoints_in_one_goal_progress_by_feedback_and_end_by_the_result(mo
     assert goals.progress == Progress(3, 3, "succeeded")
 
 
-def test_missed_waypoints_are_a_failure_of_the_robot():
-    goals, _ = begun("follow")
-    (said,) = goals.take(GoalUpdate(0, "succeeded", missed_waypoints=(1,)))
-    assert "door" in said.text
-    assert goals.progress == Progress(1, 1, "aborted")
-
-
-def test_an_abort_is_the_robots_failure_with_its_error_code():
-    goals, _ = begun("waypoints")
-    (said,) = goals.take(GoalUpdate(0, "aborted", 105, "no valid path"))
-    assert said.text == "goal desk aborted, error code 105: no valid path"
+@pytest.mark.parametrize(
+    ("mode", "update", "words", "progress"),
+    [
+        ("follow", GoalUpdate(0, "succeeded", missed_waypoints=(1,)), "door",
+         Progress(1, 1, "aborted")),
+        ("waypoints", GoalUpdate(0, "aborted", 105, "no valid path"),
+         "goal desk aborted, error code 105: no valid path", Progress(0, 0, "aborted")),
+    ],
+)  # fmt: skip
+def test_what_is_the_robots_failure_is_told(mode, update, words, progress):
+    goals, _ = begun(mode)
+    (said,) = goals.take(update)
+    assert words in said.text
     assert said.level == "error"
-    assert goals.progress == Progress(0, 0, "aborted")
+    assert goals.progress == progress
 
 
 def test_an_abort_after_a_lost_acknowledgement_is_the_machines():

@@ -5,6 +5,7 @@ import pytest
 
 from daemon.stacks.ros1.move_base import DispatcherParameters
 from daemon.stacks.ros1.move_base.dispatcher import WaypointDispatcher
+from daemon.stacks.ros1.quirks import FAST
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.mission import Waypoint
 from tests.stacks.ros1.move_base.bench import FORWARD, Bench, without
@@ -53,21 +54,17 @@ def test_a_robot_that_gets_on_again_has_all_its_recoveries_again():
     assert [name for _, name in bench.tried] == ["r0", "r1", "r0"]
 
 
-def test_a_failed_replanning_is_ignored_while_the_controller_works():
-    bench = Bench(plans=lambda now: now < 1.0)
-    bench.accept()
-    bench.run(20.0)
-    assert bench.states == [(0.05, "controlling")]
-    assert bench.commands[-1][1] == FORWARD
-    assert bench.tried == []
-
-
-def test_without_the_quirk_a_failed_replanning_stops_the_robot():
-    bench = Bench(plans=lambda now: now < 1.0, quirks=without("failed_replanning_ignored"))
+@pytest.mark.parametrize(
+    ("quirks", "state", "command"),
+    [(FAST, "controlling", FORWARD), (without("failed_replanning_ignored"), "planning", Twist2())],
+)
+def test_a_failed_replanning_is_ignored_while_the_controller_works(quirks, state, command):
+    bench = Bench(plans=lambda now: now < 1.0, quirks=quirks)
     bench.accept()
     bench.run(3.0)
-    assert bench.states[-1][1] == "planning"
-    assert bench.commands[-1][1] == Twist2()
+    assert bench.states[-1][1] == state
+    assert bench.commands[-1][1] == command
+    assert bench.tried == []
 
 
 def test_disabled_recoveries_abort_at_once():
