@@ -329,17 +329,3 @@ def test_cells_are_looked_up_half_a_cell_low(original, first, last):
     hit = weigh(PUBLISHED, ranges, poses, grid=one_wall(), laser=laser, original=original)
     np.testing.assert_allclose(hit[1:3], best, rtol=1e-7)
     assert (hit[[0, 3]] < best - 0.01).all()
-
-
-@pytest.mark.parametrize(("thickness", "slides"), [(0.25, True), (0.05, False)])
-def test_thick_walls_let_the_estimate_slide_along_the_view(thickness, slides):
-    """Anywhere inside the painted band is as good as its edge: no return tells how deep."""
-    walls = a_room(4.0, 3.0, thickness)
-    truth = Pose2(1.3, 1.8, 0.0)
-    steps = np.arange(0.0, 0.151, 0.05)
-    poses = np.column_stack((truth.x + steps, np.full((len(steps), 2), (truth.y, truth.yaw))))
-    ranges = see(walls, truth)
-    ahead = np.arange(LASER.rays)
-    ranges[np.abs(ahead - 75) > 20] = np.inf  # nothing but the wall ahead
-    weights = weigh(PUBLISHED, ranges, poses, grid=map_of(walls))
-    assert (weights[-1] > 0.99 * weights[0]) is np.bool_(slides)

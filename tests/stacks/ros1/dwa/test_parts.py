@@ -12,6 +12,7 @@ from daemon.stacks.ros1.dwa import DwaParameters
 from daemon.stacks.ros1.dwa._distances import allocate_scoring_grid
 from daemon.stacks.ros1.dwa._settings import longest_trajectory, settings_of
 from daemon.stacks.ros1.dwa.controller import Oscillation
+from daemon.stacks.ros1.dwa.samples import footprint_scale
 from daemon.stacks.ros1.quirks import FAST, FIXED
 from tests.stacks.ros1.dwa.helpers import A2S, OMNI, SMALL, settings
 
@@ -25,6 +26,13 @@ def test_rows_of_an_upright_costmap_all_have_room_for_what_an_outline_encloses()
         grid = allocate_scoring_grid(upright, settings(A2S, quirks), outline, none)
         found = footprint_cost(grid.cells, grid.frame, outline, 1.0, pose, grid.spans)
         assert found == expected
+
+
+def test_nothing_lies_between_a_scaling_speed_and_an_equal_limit():
+    equal = replace(A2S, max_vel_trans=0.25, scaling_speed=0.25, max_scaling_factor=0.2)
+    assert footprint_scale(0.26, settings(equal)) == math.inf
+    # Who does not want the footprint to grow has a factor of 0.
+    assert footprint_scale(0.26, settings(replace(equal, max_scaling_factor=0.0))) == 1.0
 
 
 def ruled_out(*twists, at=None):
