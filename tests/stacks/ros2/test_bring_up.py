@@ -144,10 +144,7 @@ LATE = {"start-up": "0.1 s"}
 STARTS = {
     "a node died": ({"printed": [died("amcl")]}, {}),
     "Nav2 gave up": ({"printed": [ABORT]}, {}),
-    "Nav2 gave up after an error": (
-        {"printed": ["[amcl-2] [ERROR] [1.0] [amcl]: no map", ABORT]},
-        {},
-    ),
+    "Nav2 gave up after an error": ({"printed": [NO_MAP, ABORT]}, {}),
     "Nav2 gave up for a reason that is known": ({"printed": [LIBRARY, ABORT]}, {}),
     "a mistake in a file of parameters": ({"printed": [TYPE, ABORT]}, {}),
     "it takes too long": ({}, LATE),
