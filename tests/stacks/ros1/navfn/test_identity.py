@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.navfn import NavfnParameters
 from daemon.stacks.ros1.navfn.planner import Navfn
-from daemon.stacks.ros1.navfn.propagation import UNREACHED, navfn_costs, propagate_wave, seed_cell
-from daemon.stacks.ros1.navfn.restricted import CostToGo, spread_towards
+from daemon.stacks.ros1.navfn.propagation import UNREACHED, propagate_wave, seed_cell
 from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2
 from tests.stacks.ros1.navfn import building, plain
@@ -140,65 +139,6 @@ def test_the_restricted_wave_is_at_work_and_exact_in_the_corridor_of_building_c(
             assert np.array_equal(found, path(whole, *trip))
             assert found.shape[0] > 1000
     assert restricted.restricted > 30
-
-
-def test_the_restricted_wave_gives_up_where_a_buffer_could_run_over():
-    costs = plain.costs_of(np.zeros((40, 40), dtype=np.uint8))
-    for room, gives_up in ((40, True), (400, False)):
-        wave, begin = wave_over(costs, 40, room)
-        size = wave.states.size
-        _, _, fill, _, _ = spread_towards(
-            wave, np.zeros(size, dtype=np.float32), UNREACHED, np.float32(254), begin + 1300,
-            10_000, seed_cell(wave, begin + 820), 1, np.empty(size, dtype=np.int32),
-        )  # fmt: skip
-        assert (fill == room) is gives_up
-        assert (wave.states < 256).all()
-
-
-@given(seeds)
-def test_up_to_its_limit_the_remainder_is_that_without_one(seed):
-    random = np.random.default_rng(seed)
-    grid = CostGrid(0.05, 0.0, 0.0, random_cells(random, 20, 80))
-    field, costs = a_field(grid), navfn_costs(allow_unknown=True)
-    states = field._wave.states
-    free = np.flatnonzero(states < 254)
-    if free.size == 0:
-        return
-    goal, limit = int(random.choice(free)), float(random.integers(200, 3000))
-    limited, endless = CostToGo(field._wave, costs), CostToGo(field._wave, costs)
-    assert limited.renew(goal, limit)
-    assert endless.renew(goal, float(UNREACHED))
-    assert endless.whole
-    within = endless.ahead <= limit
-    assert np.array_equal(limited.ahead[within], endless.ahead[within])
-    assert (limited.ahead[~within] > limit).all()
-    assert limited.whole or (endless.ahead[~within] < UNREACHED).any()
-    for _ in range(3):
-        window = disturb(random, grid)
-        if field._copy(window):
-            limited.follow(window)
-            endless.follow(window)
-    # Relaxed in another order, values differ by less than the wave would care for.
-    within = endless.ahead <= limit - 100.0
-    assert limited.ahead[within] == pytest.approx(endless.ahead[within], rel=0.02, abs=2.0)
-
-
-def test_a_goal_walled_in_has_no_path_until_the_wall_is_gone():
-    grid = CostGrid(0.05, 0.0, 0.0, np.zeros((150, 150), dtype=np.uint8))
-    twin = CostGrid(0.05, 0.0, 0.0, grid.cells)
-    field = a_field(grid, worthwhile=1)
-    whole = a_field(twin, margins=())
-    goal, wall = 75 * 150 + 120, (110, 65, 131, 86)
-    for step, value in enumerate((0, 0, 0, 254, 254, 254, 0, 0, 0)):
-        grid.cells[65:86, 110:131] = value
-        grid.cells[66:85, 111:130] = 0
-        grid.touch(wall)
-        twin.touch(wall)
-        start = 75 * 150 + 20 + step
-        found = path(field, start, goal)
-        assert np.array_equal(found, path(whole, start, goal))
-        assert (len(found) == 0) is (value == 254)
-    assert field.restricted > 3
 
 
 def plan(grid, start, goal, tolerance=0.0):
