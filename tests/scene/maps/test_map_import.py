@@ -161,6 +161,15 @@ def test_small_pockets_and_specks_are_left_out_and_counted():
     assert len(space.holes) == 2
 
 
+@pytest.mark.parametrize("blocks", [((5, 5), (7, 7)), ((5, 7), (7, 5))])
+def test_blocks_that_touch_in_a_corner_are_one(blocks):
+    room = (0, 0, 20, 20, OCCUPIED), (2, 2, 16, 16, FREE)
+    grid = painted(20, 20, *room, *((row, column, 2, 2, OCCUPIED) for row, column in blocks))
+    made = vectorise(grid, ImportSettings(least_room=0.0, specks=1, doorways=False)).building
+    assert len(made.standing) == 2
+    assert [len(space.holes) for space in made.spaces.values()] == [1]
+
+
 def test_floor_that_ends_without_a_wall_is_measured():
     # Unseen: 30 cells of the outer wall on the right, and 4 by 4 cells inside.
     window = (20, 58, 30, 2, UNKNOWN)
