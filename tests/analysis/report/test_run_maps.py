@@ -51,14 +51,15 @@ def trace(tmp_path_factory):
     return path
 
 
+SPEED_LIMIT = "always(speed < 1 m/s)"
+
+
 def verdict(text="always(clearance >= 0.05 m)", unit="m", **evidence):
     return Verdict("o", text, Outcome.FAIL, -0.1, -0.1, unit, Evidence(**evidence))
 
 
 def moment(trace, **changes):
-    svg = draw_moment(trace, verdict(**changes), LABEL)
-    assert svg is not None
-    return svg
+    return draw_moment(trace, verdict(**changes), LABEL)
 
 
 def painted(svg, colour, kind="path"):
@@ -94,21 +95,17 @@ def leaf(svg):
     ("time", "seconds"), [(10.0, 7.2), (0.0, 1.0), (20.0, 7.0), (99.0, 7.0), (None, 7.0)]
 )
 def test_the_seconds_before_are_shown_also_at_the_ends_of_a_run(trace, time, seconds):
-    places = np.concatenate(
-        [
-            corners(one)
-            for colour in ("driven", "close")
-            for one in painted(moment(trace, text="always(speed < 1 m/s)", time=time), colour)
-        ]
-    )
+    svg = moment(trace, text=SPEED_LIMIT, time=time)
+    ways = painted(svg, "driven") + painted(svg, "close")
+    places = np.concatenate([corners(way) for way in ways])
     # The page is as wide as the way and 0.9 m on both sides, or as high a page allows.
     scale = WIDTH / max(SPEED * seconds + 1.8, 1.35 * 1.8)
     assert np.ptp(places[:, 0]) / scale == pytest.approx(SPEED * seconds, abs=0.03)
 
 
 def test_a_contact_is_there_from_the_moment_it_happened(trace):
-    assert painted(moment(trace, text="always(speed < 1 m/s)", time=TOUCHES), "touched")
-    assert not painted(moment(trace, text="always(speed < 1 m/s)", time=TOUCHES - 1.0), "touched")
+    assert painted(moment(trace, text=SPEED_LIMIT, time=TOUCHES), "touched")
+    assert not painted(moment(trace, text=SPEED_LIMIT, time=TOUCHES - 1.0), "touched")
 
 
 def test_a_door_is_where_it_was_at_the_moment(trace):
@@ -148,7 +145,6 @@ def test_nothing_is_red_when_a_verdict_has_no_place_or_does_not_fail(trace):
     assert not painted(moment(trace, text="always(speed < 0.1 m/s)", time=5.0), "touched")
     passes = replace(verdict(time=5.0, value=0.3, object="wall-north"), outcome=Outcome.PASS)
     svg = draw_moment(trace, passes, LABEL)
-    assert svg is not None
     assert not painted(svg, "touched")
     assert "0.300 m" in [one.text for one in painted(svg, "ink", "text")]
 
@@ -168,9 +164,7 @@ def test_a_trace_that_is_gone_has_no_moment(tmp_path):
 
 
 def test_close_tracks_have_every_sample(trace):
-    tracks = close_tracks(trace)
-    assert tracks is not None
-    assert tracks.time == pytest.approx(np.arange(401) / 20)
+    assert close_tracks(trace).time == pytest.approx(np.arange(401) / 20)
 
 
 def test_scripts_find_where_each_repeat_was_at_a_time(data):
@@ -194,7 +188,6 @@ def test_scripts_find_where_each_repeat_was_at_a_time(data):
 
 def test_what_decided_a_repeat_is_red_on_the_map_of_all(trace):
     svg = draw_recorded_way(trace, LABEL, verdict(time=8.5, value=0.031, object="door-17.leaf"))
-    assert svg is not None
     assert leaf(svg) is not None
     assert [one.text for one in painted(svg, "touched", "text")] == ["0.031 m"]
 

@@ -68,6 +68,12 @@ def finish(client):
     assert not client.is_alive()
 
 
+def leave(client):
+    """Let a search wait for another client, however long the last question takes."""
+    client.leave()
+    finish(client)
+
+
 @pytest.fixture
 def gated(daemon, asked, tmp_path):
     """Begin a search whose runs wait for the gate: ``begin(campaign)`` and the gate."""
@@ -150,10 +156,9 @@ def test_a_search_that_is_left_waits_for_another_client(daemon, asked, gated):
         with pytest.raises(Refused, match="first makes the proposals of left"):
             asked.ask(verb, request)
     assert asked.searches("left")[0].client == "first"
-    first.leave()
-    assert not first.is_alive()
+    leave(first)
     eventually(lambda: asked.searches("left")[0].client == "second")
-    second.leave()
+    leave(second)
     (row,) = asked.searches("left")
     assert (row.state, row.client, asked.campaign("left").search) == ("waiting", "", "waiting")
     with pytest.raises(Refused, match="goes on: cancel it first"):
@@ -174,7 +179,7 @@ def test_a_search_that_is_deleted_ends_its_client(asked, gated):
 
 def test_a_search_that_proposes_otherwise_than_before_fails(daemon, asked, gated):
     begin, gate = gated
-    begin("changed").leave()
+    leave(begin("changed"))
     finish(run(daemon, "changed", 12, learnt="otherwise", until=str(gate)))
     (row,) = asked.searches("changed")
     assert row.state == "failed"
