@@ -43,8 +43,8 @@ def storm(folder, *, runs=200, seed=1, lease=30.0, every=8.0, seconds=120.0):
             daemon_at(folder / "state", 1, listen=endpoint, lease=lease, executor=EXECUTOR)
         )
         daemon.client().close()
-        if isolated:
-            cables[1].drop_packets(0.1)
+        loses = isolated and cables[1].drop_packets(0.1)
+        report.fact("a line loses packets", loses)
         far = stack.enter_context(slow_line(endpoint, delay=0.1))
         slow = stack.enter_context(slow_line(endpoint, rate=200_000))
         lines = [*cables, far, slow]

@@ -270,6 +270,7 @@ def test_one_door_and_its_behaviour_are_left_of_a_failure(rude):
     tried = [p for p in runs.proposals if p.phase == "shrink"]
     assert shrunk.runs == len(tried) > 5
     assert [p.number for p in tried] == list(range(1, len(tried) + 1)), "each is its own scenario"
+    assert {runs.result(p.position).scenario for p in tried} == {f"near.{p.number}" for p in tried}
     assert {p.values for p in tried} == {(1.5,)}
     assert any("without" in p.note and "bedroom" in p.note for p in tried)
     assert len(set(runs.digests)) == len(runs.digests)

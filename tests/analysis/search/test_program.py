@@ -86,6 +86,13 @@ def test_the_same_search_again_executes_nothing():
         # The first, twenty as good, and those that were out.
         ({"stop": "settled", "window": 4}, lambda point, repeat: 0.1, "settled", 1 + 20 + 3),
         ({"window": 1}, lambda point, repeat: None, "errors", ERRORS_IN_A_ROW),
+        # Errors between other runs are none in a row.
+        (
+            {"runs": 12, "window": 1},
+            lambda p, repeat: None if 100 * p[0] % 2 < 1 else 0.1,
+            "budget",
+            12,
+        ),
         ({"parameters": (replace(KITCHEN, low=4.98, high=5.02),)}, late_kitchen, "exhausted", 5),
     ],
 )
