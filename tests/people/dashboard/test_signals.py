@@ -22,16 +22,12 @@ from scenario_tui.dashboard.widgets.timeline_drawing import (
     ranges,
 )
 from scenario_tui.terminal.limited_terminal import LimitedTerminalApp
-from tests.people.recorded import record_run
+from tests.people.recorded import TURNED, record_run
 
 
 @pytest.fixture(scope="module")
 def playback(tmp_path_factory):
     return open_playback(record_run(tmp_path_factory.mktemp("traces") / "run.mcap"))
-
-
-def drawn(playback, columns=80, rows=24, time=2.0):
-    return drawn_of(playback.timeline, columns, rows, time)
 
 
 def drawn_of(timeline, columns=80, rows=24, time=2.0):
@@ -95,17 +91,40 @@ def test_the_playhead_hides_nothing(playback):
         assert set(map(chr, codes[changed, column])) == {"│"}
 
 
+def test_timelines_look_as_they_did(playback, golden):
+    usual, time = playback.timeline, np.array([0.0, 10.0])
+    moves = tuple(DoorMotion(float(i), f"door-{i}.hinge", opens=True) for i in range(5))
+    shut = DoorMotion(6.0, "door-0.hinge", opens=False)
+    doors = replace(usual, doors=(*moves, shut))
+    far = replace(usual.signals[1], limits=(SignalLimit(20.0, "above"),))
+    names = (
+        "clearance(0.35 m, 0.20 m)",
+        "clearance(doors)",
+        "clearance(0.55 m)",
+        "mission.distance",
+    )
+    long = tuple(RunSignal(name, "m", time, time, time) for name in names)
+    first = replace(usual, doors=(moves[2], replace(shut, joint="door-2.hinge", time=8.0)))
+    second = replace(first, doors=(moves[2], replace(moves[1], time=4.0)))
+    both = TimelineDrawing((first, second), (), 90, 20)
+    pictures = {
+        "at the moment of a verdict": drawn_of(usual, time=TURNED),
+        "in little room": drawn_of(usual, 80, 8),
+        "a limit far away": drawn_of(replace(usual, signals=(far,)), 80, 8),
+        "a lane for every door that moved": drawn_of(doors, 90, 36),
+        "a lane for several doors": drawn_of(doors, 90, 15),
+        "a door that was open before": drawn_of(replace(usual, doors=(shut,)), 80, 12),
+        "no door that moves": drawn_of(replace(usual, doors=()), 80, 12),
+        "long names": drawn_of(RunTimeline(0.0, 10.0, long, None, (), (), ()), 72, 20),
+        "doors of two runs": ["".join(map(chr, row)).rstrip() for row in both.codes],
+    }
+    texts = ("\n".join([f"--- {name}", *lines, ""]) for name, lines in pictures.items())
+    golden("screens/timelines.txt", "\n".join(texts))
+
+
 @pytest.mark.parametrize("size", [(12, 2), (20, 5), (40, 10), (300, 80)])
 def test_the_timeline_fits_into_any_room(playback, size):
-    drawn(playback, *size)
-
-
-def test_a_limit_far_away_is_named_at_the_edge(playback):
-    signal = playback.timeline.signals[1]
-    assert signal.name == "clearance"
-    far = replace(signal, limits=(SignalLimit(20.0, "above"),))
-    lines = drawn_of(replace(playback.timeline, signals=(far,)))
-    assert "↑20┤" in lines[0]
+    drawn_of(playback.timeline, *size)
 
 
 def test_what_only_counts_is_left_out_unless_it_is_asked_for(playback):
@@ -126,25 +145,6 @@ def test_signals_that_oracles_read_come_first(playback):
     assert read == sorted(read, reverse=True)
 
 
-def test_every_door_that_moved_has_a_lane_until_they_have_to_share_one(playback):
-    moves = tuple(DoorMotion(float(i), f"door-{i}.hinge", opens=True) for i in range(5))
-    shut = DoorMotion(6.0, "door-0.hinge", opens=False)
-    timeline = replace(playback.timeline, doors=(*moves, shut))
-    lines = drawn_of(timeline, 90, 36)
-    assert [line.split()[0] for line in lines[-7:-2]] == [f"door-{i}" for i in range(5)]
-    assert lines[-7].partition(" ")[2].strip().strip("━") != ""  # shut again before the end
-    few = drawn_of(timeline, 90, 15)
-    assert few[-4].startswith("door-0 ")
-    assert few[-3].startswith("4 more doors")
-
-
-def test_a_door_that_closes_first_was_open_before(playback):
-    timeline = replace(playback.timeline, doors=(DoorMotion(5.0, "door-1.hinge", opens=False),))
-    lane = next(line for line in drawn_of(timeline) if line.startswith("door-1"))
-    assert lane.split()[1].startswith("━━")
-    assert lane.rstrip().endswith("··")
-
-
 def test_a_thinned_signal_says_what_it_knows_of_a_moment():
     time = np.array([0.0, 1.0])
     signal = RunSignal("it", "m", time, np.array([0.1, 0.2]), np.array([0.3, 0.2]))
@@ -161,21 +161,8 @@ def test_an_end_of_a_range_has_no_more_digits_than_the_other():
     assert shown == ["0.0001–0.0063 m", "0.03–1.9 m", "0–1.2 m"]
 
 
-def test_of_two_runs_the_doors_of_both_are_drawn(playback):
-    opens, shuts = (DoorMotion(at, "door-0.hinge", opens=at < 5.0) for at in (2.0, 8.0))
-    first = replace(playback.timeline, doors=(opens, shuts))
-    second = replace(first, doors=(opens, DoorMotion(4.0, "door-1.hinge", opens=True)))
-    drawing = TimelineDrawing((first, second), (), 90, 20)
-    lines = ["".join(map(chr, row)) for row in drawing.codes]
-    lanes = {line[:24].strip(): line[24:] for line in lines if "door-" in line}
-    assert list(lanes) == ["door-0", "┊ door-0", "door-1", "┊ door-1"]
-    assert lanes["┊ door-0"].count("━") > lanes["door-0"].count("━") > 0
-    assert "does not move" in lanes["door-1"]
-    assert "━" in lanes["┊ door-1"]
-
-
 def test_what_does_not_fit_is_counted(playback):
-    assert any("> 3 more" in line for line in drawn(playback, 80, 8))
+    assert any("> 3 more" in line for line in drawn_of(playback.timeline, 80, 8))
     few = [replace(playback.timeline.signals[0])] * 3
     assert fit_heights(few, 7) == [3, 2, 2]
     assert fit_heights(few, 3) == [3]
@@ -195,15 +182,6 @@ def test_only_changed_parts_of_rows_are_drawn_again():
     found = [(r.x, r.y, r.width) for r in changed_spans(before, after)]
     assert found == [(3, 2, 3), (30, 2, 1), (39, 4, 1)]
     assert changed_spans(before, before) == []
-
-
-def test_a_long_name_is_written_on_two_lines_cut_between_its_words():
-    time = np.array([0.0, 10.0])
-    signal = RunSignal("clearance(0.35 m, 0.20 m)", "m", time, time, time)
-    timeline = RunTimeline(0.0, 10.0, (signal,), None, (), (), ())
-    lines = drawn_of(timeline, 72, 8)
-    assert lines[0].startswith("clearance(0.35 m, ")
-    assert lines[1].startswith("0.20 m) ")
 
 
 class Plots(LimitedTerminalApp):
