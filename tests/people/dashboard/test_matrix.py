@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 
+from daemon.analysis.results import read_results
 from daemon.model.run_state import RunState
 from daemon.model.verdicts import Outcome
 from scenario_tui.dashboard.campaign_assessor import CampaignAssessor
@@ -135,8 +136,10 @@ def test_what_did_not_change_is_not_judged_again(judged):
     assert judge.conclusions[CAMPAIGN].glyph_text == "✗ 1 run unexpected"
 
 
-def test_of_old_campaigns_those_are_judged_that_nobody_has_acknowledged(judged):
+def test_of_old_campaigns_those_are_judged_that_nobody_has_acknowledged(judged, monkeypatch):
     judge, rows = CampaignAssessor(clock=lambda: 0.0, every=0.0), judged._campaign_rows()
+    results = read_results(judged, rows[0])
+    monkeypatch.setattr("daemon.analysis.results.read_results", lambda *_: results)
     waiting = replace(rows[0], queued=10, running=0, done=0, lost=0)
     newer = [replace(waiting, id=f"newer-{number}") for number in range(100)]
     for number in range(100):
