@@ -243,6 +243,15 @@ def plans(path):
     ]
 
 
+def test_a_goal_is_written_when_it_becomes_the_current_one(tmp_path):
+    world, path = scene(), tmp_path / "run.mcap"
+    with TraceWriter(path, specification(world), world) as trace:
+        for time, progress in enumerate([(0, 0), (1, 0), (1, 1), (1, 1), (2, 1)]):
+            trace.progress(float(time), Progress(*progress, "active"))
+        trace.close("limit")
+    assert [time for topic, time, _ in decoded(path) if topic == "/mission/goal"] == [0.0, 1.0, 4.0]
+
+
 def test_of_plans_that_change_all_the_time_the_latest_of_each_second_is_kept(tmp_path):
     world, path = scene(), tmp_path / "run.mcap"
     with TraceWriter(path, specification(world), world) as trace:
