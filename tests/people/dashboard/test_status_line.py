@@ -77,6 +77,9 @@ STATES = {
     },
     "failures a search was to find": {"overview": replace(SMALL, failed=0, searched=9)},
     "everything paused": {"campaigns": tuple(replace(row, paused=True) for row in CAMPAIGNS)},
+    "one of two that wait paused": {
+        "campaigns": (replace(FIRST, paused=True), replace(OLDER, queued=1))
+    },
     "more campaigns than are listed": {"overview": replace(SMALL, campaigns=501)},
     "nothing to do": {"overview": NOTHING, "campaigns": (), "conclusions": {}},
     "the daemon is gone": GONE,
