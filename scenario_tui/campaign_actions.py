@@ -48,7 +48,7 @@ class CampaignAction:
 PAUSE: Final = CampaignAction(
     "pause",
     lambda daemon, campaign: daemon.steer(campaign, paused=True),
-    "paused {campaign}; {runs} wait until `{resume}`",
+    "paused {campaign} with {runs} queued; go on with `{resume}`",
     "P",
     "Pause",
     "Start no more runs of the campaign",

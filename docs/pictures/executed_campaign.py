@@ -11,26 +11,23 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from daemon.batch.errors import Refused
 from daemon.campaign import expand, load_campaign
 from daemon.judging.live import judge_running, least_margin
 from daemon.model.live_judgement import LiveJudgement
-from daemon.model.messages import FilePart
 from daemon.model.run_state import RunState
 from daemon.model.spec import RunResult, RunSpec, Snapshot, Timing
 from daemon.model.status import (
     LiveSnapshot,
-    RunDetail,
     RunRow,
 )
 from daemon.model.submission import Submission
 from daemon.model.sut import TICK_RATE
+from daemon.model.verbs import OVERVIEW
 from daemon.model.verdicts import deciding_verdict
 from daemon.run import execute
 from daemon.run_loop import RunLoop
 from daemon.trace import TraceWriter
-from grammars.text import codec
-from tests.people.fake import NOW, FakeDaemon, campaign_row
+from tests.people.fake import NOW, Entered, FakeDaemon, store_scene
 
 CAMPAIGN = "demo-5d0c1e7a"
 NIGHTLY = "nightly-00ff00ff"
@@ -169,43 +166,26 @@ class ExecutedDaemon(FakeDaemon):
         assert self.executed is not None
         return self.executed.results[_name(row)] if row.state is RunState.DONE else None
 
-    def _overview(self, request):
-        return replace(super()._overview(request), rate=150.0, seconds_left=2.0)
+    def ask(self, verb, request):
+        answer = super().ask(verb, request)
+        if verb is OVERVIEW:
+            return replace(answer, rate=150.0, seconds_left=2.0)
+        return answer
 
-    def _campaign_rows(self):
-        assert self.executed is not None
+    def entered(self):
+        for scene in self.executed.submission.scenes:
+            store_scene(scene)
         about = self.executed.submission.about
-        today = tuple(row for row in self.rows if row.campaign == CAMPAIGN)
-        before = tuple(row for row in self.rows if row.campaign == NIGHTLY)
-        demo = campaign_row("demo", CAMPAIGN, today, NOW - 20.0)
-        nightly = campaign_row("nightly", NIGHTLY, before, NOW - 40_000.0)
-        return (replace(demo, about=about, seconds_left=2.0), replace(nightly, about=about))
+        rows = [replace(row, result=self.result_of(row)) for row in self.rows]
+        return tuple(
+            Entered(id, name, tuple(row for row in rows if row.campaign == id), at, about)
+            for id, name, at in (
+                (NIGHTLY, "nightly", NOW - 40_000.0), (CAMPAIGN, "demo", NOW - 20.0)
+            )
+        )  # fmt: skip
 
-    def _runs(self, query):
-        page = super()._runs(replace(query, offset=0, limit=len(self.rows)))
-        rows = page.rows
-        if query.sort == "index":
-            rows = tuple(sorted(rows, key=lambda row: row.campaign, reverse=not query.descending))
-        return replace(page, rows=rows[query.offset : query.offset + query.limit])
-
-    def _with_result(self, row):
-        spec = self.specs[row.id]
-        return replace(row, digest=spec.digest, seed=spec.seed, result=self.result_of(row))
-
-    def _run(self, request):
-        for row in self.rows:
-            if row.id == request.id:
-                return RunDetail(self._with_result(row), self.specs[row.id])
-        raise Refused(f"there is no run {request.id}")
-
-    def _get(self, request):
-        assert self.executed is not None
-        scenes = {scene.digest: scene for scene in self.executed.submission.scenes}
-        scene = codec.to_json(scenes[request.sha256])
-        return FilePart(len(scene), scene[request.offset :])
-
-    def _declared(self, _):
-        return self.declares
+    def spec_of(self, row):
+        return self.specs[row.id]
 
 
 def _name(row):

@@ -11,7 +11,7 @@ from daemon.analysis.results import read_results
 from daemon.model.assessments import AssessmentRules, RegressionGate, RepeatPolicy
 from daemon.model.verdicts import Outcome
 from scenario_tui.library import execution
-from tests.people.fake import CAMPAIGN, OLD, FakeDaemon, make_row
+from tests.people.fake import CAMPAIGN, NOW, OLD, Entered, FakeDaemon, make_row
 
 Keep = Callable[[FakeDaemon, str], Path]
 
@@ -96,8 +96,7 @@ def test_a_baseline_makes_results_a_gate(scenario, two):
 
 def test_the_gate_of_a_campaign_holds_it_against_the_last_green_one(scenario, two, fake):
     two.declares = replace(two.declares, gate=RegressionGate("last-green", 0.2))
-    renamed = [replace(row, name="first") for row in two.campaigns()]
-    fake._campaign_rows = lambda: tuple(renamed)
+    fake.more = (Entered(OLD, "first", rows(OLD), NOW - 90_000.0),)
     said = scenario("results", CAMPAIGN, "--exit-status")
     assert f"{OLD} → {CAMPAIGN}" in said.out
     assert said.code == 1

@@ -12,7 +12,7 @@ def test_status_names_daemon_counts_and_campaigns(scenario):
     assert said.code == 0
     assert "daemon 0.1.0" in said.out
     assert "up 1 h 00 min" in said.out
-    assert "1 worker with 6 slots" in said.out
+    assert "2 workers with 6 slots" in said.out
     assert "✗ 2 fail" in said.out
     assert "∅ 1 lost" in said.out
     assert CAMPAIGN in said.out
@@ -95,8 +95,8 @@ def test_what_is_not_shown_yet_says_how_many_runs_are_missing(scenario, fake):
 
 def test_systems_under_test_stand_side_by_side(scenario, fake):
     fake.rows = tuple(
-        make_row(i + 5 * j, scenario=f"S{s}", sut=sut, id=f"{CAMPAIGN}.{10 * s + 5 * j + i}",
-                 repeat=i, simulated=300.0 + 10 * s * (1 + j) + i / 7)
+        make_row(10 * (s - 1) + 5 * j + i, scenario=f"S{s}", sut=sut, repeat=i,
+                 simulated=300.0 + 10 * s * (1 + j) + i / 7)
         for s in (1, 2) for j, sut in enumerate(("slow", "fast")) for i in range(5)
     )  # fmt: skip
     delay = ScenarioComparison(
@@ -206,6 +206,6 @@ def test_results_as_json_hold_every_run(scenario):
 
 def test_all_runs_are_gathered_page_by_page(fake):
 
-    fake.rows = fake.rows * 60
+    fake.rows = tuple(make_row(i, repeat=i) for i in range(600))
     assert len(fake.all_runs(CAMPAIGN)) == 600
     assert [call[7] for call in fake.calls if call[0] == "runs"] == [0, 500]

@@ -8,7 +8,6 @@ import typer
 from rich.console import Console
 from rich.live import Live
 
-from daemon.model.messages import Empty
 from daemon.model.search import SearchSubmission
 from daemon.search.preparation import PreparedSearch
 from scenario_tui.cli import command_line, search
@@ -19,7 +18,7 @@ from scenario_tui.library.submission import searches_text
 from scenario_tui.library.watching import ProgressDisplay, WatchedSearch
 from scenario_tui.text.search_text import search_line
 from tests.people.cli.outputs import declared
-from tests.people.fake import CAMPAIGN, FakeDaemon, make_row
+from tests.people.fake import CAMPAIGN
 from tests.people.fake_search import (
     MARGINS,
     SEARCH,
@@ -41,11 +40,6 @@ def _no_waiting(monkeypatch, tmp_path):
 def _have(fake, row):
     """Have the daemon know a search with its runs."""
     fake.found, fake.proposed = (row,), make_proposals()
-    runs = tuple(
-        make_row(i, id=f"{SEARCH}.{i}", campaign=SEARCH, scenario=f"doors-in-time.{i}")
-        for i in range(len(MARGINS))
-    )
-    fake.rows = (*fake.rows, *runs)
 
 
 def test_a_search_that_is_over_is_told_with_its_found_file_and_commands(scenario, fake):
@@ -158,19 +152,8 @@ def _prepared(monkeypatch):
     return tasks, Path("campaign.yaml")
 
 
-def _begun(task):
-    """What a daemon does with a search that is not known to it."""
-
-    def begin(self, submission):
-        self.found = (make_search("running", task=task, finished=0, client=submission.client),)
-        return Empty()
-
-    return begin
-
-
 def test_a_search_that_runs_in_the_background_is_told_as_it_stands(scenario, fake, monkeypatch):
     tasks, file = _prepared(monkeypatch)
-    monkeypatch.setattr(FakeDaemon, "_search", _begun(TASK))
     monkeypatch.setattr(search, "_detach", lambda *_, **__: make_search("running"))
     said = scenario("search", str(file), "--budget", "200 runs", "--detach")
     assert said.code == 0
@@ -197,7 +180,6 @@ class Client:
 
 def test_interrupted_a_search_waits_for_the_command_that_goes_on(scenario, fake, monkeypatch):
     _, file = _prepared(monkeypatch)
-    monkeypatch.setattr(FakeDaemon, "_search", _begun(TASK))
     client = Client()
     monkeypatch.setattr(search, "_client_of", lambda *_: client)
     looks = 0

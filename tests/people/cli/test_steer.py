@@ -2,7 +2,7 @@
 
 import json
 
-from tests.people.fake import CAMPAIGN, OLD
+from tests.people.fake import CAMPAIGN, OLD, state_paths
 
 
 def test_cancel_cancels_the_campaign_meant(scenario, fake):
@@ -31,9 +31,13 @@ def test_retry_can_be_told_which(scenario, fake):
 
 def test_a_campaign_is_paused_resumed_and_preferred(scenario, fake):
     said = scenario("pause", "first")
-    assert f"paused {CAMPAIGN}; 2 runs wait until `scenario pause {CAMPAIGN} --off`" in said.err
+    go_on = f"`scenario pause {CAMPAIGN} --off`"
+    assert f"paused {CAMPAIGN} with 1 run queued; go on with {go_on}" in said.err
+        f"paused {CAMPAIGN} with 1 run queued; go on with `scenario pause {CAMPAIGN} --off`"
+        in said.err
+    )
     resumed = json.loads(scenario("pause", "first", "--off", "--json").out)
-    assert resumed == {"schema": "scenario/resume/1", "campaign": CAMPAIGN, "runs": 2}
+    assert resumed == {"schema": "scenario/resume/1", "campaign": CAMPAIGN, "runs": 1}
     preferred = json.loads(scenario("priority", "first", "--json", "--", "-3").out)
     assert preferred == {"schema": "scenario/priority/1", "campaign": CAMPAIGN, "priority": -3}
     calls = [call[1:] for call in fake.calls if call[0] == "steer"]
@@ -43,7 +47,7 @@ def test_a_campaign_is_paused_resumed_and_preferred(scenario, fake):
 def test_what_went_wrong_in_a_campaign_is_acknowledged(scenario, fake):
     said = scenario("acknowledge", "first")
     assert ("acknowledge", CAMPAIGN) in fake.calls
-    assert f"acknowledged {CAMPAIGN}: 2 runs did not pass" in said.err
+    assert f"acknowledged {CAMPAIGN}: 4 runs did not pass" in said.err
 
 
 def test_a_priority_has_bounds(scenario, fake):
@@ -79,20 +83,17 @@ def test_stop_says_that_queued_work_waits(scenario, fake):
 
 
 def test_delete_removes_campaigns_and_says_what_went(scenario, fake):
-    said = scenario("delete", "nightly", OLD, "--yes", "--json")
-    asked = [call for call in fake.calls if call[0] == "delete"]
-    assert asked == [("delete", (OLD,), True), ("delete", (OLD,), False)]
-    body = json.loads(said.out)
-    gone = {"campaign": OLD, "runs": 4, "traces": 3, "bytes": 3 * 2**20}
-    assert body == {"schema": "scenario/delete/1", "dry_run": False, "campaigns": [gone]}
-    said = scenario("delete", "nightly", "--yes")
-    assert f"deleted {OLD}: 4 runs, 3 traces, 3.0 MiB" in said.err
-
-
-def test_delete_can_only_say_what_would_go(scenario, fake):
+    folder = state_paths().traces / OLD
+    folder.mkdir()
+    for name in "abc":
+        (folder / f"{name}.mcap").write_bytes(bytes(2**20))
     said = scenario("delete", "nightly", "--dry-run")
-    assert [call for call in fake.calls if call[0] == "delete"] == [("delete", (OLD,), True)]
-    assert f"would have deleted {OLD}: 4 runs" in said.err
+    assert f"would have deleted {OLD}: 4 runs, 3 traces, 3.0 MiB" in said.err
+    said = scenario("delete", "nightly", OLD, "--yes", "--json")
+    gone = {"campaign": OLD, "runs": 4, "traces": 3, "bytes": 3 * 2**20}
+    body = json.loads(said.out)
+    assert body == {"schema": "scenario/delete/1", "dry_run": False, "campaigns": [gone]}
+    assert (fake.campaign(OLD), folder.exists()) == (None, False)
 
 
 def test_delete_asks_and_not_where_nobody_can_answer(scenario, fake):

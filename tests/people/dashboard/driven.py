@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import threading
 import time
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from textual.command import Command, CommandList
@@ -16,36 +16,9 @@ from scenario_tui.dashboard.config import Config
 from scenario_tui.source import DaemonTarget
 from tests.parts import DEADLINE
 from tests.people.dashboard.inline import settle
-from tests.people.fake import CAMPAIGN, FakeDaemon
+from tests.people.fake import FakeDaemon
 
-
-@dataclass
-class SteeredDaemon(FakeDaemon):
-    """Pauses and prefers its first campaign when it is told to."""
-
-    paused: bool = False
-    priority: int = 0
-    state: str = "state"
-
-    def _campaign_rows(self):
-        first, *others = super()._campaign_rows() or (None,)
-        if first is None:
-            return ()
-        return (replace(first, paused=self.paused, priority=self.priority), *others)
-
-    def overview(self):
-        return replace(super().overview(), state=self.state)
-
-    def steer(self, campaign, paused=None, priority=None):
-        if paused is not None:
-            self.paused = paused and campaign == CAMPAIGN
-        if priority is not None:
-            self.priority = priority
-        return super().steer(campaign, paused, priority)
-
-    def told(self, verb):
-        """What it was told to do by a verb."""
-        return [call[1:] for call in self.calls if call[0] == verb]
+SteeredDaemon = FakeDaemon
 
 
 @dataclass

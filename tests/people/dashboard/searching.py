@@ -18,13 +18,12 @@ from daemon.model.search_answer import (
     SearchRow,
 )
 from daemon.model.spec import LeadingMargin, RunResult
-from daemon.model.status import RunDetail, RunRow
 from daemon.model.trials import read_trial
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from scenario_tui.dashboard.playback import open_playback
 from tests.make import run_result, run_row
-from tests.people.fake import NOW, FakeDaemon, campaign_row, make_result, make_row, make_spec
-from tests.people.recorded import HIT, WORLD, make_run, record_run
+from tests.people.fake import NOW, FakeDaemon, make_result, make_row
+from tests.people.recorded import HIT, make_run, record_run
 
 SEARCH = "house-doors-in-time-0f1e2d3c"
 _HALTON = 16
@@ -169,8 +168,6 @@ class SearchingDaemon(FakeDaemon):
     """A daemon whose first campaign is a search; ``recorded`` is what one run left, by its id."""
 
     results: tuple[tuple[str, RunResult, str], ...] = ()
-    _made: tuple[object, object, tuple[RunRow, ...]] = ((), (), ())
-    """The runs that are listed, behind what they were made of: they are asked for all the time."""
 
     @classmethod
     def finished(cls, **changes):
@@ -189,6 +186,7 @@ class SearchingDaemon(FakeDaemon):
         assert result is not None
         result = replace(result, verdicts=open_playback(path).verdicts)
         self.results = (*self.results, (run, result, str(path)))
+        self.proposed = (*self.proposed,)
         return path
 
     def go_on(self, settled):
@@ -198,34 +196,25 @@ class SearchingDaemon(FakeDaemon):
         counts = {"proposed": len(self.proposed), "finished": settled}
         self.found = (replace(before, **counts),)
 
-    def _row_of(self, search):
-        found = campaign_row("house", search.campaign, self._searched(), search.submitted_at)
-        return replace(found, search=search.state)
-
-    def _searched(self):
-        proposed, results, rows = self._made
-        if proposed is not self.proposed or results is not self.results:
-            rows = tuple(self._run_row(row) for row in self.proposed)
-            self._made = (self.proposed, self.results, rows)
-        return rows
+    def proposed_by(self, search):
+        return tuple(self._run_row(row) for row in self.proposed)
 
     def _run_row(self, row):
-        trace = next((path for run, _, path in self.results if run == row.id), "")
+        result, trace = self._recorded(row.id)
         lead = row.leads[0] if row.leads else LeadingMargin("", None, "")
-        return make_row(
+        listed = make_row(
             row.index, id=row.id, campaign=SEARCH, state=row.state, scenario=row.scenario, repeat=0,
             outcome=row.outcome, oracle=lead.oracle, margin=lead.margin, unit=lead.unit,
-            trace=trace,
+            trace=trace, proposal=row.proposal,
         )  # fmt: skip
+        if row.result is None:
+            return listed
+        return replace(listed, result=replace(result or make_result(listed), leads=row.leads))
 
-    def _run(self, request):
-        run = request.id
-        for row in self._searched():
-            if row.id == run:
-                spec = make_spec(row, WORLD.digest)
-                kept = next((result for name, result, _ in self.results if name == run), None)
-                if kept is not None:
-                    spec = replace(make_run(), scenario=row.scenario)
-                    return RunDetail(replace(row, result=kept), spec)
-                return RunDetail(replace(row, result=make_result(row)), spec)
-        return super()._run(request)
+    def _recorded(self, run):
+        return next(((kept, path) for name, kept, path in self.results if name == run), (None, ""))
+
+    def spec_of(self, row):
+        if self._recorded(row.id)[1]:
+            return replace(make_run(), scenario=row.scenario)
+        return super().spec_of(row)
