@@ -179,6 +179,16 @@ def make_rows():
     return tuple(make_row(i, **changes.get(i, {})) for i in range(10))
 
 
+def spread_rows(campaign, drop=0.0):
+    """Five repeats whose margins spread, and are smaller by about ``drop`` [m]."""
+    return tuple(
+        make_row(
+            i, campaign=campaign, id=f"{campaign}.{i}", margin=0.5 + i / 100 - drop * (1 + i / 9)
+        )
+        for i in range(5)
+    )
+
+
 def make_result(row):
     if row.outcome is None:
         return None
@@ -277,6 +287,8 @@ class Entered:
     about: str = "Corridor task with static and moving doors"
     search: SearchRow | None = None
     changes: dict[str, object] = field(default_factory=dict)
+    specs: list[RunSpec] | None = None
+    declares: AssessmentRules | None = None
 
 
 class _StatePaths(StatePaths):
@@ -511,8 +523,10 @@ class FakeDaemon(DaemonClient):
 
     def _enter_campaign(self, entered):
         rows = sorted(entered.rows, key=lambda row: row.index)
-        runs = Submission.of(entered.id, [self.spec_of(row) for row in rows], ())
-        runs = replace(runs, name=entered.name, about=entered.about, declared=self.declares)
+        specs = entered.specs or [self.spec_of(row) for row in rows]
+        rules = entered.declares or self.declares
+        runs = Submission.of(entered.id, specs, ())
+        runs = replace(runs, name=entered.name, about=entered.about, declared=rules)
         search = entered.search
         if search is None:
             self._writer.submit(replace(runs, fresh=True), entered.submitted_at)

@@ -4,11 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from daemon.model.spec import OracleText
+from daemon.batch.ledger import LedgerWriter, connect
+from daemon.batch.stores import copy_between, file_sha256
+from daemon.judging.oracles import judge, overall_outcome
+from daemon.model.messages import Completion
+from daemon.model.spec import OracleText, RunResult, Timing, TraceInfo
+from daemon.model.submission import Submission
 from daemon.model.sut import Estimate, Progress
-from daemon.trace import TraceWriter
+from daemon.trace import TraceWriter, read_trace
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.grid import OccupancyGrid
+from tests.analysis.report.recordings import DECLARED, OPEN, SHUT, SUTS, record, spec
+from tests.engine.judging.traces import CORRIDOR
 from tests.people.fake import ROBOT, make_row, make_scene, make_spec
 
 WORLD = make_scene()
@@ -19,6 +26,15 @@ ORACLES = (
 )
 HIT, TURNED = 6.0, 8.0
 """When the robot touches something, and when it turns too fast [s]."""
+
+
+def result_of_trace(path):
+    """The result of a recorded run, judged by its own oracles."""
+    trace = read_trace(path)
+    verdicts = judge(trace, trace.spec.oracles)
+    outcome, timing = overall_outcome(trace, verdicts), Timing(1.5, 1.0, 20.0)
+    info = TraceInfo(file_sha256(path), path.stat().st_size, 1)
+    return RunResult(trace.spec.digest, outcome, verdicts, "finished", info, timing)
 
 
 def make_run(index=5):
@@ -58,3 +74,23 @@ def record_run(path, *, index=5, speed=0.5, outputs=None, robot=ROBOT):
             trace.attach(name, data)
         trace.close("finished", "")
     return path
+
+
+def campaign_at(places, store=""):
+    """Fill a state directory: two runs with traces, in a store if there is one; one that waits."""
+    places.make_folders()
+    specs = (spec(SHUT, SUTS[0], 0), spec(OPEN, SUTS[0], 0), spec(OPEN, SUTS[1], 0))
+    connection = connect(places.ledger)
+    ledger = LedgerWriter(connection)
+    plain = Submission.of("corr-1", specs, (CORRIDOR,))
+    ledger.submit(replace(plain, name="corr", about="about", declared=DECLARED), 1.0)
+    for lease in ledger.lease("w", 2, 1.0):
+        path = record(places.trace(lease.trace), lease.spec)
+        result = result_of_trace(path)
+        ledger.complete(Completion("w", lease.run, lease.attempt, lease.token, result), 2.0)
+        if store:
+            url = f"{store}/{lease.trace}"
+            copy_between(str(path), url)
+            ledger.record_move(lease.trace, result.digest, url)
+            path.unlink()
+    connection.close()

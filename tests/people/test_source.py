@@ -14,7 +14,7 @@ from daemon.model.verdicts import Outcome
 from scenario_tui.source import DaemonTarget, all_traces, one_trace
 from tests.analysis.report.recordings import OPEN, SHUT, SUTS, spec
 from tests.engine.judging.traces import CORRIDOR
-from tests.people.cli.test_fetch import campaign_at
+from tests.people.recorded import campaign_at
 
 
 @pytest.fixture

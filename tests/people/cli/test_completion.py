@@ -4,7 +4,6 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
@@ -17,7 +16,6 @@ from scenario_tui.cli import invoke
 from tests.make import make_result, make_spec, submission_of
 
 NOW = 1_000_000.0
-Tab = Callable[[str], list[str]]
 
 
 @pytest.fixture(scope="module")
@@ -56,77 +54,62 @@ def tab(state, tmp_path, monkeypatch, capsys):
     return press
 
 
-def test_commands_and_options(tab):
-    assert tab("scenario res") == ["results"]
-    assert tab("scenario results --exit") == ["--exit-status"]
+FILES = {
+    "house.yaml": "campaign: h\nsearch: {doors: {about: a}, noise: {}}\n",
+    "mine.yaml": "sut: mine\nkind: pilot\n",
+    "other.yaml": "robot: other\n",
+    "tests/inner/one.yaml": "# about\ncampaign: one\n",
+    "tests/inner/robot.yaml": "robot: r\ncampaigns: 3\n",
+    "tests/inner/plan.fpm": "",
+    "tests/inner/run.mcap": "",
+}
+OFFERED = {
+    "res": "results",
+    "results --exit": "--exit-status",
+    # Campaigns by id and by name, the newest first.
+    "cancel ": "new-1 old-1",
+    "results old": "old-1",
+    "results x": "",
+    # No shell takes the name "Campaign old-1" as one word.
+    "results Camp": "",
+    # Runs of a campaign, failures first; campaigns before runs where several are meant.
+    **{
+        f"{command} old-1.": "old-1.2 old-1.0 old-1.1"
+        for command in ("replay", "plot", "blame", "export", "judge")
+    },
+    "replay ": "new-1. old-1. tests/inner/run.mcap",
+    "replay n": "new-1.0",
+    "blame old-1.2 --oracle ": "arrives",
+    "replay old-1.2 --from arr": "arrives",
+    "replay old-1.7 --from ": "",
+    "results old-1 --filter ": "S2 pilot arrives",
+    "retry old-1 --only l": "lost",
+    "results --outcome i": "inconclusive",
+    "results --baseline last": "last-green",
+    "search ": "new-1 old-1 house.yaml",
+    "search house.yaml --method h": "halton",
+    "run te": "tests/inner/one.yaml",
+    "export tests/inner/": "tests/inner/plan.fpm tests/inner/run.mcap tests/inner/one.yaml",
+    "replay tests/inner/r": "tests/inner/run.mcap",
+    "run tests/inner/r": "",  # then the shell offers every file
+    "judge o": "old-1 old-1.2 old-1.0 old-1.1",
+    "sut show m": "mine.yaml",
+    "sut check ": "mine.yaml tests/",
+    # Another daemon has other names.
+    "results --connect tcp/127.0.0.1:7 old": "",
+    "replay --connect tcp/127.0.0.1:7 old-1.": "",
+    "replay --connect tcp/127.0.0.1:7 old-1.2 --from arr": "",
+    "results --connect tcp/127.0.0.1:7 old-1 --filter ": "",
+}
+"""What TAB offers behind a line."""
 
 
-def test_campaigns_by_id_and_by_name_the_newest_first(tab):
-    assert tab("scenario cancel ") == ["new-1", "old-1"]
-    assert tab("scenario results old") == ["old-1"]
-    assert tab("scenario results x") == []
-
-
-def test_names_no_shell_takes_as_one_word_are_left_out(tab):
-    assert not [word for word in tab("scenario results Camp") if word]
-
-
-@pytest.mark.parametrize("command", ["replay", "plot", "blame", "export", "judge"])
-def test_runs_of_a_campaign_failures_first(tab, command):
-    assert tab(f"scenario {command} old-1.") == ["old-1.2", "old-1.0", "old-1.1"]
-
-
-def test_campaigns_before_runs_where_several_are_meant(tab):
-    assert tab("scenario replay ") == ["new-1.", "old-1."]
-    assert tab("scenario replay n") == ["new-1.0"]
-
-
-def test_oracles_of_the_run_that_was_named(tab):
-    assert tab("scenario blame old-1.2 --oracle ") == ["arrives"]
-    assert tab("scenario replay old-1.2 --from arr") == ["arrives"]
-    assert tab("scenario replay old-1.7 --from ") == []
-
-
-def test_what_runs_mention(tab):
-    assert tab("scenario results old-1 --filter ") == ["S2", "pilot", "arrives"]
-
-
-def test_words_and_signals(tab):
-    assert tab("scenario retry old-1 --only l") == ["lost"]
-    assert tab("scenario results --outcome i") == ["inconclusive"]
+def test_names_files_and_words_are_offered(tab, tmp_path):
+    for name, text in FILES.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    assert {line: " ".join(tab(f"scenario {line}")) for line in OFFERED} == OFFERED
     assert "loc.error" in tab("scenario plot old-1.0 loc.e")
-    assert tab("scenario results --baseline last") == ["last-green"]
-
-
-def test_campaign_files_and_campaigns(tab, tmp_path):
-    (tmp_path / "house.yaml").write_text("campaign: h\nsearch: {doors: {about: a}, noise: {}}\n")
-    assert tab("scenario search ") == ["new-1", "old-1", "house.yaml"]
-    assert tab("scenario search house.yaml --method h") == ["halton"]
-
-
-def test_files_that_fit(tab, tmp_path):
-    inner = tmp_path / "tests" / "inner"
-    inner.mkdir(parents=True)
-    (inner / "one.yaml").write_text("# about\ncampaign: one\n")
-    (inner / "robot.yaml").write_text("robot: r\ncampaigns: 3\n")
-    (inner / "plan.fpm").write_text("")
-    (inner / "run.mcap").write_text("")
-    assert tab("scenario run te") == ["tests/inner/one.yaml"]
-    assert tab("scenario export tests/inner/") == [
-        "tests/inner/plan.fpm",
-        "tests/inner/run.mcap",
-        "tests/inner/one.yaml",
-    ]
-    assert tab("scenario replay tests/inner/r") == ["tests/inner/run.mcap"]
-    assert tab("scenario run tests/inner/r") == []  # then the shell offers every file
-    assert tab("scenario judge o") == ["old-1", "old-1.2", "old-1.0", "old-1.1"]
-
-
-def test_systems_are_offered_to_commands_about_one(tab, tmp_path):
-    (tmp_path / "mine.yaml").write_text("sut: mine\nkind: pilot\n")
-    (tmp_path / "other.yaml").write_text("robot: other\n")
-    assert tab("scenario sut show m") == ["mine.yaml"]
-    assert tab("scenario sut check ") == ["mine.yaml"]
     assert "--json" in tab("scenario sut show mine.yaml --")
 
 
@@ -140,11 +123,7 @@ def test_nothing_without_a_usable_ledger(tab, tmp_path, monkeypatch, content):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["ledger.db"] * (content is not None)
 
 
-def test_another_daemon_has_other_names(tab, monkeypatch):
-    assert tab("scenario results --connect tcp/127.0.0.1:7 old") == []
-    assert tab("scenario replay --connect tcp/127.0.0.1:7 old-1.") == []
-    assert tab("scenario replay --connect tcp/127.0.0.1:7 old-1.2 --from arr") == []
-    assert tab("scenario results --connect tcp/127.0.0.1:7 old-1 --filter ") == []
+def test_another_daemon_of_the_environment_has_other_names(tab, monkeypatch):
     monkeypatch.setenv("SCENARIO_CONNECT", "tcp/127.0.0.1:7")
     assert tab("scenario results old") == []
 

@@ -1,7 +1,5 @@
 """``scenario coverage``: what people and scripts are told."""
 
-import pytest
-
 from scenario_tui.cli import invoke
 from tests.analysis.old_runs import drive, spec
 from tests.people.cli.outputs import declared
@@ -27,12 +25,6 @@ def test_afterwards_traces_tell(tmp_path, capsys):
     out = capsys.readouterr().out
     assert "2 runs, by their traces" in out
     assert "door-0" in out
-
-
-@pytest.mark.parametrize("words", [["nothing-here"], ["a.yaml", "b.yaml"]])
-def test_what_names_nothing_is_refused(words, tmp_path, monkeypatch):
-    monkeypatch.setenv("SCENARIO_STATE", str(tmp_path))
-    assert invoke(["coverage", *words]) == 2
 
 
 def test_a_damaged_trace_is_told_and_makes_it_fail(tmp_path, capsys):

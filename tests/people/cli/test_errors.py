@@ -1,11 +1,9 @@
 """Whatever goes wrong ends with a message and the exit code that says whose fault it is."""
 
 import errno
-import json
 import os
 import subprocess
 import sys
-from itertools import product
 from pathlib import Path
 
 import pytest
@@ -13,7 +11,7 @@ import pytest
 from grammars.text.diagnostics import Finding, InputError, Severity, Where
 from scenario_tui.cli import command_line
 from scenario_tui.cli.exit_codes import CommandError, ExitCode, exit_code
-from scenario_tui.text.diagnostics import diagnostic_counts, render_diagnostic
+from scenario_tui.text.diagnostics import render_diagnostic
 from tests.people.cli.outputs import declared
 
 
@@ -91,33 +89,6 @@ def test_a_place_outside_the_file_has_no_excerpt(tmp_path):
     assert shown == f"{file}:99:1: error: gone"
     missing = render_diagnostic(Finding(Where(str(tmp_path / "none.yaml"), 1, 1), "gone")).plain
     assert missing.endswith("error: gone")
-
-
-def test_counting_problems():
-    assert diagnostic_counts([]) == "no problems"
-
-
-def test_wrong_usage_exits_with_2(scenario):
-    said = scenario("results", "--colour")
-    assert said.code == 2
-    assert "No such option" in said.err
-    assert said.out == ""
-    assert scenario().code == 2
-    assert scenario("frobnicate").code == 2
-
-
-@pytest.mark.parametrize("endpoint", ["foo", "tcp/host", "tcp/host:99999", "udp/127.0.0.1:7447"])
-def test_a_malformed_endpoint_is_wrong_usage(scenario, fake, endpoint):
-    said = scenario("status", "--connect", endpoint)
-    assert said.code == 2
-    assert "write tcp/<host>:<port>" in said.err
-    assert fake.calls == []
-
-
-def test_a_folder_cannot_be_checked(scenario, tmp_path):
-    said = scenario("check", str(tmp_path))
-    assert said.code == 2
-    assert "is a folder" in said.err
 
 
 def test_an_unreachable_daemon_exits_with_3(scenario, fake):
@@ -206,57 +177,9 @@ def test_a_malformed_endpoint_in_the_environment_is_bad_input(monkeypatch, capsy
     assert "write tcp/<host>:<port>" in said
 
 
-def test_a_command_without_an_answer_writes_why_for_machines(scenario, fake):
-    fake.reachable = False
-    said = scenario("results", "--json")
-    body = json.loads(said.out)
-    assert body["schema"] == "scenario/error/1"
-    assert body["error"].startswith("no daemon answers")
-    assert body["exit_code"] == said.code == 3
-    assert said.err.startswith("scenario: no daemon answers")
-
-
-def test_wrong_usage_is_for_machines_too(scenario):
-    said = scenario("results", "--jsn", "--json")
-    assert said.code == json.loads(said.out)["exit_code"] == 2
-    assert "No such option: --jsn" in json.loads(said.out)["error"]
-    assert scenario("results", "--", "--json").out == ""
-
-
-def test_what_is_wrong_in_a_file_has_its_place(scenario, tmp_path):
-    file = tmp_path / "house.yaml"
-    file.write_text("campaign: house\nlimit: 2 min\nscenarios: {}\nrepeats: fife\n")
-    said = scenario("run", str(file), "--json")
-    body = json.loads(said.out)
-    assert said.code == body["exit_code"] == 2
-    (found,) = (one for one in body["diagnostics"] if one["where"]["line"] == 4)
-    assert found["message"].startswith("repeats: must be a whole number")
-    assert found["where"] == {"file": str(file), "line": 4, "column": 1}
-    assert found["severity"] == "error"
-
-
 def test_the_error_of_the_docs_is_one(campaigns):
     text = (campaigns.parent / "docs" / "command-line.md").read_text("utf-8")
     declared(text.partition("```json\n")[2].partition("```")[0])
-
-
-MISSING_FILES = ("nigthly.yaml", "tests/nigthly.yaml")
-MISSING = [
-    *product(("run", "submit", "serve"), (*MISSING_FILES, "nigthly", "tests")),
-    # A word without an ending is another thing to these.
-    *product(("check", "search", "coverage"), MISSING_FILES),
-]
-
-
-@pytest.mark.parametrize(("command", "typed"), MISSING)
-def test_a_missing_campaign_suggests_those_near_by(command, typed, scenario, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "tests").mkdir()
-    (tmp_path / "tests" / "nightly.yaml").write_text("campaign: nightly\n")
-    said = scenario(command, typed)
-    assert said.code == 2
-    expected = "is a folder" if typed == "tests" else "did you mean tests/nightly.yaml?"
-    assert expected in said.err
 
 
 def test_a_missing_campaign_lists_those_there_are(scenario, tmp_path, monkeypatch):
@@ -281,11 +204,3 @@ def test_ctrl_c_is_an_answer_for_machines_too(raising, capsys):
     raising(KeyboardInterrupt())
     assert command_line.invoke(["wait", "c", "--json"]) == 130
     assert declared(capsys.readouterr().out)["error"] == "interrupted"
-
-
-def test_a_file_is_no_name_of_what_was_submitted(scenario, tmp_path):
-    file = tmp_path / "one.yaml"
-    file.write_text("# about\ncampaign: nightly-tests   # its name\n")
-    said = scenario("results", str(file))
-    assert said.code == 2
-    assert 'one.yaml is a file: what was submitted of it is called "nightly-tests"' in said.err

@@ -41,56 +41,6 @@ def test_every_kind_there_is_can_be_asked_for():
     assert {kind.value for kind in export.Artefact} == {ALL, "traces", *KINDS}
 
 
-@pytest.mark.parametrize(
-    ("kind", "out", "why"),
-    [
-        ("jsonld", "taken.txt/more", "cannot be written: Not a directory"),
-        ("map", "taken.txt", "taken.txt is no folder"),
-        ("traces", "there", "flat.fpm is no trace (MCAP file)"),
-    ],
-)
-def test_a_place_that_cannot_be_is_wrong_usage(
-    kind, out, why, demo, scenario, tmp_path, monkeypatch
-):
-    monkeypatch.chdir(tmp_path)
-    Path("taken.txt").write_text("")
-    said = scenario("export", str(demo.with_name("flat.fpm")), kind, "-o", out)
-    assert (said.code, said.out) == (2, "")
-    assert why in said.err
-    assert [path.name for path in tmp_path.iterdir()] == ["taken.txt"]
-
-
-@pytest.mark.parametrize(
-    ("option", "value"), [("--resolution", "0.1"), ("--distance", "1"), ("--repeats", "2")]
-)
-def test_a_run_takes_no_options_of_buildings(scenario, option, value):
-    said = scenario("export", "first.3", "picture", option, value)
-    assert said.code == 2
-    assert f"{option}: are of floor plans and campaign files, not of runs" in said.err
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (["--distance", "0.7"], "--distance: goes with tasks"),
-        (["--backward", "--closed"], "--backward, --closed: goes with tasks"),
-        (["--timestamp", "2026-01-01T00:00:00Z"], "--timestamp: goes with prov"),
-        (["--from", "2"], "--from: goes with a picture of a run"),
-    ],
-)
-def test_options_of_other_kinds_are_wrong_usage(demo, scenario, tmp_path, options, words):
-    plan = str(demo.with_name("flat.fpm"))
-    said = scenario("export", plan, "map", *options, "-o", str(tmp_path))
-    assert said.code == 2
-    assert words in said.err
-
-
-def test_what_was_recorded_has_no_building_to_export(scenario):
-    said = scenario("export", "first.3", "jsonld")
-    assert said.code == 2
-    assert "jsonld is of a building or a campaign file, and first.3 is no file" in said.err
-
-
 def test_a_campaign_has_a_folder_per_scenario(everything):
     assert {p.name for p in everything.iterdir()} == {"open-house", "busy-house", "rude-house"}
     written = files(everything / "busy-house")
@@ -223,29 +173,6 @@ def test_waypoints_are_chosen_on_the_command_line(campaigns, tmp_path):
     waypoints = task["task"][0]["waypoints"]
     assert [w["id"][-1] for w in waypoints] == ["1", "0", "3", "2", "1"]
     assert any(w["yaw"] != 0 for w in waypoints)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["keyframes"], "keyframes cannot be made of flat"),
-        (["mapp"], """'mapp' is not one of"""),
-        ([], "Missing argument"),
-        (["tasks", "--distance", "0"], "distance"),
-        (["prov", "--timestamp", "yesterday"], "does not match the formats"),
-    ],
-)
-def test_what_cannot_be_exported_is_said_with_code_2(campaigns, tmp_path, capsys, arguments, words):
-    plan = str(campaigns / "demo" / "flat.fpm")
-    assert invoke(["export", plan, *arguments, "-o", str(tmp_path)]) == 2
-    assert words in capsys.readouterr().err
-
-
-def test_a_folder_that_cannot_be_written_is_bad_input(campaigns, tmp_path, capsys):
-    (tmp_path / "mesh").write_text("a file where a folder must be")
-    plan = str(campaigns / "demo" / "flat.fpm")
-    assert invoke(["export", plan, "mesh", "-o", str(tmp_path)]) == 2
-    assert "cannot be written" in capsys.readouterr().err
 
 
 def test_pictures_need_no_mesh_library(campaigns, tmp_path):

@@ -79,12 +79,6 @@ def test_what_cannot_be_used_is_said_and_the_rest_is_judged(traces, capsys):
     assert "1 not readable" in out
 
 
-def test_wrong_usage(traces, capsys):
-    assert invoke(["judge", "nowhere"]) == 2
-    assert "nowhere is no trace" in capsys.readouterr().err
-    assert invoke(["judge", str(traces), "-o", str(traces / "none.oracles.yaml")]) == 2
-
-
 def test_runs_of_one_name_are_told_apart_by_their_files(traces, capsys):
     drive(traces / "again.mcap", spec(0, seed=9), speed=0.7)
     oracles = (OracleText("slow", "max(speed) <= 0.6 m/s"),)

@@ -1,7 +1,6 @@
 """The keys of machines, from the command line."""
 
 import json
-import os
 import re
 import shlex
 from pathlib import Path
@@ -66,13 +65,6 @@ def test_wrong_words_are_refused(scenario, folder):
     assert "is no name of a key" in scenario("keys", "issue", "viewer", "../me").err
     assert 'there is no key "nobody"' in scenario("keys", "revoke", "nobody").err
     assert 'there is no key "nobody"' in scenario("keys", "bundle", "nobody", "-o", "x").err
-
-
-def test_every_command_that_connects_takes_keys(scenario, folder, monkeypatch, tmp_path):
-    assert scenario("status", "--keys", str(tmp_path)).err == ""
-    assert os.environ["SCENARIO_KEYS"] == str(tmp_path)
-    for command in ("submit", "results", "cancel", "doctor", "export", "tui", "worker", "daemon"):
-        assert "--keys" in scenario(command, "--help").out
 
 
 def test_the_documentation_says_what_each_role_may_do():

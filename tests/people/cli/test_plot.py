@@ -25,18 +25,6 @@ def state(tmp_path, monkeypatch):
     monkeypatch.setenv("LINES", "24")
 
 
-def test_graphs_fit_the_terminal_and_say_what_failed(trace, capsys):
-    assert invoke(["plot", trace, "speed.angular", "path.length"]) == 0
-    out = capsys.readouterr().out
-    assert "\x1b" not in out
-    lines = out.splitlines()
-    assert len(lines) <= 24
-    assert max(map(len, lines)) <= 80
-    assert "speed.angular  0 to 0.9 rad/s, at the end 0 rad/s" in lines
-    assert "path.length  0 to 5 m, at the end 5 m" in lines
-    assert "✗ fail  no-contact at 6.0 s" in lines
-
-
 def test_machines_get_every_sample(trace, capsys):
     assert invoke(["plot", trace, "loc.error", "contact", "door-1.angle", "--json"]) == 0
     body = declared(capsys.readouterr().out)
@@ -46,28 +34,6 @@ def test_machines_get_every_sample(trace, capsys):
     assert len(error["time"]) == len(error["value"]) == 201
     assert sum(contact["value"]) == 1.0
     assert door["value"][-1] == pytest.approx(-1.0)
-
-
-@pytest.mark.parametrize(
-    ("signal", "words"),
-    [
-        ("loc.eror", "loc.error"),
-        ("door-9.angle", "door-1.angle"),
-        ("speed * 2", "is no signal"),
-        ("speed) (", "signal speed) ("),
-    ],
-)
-def test_what_is_no_signal_is_explained(trace, capsys, signal, words):
-    assert invoke(["plot", trace, signal]) == 2
-    assert words in capsys.readouterr().err
-
-
-def test_limits_and_the_mission_are_drawn_with_the_signals(trace, capsys):
-    assert invoke(["plot", trace, "speed.angular", "contact"]) == 0
-    out = capsys.readouterr().out
-    for words in ("≤ 0.5 rad/s", "0.5┤", "1 w1─◇", "contact no", "┴5 s"):
-        assert words in out
-    assert sum("│" in line for line in out.splitlines()) > 6  # where oracles were decided against
 
 
 @pytest.mark.parametrize("values", [[0.0], [3.0, 3.0], [-1e9, 1e9], [1e-9, 2e-9], [np.nan]])

@@ -4,24 +4,16 @@ import csv
 import os
 import re
 import xml.etree.ElementTree as ET
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from PIL import Image
 
-from daemon.batch.ledger import LedgerWriter, connect
 from daemon.batch.paths import StatePaths
-from daemon.judging.oracles import judge, overall_outcome
-from daemon.model.ids import trace_name
-from daemon.model.messages import Completion
-from daemon.model.spec import RunResult, Timing, TraceInfo
-from daemon.model.submission import Submission
-from daemon.trace import read_trace
 from scenario_tui.cli import invoke
-from tests.analysis.report.recordings import DECLARED, OPEN, SHUT, SUTS, record, spec
-from tests.engine.judging.traces import CORRIDOR
+from tests.analysis.report.recordings import OPEN, SHUT, SUTS, record, spec
 from tests.people.cli.outputs import declared
+from tests.people.recorded import campaign_at
 
 
 @pytest.fixture
@@ -38,23 +30,7 @@ def here(tmp_path, monkeypatch):
 def ledger(here):
     """A state directory with a campaign: two runs with results, one still waiting."""
     places = StatePaths(here / "state")
-    places.make_folders()
-    specs = (spec(SHUT, SUTS[0], 0), spec(OPEN, SUTS[0], 0), spec(OPEN, SUTS[1], 0))
-    connection = connect(places.ledger)
-    book = LedgerWriter(connection)
-    plain = Submission.of("corr-1", specs, (CORRIDOR,))
-    book.submit(replace(plain, name="corr", about="about", declared=DECLARED), 1.0)
-    for grant in book.lease("w", 2, 1.0):
-        run = grant.spec
-        name = trace_name("corr-1", run.scenario, run.sut.name, run.repeat)
-        trace = read_trace(record(places.trace(name), run))
-        verdicts = judge(trace, run.oracles)
-        result = RunResult(
-            run.digest, overall_outcome(trace, verdicts), verdicts, "finished",
-            TraceInfo("0" * 64, 1, 1), Timing(1.5, 1.0, 20.0),
-        )  # fmt: skip
-        book.complete(Completion("w", grant.run, grant.attempt, grant.token, result), 2.0)
-    connection.close()
+    campaign_at(places)
     return places
 
 
@@ -139,23 +115,6 @@ def test_what_cannot_be_is_said(here, capsys, arguments, words):
     said = " ".join(capsys.readouterr().err.replace("│", " ").split())
     assert words in said
     assert "Traceback" not in said
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["nothing", "picture"], "nothing is no trace"),
-        (["traces/a.mcap", "picture", "-o", "run.gif"], "must end in .svg, .png or .pdf"),
-        (
-            ["traces/a.mcap", "picture", "--from", "30"],
-            "no part of a run that goes from 0 s to 20 s",
-        ),
-        (["traces/a.mcap", "picture", "--until", "-1"], "is no part of a run"),
-    ],
-)
-def test_a_picture_that_cannot_be_is_said(here, capsys, arguments, words):
-    assert invoke(["export", *arguments]) == 2
-    assert words in " ".join(capsys.readouterr().err.replace("│", " ").split())
 
 
 def test_the_newest_folder_of_traces_is_meant_when_there_is_no_campaign(here, capsys):

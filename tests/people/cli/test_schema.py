@@ -5,8 +5,6 @@ import shutil
 import zipfile
 from pathlib import Path
 
-import pytest
-
 from scenario_tui.cli import command_line
 from tests.people.cli.outputs import declared
 
@@ -29,11 +27,6 @@ def test_all_schemas_are_written(tmp_path, capsys):
 def test_one_schema_is_written(tmp_path):
     assert command_line.invoke(["schema", "sut", "-o", str(tmp_path)]) == 0
     assert [p.name for p in tmp_path.iterdir()] == ["sut.schema.json"]
-
-
-@pytest.mark.parametrize("arguments", [[], ["castle"]])
-def test_nothing_to_print_is_wrong_usage(arguments):
-    assert command_line.invoke(["schema", *arguments]) == 2
 
 
 def test_the_extension_is_written(tmp_path, capsys):

@@ -18,7 +18,6 @@ from scenario_tui.library.submission import searches_text
 from scenario_tui.library.watching import ProgressDisplay, WatchedSearch
 from scenario_tui.text.search_text import search_line
 from tests.people.cli.outputs import declared
-from tests.people.fake import CAMPAIGN
 from tests.people.fake_search import (
     MARGINS,
     SEARCH,
@@ -65,40 +64,6 @@ def test_watching_a_search_without_its_campaign_file_writes_nothing(scenario, fa
     assert len(body["proposals"]) == len(MARGINS)
     assert body["found"] == ""
     assert set(tmp_path.rglob("*")) == before
-
-
-def test_a_search_is_named_by_its_id_its_name_or_as_in_its_file(scenario, fake):
-    _have(fake, make_search())
-    for name in (SEARCH, "house", "doors-in-time"):
-        said = scenario("search", name)
-        assert (said.code, said.err) == (ExitCode.UNEXPECTED, "")
-        assert f"scenario results {SEARCH}" in said.out
-    assert scenario("search", "nothing").code == ExitCode.BAD_INPUT
-
-
-def test_a_campaign_is_no_search(scenario, fake):
-    said = scenario("search", CAMPAIGN)
-    assert said.code == ExitCode.BAD_INPUT
-    assert f"scenario results {CAMPAIGN}" in said.err
-
-
-def test_options_are_for_campaign_files(scenario, fake):
-    _have(fake, make_search())
-    for option in (("--budget", "200"), ("--detach",)):
-        said = scenario("search", SEARCH, *option)
-        assert said.code == ExitCode.BAD_INPUT
-        assert option[0] in said.err
-
-
-def test_searches_are_listed(scenario, fake):
-    assert "No searches yet" in scenario("search").out
-    _have(fake, make_search())
-    said = scenario("search")
-    assert said.code == 0
-    assert SEARCH in said.out
-    assert "2 failures" in said.out
-    body = declared(scenario("search", "--json").out)
-    assert [row["campaign"] for row in body["searches"]] == [SEARCH]
 
 
 @pytest.mark.parametrize(
@@ -198,15 +163,6 @@ def test_interrupted_a_search_waits_for_the_command_that_goes_on(scenario, fake,
     assert again in said.err
 
 
-def test_a_search_that_waits_is_told_with_what_goes_on(scenario, fake):
-    _have(fake, make_search("waiting", answer=make_answer()))
-    said = scenario("search", SEARCH)
-    assert said.code == ExitCode.INCONCLUSIVE
-    assert f"scenario search campaign.yaml {SEARCH}" in said.out
-    said = scenario("status")
-    assert f"waiting for `scenario search campaign.yaml {SEARCH}`" in said.out
-
-
 @pytest.mark.parametrize(
     ("state", "words"),
     [
@@ -300,58 +256,3 @@ def test_submitting_a_campaign_says_which_searches_it_has(scenario, fake, campai
 def test_commands_about_files_can_be_copied():
     spaced = Path("a b/campaign.yaml")
     assert "`scenario search 'a b/campaign.yaml'`" in searches_text(spaced, ("a",))
-
-
-def test_cancelling_a_search_says_that_it_has_ended(scenario, fake):
-    _have(fake, make_search("running"))
-    assert "which has ended" in scenario("cancel", "doors-in-time").err
-    assert ("cancel", SEARCH) in fake.calls
-    _have(fake, make_search())
-    assert "which has ended" not in scenario("cancel", SEARCH).err
-
-
-def test_results_of_a_search_are_its_answer(scenario, fake):
-    _have(fake, make_search())
-    said = scenario("results", SEARCH)
-    assert (said.code, said.err) == (0, "")
-    assert said.out.startswith("doors-in-time  ✗ keeps-clear fails in 5 of 5 repeats")
-    assert scenario("results", "doors-in-time").out == said.out
-    assert scenario("results", SEARCH, "--exit-status").code == ExitCode.UNEXPECTED
-    assert "doors-in-time.4/pilot" in scenario("results", SEARCH, "--runs").out
-    assert declared(scenario("results", SEARCH, "--json").out)["schema"] == "scenario/search/1"
-    assert scenario("results", SEARCH, "--baseline", "last-green").code == ExitCode.BAD_INPUT
-
-
-def test_waiting_for_a_search_leaves_with_its_code(scenario, fake):
-    _have(fake, make_search())
-    said = scenario("wait", SEARCH)
-    assert said.code == ExitCode.UNEXPECTED
-    assert len(said.err.splitlines()) == 1
-    assert "the budget of 60 runs is spent" in said.err
-    fake.found = (make_search("running"),)
-    said = scenario("wait", SEARCH, "--timeout", "0s")
-    assert said.code == ExitCode.INCONCLUSIVE
-    assert "looking for failures, 8 of 60 runs" in said.err
-
-
-def test_status_marks_searches_and_says_how_those_stand_that_run(scenario, fake):
-    _have(fake, make_search("running"))
-    said = scenario("status")
-    assert f"{SEARCH} (search)" in said.out
-    assert "search doors-in-time: looking for failures, 8 of 60 runs" in said.out
-    body = declared(scenario("status", "--json").out)
-    assert [row["campaign"] for row in body["searches"]] == [SEARCH]
-    fake.found = (make_search(),)
-    assert declared(scenario("status", "--json").out)["searches"] == []
-
-
-def test_a_run_of_a_search_says_which_point_it_is(scenario, fake):
-    _have(fake, make_search())
-    said = scenario("show", f"{SEARCH}.4")
-    assert "point 4 of the search doors-in-time, looking for failures (halton)" in said.out
-    assert "8 → 8.4 s" in said.out
-    assert f"scenario search {SEARCH}" in said.out
-    body = declared(scenario("show", f"{SEARCH}.4", "--json").out)
-    assert body["run"]["row"]["proposal"]["number"] == 4
-    plain = declared(scenario("show", f"{CAMPAIGN}.4", "--json").out)
-    assert plain["run"]["row"]["proposal"] is None

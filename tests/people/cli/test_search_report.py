@@ -8,22 +8,20 @@ import pytest
 from daemon.batch.ledger import LedgerWriter, connect
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._search_handlers import read_extension
-from daemon.batch.stores import file_sha256, file_size
-from daemon.judging.oracles import judge, overall_outcome
 from daemon.model.messages import Completion
 from daemon.model.proposals import ExtendRequest
 from daemon.model.search import OracleScale
 from daemon.model.search_answer import SearchAnswer, SearchProgress
-from daemon.model.spec import LeadingMargin, RunResult, Timing, TraceInfo
+from daemon.model.spec import LeadingMargin
 from daemon.model.submission import Submission
 from daemon.model.trials import Trial
-from daemon.trace import read_trace
 from grammars.text import codec
 from scenario_tui.cli import invoke
 from tests.analysis.report.recordings import SHUT, SUTS, record, spec
 from tests.engine.judging.traces import CORRIDOR
 from tests.make import TASK, make_proposal, make_search
 from tests.people.cli.outputs import declared
+from tests.people.recorded import result_of_trace
 
 SEARCH = "corridor-doors-1"
 
@@ -50,13 +48,8 @@ def ledger(tmp_path, monkeypatch):
         book.extend(proposals, staged.runs, 1.0)
     for grant in book.lease("w", 2, 1.0):
         path = record(places.trace(grant.trace), grant.spec)
-        trace, kept = read_trace(path), TraceInfo(file_sha256(path), file_size(path), 1)
-        verdicts = judge(trace, grant.spec.oracles)
         leads = (LeadingMargin(oracle, 0.25, "m", "door"),)
-        result = RunResult(
-            grant.spec.digest, overall_outcome(trace, verdicts), verdicts, "finished",
-            kept, Timing(1.5, 1.0, 20.0), leads=leads,
-        )  # fmt: skip
+        result = replace(result_of_trace(path), leads=leads)
         book.complete(Completion("w", grant.run, grant.attempt, grant.token, result), 2.0)
     best = Trial(proposals[0], f"{SEARCH}.0", "doors.0/a/0", "d")
     answer = SearchAnswer("errors", 2, 2, 0, 0, 0, 0, 2, 0, best=best, sentences=("", "a sentence"))

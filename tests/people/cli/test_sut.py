@@ -1,94 +1,170 @@
-"""``scenario sut``: every parameter, where it was written, who hears the laser."""
+"""``scenario sut``: what a system is made of, whether a stack hears what it must, and the relay."""
 
-from scenario_tui.cli import command_line
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from daemon.model.sut import SutFailure
+from daemon.stacks import ros2
+from daemon.stacks.ros2 import inspection
+from daemon.stacks.ros2.inspection import Inspection
+from daemon.stacks.ros2.link import Graph, GraphEndpoint, Readiness, StackIdentity
+from grammars.model.geometry import Pose2
 from tests.people.cli.outputs import declared
 
+RELAY = Path(ros2.__file__).with_name("relay.py")
+FILES = {
+    "slow.yaml": "sut: slow\nkind: pilot\nparameters: {max_speed: 0.2}\n",
+    "refused.yaml": "sut: slow\nkind: pilot\nparameters: {max_speed: fast, patience: 3.0}\n",
+    "p.yaml": "a: 1\n",
+    "nav2.yaml": "sut: nav2\nkind: ros2\nlaunch: touch started {map} {params}\n"
+    "files: {params: p.yaml}\nstart-up: 2 min\ntopics: {scan: front}\n",
+    "mine.yaml": "sut: mine\nlike: nav2\npatience: 2 s\nready: [amcl]\n",
+    "amcl.yaml": "odom_alpha1: -1.0\nkld_err: small\n",
+    "bad.yaml": "sut: bad\nkind: ros\nfiles: {amcl: amcl.yaml}\n",
+    "my-nav2.yaml": "sut: my-nav2\nkind: ros2\nlaunch: ros2 launch nav nav.launch.py map:={map}\n"
+    "ready: [amcl]\n",
+    "typing.yaml": "sut: typing\nkind: ros2\nlaunch: run {mapp}\n",
+}
+HEARD = {
+    "/clock": "rosgraph_msgs/msg/Clock",
+    "/scan": "sensor_msgs/msg/LaserScan",
+    "/odom": "nav_msgs/msg/Odometry",
+    "/tf": "tf2_msgs/msg/TFMessage",
+    "/tf_static": "tf2_msgs/msg/TFMessage",
+    "/initialpose": "geometry_msgs/msg/PoseWithCovarianceStamped",
+}
 
-def shown(capsys, *arguments):
-    assert command_line.invoke(["sut", "show", *arguments]) == 0
-    return capsys.readouterr().out
 
-
-def test_the_ros_stack_is_shown_with_places_defaults_and_wiring(campaigns, capsys):
-    text = shown(capsys, str(campaigns / "suts" / "a2s-blind.yaml"))
-    line = next(line for line in text.splitlines() if "odom_model_type" in line)
-    assert line.split() == ["odom_model_type", "omni-corrected", "a2s.yaml:11"]
-    idle = next(line for line in text.splitlines() if "stop_time_buffer" in line)
-    assert "never reads it" in idle
-    assert "clearing_radius 0.46" in text
-    assert "amcl listens to /scan_front: hears it" in text
-    assert "local costmap listens to /robile_john/scan_front: does not hear it" in text
-
-
-def test_scripts_get_the_merged_tree(campaigns, capsys):
-    found = declared(shown(capsys, "--json", str(campaigns / "suts" / "fro-omni.yaml")))
-    assert found["schema"] == "scenario/sut/1"
-    assert found["reference"]["parameters"]["move_base"]["DWAPlannerROS"]["sim_time"] == 2.5
-    assert (
-        "controller_frequency" not in found["reference"]["parameters"]["move_base"]["DWAPlannerROS"]
+def seen_by(*, active=True):
+    """What is seen of a stack that hears everything, and whose timeouts are short."""
+    ears = [
+        GraphEndpoint(t, kind, "/amcl", "subscription", False, False) for t, kind in HEARD.items()
+    ]
+    twist = "geometry_msgs/msg/TwistStamped"
+    ears.append(GraphEndpoint("/cmd_vel", twist, "/controller_server", "publisher", True, False))
+    return Inspection(
+        StackIdentity("jazzy", "rmw_fastrtps_cpp"),
+        Graph(tuple(ears), ("/amcl",), ("/amcl/get_state",)),
+        Readiness({"/amcl": "active" if active else "inactive"}, True, {}),
+        {"/bt_navigator": {"default_server_timeout": 20}},
+        seconds=12.3,
+        failure=None if active else SutFailure("not ready", printed=["its last \x1b[31mline"]),
     )
-    assert found["defaults"]["move_base/DWAPlannerROS"]["controller_frequency"] == 20.0
-    assert found["places"]["amcl/kld_z"].endswith("fro-diff/amcl.yaml:15:8")
-    assert found["ros"]["wiring"] == {"amcl": True, "global_costmap": True, "local_costmap": True}
 
 
-def test_scripts_learn_who_hears_a_laser_of_several(campaigns, capsys):
-    found = declared(shown(capsys, "--json", str(campaigns / "suts" / "shuttle-nav.yaml")))
-    assert set(found["ros"]["topics"]["by_laser"]) == {"front", "rear"}
-    assert found["ros"]["wiring"] == {"amcl": True, "global_costmap": True, "local_costmap": True}
+class PretendedStart:
+    """Stands in for what starts a stack; remembers what for."""
+
+    def __init__(self):
+        self.answer = seen_by()
+
+    def __call__(self, settings, briefing, first, on_progress, on_end):
+        self.settings, self.briefing, self.first = settings, briefing, first
+        on_progress("0 of 1 nodes active")
+        on_end({"stack.txt": b"all of it"})
+        if isinstance(self.answer, SutFailure):
+            raise self.answer
+        return self.answer
 
 
-def test_other_kinds_show_what_was_written(tmp_path, capsys):
-    path = tmp_path / "slow.yaml"
-    path.write_text("sut: slow\nkind: pilot\nparameters: {max_speed: 0.2}\n")
-    text = shown(capsys, str(path))
-    assert "slow, kind pilot" in text
-    assert "max_speed" in text
+@pytest.fixture
+def start(monkeypatch, place):
+    for name, text in FILES.items():
+        (place / name).write_text(text)
+    pretended = PretendedStart()
+    monkeypatch.setattr(inspection, "inspect_stack", pretended)
+    return pretended
 
 
-def test_a_ros2_stack_is_shown_with_what_applies_and_is_not_started(tmp_path, capsys):
-    (tmp_path / "p.yaml").write_text("a: 1\n")
-    base = tmp_path / "nav2.yaml"
-    mark = tmp_path / "started"
-    base.write_text(
-        f"sut: nav2\nkind: ros2\nlaunch: touch {mark} {{map}} {{params}}\n"
-        "files: {params: p.yaml}\nstart-up: 2 min\ntopics: {scan: front}\n"
-    )
-    path = tmp_path / "mine.yaml"
-    path.write_text("sut: mine\nlike: nav2\npatience: 2 s\nready: [amcl]\n")
-    text = shown(capsys, str(path))
-    assert "mine, kind ros2, not repeatable" in text
-    rows = {line.split()[0]: line.split()[1:] for line in text.splitlines() if line.strip()}
-    assert rows["patience"] == ["2", "s", "mine.yaml:3"]
-    assert rows["start-up"] == ["2", "min", "nav2.yaml:5"]
-    assert "files: params (sha256 " in text
-    left_out = text.partition("not written anywhere")[2]
-    assert "late 5 %" in left_out
-    assert "patience" not in left_out
-    assert "command /cmd_vel" in left_out
-    body = declared(shown(capsys, "--json", str(path)))
-    assert body["defaults"]["stack"]["period"] == "0.05 s"
-    assert "scan" not in body["defaults"]["topics"]
-    assert not mark.exists()
+def test_parameters_are_shown_with_places_defaults_and_wiring(start, place, transcript):
+    transcript("sut_show")
+    assert not (place / "started").exists()
 
 
-def test_bad_ros_files_are_reported_with_all_their_problems(tmp_path, capsys):
-    (tmp_path / "amcl.yaml").write_text("odom_alpha1: -1.0\nkld_err: small\n")
-    path = tmp_path / "bad.yaml"
-    path.write_text("sut: bad\nkind: ros\nfiles: {amcl: amcl.yaml}\n")
-    for command in (("sut", "show"), ("check",)):
-        assert command_line.invoke([*command, str(path)]) == 2
-        told = capsys.readouterr().err
-        assert "amcl.yaml:1:14: error: odom_alpha1: must be greater than or equal to 0" in told
-        assert "amcl.yaml:2:10: error: kld_err: must be a number (given: 'small')" in told
-        assert "2 errors" in told
+def test_scripts_get_the_merged_tree(scenario, campaigns):
+    body = declared(scenario("sut", "show", "fro-omni", "--json").out)
+    planner = body["reference"]["parameters"]["move_base"]["DWAPlannerROS"]
+    assert planner["sim_time"] == 2.5
+    assert "controller_frequency" not in planner
+    assert body["defaults"]["move_base/DWAPlannerROS"]["controller_frequency"] == 20.0
+    assert body["places"]["amcl/kld_z"].endswith("fro-diff/amcl.yaml:15:8")
+    heard = {"amcl": True, "global_costmap": True, "local_costmap": True}
+    assert body["ros"]["wiring"] == heard
+    shuttle = str(campaigns / "suts" / "shuttle-nav.yaml")
+    body = declared(scenario("sut", "show", shuttle, "--json").out)
+    assert set(body["ros"]["topics"]["by_laser"]) == {"front", "rear"}
+    assert body["ros"]["wiring"] == heard
 
 
-def test_what_a_refused_configuration_would_be_is_shown_before_what_is_wrong(tmp_path, capsys):
-    path = tmp_path / "slow.yaml"
-    path.write_text("sut: slow\nkind: pilot\nparameters: {max_speed: fast, patience: 3.0}\n")
-    assert command_line.invoke(["sut", "show", str(path)]) == 2
-    printed = capsys.readouterr()
-    row = next(line for line in printed.err.splitlines() if "patience" in line)
-    assert row.split() == ["patience", "3", "slow.yaml:3"]
-    assert "max_speed" in printed.err
+CANNOT_START = SutFailure(
+    "the launch command ended with exit code 127", printed=["ros2: not found"]
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "answer"),
+    [
+        ("fine", seen_by()),
+        ("missing", seen_by(active=False)),
+        ("started not", CANNOT_START),
+        ("quiet", replace(seen_by(), parameters={})),
+    ],
+)
+def test_a_line_says_for_each_thing_whether_it_is_there(name, answer, start, transcript):
+    start.answer = answer
+    transcript(f"sut_check_{name.replace(' ', '_')}")
+
+
+def test_scripts_get_every_line(scenario, start):
+    body = declared(scenario("sut", "check", "my-nav2", "--json").out)
+    assert (body["sut"], body["distribution"], body["failure"]) == ("my-nav2", "jazzy", "")
+    scan = next(line for line in body["lines"] if line["subject"] == "/scan")
+    assert (scan["state"], scan["qos"], scan["listeners"]) == ("ok", "best effort", 1)
+    start.answer = CANNOT_START
+    body = declared(scenario("sut", "check", "my-nav2", "--json", "--out", "kept").out)
+    assert Path("kept/stack.txt").read_bytes() == b"all of it"
+    assert body["printed"] == ["ros2: not found"]
+    assert (body["lines"], body["outputs"]) == ([], ["kept/stack.txt"])
+
+
+def test_without_a_campaign_the_robot_stands_in_an_empty_room(scenario, start):
+    assert scenario("sut", "check", "my-nav2").code == 0
+    briefing, first = start.briefing, start.first
+    assert briefing.start == Pose2()
+    grid = briefing.map
+    free = np.argwhere(grid.cells == 0) * grid.resolution
+    assert np.ptp(free, axis=0) == pytest.approx([10.0, 10.0], abs=0.2)
+    (scan,), (odometry,) = first.scans, first.odometry
+    assert odometry.time == scan.time == first.time == 0.0
+    laser = briefing.robot.laser
+    angles = np.linspace(laser.angle_min, laser.angle_max, laser.rays)
+    ahead = float(scan.ranges[np.argmin(np.abs(angles))])
+    assert ahead == pytest.approx(5.0 - laser.mount.x, abs=0.2)
+
+
+def test_robot_map_and_start_are_those_of_a_campaign(scenario, start):
+    assert scenario("sut", "check", "my-nav2.yaml", "--campaign", "demo/campaign.yaml").code == 0
+    assert start.briefing.robot.name == "courier"
+    assert start.briefing.mission.waypoints[-1].id == "home"
+    assert start.briefing.map.cells.shape != (100, 100)
+
+
+def test_a_warning_of_the_campaign_as_well_is_printed_once(scenario, start, place):
+    demo = shutil.copytree(place / "demo", place / "other") / "campaign.yaml"
+    sut = place / "my-nav2.yaml"
+    sut.write_text(sut.read_text("utf-8").replace(" map:={map}", ""))
+    demo.write_text(demo.read_text("utf-8").replace("sut: [pilot]", f"sut: {sut}"))
+    said = scenario("sut", "check", str(sut), "--campaign", str(demo))
+    assert said.code == 0, said.err
+    assert said.err.count("the stack is not given the map") == 1
+
+
+def test_the_relay_is_printed_as_it_is(scenario):
+    said = scenario("sut", "relay")
+    assert (said.code, said.err) == (0, "")
+    assert said.out == RELAY.read_text("utf-8")
+    compile(said.out, "relay.py", "exec")

@@ -104,19 +104,6 @@ def test_the_map_is_named_that_a_stack_reads_from_a_file(file, scenario, tmp_pat
     assert not Path(named[1]).exists()
 
 
-def test_what_is_wrong_usage(scenario, file):
-    for arguments, said in (
-        (("--scenario", "bussy-house"), "busy-house"),
-        (("--sut", "pilt"), "pilot"),
-        (("--repeat", "5000"), "repeats 0 to"),
-        (("--speed", "0"), "between 0.01 and 1000"),
-        (("--socket", "/tmp/x"), "--ros2"),
-    ):
-        left = scenario("serve", file, "--headless", *arguments)
-        assert left.code == ExitCode.BAD_INPUT, arguments
-        assert said in re.sub(r"[\s│]+", " ", left.err), arguments
-
-
 def test_a_port_that_is_taken(scenario, file):
     pytest.importorskip("foxglove")
     with socket.create_server(("127.0.0.1", 0)) as taken:

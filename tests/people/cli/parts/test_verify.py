@@ -9,7 +9,7 @@ from daemon.stacks import registry
 from scenario_tui.cli import invoke
 from tests.analysis.old_runs import EXTERNAL, IDLE, erratic, recorded
 from tests.people.cli.outputs import declared
-from tests.people.cli.test_run_limits import campaign
+from tests.people.cli.parts.test_run_limits import campaign
 from tests.plugins import MODULE, install_plugins
 
 __all__ = ["erratic"]
@@ -63,10 +63,6 @@ def test_a_system_that_is_not_here_is_infrastructure(tmp_path, capsys, erratic, 
     assert 'execution 1: SutMissing: no system under test of kind "erratic"' in (
         capsys.readouterr().out
     )
-
-
-def test_a_trace_that_is_not_there_is_wrong_usage(tmp_path):
-    assert invoke(["verify", str(tmp_path / "none.mcap")]) == 2
 
 
 @pytest.fixture

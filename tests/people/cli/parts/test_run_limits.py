@@ -96,12 +96,6 @@ def test_what_is_not_as_expected_names_a_trace_that_other_commands_read(
     assert invoke(["show", trace, "--log"]) == 0
 
 
-def test_a_limit_is_a_time_longer_than_none(capfd):
-    for wall in ("soon", "0", "-1s"):
-        assert invoke(["run", "campaign.yaml", "--wall", wall]) == 2
-    assert invoke(["run", "campaign.yaml", "--attempts", "0"]) == 2
-
-
 def test_a_factory_is_checked_at_its_line(tmp_path, campaigns, capfd):
     file = campaign(tmp_path, campaigns, "factory-leaves")
     assert invoke(["check", str(file), "--json"]) == 2

@@ -67,25 +67,6 @@ def _with_state(call, state, *arguments):
     return call(*arguments, "--state", str(state))
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (("--older-than", "soon"), "'soon' is not an age"),
-        (("--max-size", "3 bottles"), "'3 bottles' is not a size"),
-    ],
-)
-def test_gc_wants_to_know_what_to_keep(scenario, tmp_path, options, words):
-    said = scenario("gc", "--state", str(tmp_path), *options)
-    assert said.code == 2
-    assert words in said.err
-
-
-def test_gc_without_a_ledger_says_so(scenario, tmp_path):
-    said = scenario("gc", "--keep", "3", "--state", str(tmp_path))
-    assert said.code == 2
-    assert "there is no ledger" in said.err
-
-
 def test_doctor_shows_problems_with_their_remedy_and_leaves_with_3(real, tmp_path):
     tmp_path.joinpath("ledger.db").write_bytes(b"?" * 5000)
     said = real("doctor", "--state", str(tmp_path))

@@ -1,52 +1,17 @@
 """Traces of a daemon elsewhere: fetched, and read by the commands that are about recorded runs."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from daemon.batch.ledger import LedgerWriter, connect
 from daemon.batch.paths import StatePaths
-from daemon.batch.stores import copy_between, file_sha256
-from daemon.judging.oracles import judge, overall_outcome
 from daemon.model.ids import trace_name
-from daemon.model.messages import Completion
-from daemon.model.spec import RunResult, Timing, TraceInfo
-from daemon.model.submission import Submission
-from daemon.trace import read_trace
 from scenario_tui.cli import invoke
-from tests.analysis.report.recordings import DECLARED, OPEN, SHUT, SUTS, record, spec
-from tests.engine.judging.traces import CORRIDOR
+from tests.analysis.report.recordings import OPEN, SHUT, SUTS
 from tests.parts import daemon_at
 from tests.people.cli.outputs import declared
-
-
-def campaign_at(places, store=""):
-    """Fill a state directory: two runs with traces, in a store if there is one; one that waits."""
-    places.make_folders()
-    specs = (spec(SHUT, SUTS[0], 0), spec(OPEN, SUTS[0], 0), spec(OPEN, SUTS[1], 0))
-    connection = connect(places.ledger)
-    book = LedgerWriter(connection)
-    plain = Submission.of("corr-1", specs, (CORRIDOR,))
-    book.submit(replace(plain, name="corr", about="about", declared=DECLARED), 1.0)
-    for grant in book.lease("w", 2, 1.0):
-        path = record(places.trace(grant.trace), grant.spec)
-        trace = read_trace(path)
-        verdicts = judge(trace, grant.spec.oracles)
-        info = TraceInfo(file_sha256(path), path.stat().st_size, 1)
-        result = RunResult(
-            grant.spec.digest, overall_outcome(trace, verdicts), verdicts, "finished", info,
-            Timing(1.5, 1.0, 20.0),
-        )  # fmt: skip
-        done = Completion("w", grant.run, grant.attempt, grant.token, result)
-        book.complete(done, 2.0)
-        if store:
-            url = f"{store}/{grant.trace}"
-            copy_between(str(path), url)
-            book.record_move(grant.trace, result.digest, url)
-            path.unlink()
-    connection.close()
+from tests.people.recorded import campaign_at
 
 
 @pytest.fixture(scope="module")

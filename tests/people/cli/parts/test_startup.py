@@ -1,0 +1,107 @@
+"""What commands load: as little as they need, for people wait for every import."""
+
+import inspect
+import subprocess
+import sys
+
+import pytest
+
+from scenario_tui.cli.commands import COMMANDS, load_command
+from tests.parts import ROOT
+
+FEW = {
+    "cmaes", "dask", "jinja2", "matplotlib", "mcap", "numba", "optuna", "pyarrow", "pymunk",
+    "rdflib", "rosbags", "scipy", "sqlalchemy", "textual",
+}  # fmt: skip
+"""Libraries that few commands need."""
+LANGUAGES = {"numpy", "shapely", "textx"}
+BUS = {"zenoh", "cryptography"}
+HEAVY = FEW | LANGUAGES | BUS | {"pydantic"}
+SEARCH = {"daemon.search", "cmaes", "optuna", "sqlalchemy"}
+
+
+def typed(words, code):
+    return (
+        "from scenario_tui.cli.command_line import invoke\n"
+        f"assert invoke({words.split()!r}) == {code}"
+    )
+
+
+EVERY_COMMAND = """
+from scenario_tui.cli.commands import COMMANDS, load_command
+for name in COMMANDS:
+    load_command(name)
+"""
+COMPLETION = """
+import os
+os.environ |= {"_SCENARIO_COMPLETE": "complete_bash", "COMP_WORDS": "scenario\\nreplay\\n",
+               "COMP_CWORD": "2"}
+from scenario_tui.cli.command_line import invoke
+invoke([])
+"""
+FIRST_SCREEN = """
+import scenario_tui.cli.tui, scenario_tui.source, scenario_tui.dashboard.key_bindings
+from pathlib import Path
+from scenario_tui.dashboard.app import Dashboard
+from scenario_tui.dashboard.config import read_config
+from scenario_tui.dashboard.feed import Feed
+Dashboard(Feed(None), config=read_config(Path("/nowhere/config.toml")))
+"""
+CASES = {
+    "import": ("import scenario_tui.cli", HEAVY | {"rich.console"}),
+    "help": (typed("--help", 0), HEAVY),
+    # Help and completion load a command, and print no more than its options.
+    "every command": (EVERY_COMMAND, HEAVY | {"rich.console", "daemon.model.status"}),
+    # typer itself checks what stands before the word with pydantic.
+    "completion": (COMPLETION, HEAVY - {"pydantic"}),
+    "status": (typed("status", 3), FEW | LANGUAGES | BUS),
+    "results": (typed("results nothing", 2), FEW | LANGUAGES | BUS),
+    "search": (typed("search", 3), FEW | LANGUAGES),
+    "check campaign": (
+        typed("check campaigns/demo/campaign.yaml", 0),
+        FEW | BUS | SEARCH | {"daemon.model.messages", "grammars.variation"},
+    ),
+    "check ros": (typed("check campaigns/ortega2024/campaign.yaml", 0), FEW | BUS),
+    "check lasers": (typed("check campaigns/two_lasers/campaign.yaml", 0), FEW | SEARCH),
+    "sut show": (typed("sut show campaigns/suts/a2s.yaml", 0), FEW | BUS),
+    "check plan": (typed("check campaigns/demo/flat.fpm", 0), FEW | BUS | {"daemon.campaign"}),
+    "submission": (
+        "import scenario_tui.library.job", {"daemon.batch.ledger", "daemon.trace", "mcap", "numpy"},
+    ),
+    "first screen": (
+        FIRST_SCREEN,
+        (HEAVY - {"textual"}) | {"daemon.model.spec", "daemon.model.status"},
+    ),
+    "execution": ("import daemon.batch.server, daemon.batch.worker, daemon.run", SEARCH),
+}  # fmt: skip
+"""Programs, and what none of these may load."""
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_nothing_is_loaded_that_is_not_needed(name, monkeypatch, tmp_path):
+    monkeypatch.setenv("SCENARIO_STATE", str(tmp_path))
+    monkeypatch.delenv("SCENARIO_CONNECT", raising=False)
+    code, unneeded = CASES[name]
+    program = f"import sys\n{code}\nprint()\nprint(*sys.modules)"
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
+    loaded = done.stdout.splitlines()[-1].split()
+    assert len(loaded) > 50
+    assert not unneeded.intersection(loaded)
+
+
+def test_help_says_of_a_command_what_the_command_says():
+    for name, (_, about) in COMMANDS.items():
+        command = load_command(name)
+        said = inspect.cleandoc(command.help or "").partition("\n\n")[0]
+        assert about == " ".join(said.split()), name
+        assert command.name == name
+
+
+def test_a_command_leaves_without_a_word_of_its_libraries(tmp_path):
+    pytest.importorskip("manifold3d")
+    words = ["export", str(ROOT / "campaigns/demo/flat.fpm"), "mesh", "-o", str(tmp_path)]
+    code = f"from scenario_tui.cli import main\nmain({words!r})"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "nanobind" not in done.stderr
+    assert list(tmp_path.rglob("*.stl")) or list(tmp_path.rglob("*.dae"))
