@@ -167,12 +167,14 @@ class ExecutedDaemon(FakeDaemon):
         return self.executed.results[_name(row)] if row.state is RunState.DONE else None
 
     def ask(self, verb, request):
+        """Answer as the daemon does; how fast it is depends on the machine."""
         answer = super().ask(verb, request)
         if verb is OVERVIEW:
             return replace(answer, rate=150.0, seconds_left=2.0)
         return answer
 
     def entered(self):
+        """Return both campaigns."""
         for scene in self.executed.submission.scenes:
             store_scene(scene)
         about = self.executed.submission.about
@@ -185,6 +187,7 @@ class ExecutedDaemon(FakeDaemon):
         )  # fmt: skip
 
     def spec_of(self, row):
+        """Return the specification that was executed."""
         return self.specs[row.id]
 
 
