@@ -133,14 +133,3 @@ def test_a_ledger_that_is_none_is_said(here, capsys):
     (here / "state" / "ledger.db").write_bytes(b"not a database at all" * 100)
     assert invoke(["report"]) == 3
     assert "is not a usable ledger" in capsys.readouterr().err
-
-
-def test_a_folder_called_like_a_campaign_does_not_hide_it(ledger, capsys):
-    Path("corr").mkdir()  # as `scenario new corr` leaves it: files, and no traces
-    (Path("corr") / "campaign.yaml").write_text("campaign: corr\n")
-    assert invoke(["report", "corr", "-o", "corr.html"]) == 0
-
-
-def test_campaigns_that_are_not_there_are_named(ledger, capsys):
-    assert invoke(["report", "corridor"]) == 2
-    assert 'there is no campaign "corridor"' in capsys.readouterr().err

@@ -70,12 +70,6 @@ def test_a_search_becomes_a_page(ledger, capsys, name):
     assert "The margin over the values that were run" in page
 
 
-def test_a_folder_called_like_a_search_does_not_hide_it(ledger, capsys):
-    Path("doors").mkdir()  # as `scenario new doors` leaves it: files, and no traces
-    assert invoke(["report", "doors"]) == 0
-    assert f"doors ({SEARCH})" in capsys.readouterr().out
-
-
 @pytest.mark.parametrize("name", ["corridor", "doors"])
 def test_a_folder_of_its_name_hides_no_search(ledger, capsys, name):
     Path(name).mkdir()

@@ -23,7 +23,7 @@ def busy(count):
     running = [replace(rows[7], id=f"{CAMPAIGN}.{7 + i}", index=7 + i, repeat=i) for i in
                range(count)]  # fmt: skip
     return FakeDaemon(
-        (*rows[:7], *running),
+        (*rows[:5], *running),
         live=tuple(live(row.index, margin=0.5 - row.index / 20) for row in running),
     )
 

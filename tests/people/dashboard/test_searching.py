@@ -85,7 +85,7 @@ async def test_an_id_keeps_its_ends_by_which_it_is_told_apart(dashboard):
         await dash.resize(width, 24)
         assert re.search(rf" {SEARCH[:5]}\S*{SEARCH[-5:]} ", dash.text)
         assert "✗ found −0.0468 m" in dash.text
-        await dash.press("2")
+        await dash.press("2", "G")
         assert f" {CAMPAIGN} " in dash.text
         await dash.press("1")
 

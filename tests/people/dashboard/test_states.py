@@ -5,12 +5,11 @@ from dataclasses import replace
 import pytest
 
 from daemon.batch.errors import Refused
-from daemon.model.run_state import RunState
 from scenario_tui.dashboard.widgets.tables import KeyedTable
-from tests.people.fake import FakeDaemon, campaign_row, make_live, make_row
+from tests.people.fake import NOW, Entered, FakeDaemon, make_live, make_row
 
 LONG = "a-campaign-whose-name-goes-on-and-on-0123456789-0123456789-0123456789"
-WIDE = "走廊情景走廊情景走廊情景走廊情景走廊情景"
+WIDE = "走廊情景走廊情景走廊"
 STATES = {
     "usual": {},
     "gone": {"reachable": False},
@@ -18,7 +17,8 @@ STATES = {
     "stuck": {"trouble": "the disk of /state is full: runs wait until 32 MiB are free"},
     "named": {
         "rows": tuple(
-            replace(row, scenario=WIDE, sut=LONG, oracle=LONG) for row in FakeDaemon().rows
+            replace(row, scenario=WIDE, sut=LONG, oracle=LONG, repeat=row.index)
+            for row in FakeDaemon().rows
         )
     },
 }
@@ -65,12 +65,13 @@ async def test_what_keeps_one_worker_from_working_is_readable_to_its_end(dashboa
 
 
 async def test_thousands_of_campaigns_are_shown_as_far_as_anybody_scrolls(dashboard, fake):
-    row = make_row(0, state=RunState.DONE)
-    many = tuple(campaign_row(f"c{i}", f"c{i}-00000000", (row,), 0.0) for i in range(3000))
-    fake._campaign_rows = lambda: many
+    fake.more = tuple(
+        Entered(name, name, (make_row(0, id=f"{name}.0", campaign=name),), NOW)
+        for name in (f"c{number}-00000000" for number in range(600))
+    )
     dash = await dashboard()
-    assert "campaigns (3000, the newest 500 shown)" in dash.text
-    assert "c0-00000000" in dash.text
+    assert "campaigns (602, the newest 500 shown)" in dash.text
+    assert "c599-00000000" in dash.text
 
 
 @pytest.mark.parametrize(("size", "run"), [((40, 10), "✗ fail"), ((80, 24), "no-contact")])

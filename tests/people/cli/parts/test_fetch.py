@@ -102,11 +102,6 @@ def test_where_one_run_is_wanted_a_campaign_is_refused_before_it_is_brought(here
     assert not cached(here)
 
 
-def test_a_run_the_daemon_does_not_know_is_wrong_usage(here, capsys):
-    assert invoke(["replay", "corr-1.9", "--frame", "1"]) == 2
-    assert 'corr-1.9" is no run' in capsys.readouterr().err
-
-
 def test_traces_in_a_store_are_read_without_a_daemon(tmp_path, monkeypatch, capsys):
     monkeypatch.delenv("SCENARIO_CONNECT", raising=False)
     monkeypatch.setenv("SCENARIO_STATE", str(tmp_path / "state"))
