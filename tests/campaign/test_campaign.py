@@ -6,11 +6,12 @@ from importlib.metadata import EntryPoint
 
 import pytest
 
-from daemon.campaign import examine, expand, load_campaign
+from daemon.campaign import LayerLibrary, LayerReference, examine, expand, load_campaign
 from daemon.stacks import registry
 from grammars.floorplan import load_floorplan
 from grammars.jsonld import scene_document, scenery_document
 from grammars.scenery import load_scenery
+from grammars.text.diagnostics import Where
 from templates.jsonld import write_jsonld
 from tests.campaign.loaded import cells, messages, runs
 from tests.languages.plans import world_of
@@ -126,11 +127,14 @@ def test_layers_written_as_json_ld_make_the_same_runs(demo, campaign):
     for floorplan, objects in (
         ("flat2.jsonld", "doors2.jsonld"),
         ("house", "floorplans/house/objects.json"),
-        ("floorplans/house", "floorplans/house/objects.json"),
     ):
         other = {"like": "calm", "floorplan": floorplan, "objects": objects}
         read = cells(campaign(scenarios={"other": other}))["other"].scene
         assert read == written, floorplan
+    library, here = LayerLibrary(demo), Where("campaign.yaml", 1, 1)
+    names = ("house", "floorplans/house")
+    by_name, by_path = (library.floorplan(LayerReference(name, {}, here)) for name in names)
+    assert by_name is by_path
 
 
 def test_a_stack_that_cannot_be_loaded_is_found_before_anything_runs(campaign, monkeypatch):
