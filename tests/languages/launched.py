@@ -11,8 +11,8 @@ OF_INTEREST = {("move_base", "move_base"), ("amcl", "amcl")}
 def launch(path, *more, **settings):
     """Load launch files that are named on line 1 of a file."""
     files = [(file, Where("sut.yaml", 1, 1)) for file in (path, *more)]
-    said = LaunchSettings(lambda key: Where("sut.yaml", 2, 1), **settings)
-    return load_launch(files, said, OF_INTEREST)
+    read_settings = LaunchSettings(lambda key: Where("sut.yaml", 2, 1), **settings)
+    return load_launch(files, read_settings, OF_INTEREST)
 
 
 def write(folder, name, body):

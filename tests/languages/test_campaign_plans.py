@@ -122,10 +122,10 @@ def test_building_c_warns_of_openings_cut_into_the_corners_of_walls(building):
 
     The three others of the diagonal take a whole wall away and stay within its outer face.
     """
-    said = [
+    messages = [
         w.message.removeprefix('entryway "').replace('" reaches', "") for w in building.warnings
     ]
-    assert said == [
+    assert messages == [
         "diagonal_corridor_wing_right_opening 0.736 m beyond the end of "
         "diagonal_corridor_right-wall-0",
         "right_corridor_extra_space_wall_removal_1 0.25 m beyond the end of "

@@ -42,8 +42,8 @@ def read(text, units=UNITS):
 
 def holds(text, units=UNITS, **values):
     values = {name.replace("__", "."): value for name, value in values.items()}
-    found = evaluate(read(text, units), lambda n: to_si(values[n.name], units[n.name]))
-    return None if math.isnan(found) else bool(found)
+    actual = evaluate(read(text, units), lambda n: to_si(values[n.name], units[n.name]))
+    return None if math.isnan(actual) else bool(actual)
 
 
 @pytest.mark.parametrize(
@@ -67,8 +67,8 @@ def holds(text, units=UNITS, **values):
 def test_values_are_compared_in_si_units(text, expected):
     values = {"doors.closes": 59.0, "doors.opens": 1.0, "count": 2.0}
     values |= {"doors.opens.late": 8.0, "swing": 90.0, "turn": 1.57}
-    found = evaluate(read(text), lambda n: to_si(values[n.name], UNITS[n.name]))
-    assert found == (1.0 if expected else 0.0)
+    actual = evaluate(read(text), lambda n: to_si(values[n.name], UNITS[n.name]))
+    assert actual == (1.0 if expected else 0.0)
 
 
 def test_what_is_equal_up_to_rounding_is_equal():

@@ -206,9 +206,9 @@ def test_oracle_lines_are_coloured_inside_yaml(campaigns):
     for path in sorted(campaigns.glob("*/*.oracles.yaml")):
         lines = [x for x in path.read_text().splitlines() if x and not x.startswith("#")]
         for line in lines:
-            found = [t for t in tokens(line, "oracles.injection") if t.has("meta.embedded")]
-            assert "".join(t.text for t in found) == line.partition(": ")[2]
-            assert found[0].has("keyword.control.temporal", "support")
+            embedded = [t for t in tokens(line, "oracles.injection") if t.has("meta.embedded")]
+            assert "".join(t.text for t in embedded) == line.partition(": ")[2]
+            assert embedded[0].has("keyword.control.temporal", "support")
 
 
 def test_oracles_are_not_looked_for_inside_oracles():

@@ -24,7 +24,7 @@ from grammars.jsonld.rdf import graph_of
 from grammars.scenery import configure, load_scenery
 from grammars.scenery.composition import compile_scene, resolve_behaviours
 from grammars.text.diagnostics import Severity
-from tests.languages.plans import HERE, layer, two_rooms
+from tests.languages.plans import HERE, layer, model_text, two_rooms
 
 MODELS_OF_OTHERS = {
     "door": HERE / "errors" / "door_graph" / "door.jsonld",
@@ -216,34 +216,7 @@ def test_campaigns_fit_the_shapes_and_come_back(campaigns, tmp_path, folder):
         assert dataclasses.replace(one, file=other.file, models=other.models) == other
 
 
-LIVELY = """
-mover person
-    link body circle radius 20 cm from 0 m to 1.7 m, mass 70 kg
-    link bag box 0.2 m x 0.1 m at (0.3 m, 0 m) from 0.2 m to 0.6 m, mass 3 kg
-    joint hold fixed from body to bag
-object table
-    link top box 1.2 m x 80 cm turned 20 deg from 70 cm to 74 cm, mass 20 kg
-    link foot circle radius 20 cm and polygon (0 m, 0 m), (1 m, 0 m), (0 m, 1 m)
-        from 0 m to 70 cm, mass 10 kg
-    joint glue fixed from top to foot
-anna is a person in hall, x 1 m, y 1 m
-bert is a person in hall, x -1 m
-table_1 is a table in kitchen, x 0.2 m
-table_2 is a table at kitchen.pillar, y 1 m, frozen
-door is a hinged_door at hall.walls[1], x 0.2 m, starts at 10 deg
-way is a hinged_door in kitchen_doorway, hinge left, opening inwards, recessed 2 cm
-trap is a hinged_door at hall.walls[2], x -0.5 m
-hatch is a slider at hall, x 3 m
-group doors: every hinged_door except door, trap
-parameter near = 1.5 m
-door goes from closed to open when leg 2 begins, after 2 s
-trap goes from open to closed when the robot is within near of its foot,
-    starting at closed, by spring of 2 N m/rad
-all doors toggle between closed and open after uniform 10 s to 40 s, from 1 min
-hatch moves to closed at 9 s, to open at 8 s, as listed, by jump
-anna walks along (1 m, 0 m), (3 m, 0 m) of hall, at 0.8 m/s, back and forth, pausing 2 s
-bert walks along (0 m, 0 m) of hall, (0.5 m, 1 m) of kitchen, when anna starts to move, after 3 s
-"""
+LIVELY = model_text("lively.scenery")
 
 
 def test_everything_scenery_can_say_comes_back(tmp_path):

@@ -36,12 +36,12 @@ def yaml(reference_data, file):
 
 
 def flat(tree, above=""):
-    found = {}
+    actual = {}
     for name, value in tree.items():
-        found |= (
+        actual |= (
             flat(value, f"{above}{name}/") if isinstance(value, dict) else {above + name: value}
         )
-    return found
+    return actual
 
 
 @pytest.mark.parametrize("name", ROBOTS)
@@ -77,10 +77,10 @@ def test_turtlebot3_has_the_files_of_its_model(reference_data, model):
 
 def test_husky_sets_the_size_of_its_local_costmap_in_the_launch_file(reference_data):
     loaded = load(reference_data, "husky")
-    found = parameters(loaded, "/move_base")
-    assert (found["local_costmap/width"], found["local_costmap/height"]) == (10.0, 10.0)
-    assert found["base_global_planner"] == "navfn/NavfnROS"
-    assert found["base_local_planner"] == "dwa_local_planner/DWAPlannerROS"
+    actual = parameters(loaded, "/move_base")
+    assert (actual["local_costmap/width"], actual["local_costmap/height"]) == (10.0, 10.0)
+    assert actual["base_global_planner"] == "navfn/NavfnROS"
+    assert actual["base_local_planner"] == "dwa_local_planner/DWAPlannerROS"
     assert remaps(loaded, "/amcl") == {"/scan": "/front/scan"}
     assert parameters(loaded, "/amcl")["use_map_topic"] is True
     place = node(loaded, "/move_base").parameters["base_local_planner",].where
@@ -90,10 +90,10 @@ def test_husky_sets_the_size_of_its_local_costmap_in_the_launch_file(reference_d
 
 def test_mir_fills_in_its_files_and_calls_its_node_otherwise(reference_data):
     loaded = load(reference_data, "mir")
-    found = parameters(loaded, "/move_base_node")
-    assert found["local_costmap/global_frame"] == "odom_comb"
+    actual = parameters(loaded, "/move_base_node")
+    assert actual["local_costmap/global_frame"] == "odom_comb"
     assert remaps(loaded, "/move_base_node")["/odom"] == "/odom_comb"
-    assert found["SBPLLatticePlanner/primitive_filename"] == (
+    assert actual["SBPLLatticePlanner/primitive_filename"] == (
         "$(find mir_navigation)/mprim/unicycle_highcost_5cm.mprim"
     )
     second = load(reference_data, "mir2")
@@ -109,10 +109,10 @@ def test_turtlebot2_goes_through_links_that_became_text(reference_data):
     loaded = load(reference_data, "turtlebot2")
     links = [str(one) for one in loaded.warnings if "symbolic link" in one.message]
     assert len(links) == 2
-    found = parameters(loaded, "/move_base")
+    actual = parameters(loaded, "/move_base")
     # What the launch file says last holds, not what the files before it say.
-    assert found["local_costmap/global_frame"] == "odom"
-    assert found["global_costmap/robot_base_frame"] == "base_footprint"
+    assert actual["local_costmap/global_frame"] == "odom"
+    assert actual["global_costmap/robot_base_frame"] == "base_footprint"
     assert parameters(loaded, "/amcl")["laser_max_beams"] == 60
     assert loaded.left_out == ("$(find turtlebot_bringup)/launch/3dsensor.launch",)
 
@@ -123,9 +123,9 @@ def test_robile_has_a_package_name_other_than_its_folder(reference_data):
         "use_map_topic": True, "initial_pose_x": 0.0, "initial_pose_y": 0.0,
     }  # fmt: skip
     assert remaps(loaded, "/amcl") == {"/scan": "/scan_front"}
-    found = parameters(loaded, "/move_base")
-    assert found["base_local_planner"] == "base_local_planner/TrajectoryPlannerROS"
-    assert found["controller_frequency"] == 5.0
+    actual = parameters(loaded, "/move_base")
+    assert actual["base_local_planner"] == "base_local_planner/TrajectoryPlannerROS"
+    assert actual["controller_frequency"] == 5.0
 
 
 def test_launch_files_nobody_could_start_say_why(reference_data):

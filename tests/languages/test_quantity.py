@@ -76,6 +76,8 @@ def test_a_bare_number_is_a_ratio_and_nothing_else():
         read_as(3, "length")
     with pytest.raises(ValueError, match="expected a length"):
         read_as(True, "length")
+    with pytest.raises(ValueError, match="ratio"):
+        read_as(True, "ratio")
 
 
 def test_a_refused_quantity_names_its_place():

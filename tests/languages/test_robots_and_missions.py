@@ -10,18 +10,9 @@ from grammars.model.mission_files import load_mission
 from grammars.model.robot import Robot
 from grammars.model.robot_files import load_robot
 from grammars.text import codec
+from tests.languages.plans import model_text
 
-ROBOT = """\
-robot: box
-footprint: {length: 0.6 m, width: 0.4 m}
-height: 0.3 m
-mass: 40 kg
-drive: {kind: differential, max_vx: 1 m/s, max_wz: 1 rad/s, max_ax: 1 m/s^2, max_az: 2 rad/s^2,
-        max_force: 200 N, max_torque: 50 N m}
-laser: {mount: {x: 0.2 m}, z: 0.2 m, angle_min: -90 deg, angle_max: 90 deg, rays: 181,
-        range_min: 5 cm, range_max: 10 m, rate: 10 Hz}
-odometry: {rate: 20 Hz}
-"""
+ROBOT = model_text("box.yaml")
 
 
 TWO_LASERS = ROBOT.replace(

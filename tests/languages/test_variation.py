@@ -35,10 +35,10 @@ def test_draws_are_taken_in_file_order(tmp_path):
     expected = [[1.0, 2.0, 3.0][stream.randint(0, 3)], round(stream.normal(0.5, 0.1), 2)]
     expected.append(stream.choice([1.0, 1.2], 1, p=[0.25, 0.75])[0])
     expected.append(round(1 + stream.random_sample(), 4))
-    found = [value.number for value in one_variant(tmp_path, statements).values]
-    assert found[:3] == expected[:3]
-    assert found[3] == found[4] == pytest.approx(expected[3])
-    assert found[5] > 0.0
+    actual = [value.number for value in one_variant(tmp_path, statements).values]
+    assert actual[:3] == expected[:3]
+    assert actual[3] == actual[4] == pytest.approx(expected[3])
+    assert actual[5] > 0.0
 
 
 @given(st.floats(0.0, 1.0, exclude_max=True), st.floats(-9, 9), st.floats(1e-6, 20))
@@ -77,11 +77,11 @@ def test_a_shared_draw_is_one_draw(tmp_path):
         pane: { shape.width: 2 * wide - 0.1 m }
     """
     for variant in sample(vary(tmp_path, statements), 5, seed=0):
-        found = numbers(variant)
-        assert found["door.shape.width"] == found["wide"]
-        assert found["pane.shape.width"] == pytest.approx(2 * found["wide"] - 0.1)
+        actual = numbers(variant)
+        assert actual["door.shape.width"] == actual["wide"]
+        assert actual["pane.shape.width"] == pytest.approx(2 * actual["wide"] - 0.1)
         widths = {o.name: o.width for o in variant.plan.openings}
-        assert widths["door"] == pytest.approx(found["wide"])
+        assert widths["door"] == pytest.approx(actual["wide"])
 
 
 def test_a_draw_without_a_unit_takes_that_of_its_place(tmp_path):
@@ -213,19 +213,19 @@ def test_keywords_may_be_names(tmp_path):
         normal: {shape.width: uniform([0.8])}
         require import.area > 0 require let == 1
     """
-    found = numbers(one_variant(tmp_path, statements, plan))
-    assert found["import.shape.width"] == 2.0
-    assert found["m.shape.width"] == 1.0
+    actual = numbers(one_variant(tmp_path, statements, plan))
+    assert actual["import.shape.width"] == 2.0
+    assert actual["m.shape.width"] == 1.0
 
 
 def test_variants_for_campaigns_are_plans_with_their_own_names(tmp_path):
     (tmp_path / "plan.fpm").write_text(HOUSE)
     path = tmp_path / "house.variation"
     path.write_text('import "plan.fpm" gap: uniform([0.8, 1.0])')
-    found = variant_plans(load_variation(path), 3, seed=20)
-    assert [name for name, _ in found] == ["house_20", "house_21", "house_22"]
-    assert [plan.name for _, plan in found] == ["house_20", "house_21", "house_22"]
-    assert all(plan.spaces[0].name == "hall" for _, plan in found)
+    actual = variant_plans(load_variation(path), 3, seed=20)
+    assert [name for name, _ in actual] == ["house_20", "house_21", "house_22"]
+    assert [plan.name for _, plan in actual] == ["house_20", "house_21", "house_22"]
+    assert all(plan.spaces[0].name == "hall" for _, plan in actual)
 
 
 def test_the_name_of_the_plan_is_kept_unless_a_suffix_is_wanted(tmp_path):

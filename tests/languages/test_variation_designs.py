@@ -29,17 +29,19 @@ def rows(variation, method, n=None, **options):
 
 
 def test_the_grid_is_every_combination_once(variation):
-    found = rows(variation, "grid", levels=2)
+    actual = rows(variation, "grid", levels=2)
     gaps, turns, shifts = (0.8, 0.9, 1.0), (0.0, 90.0), (-0.5, 0.0, 0.5)
-    widths = sorted({row[2] for row in found})
+    widths = sorted({row[2] for row in actual})
     assert len(widths) == 2
     assert sum(widths) == pytest.approx(6.0)
-    assert found == list(product(gaps, turns, widths, shifts))
+    assert actual == list(product(gaps, turns, widths, shifts))
 
 
 def test_a_design_of_one_draw_is_its_levels(tmp_path):
     alone = vary(tmp_path, "gap: uniform([0.8, 0.9, 0.8])")
     assert rows(alone, "grid") == [(0.8,), (0.9,)]
+    never = vary(tmp_path, "gap: discrete([(0.0, 0.8), (1.0, 0.9)])")
+    assert rows(never, "grid") == [(0.9,)]
 
 
 def test_halton_and_latin_hypercubes_fill_every_range_evenly():
@@ -65,10 +67,10 @@ def test_a_rejected_point_is_followed_by_the_next(tmp_path, method):
     points = [numbers(v)["gap"] for v in sample(anything, 12, seed=0, method=method)]
     variation = vary(tmp_path, "gap: uniform(0.5 .. 1.5) require gap > 1 m")
     variants = sample(variation, 12, seed=0, method=method)
-    found = [numbers(v)["gap"] for v in variants]
-    assert len(found) == 12
-    assert min(found) > 1.0
-    assert set(found) >= {gap for gap in points if gap > 1.0}
+    actual = [numbers(v)["gap"] for v in variants]
+    assert len(actual) == 12
+    assert min(actual) > 1.0
+    assert set(actual) >= {gap for gap in points if gap > 1.0}
     if method != "random":
         # Every point keeps the seed that it has without the requirement.
         kept = {k: gap for k, gap in enumerate(points) if gap > 1.0}

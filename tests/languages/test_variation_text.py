@@ -25,14 +25,14 @@ NUMBERS = st.floats(0.01, 9.0).map(lambda v: round(v, 4))
 
 def slots(plan):
     """Return every slot of a plan by its name; not all are written."""
-    found = dict(plan.variables)
+    actual = dict(plan.variables)
     for elements in plan.elements.values():
         for element in elements:
             for path in element.paths():
                 slot = plan.slot(element, path)
                 assert slot is not None
-                found[slot.name] = slot
-    return found
+                actual[slot.name] = slot
+    return actual
 
 
 def value(plan, slot):
