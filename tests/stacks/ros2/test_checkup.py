@@ -146,6 +146,12 @@ CASES = {
     "no action": (offering(), {}),
     "nodes that are not active, not there and no lifecycle nodes": (
         UNREADY, {"ready": ["amcl", "controler_server", "controller_server", "rviz"]}),
+    "a node that is not active, and whose services are not seen": (
+        replace(
+            SOUND,
+            readiness=replace(SOUND.readiness, nodes=dict.fromkeys(READY, "inactive")),
+            graph=replace(SOUND.graph, services=("/navigate_to_pose/_action/send_goal",))),
+        {"ready": ["amcl"]}),
     "nodes that could be waited for": (SOUND, {"ready": []}),
     "nodes that could be waited for, in a namespace": (
         replace(SOUND, graph=replace(
