@@ -169,6 +169,18 @@ def test_a_robot_that_leaves_the_building_covers_the_part_in_it(floor):
     assert 0.0 < area.seen < math.pi / 2
 
 
+def test_a_laser_sees_where_it_looks(floor):
+    """Beside the southern wall there is floor to the left, and none to the right."""
+    left, right = (
+        replace(ROBOT.laser, angle_min=start, angle_max=start + 1.5) for start in (0.0, -1.5)
+    )
+    areas = [
+        floor(1.0, Pose2(2.0, 0.05), robot=replace(ROBOT, laser=laser)).seen
+        for laser in (left, right)
+    ]
+    assert areas[1] < 0.2 * areas[0]
+
+
 def test_each_laser_sees(floor):
     laser = replace(ROBOT.laser, mount=Mount(0.0), angle_min=0.0, angle_max=1.5)
     rear = replace(laser, name="rear", mount=Mount(0.0, 0.0, math.pi))

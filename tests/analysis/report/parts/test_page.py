@@ -346,6 +346,8 @@ def test_a_reference_is_a_diamond_in_the_figure_of_its_measure(other_page, page)
     drawing, chart = figure(other_page, "Boxplots of duration by scenario").split("</svg>")
     assert "paper 21.5 s ± 0.5 s</text>" in drawing
     assert "Somebody & others" in chart
+    numbers = set(map(float, re.findall(r"(?<![\w.])\d+(?:\.\d+)?(?![\w.])", chart)))
+    assert numbers >= {21.0, 22.0}, "its deviation to both sides"
     # By what the oracle measures, whatever the campaign calls it.
     buffer = figure(other_page, "Boxplots of time in buffer by scenario")
     assert "paper 19 s" in buffer
