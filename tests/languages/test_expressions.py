@@ -95,12 +95,6 @@ def test_what_is_divided_by_zero_is_unknown_unless_the_rest_decides(text, expect
     assert holds(text, count=0.0) is expected
 
 
-def test_a_name_with_blanks_is_written_in_quotes():
-    predicate = read('"a planner.speed" < 0.5 m/s')
-    assert render(predicate) == '"a planner.speed" < 0.5 m/s'
-    assert render(read("'count'<1")) == "count < 1"
-
-
 def test_a_name_with_slashes_is_known_in_quotes_alone():
     units = {"sut.planner/speed": "m/s"}
     assert holds('"sut.planner/speed" < 0.5 m/s', units, **{"sut.planner/speed": 0.4})

@@ -2,8 +2,6 @@
 
 import math
 
-import pytest
-
 from grammars.floorplan import frames, load_floorplan, parse_floorplan
 from tests.languages.errors.goldens import renew
 from tests.languages.plans import HERE
@@ -54,13 +52,6 @@ def test_plans_have_their_geometry(golden, tmp_path):
 
 HEAD = "Floor plan: demo\nDefaults: walls: thickness: 0.2 m height: 2.4 m\n"
 CIRCLE = "shape: Circle radius=1 m location: of: this"
-
-
-def test_frames_are_those_of_the_elements():
-    plan = parse_floorplan(f"{HEAD}Space s: {CIRCLE} wrt: world\n")
-    assert frames(plan)["s-wall-1-frame"] == plan.walls[1].frame
-    with pytest.raises(KeyError):
-        frames(plan)["s-wall-40-frame"]
 
 
 def test_a_plan_is_loaded_from_its_file(tmp_path):

@@ -126,9 +126,3 @@ def test_robile_has_a_package_name_other_than_its_folder(reference_data):
     actual = parameters(loaded, "/move_base")
     assert actual["base_local_planner"] == "base_local_planner/TrajectoryPlannerROS"
     assert actual["controller_frequency"] == 5.0
-
-
-def test_launch_files_nobody_could_start_say_why(reference_data):
-    old = reference_data / "robots/turtlebot2/turtlebot_navigation/launch/graveyard"
-    with pytest.raises(Exception, match="arg base has no value here"):
-        launch(old / "graveyard_bump_navi_demo.launch")

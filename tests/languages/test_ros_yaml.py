@@ -50,7 +50,8 @@ def test_what_is_no_angle_is_said_so(text):
     assert "is no angle" in problem(f"a: {text}\n")
 
 
-def test_anchors_and_merges_are_followed():
+def test_anchors_and_merges_are_followed_and_comments_set_nothing():
+    assert read("# nothing\n") == {}
     text = "a: &x {b: 1, c: 2}\nd:\n  <<: *x\n  c: 3\ne: *x\n"
     assert read(text) == {"a": {"b": 1, "c": 2}, "d": {"b": 1, "c": 3}, "e": {"b": 1, "c": 2}}
 
@@ -75,10 +76,6 @@ def test_lines_are_those_that_an_editor_counts(sign):
     document, warnings = parse_ros_yaml(f"a: 'x{sign}y'\nb: 1\nb: 2\n", "f.yaml")
     assert str(document.where(("b",))) == "f.yaml:3:4"
     assert str(warnings[0].where) == "f.yaml:3:1"
-
-
-def test_an_empty_file_sets_nothing():
-    assert read("# nothing\n") == {}
 
 
 @pytest.mark.parametrize(
