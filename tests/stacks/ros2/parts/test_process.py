@@ -186,6 +186,7 @@ def test_shared_memory_of_killed_processes_is_freed_that_of_others_is_not(start,
     [
         ("no-such-command --really", "ended with exit code 127 (command not found)"),
         ("exit 3", "ended with exit code 3"),
+        ("exit 125", "ended with exit code 125"),
         ("kill -SEGV $$", "was killed by SIGSEGV"),
         ("sh -c 'kill -ABRT $$'; exit $?", "exit code 134 (SIGABRT in a process it started)"),
     ],
