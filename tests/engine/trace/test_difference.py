@@ -11,7 +11,7 @@ from grammars.model.geometry import Pose2, Twist2
 from tests.analysis.old_runs import WORLD, drive, spec
 
 
-def steps(path, *, turn_at=1e9, moved_at=1e9, until=25.0):
+def steps(path, *, turn_at=1e9, moved_at=1e9, silent_at=None, until=25.0):
     """Record a robot that is told to turn, or is elsewhere, from a moment on."""
     with TraceWriter(path, spec(), WORLD) as trace:
         for step in range(round(until * 20)):
@@ -19,7 +19,8 @@ def steps(path, *, turn_at=1e9, moved_at=1e9, until=25.0):
             y = 2.0 if now >= moved_at else 1.0
             trace.ground_truth(now, Pose2(10.0, y), Twist2(0.5, 0.0, 0.0))
             trace.joints(now, np.array([0.4]), np.array([0.0]))
-            trace.command(now, Twist2(0.5, 0.0, 0.1 if now >= turn_at else 0.0))
+            if step != silent_at:
+                trace.command(now, Twist2(0.5, 0.0, 0.1 if now >= turn_at else 0.0))
         trace.progress(until, Progress(1, 1, "succeeded"))
         trace.close("finished", "")
     return path
@@ -35,6 +36,12 @@ def test_the_first_message_that_differs_is_named(tmp_path, moment):
     found = first_difference(one, steps(tmp_path / "b.mcap", turn_at=moment, moved_at=moment + 1.0))
     assert (found.topic, found.time) == ("/cmd_vel", pytest.approx(moment))
     assert str(found) == f"on /cmd_vel at {moment:.2f} s"
+
+
+def test_a_message_that_one_lacks_parts_them_where_it_was(tmp_path):
+    one, other = steps(tmp_path / "a.mcap"), steps(tmp_path / "b.mcap", silent_at=70)
+    for found in (first_difference(one, other), first_difference(other, one)):
+        assert (found.topic, found.time) == ("/cmd_vel", pytest.approx(3.5))
 
 
 def test_of_one_instant_the_cause_is_named(tmp_path):
