@@ -109,6 +109,7 @@ def test_laser_returns_in_the_buffer_are_seen_from_the_robot(run_of):
 def test_a_door_that_shuts_and_the_same_door_that_does_not(run_of):
     (fired,) = run_of(SHUT, NEAR).tracks.encounters
     assert (fired.fired, fired.time, fired.speed_then) == (True, 14.0, SPEED)
+    assert fired.since.min() < 0.0 < fired.since.max(), "seconds before and after"
     tracks = run_of(OPEN, NEAR).tracks
     (would,) = tracks.encounters
     assert not would.fired
