@@ -14,7 +14,6 @@ from hypothesis import HealthCheck, settings
 
 from grammars.text.parsing import Language
 from tests.may_skip import pytest_make_collect_report, pytest_runtest_makereport
-from tests.parts import daemon_at
 from tests.rings import order_by_ring
 
 __all__ = ["pytest_make_collect_report", "pytest_runtest_makereport"]
@@ -165,5 +164,9 @@ def golden(request):
 @pytest.fixture
 def daemon(tmp_path):
     """A real daemon on loopback for one test, without workers of its own."""
+    # Imported here: parts are forked where the environment is that of this import, and plug-ins
+    # of pytest still change it when this file is read.
+    from tests.parts import daemon_at
+
     with daemon_at(tmp_path / "state") as part:
         yield part
