@@ -59,7 +59,7 @@ CASES = {
     "search": (typed("search", 3), FEW | LANGUAGES),
     "check campaign": (
         typed("check campaigns/demo/campaign.yaml", 0),
-        FEW | BUS | SEARCH | {"daemon.model.messages", "grammars.variation"},
+        FEW | BUS | {"daemon.model.messages", "grammars.variation"},
     ),
     "check ros": (typed("check campaigns/ortega2024/campaign.yaml", 0), FEW | BUS),
     "check lasers": (typed("check campaigns/two_lasers/campaign.yaml", 0), FEW | SEARCH),
