@@ -181,6 +181,7 @@ def test_only_an_event_makes_the_feed_look_before_it_is_time(fake, monkeypatch):
     taker = Taker(feed)
     feed.start()
     taker.until(lambda it: fake.listeners and it.known.connected)
+    eventually(lambda: feed.take_news().known is None)  # what was taken is no news
     for looks in (2, 3):
         fake.listeners[0][0](ChangeEvent(1, "run", f"{CAMPAIGN}.7"))
         eventually(lambda looks=looks: count(fake, "overview") == looks)
