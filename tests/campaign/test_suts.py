@@ -19,7 +19,6 @@ from daemon.stacks.ros1.configuration import read_ros
 from daemon.stacks.ros1.wiring import Wiring
 from grammars.text import codec
 from grammars.text.diagnostics import InputError, Where
-from grammars.text.ros_yaml import load_ros_yaml
 from tests.campaign.loaded import findings_of, load_sut, write_sut
 from tests.parts import ROOT
 
@@ -106,25 +105,6 @@ def test_only_the_blind_costmaps_do_not_hear_the_scan(campaigns, name, hears):
     heard = ONE_LASER if hears else ()
     assert read.topics.heard(ONE_LASER) == Wiring(ONE_LASER, heard, heard)
     assert read.findings.problems == ()
-
-
-@pytest.mark.parametrize("name", ["a2s", "fro-diff", "fro-omni"])
-def test_our_configurations_have_the_published_figures(campaigns, reference_data, name):
-    def published(file):
-        return load_ros_yaml(reference_data / "suts" / name / f"{file}.yaml")[0].data
-
-    common, local, global_ = (
-        published(f"costmap_{n}_params") for n in ("common", "local", "global")
-    )
-    costmaps = {
-        "local_costmap": common | local["local_costmap"],
-        "global_costmap": common | global_["global_costmap"],
-    }
-    ours = parameters(campaigns, name)
-    assert ours["amcl"] == published("amcl")
-    assert ours["move_base"] == (
-        published("move_base_params") | published("dwa_local_planner_params") | costmaps
-    )
 
 
 def test_a_campaign_reports_every_bad_ros_file_at_once(campaign, campaigns):

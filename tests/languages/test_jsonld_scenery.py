@@ -148,31 +148,6 @@ def test_an_object_is_read_with_its_states_and_instances_from_other_files(tmp_pa
     assert not errors(tmp_path / "door")
 
 
-def test_the_published_door_is_the_one_described(reference_data):
-    layer = load_scenery_jsonld(reference_data / "jsonld" / "objects")
-    (model,) = layer.models
-    leaf, post = model.links
-    assert (leaf.polygons[0][0], leaf.polygons[0][2]) == ((-0.025, 0.025), (0.025, 0.955))
-    assert (leaf.z_min, leaf.z_max, leaf.mass) == (0.01, 1.99, 1.0)
-    assert (post.polygons[0][0], post.polygons[0][2]) == ((-0.025, -0.025), (0.025, 0.025))
-    assert (post.z_min, post.z_max, post.mass) == (0.0, 1.99, 100.0)
-    (hinge,) = model.joints
-    assert (hinge.kind, hinge.anchor) == ("revolute", (-0.025, 0.025))
-    assert (hinge.lower, hinge.upper) == (0.0, 2.0)
-    states = {state.name: dict(state.positions)[hinge.name] for state in model.states}
-    assert states == {"fully_opened": 1.6, "partially_opened": 0.7, "fully_closed": 0.0}
-    name = "brsu_building_c_with_doorways"
-    for plan in (
-        load_floorplan(reference_data / "floorplans" / f"{name}.fpm"),
-        load_floorplan_jsonld(reference_data / "jsonld" / "building_c"),
-    ):
-        (door,) = compile_scene(plan, [layer]).objects
-        assert (door.pose.x, door.pose.y, door.pose.yaw) == pytest.approx(
-            (-6.456217554968366, 18.71830066760646, 2.530727415391777), abs=1e-6
-        )
-        assert door.initial == (0.7,)
-
-
 def written_and_read(folder, plan, layers):
     """Return plan and layers as they come back from a folder in which nothing is wrong."""
     scene = saved(folder, scene_document(plan, layers), "scene.json")

@@ -131,14 +131,6 @@ def test_what_is_no_packed_map_is_refused(data):
         unpack_map(data)
 
 
-def test_published_maps_are_read(reference_data):
-    for name in ("kitchen", "hbrs"):
-        grid = read_map(reference_data / "maps" / f"{name}.yaml").grid
-        grey = np.flipud(np.asarray(Image.open(reference_data / "maps" / f"{name}.pgm")))
-        expected = np.select([grey == 0, grey == 255], [OCCUPIED, FREE], UNKNOWN)
-        assert np.array_equal(grid.cells, expected)
-
-
 def shades(mode, values):
     image = Image.new(mode, (len(values), 1))
     image.putdata(values)

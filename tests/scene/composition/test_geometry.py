@@ -183,12 +183,3 @@ def test_the_outline_of_building_c_is_that_of_its_solids(campaigns):
     assert lengths.sum() == pytest.approx(outline.length, rel=1e-5)
     lines = shapely.multilinestrings(segments.reshape(-1, 2, 2))
     assert lines.hausdorff_distance(outline) < 2e-4
-
-
-def test_published_floor_plans_fall_into_convex_solids(reference_data):
-    for file in sorted((reference_data / "floorplans").glob("*.fpm")):
-        plan = load_floorplan(file)
-        scene = compile_scene(plan)
-        assert all(is_convex(s.polygon) for s in scene.solids)
-        for z in (0.1, 1.5, 2.2):
-            assert area_of_walls(scene, z) == pytest.approx(wall_area_left(plan, z), abs=1e-3)

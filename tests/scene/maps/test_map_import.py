@@ -1,8 +1,6 @@
 """Buildings made from maps: exact to a cell, the same each time, with doorways where doors are."""
 
-import gzip
 import math
-import shutil
 
 import numpy as np
 import pytest
@@ -13,7 +11,6 @@ from hypothesis import strategies as st
 from grammars.maps import walls_text
 from grammars.maps.map_import import EmptyMapError, ImportSettings, vectorise
 from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from grammars.model.map_files import read_map
 from tests.scene.maps.imported import (
     CELL,
     compared,
@@ -32,44 +29,9 @@ RECTANGLE = st.tuples(
 )
 
 
-def published(data, name, folder):
-    source = data / "maps"
-    text = (source / f"{name}.yaml").read_text(encoding="utf-8").replace("map.pgm", f"{name}.pgm")
-    (folder / f"{name}.yaml").write_text(text, encoding="utf-8")
-    if (packed := source / f"{name}.pgm.gz").exists():
-        (folder / f"{name}.pgm").write_bytes(gzip.decompress(packed.read_bytes()))
-    else:
-        shutil.copy(source / f"{name}.pgm", folder)
-    return read_map(folder / f"{name}.yaml").grid
-
-
 def widths(grid):
     doors = vectorise(grid).building.entryways.values()
     return [round(math.dist(door.start, door.end), 3) for door in doors]
-
-
-@pytest.mark.parametrize(
-    ("name", "corners", "doorways"),
-    [
-        ("hbrs", 60, 2),
-        ("kitchen", 60, 3),
-        ("robile_lab", 100, 1),
-        ("brsu_building_c_dynamic", 800, 6),
-    ],
-)
-def test_the_building_of_a_published_map_has_that_map(
-    reference_data, tmp_path, name, corners, doorways
-):
-    grid = published(reference_data, name, tmp_path)
-    found = compared(grid, tmp_path)
-    report = found.made.report
-    left_out = report.dropped_floor / CELL**2 + report.dropped_walls + report.filled_cells
-    assert found.astray <= round(left_out)
-    assert found.differing < 0.006
-    assert report.largest_error <= 1.0
-    assert report.corners < corners
-    assert len(found.plan.openings) == doorways
-    assert not found.plan.warnings
 
 
 @pytest.mark.parametrize("grid", [hexagon_world(), house(), measured(house())])

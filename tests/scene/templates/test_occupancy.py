@@ -1,7 +1,5 @@
 """The map of a scene."""
 
-import gzip
-import io
 import math
 from dataclasses import replace
 
@@ -10,9 +8,8 @@ import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
-from PIL import Image
 
-from grammars.floorplan import load_floorplan, parse_floorplan
+from grammars.floorplan import load_floorplan
 from grammars.model.geometry import Pose2
 from grammars.model.grid import FREE, OCCUPIED, UNKNOWN
 from grammars.model.scene import Doorway, Joint, Link, Region, Scene, SceneObject, Solid
@@ -288,54 +285,3 @@ def test_without_doors_every_doorway_of_building_c_is_open(building_c):
     grid = occupancy_grid(building_c, laser_height=0.3)
     middles = {d.name: np.mean(d.footprint, axis=0) for d in building_c.doorways}
     assert [name for name, middle in middles.items() if at(grid, middle) != FREE] == []
-
-
-def hbrs_as_it_was(data):
-    """Return the plan when its map was drawn: all walls 0.2 m, rooms that far apart."""
-    text = (data / "floorplans" / "hbrs.fpm").read_text(encoding="utf-8")
-    for now, then in {
-        "spaced": "",
-        "x: 0.5 m, y: 0.0 m": "x: 0.5 m, y: 0.4 m",
-        "thickness: 0.5 m": "thickness: 0.2 m",
-        "thickness: my_thickness": "thickness: 0.2 m",
-    }.items():
-        assert now in text
-        text = text.replace(now, then)
-    return parse_floorplan(text)
-
-
-# What is left is rounding in the tool that drew the maps: in both plans corners lie on borders of
-# cells, and there its walls lean by a cell from one end to the other. Other rules are off by 15 %.
-@pytest.mark.parametrize(
-    ("name", "height", "origin", "most"),
-    [
-        ("kitchen", 0.7, (-8.25, -9.35), 0.05),
-        ("hbrs", 0.7, (-8.4, -6.25), 0.05),
-        ("brsu_building_c_dynamic", 0.3, (-24.8019555, -19.0063712), 0.02),
-    ],
-)
-def test_published_plans_are_drawn_as_they_were_drawn(
-    reference_data, campaigns, name, height, origin, most
-):
-    if name == "hbrs":
-        plan = hbrs_as_it_was(reference_data)
-    elif name == "kitchen":
-        plan = load_floorplan(reference_data / "floorplans" / "kitchen.fpm")
-    else:
-        plan = load_floorplan(campaigns / "ortega2024" / "building_c.fpm")
-    file = reference_data / "maps" / f"{name}.pgm"
-    packed = file.with_suffix(".pgm.gz")
-    image = gzip.decompress(packed.read_bytes()) if packed.exists() else file.read_bytes()
-    theirs = np.flipud(np.asarray(Image.open(io.BytesIO(image)))) == 0
-    grid = occupancy_grid(compile_scene(plan, []), laser_height=height)
-    assert (grid.x, grid.y) == pytest.approx(origin, abs=1e-6)
-    assert grid.cells.shape == theirs.shape
-    differing = np.count_nonzero((grid.cells == OCCUPIED) ^ theirs)
-    assert differing <= most * np.count_nonzero(theirs)
-
-
-def test_building_c_lies_where_its_published_map_lies(reference_data):
-    plan = load_floorplan(reference_data / "floorplans" / "brsu_building_c_with_doorways.fpm")
-    grid = occupancy_grid(compile_scene(plan, []), laser_height=0.7)
-    assert (grid.x, grid.y) == pytest.approx((-24.8019555, -19.0063712), abs=1e-6)
-    assert grid.cells.shape == (1734, 1699)

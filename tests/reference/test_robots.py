@@ -1,9 +1,13 @@
 """What the files of published robots come to: the layers move_base would make of each."""
 
+import pytest
+
 from campaigns.studies.published_robots.folder import SUTS
 from daemon.campaign import LayerLibrary
 from daemon.stacks.ros1.configuration import read_ros
 from grammars.text.diagnostics import InputError
+from grammars.text.ros_yaml import load_ros_yaml
+from tests.campaign.test_suts import parameters
 from tests.stacks.ros1.sections import said, shown
 
 NAMES = (
@@ -38,4 +42,23 @@ def test_published_robots_have_the_layers_their_files_describe(reference_data, t
         told += [line for line in said((), read.findings) if line.startswith("warning")]
     text = "\n".join(told) + "\n"
     text = text.replace(str(tmp_path), "SUTS").replace(str(reference_data / "robots"), "ROBOTS")
-    golden("published_robots.txt", text)
+    golden("robots.txt", text)
+
+
+@pytest.mark.parametrize("name", ["a2s", "fro-diff", "fro-omni"])
+def test_our_configurations_have_the_published_figures(campaigns, reference_data, name):
+    def published(file):
+        return load_ros_yaml(reference_data / "suts" / name / f"{file}.yaml")[0].data
+
+    common, local, global_ = (
+        published(f"costmap_{n}_params") for n in ("common", "local", "global")
+    )
+    costmaps = {
+        "local_costmap": common | local["local_costmap"],
+        "global_costmap": common | global_["global_costmap"],
+    }
+    ours = parameters(campaigns, name)
+    assert ours["amcl"] == published("amcl")
+    assert ours["move_base"] == (
+        published("move_base_params") | published("dwa_local_planner_params") | costmaps
+    )
