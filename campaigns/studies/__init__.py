@@ -1,1 +1,1 @@
-"""Studies whose tables stand in the documentation: how each table was made, to make it again."""
+"""Studies: how the tables and pictures of the documentation were made, to make them again."""

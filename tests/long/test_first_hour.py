@@ -7,7 +7,7 @@ from pathlib import Path
 import pyte
 import pytest
 
-from docs.pictures.session_cast import CAST, LARGEST, LONGEST_PAUSE
+from campaigns.studies.pictures.session_cast import CAST, LARGEST, LONGEST_PAUSE
 from tests.long.first_hour import DOCUMENT, SIZE, Step, follow, read_steps, shell_in
 from tests.people.terminal.pseudo_terminal import ALTERNATE, ROOT
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from docs.pictures.executed_campaign import execute_campaign
-from docs.pictures.shots import (
+from campaigns.studies.pictures.executed_campaign import execute_campaign
+from campaigns.studies.pictures.shots import (
     COMMANDS,
     FOLDER,
     KEYS,
@@ -20,7 +20,7 @@ from docs.pictures.shots import (
 )
 
 _DOTS = re.compile("[\u2800-\u28ff]")
-AGAIN = "record it again: python -m docs.pictures --views"
+AGAIN = "record it again: python -m campaigns.studies.pictures --views"
 
 
 def _words(svg):

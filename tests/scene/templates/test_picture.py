@@ -86,7 +86,7 @@ def test_no_name_hides_the_way():
 
 
 def test_the_documentation_shows_the_flat_of_the_demo_as_it_is(tmp_path):
-    """``python -m docs.pictures`` draws it again."""
+    """``python -m campaigns.studies.pictures`` draws it again."""
     worlds, _ = worlds_of_campaign(ROOT / "campaigns" / "demo" / "campaign.yaml")
     (busy,) = (w for w in worlds if w.name == "busy-house")
     drawn = write_drawing(draw_world(busy), tmp_path / "flat.svg").read_text(encoding="utf-8")

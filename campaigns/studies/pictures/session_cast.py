@@ -1,4 +1,4 @@
-"""A session in a terminal as asciinema plays it: ``python -m docs.pictures --cast``.
+"""A session in a terminal as asciinema plays it: ``python -m campaigns.studies.pictures --cast``.
 
 What the terminal gets is kept as an asciicast (version 2: a line of JSON about the terminal, then
 one for each piece of output), with pauses cut short. The format:

@@ -1,6 +1,6 @@
 """Every view of the dashboard as pictures for the documentation: of executed runs, at a fixed time.
 
-``python -m docs.pictures`` writes them, the tests compare what is written in them.
+``python -m campaigns.studies.pictures`` writes them, the tests compare what is written in them.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from textual.keys import format_key
 from textual.pilot import Pilot
 from textual.widgets import Input, Static
 
-from docs.pictures.executed_campaign import (
+from campaigns.studies.pictures.executed_campaign import (
     FAILED,
     PASSED,
     ExecutedCampaign,
@@ -46,7 +46,7 @@ from tests.people.dashboard.driven import until
 from tests.people.dashboard.inline import make_dashboard, press, settle
 from tests.people.dashboard.searching import SEARCH, SearchingDaemon
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 FOLDER = ROOT / "docs" / "pictures"
 CAMPAIGNS = ROOT / "campaigns"
 KEYS = "## All keys\n\n"

@@ -1,4 +1,4 @@
-"""Record the pictures of the documentation: ``python -m docs.pictures``.
+"""Record the pictures of the documentation: ``python -m campaigns.studies.pictures``.
 
 ``docs/pictures`` holds every view of the dashboard and the output of the main commands, of a small
 campaign that is executed for them: the tests say when they are not true any more. ``docs/demo.svg``
@@ -17,11 +17,11 @@ from pathlib import Path
 from rich.console import Console
 from rich.text import Text
 
-from docs.pictures.executed_campaign import execute_campaign
-from docs.pictures.session_cast import record_session
-from docs.pictures.shots import COMMANDS, FOLDER, KEYS, SHOTS, draw, key_table, typed
+from campaigns.studies.pictures.executed_campaign import execute_campaign
+from campaigns.studies.pictures.session_cast import record_session
+from campaigns.studies.pictures.shots import COMMANDS, FOLDER, KEYS, SHOTS, draw, key_table, typed
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 DOCS = ROOT / "docs"
 CAMPAIGN = ROOT / "campaigns" / "demo" / "campaign.yaml"
 SCENARIO = Path(sys.executable).with_name("scenario")

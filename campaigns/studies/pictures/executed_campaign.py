@@ -36,7 +36,7 @@ FAILED = "busy-house/daring/0"
 PASSED = "busy-house/pilot/0"
 """The same with the other pilot; of this campaign it is under way."""
 REPEATS = 2
-_CAMPAIGNS = Path(__file__).parents[2] / "campaigns"
+_CAMPAIGNS = Path(__file__).parents[2]
 _DARING = """\
 sut: daring
 about: the pilot with hardly any distance to what is not on its map
