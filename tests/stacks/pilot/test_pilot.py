@@ -16,6 +16,17 @@ START = Pose2(1.2, 3.6, 0.0)
 ACROSS = (7.6, 1.5)
 
 
+def worst_error(log):
+    return max(math.hypot(t.x - e.pose.x, t.y - e.pose.y) for t, e in log.estimates)
+
+
+def inside_two_sigma(log):
+    """Share of estimates with x and y both within two standard deviations of the truth."""
+    off = np.array([(t.x - e.pose.x, t.y - e.pose.y) for t, e in log.estimates])
+    variances = np.array([np.diag(e.covariance)[:2] for _, e in log.estimates])
+    return float(np.mean((off**2 <= 4.0 * variances).all(axis=1)))
+
+
 @pytest.mark.parametrize("kind", ["omnidirectional", "differential"])
 def test_it_drives_through_a_doorway_without_touching_it(kind):
     log = drive(ONE_DOORWAY, SIZE, START, [ACROSS, (1.2, 3.6)], robot=a_robot(kind))
@@ -23,6 +34,8 @@ def test_it_drives_through_a_doorway_without_touching_it(kind):
     assert not log.collided
     assert log.last.progress.reached == 2
     assert math.hypot(log.poses[-1].x - 1.2, log.poses[-1].y - 3.6) < 0.15
+    assert worst_error(log) < 0.15
+    assert inside_two_sigma(log) > 0.95
     assert kind == "omnidirectional" or all(command.vy == 0.0 for command in log.commands)
     assert [text for _, text in log.events] == [
         "waypoint 1 reached", "waypoint 2 reached", "mission complete",
@@ -123,10 +136,6 @@ def short_sighted(*, z=0.3, kind="omnidirectional"):
         angle_min=-math.pi, angle_max=math.pi, rays=240,
     )  # fmt: skip
     return replace(robot, laser=near, other_lasers=(far,))
-
-
-def worst_error(log):
-    return max(math.hypot(t.x - e.pose.x, t.y - e.pose.y) for t, e in log.estimates)
 
 
 def test_every_laser_at_the_height_of_the_map_tells_where_it_is():

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
+import shapely
 
 from daemon.model.sut import Briefing, Decision, Estimate, LaserScan, Observation, Odometry
 from daemon.stacks.registry import make_sut
@@ -79,23 +80,6 @@ def cast(segments, origin, angles, reach):
     return ranges
 
 
-def hits(footprint, segments):
-    """Tell whether a convex counter-clockwise polygon meets any segment (clipping each to it)."""
-    after = np.roll(footprint, -1, axis=0)
-    normals = np.column_stack((footprint[:, 1] - after[:, 1], after[:, 0] - footprint[:, 0]))
-    start, end = segments[:, :2], segments[:, 2:]
-    low, high = np.zeros(len(segments)), np.ones(len(segments))
-    for corner, normal in zip(footprint, normals, strict=True):
-        first, second = (start - corner) @ normal, (end - corner) @ normal
-        change = second - first
-        with np.errstate(divide="ignore", invalid="ignore"):
-            crossing = -first / change
-        low = np.where(change > 0.0, np.maximum(low, crossing), low)
-        high = np.where(change < 0.0, np.minimum(high, crossing), high)
-        high = np.where((change == 0.0) & (first < 0.0), -1.0, high)
-    return bool((low < high).any())
-
-
 @dataclass
 class Log:
     """What happened on a drive, sampled at every update."""
@@ -160,7 +144,8 @@ def drive(
             log.estimates.append((true, decision.estimate))
         c, s = math.cos(true.yaw), math.sin(true.yaw)
         outline = footprint @ np.array([[c, s], [-s, c]]) + (true.x, true.y)
-        log.collided = log.collided or hits(outline, segments)
+        solids = shapely.linestrings(segments.reshape(-1, 2, 2))
+        log.collided |= bool(shapely.intersects(shapely.Polygon(outline), solids).any())
         if decision.progress.state != "active":
             break
         step = Pose2(twist.vx * TICK, twist.vy * TICK, twist.wz * TICK)
