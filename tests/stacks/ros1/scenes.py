@@ -2,6 +2,9 @@
 
 import copy
 import math
+from pathlib import Path
+
+import yaml
 
 from daemon.model.spec import MapSettings, OracleText, RunSpec, SutReference
 from daemon.run import execute
@@ -26,56 +29,12 @@ ROBOT = Robot(
     OdometryNoise(1.0 / 0.051, 0.0, 0.0, 0.0, period=0.051, twist="mean", origin="map"),
 )  # fmt: skip
 
-_SCAN = {"data_type": "LaserScan", "topic": "scan", "marking": True, "clearing": True}
-_COSTMAP = {
-    "footprint": [[0.35, 0.233], [0.35, -0.233], [-0.35, -0.233], [-0.35, 0.233]],
-    "obstacle_range": 3.0,
-    "raytrace_range": 3.5,
-    "observation_sources": "scan",
-    "scan": _SCAN,
-}
-DIFFERENTIAL = {
-    "amcl": {
-        "min_particles": 500,
-        "max_particles": 1000,
-        "odom_model_type": "diff-corrected",
-        "laser_model_type": "likelihood_field",
-        "update_min_d": 0.1,
-        "update_min_a": 0.25,
-        "transform_tolerance": 0.5,
-        "initial_cov_xx": 0.01,
-        "initial_cov_yy": 0.01,
-        "initial_cov_aa": 0.01,
-    },
-    "move_base": {
-        "base_local_planner": "dwa_local_planner/DWAPlannerROS",
-        "controller_frequency": 10.0,
-        "planner_frequency": 5.0,
-        "oscillation_timeout": 10.0,
-        "oscillation_distance": 0.2,
-        "global_costmap": {
-            **_COSTMAP, "global_frame": "map", "static_map": True, "update_frequency": 10.0,
-            "inflation_radius": 0.5, "cost_scaling_factor": 3.0,
-        },
-        "local_costmap": {
-            **_COSTMAP, "global_frame": "odom", "rolling_window": True, "update_frequency": 5.0,
-            "width": 3.0, "height": 3.0, "inflation_radius": 0.55, "cost_scaling_factor": 5.0,
-        },
-        "DWAPlannerROS": {
-            "max_vel_x": 0.4, "min_vel_x": -0.22, "max_vel_y": 0.0, "min_vel_y": 0.0,
-            "max_vel_trans": 0.4, "min_vel_trans": 0.11, "max_vel_theta": 2.0,
-            "min_vel_theta": 0.5, "acc_lim_x": 2.5, "acc_lim_y": 0.0, "acc_lim_theta": 3.2,
-            "xy_goal_tolerance": 0.15, "yaw_goal_tolerance": 0.5, "sim_time": 1.5,
-            "vx_samples": 10, "vy_samples": 0, "vth_samples": 20,
-        },
-    },
-}  # fmt: skip
-"""A differential configuration that drives well, faster than that of the paper."""
+DIFFERENTIAL = yaml.safe_load(Path(__file__).with_name("differential.yaml").read_text("utf-8"))
 
 
 def configured(**changes):
     """Return the configuration with values changed, ``move_base__planner_patience=1.0``."""
-    tree = copy.deepcopy(dict(DIFFERENTIAL))
+    tree = copy.deepcopy(DIFFERENTIAL)
     for name, value in changes.items():
         *path, last = name.split("__")
         node = tree

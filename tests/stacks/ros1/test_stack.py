@@ -2,9 +2,11 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from daemon.model.sut import Briefing, LaserScan, Observation, Odometry
 from daemon.model.verdicts import Outcome
@@ -144,54 +146,16 @@ def test_a_scan_waits_for_the_odometry_at_its_stamp():
     assert len(decision.particles) <= 100
 
 
-_SEEN = {
-    "observation_sources": "scan",
-    "scan": {
-        "data_type": "LaserScan", "topic": "scan", "marking": True, "clearing": True,
-        "obstacle_range": 3.0, "raytrace_range": 3.5,
-    },
-}  # fmt: skip
-_INFLATION = {"inflation_radius": 0.5, "cost_scaling_factor": 4.0}
-_FOOTPRINT = [[0.35, 0.233], [0.35, -0.233], [-0.35, -0.233], [-0.35, 0.233]]
-
-
-def layered(*layers, **values):
-    """A costmap with ``plugins``; layers are named after their types."""
-    own = {"ObstacleLayer": _SEEN, "VoxelLayer": _SEEN, "InflationLayer": _INFLATION}
-    return {
-        "plugins": [{"name": name, "type": f"costmap_2d::{kind}"} for name, kind in layers],
-        "footprint": _FOOTPRINT,
-        "update_frequency": 5.0,
-        **{name: own[kind] for name, kind in layers if kind in own},
-        **values,
-    }
-
-
-WITHOUT_MAP = layered(
-    ("obstacles", "ObstacleLayer"), ("inflater", "InflationLayer"),
-    global_frame="odom", rolling_window=True, width=12.0, height=12.0,
-)  # fmt: skip
-"""The global costmap of a robot without a map, as Husky has one."""
-OVER_THE_MAP = layered(
-    ("static_map", "StaticLayer"), ("obstacles", "VoxelLayer"), ("inflater", "InflationLayer"),
-    global_frame="odom", rolling_window=True, width=12.0, height=12.0,
-)  # fmt: skip
-IN_MAP = layered(
-    ("obstacles", "VoxelLayer"), ("inflater", "InflationLayer"),
-    global_frame="map", rolling_window=True, width=3.0, height=3.0, publish_frequency=1.0,
-)  # fmt: skip
-STILL = layered(
-    ("static_map", "StaticLayer"), ("obstacles", "ObstacleLayer"), ("inflater", "InflationLayer"),
-    global_frame="map", rolling_window=False,
-)  # fmt: skip
+COSTMAPS = yaml.safe_load(Path(__file__).with_name("costmaps.yaml").read_text("utf-8"))
 
 
 @pytest.mark.parametrize(
-    ("wide", "near"), [(WITHOUT_MAP, IN_MAP), (OVER_THE_MAP, None), (None, STILL)]
+    ("wide", "near"), [("without map", "rolling in map"), ("over the map", "still")]
 )
 def test_it_drives_through_a_doorway_whatever_frames_its_costmaps_are_in(tmp_path, wide, near):
-    given = {"move_base__global_costmap": wide, "move_base__local_costmap": near}
-    parameters = configured(**{name: value for name, value in given.items() if value is not None})
+    parameters = configured(
+        move_base__global_costmap=COSTMAPS[wide], move_base__local_costmap=COSTMAPS[near]
+    )
     result, trace = run(tmp_path, room(*DOORWAY), ACROSS, parameters)
     assert (result.outcome, result.ended) == (Outcome.PASS, "finished")
     assert trace.contacts == ()

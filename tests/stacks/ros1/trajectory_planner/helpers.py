@@ -25,20 +25,25 @@ def circle(radius):
 
 @dataclass(frozen=True)
 class Robot:
-    """Parameters of TrajectoryPlannerROS, padded footprint, control rate and costmap of a robot."""
+    """Parameters of TrajectoryPlannerROS, padded footprint, control rate and costmap of a robot,
+    and commands of the original."""
 
     parameters: TrajectoryPlannerParameters
     outline: Floats
     frequency: float
     cells: int
     resolution: float
+    measured: list[list[float]]
 
 
 def read_robot(given):
     parameters = TrajectoryPlannerParameters(**given["parameters"])
     ((shape, size),) = given["footprint"].items()
     outline = circle(size) if shape == "circle" else rectangle(*size)
-    return Robot(parameters, outline, given["frequency"], given["cells"], given["resolution"])
+    return Robot(
+        parameters, outline, given["frequency"], given["cells"], given["resolution"],
+        given["measured"],
+    )  # fmt: skip
 
 
 FILE = Path(__file__).with_name("robots.yaml")

@@ -1,6 +1,5 @@
 """What the controller does with plans, goals, blocked ways and obstacles."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +13,6 @@ from daemon.stacks.ros1.trajectory_planner import (
 from daemon.stacks.ros1.trajectory_planner._parameters import slowest_turn_at_goal, strafe_speeds
 from daemon.stacks.ros1.trajectory_planner._rollout import (
     count_points,
-    normalize_angle,
 )
 from daemon.stacks.ros1.trajectory_planner._search import (
     velocity_window,
@@ -24,12 +22,10 @@ from daemon.stacks.ros1.trajectory_planner._settings import (
     settings_of,
 )
 from daemon.stacks.ros1.trajectory_planner.controller import TrajectoryPlanner
-from grammars.model.geometry import Pose2, Twist2, wrap_angle
-from tests.stacks.ros1.trajectory_planner import plain
+from grammars.model.geometry import Pose2, Twist2
 from tests.stacks.ros1.trajectory_planner.helpers import (
     ROBOTS,
     costs_around,
-    drive,
     rectangle,
     straight,
 )
@@ -181,21 +177,6 @@ def test_pruning_forgets_the_plan_behind_the_robot(prune):
     assert planner._plan.forgotten == (11 if prune else 0)
 
 
-@pytest.mark.parametrize("name", list(ROBOTS))
-def test_published_robots_reach_their_goal_in_an_empty_world(name):
-    robot = ROBOTS[name]
-    planner = TrajectoryPlanner(
-        robot.parameters, FAST, robot.outline, 1.0 / robot.frequency, latch_goal=False
-    )
-    # Off the corner of a cell: there MiR turns on the spot for ever, here as in the original.
-    goal = Pose2(2.02, 0.02, 1.0)
-    planner.set_plan(straight(2.0, end=goal.yaw) + np.array((goal.x - 2.0, goal.y, 0.0)))
-    poses = [pose for pose, answer in drive(planner, robot, Pose2(yaw=2.8), 1000) if answer.ok]
-    assert planner.goal_reached(poses[-1], Twist2(), Pose2())
-    assert math.hypot(poses[-1].x - goal.x, poses[-1].y - goal.y) < 0.3
-    assert abs(poses[-1].yaw - goal.yaw) <= robot.parameters.yaw_goal_tolerance
-
-
 def test_a_costmap_of_another_shape_is_taken():
     planner = controller()
     planner.set_plan(straight(1.5))
@@ -213,15 +194,6 @@ HUSKY = ROBOTS["husky"].parameters
 
 def settings(parameters=DEFAULT):
     return settings_of(parameters, FAST, 0.05, 0.1)
-
-
-def test_weights_are_per_metre_when_asked_and_go_by_older_names():
-    s = settings(HUSKY)
-    assert (s.path_scale, s.goal_scale) == (0.75 * 0.05, 1.0 * 0.05)
-    assert s.occdist_scale == 0.1
-    both = replace(HUSKY, path_distance_bias=2.0, meter_scoring=False)
-    assert settings(both).path_scale == 2.0
-    assert settings(replace(DEFAULT, gdist_scale=9.0)).goal_scale == 5.0
 
 
 def test_the_older_name_of_the_slowest_turn_is_heard_at_the_goal_only():
@@ -254,9 +226,3 @@ def test_no_trajectory_is_longer_than_there_is_room():
             for sample in (*edges[1].tolist(), -s.slowest_turn, 1.0):
                 for speed in (*edges[0].tolist(), s.escape_vel):
                     assert count_points(speed, 0.0, sample, s) <= most
-
-
-def test_angles_are_wrapped_as_others_do_but_for_rounding():
-    for angle in np.linspace(-9.0, 9.0, 181).tolist():
-        assert normalize_angle(angle) == pytest.approx(wrap_angle(angle), abs=1e-14)
-        assert normalize_angle(angle) == plain.between(0.0, angle)
