@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daemon.stacks.ros1.amcl.distance_field import distance_field, spread_distances
+from daemon.stacks.ros1.amcl.distance_field import distance_field
 from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from tests.stacks.ros1.amcl.plain import brushfire, distances, single
 
@@ -23,12 +23,6 @@ _A_CELL_IS_SKIPPED = (
 def metres(field, cap):
     """Distances without the frame."""
     return field.distances(cap)[field.squared[1:-1, 1:-1]]
-
-
-def drawn(*rows, radius=40):
-    """Squared distances on a map of ``.`` and ``#``, the lowest row first."""
-    occupied = np.array([[mark == "#" for mark in row] for row in rows], dtype=np.uint8)
-    return spread_distances(occupied, radius)[1:-1, 1:-1].tolist()
 
 
 def scattered(rows, columns, share, seed, resolution=0.05):
@@ -74,38 +68,6 @@ def test_a_cell_nearer_than_the_one_it_is_reached_from_leaves_the_queue_in_its_s
     assert skipped == 1
     found = metres(distance_field(grid, 2.0, brushfire=True), 2.0)
     np.testing.assert_array_equal(found, expected)
-
-
-def test_a_cell_keeps_the_first_obstacle_to_reach_it():
-    """Obstacles a, lower left, and b, upper right, spread by increasing distance.
-
-    Column 3 of the lowest row lies 3 cells right of a (squared 9) and 2 left of, 2 below b
-    (squared 8). Its left neighbour is at squared 4 from a; the other two, above it and to its
-    right, at squared 5 from b. So a comes first. The same happens to column 2 of the highest row.
-    """
-    found = drawn(
-        "#.....",
-        "......",
-        ".....#",
-    )
-    assert found == [
-        [0, 1, 4, 9, 5, 4],
-        [1, 2, 5, 5, 2, 1],
-        [4, 5, 9, 4, 1, 0],
-    ]
-
-
-def test_of_equal_distances_the_heap_decides():
-    """Of two cells at distance 1 the one that was put in last goes first.
-
-    a and b are column 0, upwards, c stands right of b; p is right of a, q right of c.
-    Waiting are a, b, c, in a heap a above b and c. a puts in p, below b. When a goes, the second
-    of the equals b and c rises, and p fills its gap: c, b, p. c puts in q, below b. When c goes,
-    b rises, being nearer than p, and q fills its gap: b, q, p. b finds nothing. When it goes, q
-    rises, its only child left: q, p. So q, not p, reaches the cell between them, and from c its
-    squared distance is 2; from a it would be 4.
-    """
-    assert drawn("#..", "##.") == [[0, 1, 2], [0, 0, 1]]
 
 
 def test_distances_end_a_cell_short_where_the_resolution_is_rounded_up():

@@ -20,7 +20,6 @@ from daemon.stacks.ros1.costmap.costmap import Costmap
 from daemon.stacks.ros1.quirks import FAST
 from grammars.model.geometry import Pose2
 from grammars.model.grid import OccupancyGrid
-from tests.stacks.ros1.costmap import plain
 from tests.stacks.ros1.costmap.pictures import build
 
 A2S = ((-0.08, -0.075), (-0.08, 0.075), (0.105, 0.075), (0.105, -0.075))
@@ -180,50 +179,5 @@ def test_the_window_moves_by_whole_cells_cut_off_toward_zero(aim, moved, origin)
     assert (costmap.grid.x, costmap.grid.y) == (origin[0] + moved[0], origin[1] + moved[1])
 
 
-def test_a_new_window_of_three_metres_leaves_the_robot_out_of_its_middle():
-    # 60 cells are 2.975 m to the original: it aims at -1.4875, 29.75 cells from where a window
-    # begins, and moves 29.
-    costmap = made(ROLLING)
-    costmap.update(Pose2())
-    assert (costmap.grid.x, costmap.grid.y) == (-29 * 0.05, -29 * 0.05)
-    # Half a metre on: (-0.9875 + 1.45) / 0.05 = 9.25, (-1.9875 + 1.45) / 0.05 = -10.75.
-    costmap.update(Pose2(0.5, -0.5))
-    assert (costmap.grid.x, costmap.grid.y) == (-29 * 0.05 + 9 * 0.05, -29 * 0.05 - 10 * 0.05)
-
-
 # Costs in the order of the original's queue (inflation_queue_order), for a robot so small that only
 # its middle counts.
-ORDERED = replace(FAST, inflation_queue_order=True)
-NEAR = InflationLayer(inflation_radius=0.25, cost_scaling_factor=3.0)
-POINT = 0.02
-SQUARE = ((-POINT, -POINT), (-POINT, POINT), (POINT, POINT), (POINT, -POINT))
-
-
-def below_inflation(layer):
-    return LayeredCostmap((StaticLayer(), layer), footprint=SQUARE, footprint_padding=0.0)
-
-
-@pytest.mark.parametrize("updates", [0, 1, 3])
-def test_a_cell_whose_neighbours_have_other_obstacles_never_hears_of_its_own(updates):
-    """Four rows of four cells, the highest first, a and b and c occupied::
-
-        . . . c
-        . . . .
-        . . b .
-        a . . .
-
-    The upper left corner is nearest to b, at squared distance 4 + 4; to a and c it is 9. The cell
-    below it has a, at 4, not b, at 4 + 1; the cell right of it c, at 4, not b, at 4 + 1. Neither
-    passes b on, and the corner gets a or c.
-    """
-    cells = np.zeros((4, 4))
-    cells[0, 0] = cells[1, 2] = cells[3, 3] = 100
-    first = np.array([[0, 1, 1, 2], [1, 1, 0, 1], [4, 2, 1, 1], [9, 4, 1, 0]])
-    nearest = first.copy()
-    nearest[3, 0] = 8
-    for quirks, squared in ((ORDERED, first), (FAST, nearest)):
-        costmap = made(below_inflation(NEAR), cells, quirks)
-        for _ in range(updates):
-            costmap.update(Pose2(0.1, 0.1))
-        costs = [[plain.cost(math.sqrt(n), NEAR, POINT, 0.05) for n in row] for row in squared]
-        np.testing.assert_array_equal(costmap.grid.cells, costs)

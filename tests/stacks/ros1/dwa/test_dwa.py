@@ -269,24 +269,6 @@ def test_a_costmap_of_another_size_or_place_takes_the_place_of_the_last():
     assert dwa.command(Pose2(), twist, Pose2(), empty()).ok
 
 
-@pytest.mark.parametrize("parameters", [A2S, OMNI])
-def test_it_reaches_a_goal_in_an_empty_world(parameters):
-    dwa = controller(parameters)
-    dwa.set_plan(straight(1.2, 0.6))
-    pose, twist, period = Pose2(), Twist2(), 1.0 / (parameters.controller_frequency or 20.0)
-    for _ in range(400):
-        if dwa.goal_reached(pose, twist, Pose2()):
-            break
-        answer = dwa.command(pose, twist, Pose2(), empty(pose.x, pose.y))
-        assert answer.ok
-        twist = answer.twist
-        for _ in range(5):
-            dt = period / 5.0
-            pose = pose @ Pose2(twist.vx * dt, twist.vy * dt, twist.wz * dt)
-    assert math.hypot(pose.x - 1.2 * math.cos(0.6), pose.y - 1.2 * math.sin(0.6)) < 0.16
-    assert dwa.goal_reached(pose, twist, Pose2())
-
-
 def test_what_is_kept_between_cycles_changes_no_command():
     rng = np.random.default_rng(5)
     kept = Dwa(A2S, FAST, SMALL, 0.1)
