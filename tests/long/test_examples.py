@@ -11,8 +11,8 @@ from daemon.batch import launch
 from grammars.model.map_files import write_map
 from scenario_tui.cli.commands import load_command
 from scenario_tui.cli.examples import EXAMPLES
+from tests.people.cli.commands import commands
 from tests.people.cli.real import call, call_here
-from tests.people.cli.test_poisoned import commands
 from tests.scene.maps.imported import house
 
 STAY = {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import functools
+import itertools
 import math
 import operator
 import sqlite3
@@ -404,6 +405,11 @@ class FakeDaemon(DaemonClient):
     def open(self):
         self._answer("open")
         yield self
+
+    def at(self, actions):
+        """Do something before it answers for the n-th time: ``{n: action}``."""
+        times = itertools.count(1)
+        self.before = lambda daemon: actions.get(next(times), lambda _: None)(daemon)
 
     def told(self, verb):
         """What it was told to do by a verb."""

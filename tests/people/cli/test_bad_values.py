@@ -6,7 +6,7 @@ import socket
 import typer
 
 from scenario_tui.cli import command_line
-from tests.people.cli.test_poisoned import commands
+from tests.people.cli.commands import commands
 
 LIBRARY_WORDS = re.compile(
     r"validation error|Value error|type=|pydantic|Traceback|Errno|\bValueError"

@@ -1,10 +1,6 @@
 """Whatever goes wrong ends with a message and the exit code that says whose fault it is."""
 
 import errno
-import os
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 
@@ -91,63 +87,10 @@ def test_a_place_outside_the_file_has_no_excerpt(tmp_path):
     assert missing.endswith("error: gone")
 
 
-def test_an_unreachable_daemon_exits_with_3(scenario, fake):
-    fake.reachable = False
-    said = scenario("status")
-    assert said.code == 3
-    assert said.err.startswith("scenario: no daemon answers")
-    assert said.out == ""
-
-
 def test_a_full_disk_is_no_bug_of_ours(raising, capsys):
     raising(OSError(errno.ENOSPC, "No space left on device", "/results/run.mcap"))
     assert command_line.invoke(["run"]) == ExitCode.INFRASTRUCTURE
     assert capsys.readouterr().err == "scenario: No space left on device: /results/run.mcap\n"
-
-
-def _typed(*arguments, shell="", **variables):
-    command = [sys.executable, "-c", "from scenario_tui.cli import main; main()", *arguments]
-    if shell:
-        command = ["sh", "-c", f'"$@" {shell}', "sh", *command]
-    return subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        errors="replace",
-        env=os.environ | variables,
-        check=False,
-    )
-
-
-def test_a_closed_output_is_no_failure(tmp_path):
-    assert _typed("--version", shell=">&-").returncode == 0
-    missing = str(tmp_path / "none.yaml")
-    assert _typed("check", missing, shell=">&- 2>&-").returncode == ExitCode.BAD_INPUT
-
-
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-def test_an_output_that_takes_nothing_is_said(tmp_path):
-    said = _typed("--version", shell=">/dev/full")
-    assert said.returncode == ExitCode.INFRASTRUCTURE
-    assert said.stderr == "scenario: No space left on device\n"
-
-
-def test_signs_a_terminal_cannot_show_stop_nothing(tmp_path):
-    file = tmp_path / "größe.yaml"
-    file.write_text("campaign: é\n", encoding="utf-8")
-    for encoding in ("ascii", "latin-1"):
-        said = _typed("check", str(file), PYTHONIOENCODING=encoding)
-        assert said.returncode == ExitCode.BAD_INPUT
-        assert "Traceback" not in said.stderr
-
-
-def test_a_terminal_without_our_signs_still_shows_a_minus():
-    program = "from scenario_tui.cli import output as o; o.settle_streams(); print('✗ −0.3 ü')"
-    done = subprocess.run(
-        [sys.executable, "-c", program],
-        capture_output=True, env=os.environ | {"PYTHONIOENCODING": "ascii"}, check=True,
-    )  # fmt: skip
-    assert done.stdout == b"x -0.3 u\n"
 
 
 def test_a_dashboard_without_a_terminal_says_so(scenario, fake):
@@ -155,18 +98,6 @@ def test_a_dashboard_without_a_terminal_says_so(scenario, fake):
     assert said.code == ExitCode.BAD_INPUT
     assert "the dashboard needs a terminal" in said.err
     assert fake.calls == []
-
-
-def test_bad_input_stays_bad_input_when_nobody_reads_about_it(tmp_path):
-    program = "from scenario_tui.cli import main; main()"
-    reading, writing = os.pipe()
-    os.close(reading)
-    with os.fdopen(writing, "wb") as broken:
-        done = subprocess.run(
-            [sys.executable, "-c", program, "check", str(tmp_path / "none.yaml")],
-            stderr=broken, check=False,
-        )  # fmt: skip
-    assert done.returncode == ExitCode.BAD_INPUT
 
 
 def test_a_malformed_endpoint_in_the_environment_is_bad_input(monkeypatch, capsys):

@@ -32,33 +32,18 @@ def _finish(daemon):
 
 
 def test_watching_ends_with_the_last_run(fake, capsys):
-    looks = 0
-
-    def later(daemon):
-        nonlocal looks
-        looks += 1
-        if looks == 10:
-            _finish(daemon)
-
-    fake.before = later
+    fake.at({10: _finish})
     assert watch(fake.open, WatchedRuns(CAMPAIGN)).finished
     assert capsys.readouterr() == ("", "")  # no progress where there is no terminal
 
 
 def test_watching_survives_a_restart_and_says_so(fake, caplog):
-    looks = 0
+    def reach(daemon, is_there):
+        daemon.reachable = is_there
 
-    def restart(daemon):
-        nonlocal looks
-        looks += 1
-        daemon.reachable = not 5 < looks < 20
-        if looks == 30:
-            _finish(daemon)
-
-    fake.before = restart
+    fake.at({6: lambda it: reach(it, False), 20: lambda it: reach(it, True), 30: _finish})
     assert watch(fake.open, WatchedRuns(CAMPAIGN)).finished
-    said = caplog.messages
-    assert said == [
+    assert caplog.messages == [
         "the daemon does not answer, waiting for it (Ctrl-C to leave)",
         "the daemon is back, watching again",
     ]
@@ -141,19 +126,13 @@ def test_what_a_worker_prepares_is_said_again_after_a_while(fake, caplog, monkey
 
 def test_a_daemon_that_cannot_run_anything_says_why_and_when_it_is_over(fake, caplog, monkeypatch):
     monkeypatch.setattr(watching, "_LOOK", 0.0)
-    looks = 0
-
-    def later(daemon):
-        nonlocal looks
-        looks += 1
-        daemon.trouble = "Traceback\nOSError: the disk is full\n" if looks < 20 else ""
-        if looks == 40:
-            _finish(daemon)
-
-    fake.before = later
+    fake.trouble = "Traceback\nOSError: the disk is full\n"
+    fake.at({20: lambda daemon: setattr(daemon, "trouble", ""), 40: _finish})
     assert watch(fake.open, WatchedRuns(CAMPAIGN)).finished
-    said = caplog.messages
-    assert said == ["no run can start: OSError: the disk is full", "runs can start again"]
+    assert caplog.messages == [
+        "no run can start: OSError: the disk is full",
+        "runs can start again",
+    ]
 
 
 def test_nobody_waits_for_ever_for_a_daemon_of_ones_own_in_trouble(fake, monkeypatch):
@@ -167,26 +146,21 @@ def test_whoever_waits_asks_for_that_campaign_and_only_when_it_changed(fake, mon
     monkeypatch.setattr(watching, "_LOOK", 0.0)
     monkeypatch.setattr(watching, "_POLL", 3600.0)
     monkeypatch.setattr(watching, "INTERVAL", 0.0)
-    looks = 0
 
-    def later(daemon):
-        nonlocal looks
-        looks += 1
-        if looks == 50:
-            for on_event, _ in daemon.listeners:
-                on_event(ChangeEvent(1, "run", f"{OLD}.0", OLD, "done"))
-        if looks == 100:
-            _finish(daemon)
-            for on_event, _ in daemon.listeners:
-                on_event(ChangeEvent(2, "campaign", CAMPAIGN, CAMPAIGN, "finished"))
+    def tell(daemon, *change):
+        for on_event, _ in daemon.listeners:
+            on_event(ChangeEvent(1, *change))
 
-    fake.before = later
+    def end(daemon):
+        _finish(daemon)
+        tell(daemon, "campaign", CAMPAIGN, CAMPAIGN, "finished")
+
+    fake.at({50: lambda daemon: tell(daemon, "run", f"{OLD}.0", OLD, "done"), 100: end})
     assert watch(fake.open, WatchedRuns(CAMPAIGN)).finished
-    asked = [call for call in fake.calls if call[0] == "campaigns"]
-    assert [call[1] for call in asked] == [CAMPAIGN, CAMPAIGN]
+    assert [asked[0] for asked in fake.told("campaigns")] == [CAMPAIGN, CAMPAIGN]
 
 
 def test_all_campaigns_are_asked_for_page_by_page(fake, monkeypatch):
     monkeypatch.setattr(verbs, "LARGEST_PAGE", 1)
     assert [row.id for row in fake.campaigns()] == [CAMPAIGN, OLD]
-    assert len([call for call in fake.calls if call[0] == "campaigns"]) == 3
+    assert len(fake.told("campaigns")) == 3

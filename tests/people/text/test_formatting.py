@@ -1,15 +1,20 @@
-"""Numbers and words as people read them."""
+"""Numbers, words, bars, axes and printed lines as people read them."""
 
 import math
 import sys
+import unicodedata
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from daemon.model.run_state import RunState
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from grammars.text.words import count_noun
 from scenario_tui.text import formatting
+from scenario_tui.text.formatting import last_lines, printed_lines
 from scenario_tui.text.run_text import evidence_parts
+from scenario_tui.text.scale import fit_axis, mark_axis, round_step, tick_text
 from scenario_tui.text.styles import SEVERITY, dashboard_theme, terminal_theme
 
 
@@ -108,3 +113,79 @@ def test_moments_in_notes_are_told_as_all_others():
         [" ".join(evidence_parts(verdict)[:2]), *evidence_parts(verdict)[2:]]
     )
     assert seen.note == note
+
+
+LOST = "\N{REPLACEMENT CHARACTER}"
+
+
+@pytest.mark.parametrize(
+    ("printed", "lines"),
+    [
+        ("", []),
+        ("one\ntwo\n", ["one", "two"]),
+        ("one\r\ntwo\r\n\r\n", ["one", "two"]),
+        ("10 %\r50 %\rdone\nnext", ["done", "next"]),
+        ("\x1b[1;31mred\x1b[0m \x1b[2Jgone", ["red gone"]),
+        ("\x1b]0;a title\x07text \x1b]8;;http://x\x1b\\link", ["text link"]),
+        ("\x1bcreset \x1b(Bset", ["reset Bset"]),
+        ("bell\x07 back\x08", [f"bell{LOST} back{LOST}"]),
+        ("turned \N{RIGHT-TO-LEFT OVERRIDE}round", [f"turned {LOST}round"]),
+        ("a\tb", ["a       b"]),
+    ],
+)
+def test_lines_are_as_a_terminal_would_have_left_them(printed, lines):
+    assert printed_lines(printed) == lines
+
+
+@given(st.text(alphabet=st.characters(), max_size=200))
+def test_no_sign_is_left_that_a_terminal_obeys(text):
+    left = {sign for line in printed_lines(text) for sign in line}
+    assert not {unicodedata.category(sign) for sign in left} & {"Cc", "Cs", "Zl", "Zp"}
+    turning = ("LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI")
+    assert not {unicodedata.bidirectional(sign) for sign in left} & set(turning)
+
+
+def test_the_last_lines_and_how_many_there_are_before():
+    text = "\n".join(str(i) for i in range(50))
+    assert last_lines(text) == ([str(i) for i in range(10, 50)], 10)
+    assert last_lines(text, 2) == (["48", "49"], 48)
+    assert last_lines(text, None)[1] == 0
+    assert last_lines("") == ([], 0)
+
+
+VALUES = st.floats(-1e6, 1e6, allow_nan=False)
+
+
+@given(st.floats(1e-9, 1e9))
+def test_steps_are_one_two_or_five_and_not_too_small(least):
+    step = round_step(least)
+    digit = step / 10.0 ** math.floor(math.log10(step) + 1e-9)
+    assert min(abs(digit - one) for one in (1.0, 2.0, 5.0)) < 1e-6
+    assert least * (1 - 1e-6) <= step <= 2.5 * least * (1 + 1e-6)
+
+
+@given(VALUES, VALUES, st.integers(2, 60))
+def test_an_axis_always_has_a_tick_and_none_outside(a, b, rows):
+    scale = mark_axis(min(a, b), max(a, b), rows, 2.0)
+    assert scale.low < scale.high
+    assert scale.ticks
+    assert all(-1e-6 <= scale.share(tick) <= 1 + 1e-6 for tick in scale.ticks)
+    assert len(scale.ticks) <= rows + 2
+
+
+@given(VALUES, VALUES, VALUES, st.integers(2, 60))
+def test_values_and_limits_near_them_are_in_view(a, b, limit, rows):
+    low, high = min(a, b), max(a, b)
+    scale = fit_axis(low, high, (limit,), rows)
+    assert scale.low <= low <= high <= scale.high
+    if low < high and low - (high - low) <= limit <= high + (high - low):
+        assert -1e-9 <= scale.share(limit) <= 1 + 1e-9
+
+
+@pytest.mark.parametrize(
+    ("value", "step", "text"),
+    [(0.05, 0.05, "0.05"), (-20.0, 10.0, "−20"), (0.0, 0.5, "0.0"), (3e7, 1e7, "3e7"),
+     (2e-6, 1e-6, "2e−6"), (-0.0, 1.0, "0"), (1500.0, 500.0, "1500")],
+)  # fmt: skip
+def test_ticks_are_as_short_as_their_step_allows(value, step, text):
+    assert tick_text(value, step) == text

@@ -12,28 +12,14 @@ from scenario_tui.text.search_text import (
     finding_lines,
     influence_lines,
     parameters_text,
-    proposal_text,
     search_commands,
     search_line,
 )
 from tests.people.fake_search import (
-    SEARCH,
     TASK,
     make_answer,
-    make_proposal_row,
     make_search,
 )
-
-
-def test_a_run_of_a_search_is_shown_with_what_it_was_for_and_its_values():
-    proposal = make_proposal_row(1).proposal
-    assert proposal_text(TASK, proposal, 80).plain.splitlines() == [
-        "point 1 of the search doors-in-time, looking for failures (halton)",
-        "≠ kitchen_opens                   8 → 8.1 s ─────│●────",
-        "≠ laser.noise                 0.01 → 0.02 m │───●──────",
-        "≠ leading       bedroom_door → kitchen_door │─────────●",
-        "│ as written  ● in this run  ≠ not as written",
-    ]
 
 
 def test_a_value_below_nought_has_the_minus_of_margins_and_files_keep_theirs():
@@ -70,16 +56,6 @@ def test_one_word_and_one_phrase_for_how_a_search_stands(row, word, phase):
     assert phase in search_line(row)
 
 
-def test_a_line_for_a_search():
-    assert search_line(make_search("running")) == (
-        "doors-in-time: looking for failures, 8 of 60 runs"
-    )
-    assert search_line(make_search()) == (
-        "doors-in-time: the budget of 60 runs is spent, 8 runs, 2 failures, "
-        "smallest margin −0.031 m"
-    )
-
-
 def test_a_finding_has_the_margin_of_the_oracle_that_fails():
     answer = make_answer()
     (finding,) = answer.findings
@@ -87,28 +63,6 @@ def test_a_finding_has_the_margin_of_the_oracle_that_fails():
     example = replace(finding.example, value=other)
     (line,) = finding_lines(replace(answer, findings=(replace(finding, example=example),)))
     assert "−0.031 m at 31.5 s" in line.plain
-
-
-def test_the_answer_begins_with_its_sentences():
-    text = "\n".join(line.plain for line in answer_lines(make_search()))
-    assert text == (
-        "doors-in-time  ✗ keeps-clear fails in 5 of 5 repeats with laser.noise 0.02 m instead of "
-        "0.01 m and kitchen_opens 8.4 s instead of 8 s (margin −0.012 m near kitchen_door)\n"
-        "Doors a little early or late\n"
-        "keeps-clear over 3 parameters of busy-house (pilot), method auto, seed 7\n"
-        "8 runs, 3 of them were there already\n"
-        "\n"
-        "- 2 of 8 runs fail, the first is run 4\n"
-        "\n"
-        "findings:\n"
-        "  keeps-clear near kitchen_door on the way to kitchen (2 runs)  −0.031 m at 31.5 s  "
-        f"{SEARCH}.6\n"
-        "\n"
-        "influence on the margin, rank correlation in 6 unguided runs:\n"
-        "  kitchen_opens  ▐███████│          −0.93\n"
-        "  leading                │██        +0.20\n"
-        "  laser.noise            │█         +0.08"
-    )
 
 
 def test_a_search_without_an_answer_says_how_it_stands():
@@ -128,15 +82,6 @@ def test_influence_of_a_flat_margin_is_nothing():
     flat = replace(answer.influence[0], correlation=math.nan)
     (line,) = influence_lines(TASK, replace(answer, influence=(flat,)))
     assert line.plain.endswith("nan")
-
-
-def test_what_to_type_about_a_search():
-    running = dict(search_commands(make_search("running")))
-    assert f"scenario cancel {SEARCH}" in running
-    done = dict(search_commands(make_search()))
-    assert f"scenario replay {SEARCH}.4 --from keeps-clear" in done
-    assert f"scenario report {SEARCH}" in done
-    assert not [command for command in done if command.startswith("scenario blame")]
 
 
 def test_commands_about_the_found_file_can_be_copied():

@@ -14,8 +14,8 @@ import pytest
 
 from daemon.model.execution import python_command
 from scenario_tui._own_packages import OWN_PACKAGES
+from tests.parts import ROOT
 
-ROOT = Path(__file__).parents[2]
 EXTRAS = {
     "PIL": "import",
     "distributed": "dask",
@@ -101,14 +101,9 @@ def installed(tmp_path):
     return site
 
 
-def environment(*folders):
-    return os.environ | {"PYTHONPATH": os.pathsep.join(map(str, folders))}
-
-
 def run(command, where, *folders):
-    return subprocess.run(
-        command, cwd=where, env=environment(*folders), capture_output=True, text=True, check=False
-    )
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, folders))}
+    return subprocess.run(command, cwd=where, env=environment, capture_output=True, text=True)
 
 
 def test_names_mean_ours_whoever_else_has_them(installed, tmp_path):
@@ -127,15 +122,15 @@ def test_a_name_that_is_taken_already_is_said_with_whose_it_is(installed, tmp_pa
     assert "import scenario_tui first" in done.stderr
 
 
-IMPORTING = "import daemon.batch.paths; print('serve')"
-
-
 SERVING = ("-m", "daemon", "serve", '{"state": "/dev/null"}')
 
 
 @pytest.mark.parametrize(
     ("words", "code", "said"),
-    [(SERVING, 3, "choose another directory"), (("-c", IMPORTING), 0, "serve")],
+    [
+        (SERVING, 3, "choose another directory"),
+        (("-c", "import daemon.batch.paths; print('serve')"), 0, "serve"),
+    ],
 )
 def test_children_are_ours_whatever_pythonpath_says(tmp_path, words, code, said):
     for name in OWN_PACKAGES:

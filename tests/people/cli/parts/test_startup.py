@@ -61,8 +61,7 @@ CASES = {
         typed("check campaigns/demo/campaign.yaml", 0),
         FEW | BUS | {"daemon.model.messages", "grammars.variation"},
     ),
-    "check ros": (typed("check campaigns/ortega2024/campaign.yaml", 0), FEW | BUS),
-    "check lasers": (typed("check campaigns/two_lasers/campaign.yaml", 0), FEW | SEARCH),
+    "check ros": (typed("check campaigns/ortega2024/campaign.yaml", 0), FEW | BUS | SEARCH),
     "sut show": (typed("sut show campaigns/suts/a2s.yaml", 0), FEW | BUS),
     "check plan": (typed("check campaigns/demo/flat.fpm", 0), FEW | BUS | {"daemon.campaign"}),
     "submission": (

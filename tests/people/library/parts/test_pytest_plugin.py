@@ -1,8 +1,6 @@
 """The pytest plug-in in sessions of its own: items, runs from cache, messages of failures."""
 
-import os
 import shutil
-import signal
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
@@ -14,10 +12,7 @@ import pytest
 from daemon.batch.client import Client
 from daemon.batch.launch import shared_daemon
 from daemon.model.run_state import RunState
-from scenario_tui.cli import invoke
 from scenario_tui.library.pytest_plugin import CampaignRuns
-from tests.docs import tutorials
-from tests.docs.markdown import DOCS
 from tests.parts import alive, eventually
 
 pytest_plugins = ["pytester"]
@@ -223,8 +218,7 @@ def test_processes_of_xdist_share_one_daemon(run, house):
     assert log.read_text().count('"started"') == 1
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
-def test_nothing_is_left_of_a_session_that_is_ended(run, house, tmp_path, number):
+def test_nothing_is_left_of_a_session_that_is_killed(run, house, tmp_path):
     run("--collect-only", FILE)
     cache = tmp_path / "cache"
     command = [sys.executable, "-m", "pytest", "-p", "scenario_tui_pytest", "-o"]
@@ -235,7 +229,7 @@ def test_nothing_is_left_of_a_session_that_is_ended(run, house, tmp_path, number
         found = psutil.process_iter(["cmdline"])
         members = [one for one in found if str(cache) in " ".join(one.info["cmdline"] or ())]
         assert members
-        os.kill(session.pid, number)
+        session.kill()
         session.communicate()
     eventually(lambda: not alive(members))
 
@@ -278,25 +272,6 @@ def test_is_wrong(scenario):
     )
     assert "✓ pass  no-contact" not in result.stdout.str()
     assert "pytest_plugin" not in result.stdout.str()
-
-
-def test_the_guide_does_what_it_says(pytester, monkeypatch, capfd):
-    monkeypatch.setattr("_pytest.pytester.SysModulesSnapshot.restore", lambda _: None)
-    monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
-    monkeypatch.delenv("SCENARIO_CONNECT", raising=False)
-
-    def run(command):
-        program, *arguments = tutorials.words_of(command)
-        if program == "pytest":
-            return pytester.runpytest(*PLUGIN, *arguments).stdout.str()
-        assert program == "scenario"
-        invoke(arguments)
-        said = capfd.readouterr()
-        return said.out + said.err
-
-    # One daemon serves all sessions.
-    with shared_daemon(pytester.path / ".pytest_cache" / "d" / "scenario", trace_bytes=2**30):
-        assert list(tutorials.follow(DOCS / "pytest.md", pytester.path, run)) == []
 
 
 def test_other_projects_keep_their_names():

@@ -1,0 +1,67 @@
+"""What a terminal or a pipe cannot take stops nothing; what others print there is harmless."""
+
+import json
+import os
+import subprocess
+import sys
+
+from scenario_tui.cli.exit_codes import ExitCode
+from tests.parts import ROOT
+from tests.people.cli.real import COMMAND
+from tests.people.poison import NAME, WORD, assert_harmless
+
+
+def _typed(*arguments, shell="", **variables):
+    command = [*COMMAND, *arguments]
+    if shell:
+        command = ["sh", "-c", f'"$@" {shell}', "sh", *command]
+    environment = os.environ | variables
+    return subprocess.run(
+        command, capture_output=True, text=True, errors="replace", env=environment
+    )
+
+
+def test_a_closed_output_is_no_failure(tmp_path):
+    assert _typed("--version", shell=">&-").returncode == 0
+    missing = str(tmp_path / "none.yaml")
+    assert _typed("check", missing, shell=">&- 2>&-").returncode == ExitCode.BAD_INPUT
+
+
+def test_an_output_that_takes_nothing_is_said():
+    said = _typed("--version", shell=">/dev/full")
+    assert said.returncode == ExitCode.INFRASTRUCTURE
+    assert said.stderr == "scenario: No space left on device\n"
+
+
+def test_signs_a_terminal_cannot_show_stop_nothing(tmp_path):
+    file = tmp_path / "größe.yaml"
+    file.write_text("campaign: é\n", encoding="utf-8")
+    said = _typed("check", str(file), PYTHONIOENCODING="ascii")
+    assert said.returncode == ExitCode.BAD_INPUT
+    assert "Traceback" not in said.stderr
+
+
+def test_a_terminal_without_our_signs_still_shows_a_minus():
+    program = "from scenario_tui.cli import output as o; o.settle_streams(); print('✗ −0.3 ü')"
+    environment = os.environ | {"PYTHONIOENCODING": "ascii"}
+    command = [sys.executable, "-c", program]
+    assert subprocess.check_output(command, env=environment) == b"x -0.3 u\n"
+
+
+def test_bad_input_stays_bad_input_when_nobody_reads_about_it():
+    reading, writing = os.pipe()
+    os.close(reading)
+    with os.fdopen(writing, "wb") as broken:
+        done = subprocess.run([*COMMAND, "check", "none.yaml"], stderr=broken)
+    assert done.returncode == ExitCode.BAD_INPUT
+
+
+def test_what_daemons_and_workers_say_is_harmless():
+    for process, order in (
+        ("worker", {"connect": f"tcp/{NAME}"}),
+        ("serve", {"state": f"/dev/null/{NAME}"}),
+    ):
+        command = [sys.executable, "-m", "daemon", process, json.dumps(order)]
+        said = subprocess.run(command, capture_output=True, cwd=ROOT)
+        assert said.returncode == 3
+        assert WORD in assert_harmless(said.stderr)
