@@ -5,15 +5,14 @@ from pathlib import Path
 import pytest
 
 from daemon.batch.errors import Refused
-from daemon.batch.ledger import LedgerWriter, connect
+from daemon.batch.ledger import LedgerWriter
 from daemon.batch.paths import StatePaths
 from daemon.model.messages import Completion
-from daemon.model.spec import RunResult, Timing, TraceInfo
 from daemon.model.submission import Submission
-from daemon.model.verdicts import Outcome
 from scenario_tui.source import DaemonTarget, all_traces, one_trace
 from tests.analysis.report.recordings import OPEN, SHUT, SUTS, spec
 from tests.engine.judging.traces import CORRIDOR
+from tests.make import make_result
 from tests.people.recorded import campaign_at
 
 
@@ -39,10 +38,9 @@ def test_ids_and_names_of_campaigns_and_runs_mean_their_traces(places):
 
 
 def test_traces_of_results_that_were_used_again_lie_with_their_campaign(places):
-    connection = connect(places.ledger)
     specs = (spec(SHUT, SUTS[0], 0), spec(OPEN, SUTS[0], 0), spec(OPEN, SUTS[1], 0))
-    LedgerWriter(connection).submit(Submission.of("d-1", specs, (CORRIDOR,)), 3.0)
-    connection.close()
+    with LedgerWriter.open(places) as ledger:
+        ledger.submit(Submission.of("d-1", specs, (CORRIDOR,)), 3.0)
     assert named(places, "d-1") == named(places, "corr-1")
 
 
@@ -50,16 +48,12 @@ def test_one_repeat_of_each_cell_is_enough_for_some(places):
     specs = tuple(spec(SHUT, SUTS[0], repeat) for repeat in range(2))
     with LedgerWriter.open(places) as ledger:
         ledger.submit(Submission.of("e-1", specs, (CORRIDOR,)), 3.0)
-        grants = ledger.lease("w", 9, 4.0)
-        (grant,) = (one for one in grants if one.run == "e-1.1")
-        path = places.trace(grant.trace)
-        path.parent.mkdir(exist_ok=True)
-        path.touch()
-        result = RunResult(
-            grant.spec.digest, Outcome.PASS, (), "finished", TraceInfo("0" * 64, 1, 1),
-            Timing(1.0, 1.0, 2.0),
-        )  # fmt: skip
-        ledger.complete(Completion("w", grant.run, grant.attempt, grant.token, result), 5.0)
+        for grant in ledger.lease("w", 9, 4.0):
+            path = places.trace(grant.trace)
+            path.parent.mkdir(exist_ok=True)
+            path.touch()
+            result = make_result(grant.spec)
+            ledger.complete(Completion("w", grant.run, grant.attempt, grant.token, result), 5.0)
     traces = named(places, "e-1")
     target = DaemonTarget(state=places.state)
     assert len(traces) == 2
@@ -70,16 +64,8 @@ def test_files_and_folders_are_named_once_each_and_in_order(places):
     for name in ("b/2.mcap", "b/1.mcap", "a.mcap", "b/note.txt"):
         Path(name).parent.mkdir(exist_ok=True)
         Path(name).write_bytes(b"\x89MCAP0\r\n")
-    assert [path.name for path in named(places, "b", "a.mcap", "b/1.mcap")] == [
-        "1.mcap",
-        "2.mcap",
-        "a.mcap",
-    ]
-
-
-def test_a_folder_called_like_a_campaign_does_not_hide_it(places):
-    Path("corr").mkdir()  # as `scenario new corr` leaves it: files, and no traces
-    assert len(named(places, "corr")) == 2
+    found = named(places, "b", "a.mcap", "b/1.mcap")
+    assert [path.name for path in found] == ["1.mcap", "2.mcap", "a.mcap"]
 
 
 @pytest.mark.parametrize(

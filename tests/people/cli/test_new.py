@@ -20,21 +20,14 @@ def here(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_a_new_campaign_passes_its_check_and_its_runs_are_as_expected(scenario, here):
+def test_a_new_campaign_passes_its_check(scenario, here):
     said = scenario("new", "my-tests")
     assert said.code == 0
     assert "scenario check my-tests/campaign.yaml" in said.out
     assert "scenario run my-tests/campaign.yaml" in said.out
-    checked = scenario("check", *map(str, sorted((here / "my-tests").iterdir())))
-    assert checked.code == 0
-    assert checked.err.count("no problems") == len(list((here / "my-tests").iterdir()))
-    # One repeat is enough to see that it runs.
-    file = here / "my-tests" / "campaign.yaml"
-    file.write_text(file.read_text().replace("repeats: 3", "repeats: 1"))
-    ran = scenario("run", "my-tests/campaign.yaml", "--json", "--slots", "1")
-    assert ran.code == 0
-    verdicts = {run["outcome"] for run in json.loads(ran.out)["runs"]}
-    assert verdicts == {"pass"}
+    files = sorted(map(str, (here / "my-tests").iterdir()))
+    checked = scenario("check", *files)
+    assert (checked.code, checked.err.count("no problems")) == (0, len(files))
 
 
 def test_what_it_writes_can_be_typed_and_broken(scenario, here, transcript):

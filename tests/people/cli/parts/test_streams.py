@@ -1,14 +1,18 @@
-"""What a terminal or a pipe cannot take stops nothing; what others print there is harmless."""
+"""What terminals, pipes and shells do with what commands write, in processes of their own."""
 
 import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 from scenario_tui.cli.exit_codes import ExitCode
 from tests.parts import ROOT
 from tests.people.cli.real import COMMAND
+from tests.people.cli.test_completion import state
 from tests.people.poison import NAME, WORD, assert_harmless
+
+__all__ = ["state"]
 
 
 def _typed(*arguments, shell="", **variables):
@@ -65,3 +69,17 @@ def test_what_daemons_and_workers_say_is_harmless():
         said = subprocess.run(command, capture_output=True, cwd=ROOT)
         assert said.returncode == 3
         assert WORD in assert_harmless(said.stderr)
+
+
+def test_bash_takes_what_is_offered(state, tmp_path):
+    program = Path(sys.executable).with_name("scenario")
+    script = (
+        f'eval "$({program} --show-completion bash)"\n'
+        "COMP_WORDS=(scenario replay old-1.); COMP_CWORD=2\n"
+        f"_scenario_completion {program}\n"
+        'printf "%s\\n" "${COMPREPLY[@]}"\n'
+    )
+    environment = os.environ | {"SCENARIO_STATE": str(state)}
+    command = ["bash", "--norc", "-c", script]
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert (done.stdout.split(), done.stderr) == (["old-1.2", "old-1.0", "old-1.1"], "")

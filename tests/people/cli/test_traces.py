@@ -1,17 +1,27 @@
-"""``scenario judge``: what people and scripts are told about old traces."""
+"""``judge``, ``plot`` and ``coverage``: what people and scripts are told about old traces."""
 
+from pathlib import Path
+
+import numpy as np
 import pytest
 
-from daemon.model.spec import OracleText
+from daemon.judging.signals import RunSignal
+from daemon.trace import read_trace
 from scenario_tui.cli import invoke
+from scenario_tui.dashboard.signal_graphs import draw_signals
 from tests.analysis.old_runs import drive, spec
 from tests.people.cli.outputs import declared
+from tests.people.recorded import record_run
+
+
+@pytest.fixture(autouse=True)
+def _state(tmp_path, monkeypatch):
+    monkeypatch.setenv("SCENARIO_STATE", str(tmp_path / "state"))
 
 
 @pytest.fixture
-def traces(tmp_path, monkeypatch):
+def traces(tmp_path):
     """Two runs, the second one faster."""
-    monkeypatch.setenv("SCENARIO_STATE", str(tmp_path / "state"))
     folder = tmp_path / "traces"
     drive(folder / "a.mcap", spec(0))
     drive(folder / "b.mcap", spec(1), speed=0.55)
@@ -81,8 +91,53 @@ def test_what_cannot_be_used_is_said_and_the_rest_is_judged(traces, capsys):
 
 def test_runs_of_one_name_are_told_apart_by_their_files(traces, capsys):
     drive(traces / "again.mcap", spec(0, seed=9), speed=0.7)
-    oracles = (OracleText("slow", "max(speed) <= 0.6 m/s"),)
-    text = "".join(f"{o.name}: max(speed) <= 0.55 m/s\n" for o in oracles)
-    invoke(["judge", str(traces), "-o", layer(traces.parent, text)])
+    invoke(["judge", str(traces), "-o", layer(traces.parent, "slow: max(speed) <= 0.55 m/s\n")])
     out = capsys.readouterr().out.replace("\n", "")
     assert "again.mcap" in out
+
+
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory):
+    return str(record_run(tmp_path_factory.mktemp("traces") / "run.mcap"))
+
+
+def test_machines_get_every_sample(driven, capsys):
+    assert invoke(["plot", driven, "loc.error", "contact", "door-1.angle", "--json"]) == 0
+    body = declared(capsys.readouterr().out)
+    assert body["schema"] == "scenario/plot/1"
+    error, contact, door = body["signals"]
+    assert (error["unit"], contact["unit"], door["unit"]) == ("m", "bool", "rad")
+    assert len(error["time"]) == len(error["value"]) == 201
+    assert sum(contact["value"]) == 1.0
+    assert door["value"][-1] == pytest.approx(-1.0)
+
+
+@pytest.mark.parametrize("values", [[0.0], [3.0, 3.0], [-1e9, 1e9], [1e-9, 2e-9], [np.nan]])
+def test_any_signal_can_be_drawn(driven, values):
+    read = read_trace(Path(driven))
+    value = np.array(values)
+    signal = RunSignal("x", "1", np.arange(float(len(values))), value, value)
+    drawn = [line.plain for line in draw_signals(read, [signal], 40, 6, marks=(0.0,))]
+    assert max(map(len, drawn)) <= 40
+    assert len(drawn) == 6
+
+
+def test_before_running_a_campaign_file_is_enough(campaigns, capsys):
+    assert invoke(["coverage", str(campaigns / "demo" / "campaign.yaml")]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("15 runs, as planned")
+    assert "hinged 15, sliding 15" in out
+    assert "driven on" not in out
+
+
+def test_afterwards_traces_tell(traces, capsys):
+    assert invoke(["coverage", str(traces), "--json"]) == 0
+    body = declared(capsys.readouterr().out)
+    assert body["recorded"] == 2
+    assert [door["door"] for door in body["doors"]] == ["door-0"]
+    (traces / "c.mcap").write_bytes(b"junk")
+    assert invoke(["coverage", str(traces)]) == 3
+    said = capsys.readouterr()
+    assert "2 runs, by their traces" in said.out
+    assert "door-0" in said.out
+    assert "c.mcap: error:" in said.err
