@@ -13,10 +13,9 @@ import traceback
 from pathlib import Path
 
 from daemon.batch.errors import DaemonError
-from tests.chaos.bits import bits
 from tests.chaos.clock import clock
 from tests.chaos.cluster import cluster
-from tests.chaos.disk import full_disk, full_start, quota
+from tests.chaos.disk import full_disk
 from tests.chaos.network import network
 from tests.chaos.output import output
 from tests.chaos.plugins import plugins
@@ -24,7 +23,6 @@ from tests.chaos.report import Report, table
 from tests.chaos.stacks import stacks
 from tests.chaos.storm import storm
 from tests.chaos.torn import torn
-from tests.chaos.trees import trees
 from tests.chaos.violence import violence
 
 
@@ -39,11 +37,7 @@ def _scenarios(options):
         "cluster": lambda folder: cluster(folder, seed=seed),
         "network": network,
         "storm": lambda folder: storm(folder, seed=seed),
-        "trees": trees,
         "plugins": plugins,
-        "quota": quota,
-        "full": full_start,
-        "bits": lambda folder: bits(folder, seed=seed),
         "output": output,
     }
 

@@ -3,20 +3,16 @@
 The parameters of the system under test say how long it takes (``sleep`` [s]), how much of what
 does not compress the trace holds (``ballast`` [bytes]), how much it prints (``chatter`` [bytes]),
 how large the result is (``evidence`` [bytes]) and where it notes that it begins and ends (``log``,
-a file read by :class:`Executions`). It goes on until there is a file ``until``; while there is a
-file ``quota`` it finds none left. With ``tree`` it leaves a tree of processes, whose numbers are in
-that file, and then ends as ``ending`` says. With ``stack`` it starts a stack and a relay of its own
-for so many seconds, and does nothing with them. Same specification, same bytes.
+a file read by :class:`Executions`). It goes on until there is a file ``until``. With ``stack`` it
+starts a stack and a relay of its own for so many seconds, and does nothing with them. Same
+specification, same bytes.
 """
 
-import errno
 import hashlib
 import json
 import os
 import random
-import signal
 import socket
-import subprocess
 import sys
 import time
 from collections import Counter
@@ -31,8 +27,6 @@ from tests.make import make_result
 EXECUTOR = f"{__name__}:execute"
 PROGRAMS = Path(__file__).parent / "programs"
 MESSAGES = 20
-TREE = 4
-"""Processes of a tree."""
 GRACE = 0.5
 
 
@@ -42,17 +36,11 @@ def execute(spec, scene, *, trace_path, on_progress=None, interest=None):
     _note(log, "begin", spec)
     if "chatter" in asked:
         _chatter(asked["chatter"])
-        _note(log, "said", spec)
-    if "tree" in asked:
-        _leave_tree(Path(asked["tree"]))
     if "stack" in asked:
         _start_stack(spec.seed, asked["stack"])
     time.sleep(asked.get("sleep", 0.0))
     while "until" in asked and not Path(asked["until"]).exists():
         time.sleep(0.05)
-    _end_badly(asked.get("ending", ""))
-    if "quota" in asked and Path(asked["quota"]).exists():
-        raise OSError(errno.EDQUOT, os.strerror(errno.EDQUOT), str(trace_path))
     _record(trace_path, spec.digest, asked.get("ballast", 0))
     data = trace_path.read_bytes()
     trace = TraceInfo(hashlib.sha256(data).hexdigest(), len(data), MESSAGES)
@@ -89,7 +77,7 @@ class Executions:
         return self.begun.total() - len(self.begun)
 
     def counted(self, what):
-        """How often each run began (``begin``), ended (``end``), had printed it all (``said``)."""
+        """How often each run began (``begin``) or ended (``end``)."""
         if not self.path.exists():
             return Counter()
         words = (line.split() for line in self.path.read_text().splitlines())
@@ -102,13 +90,6 @@ def _chatter(size):
     for _ in range(size // len(line)):
         print(line, end="")
     sys.stdout.flush()
-
-
-def _leave_tree(pids):
-    """Start what starts more, as a system under test that daemonises; wait until all are there."""
-    subprocess.Popen([sys.executable, "-I", "-S", str(PROGRAMS / "tree.py"), str(pids)])
-    while not pids.exists() or len(pids.read_text().splitlines()) < TREE:
-        time.sleep(0.02)
 
 
 def _start_stack(seed, seconds):
@@ -133,13 +114,6 @@ def _start_stack(seed, seconds):
         pass  # its supervisor was killed before it had started anything
     finally:
         stack.release()
-
-
-def _end_badly(ending):
-    if ending == "crash":
-        os.kill(os.getpid(), signal.SIGKILL)
-    if ending == "raise":
-        raise RuntimeError("as told")
 
 
 def _record(path, digest, ballast):
