@@ -112,16 +112,6 @@ def changes_of(found):
     return [(change.oracle, change.kind) for change in found.changes]
 
 
-def test_the_same_oracles_say_the_same_and_a_file_that_is_no_trace_stops_nothing(path, places):
-    junk = path.with_name("junk.mcap")
-    junk.write_bytes(b"junk")
-    broken, found = rejudge([junk, path], None, places=places)
-    assert (broken.outcome, broken.problem) == (Outcome.ERROR, "is not an MCAP file")
-    assert found.outcome is found.outcome_before is Outcome.PASS
-    assert found.verdicts == found.before
-    assert (found.changes, found.origin, found.run) == ((), "trace", "S1/pilot/0")
-
-
 @pytest.mark.parametrize(
     ("oracles", "outcome", "changes"),
     [

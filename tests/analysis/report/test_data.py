@@ -1,40 +1,50 @@
-"""What a report takes from traces: numbers by hand, tracks that keep what matters."""
+"""What a report takes from traces, by hand, and what machines read of it: tables, JUnit files."""
 
-import json
 import math
 import shutil
+import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
 
+import junitparser
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from lxml import etree
 
 from daemon.analysis.recorded import read_traces
-from daemon.analysis.report import oracle_limit, read_report_data, safety_buffer, thinned_indices
+from daemon.analysis.report import (
+    MEASURES,
+    oracle_limit,
+    read_report_data,
+    report_table,
+    safety_buffer,
+    thinned_indices,
+    write_junit,
+)
 from daemon.analysis.report._data import measure_columns
 from daemon.analysis.report._measures import measured_values, standard_names, standard_oracles
 from daemon.analysis.report._safety_buffer import SafetyBuffer
 from daemon.analysis.results import read_results
-from daemon.batch.errors import Refused
 from daemon.campaign import expand, load_campaign
 from daemon.judging.oracles import judge
+from daemon.model.assessments import Assessment, ExpectationStatus
+from daemon.model.spec import Timing
 from daemon.model.verdicts import Outcome
 from tests.analysis.report.recordings import (
-    ABOUT,
-    DECLARED,
     LATERAL,
-    NAME,
     OPEN,
-    REPEATS,
+    OPEN_SHOWN,
     SECONDS,
     SHUT,
     SPEED,
     SUTS,
-    report_of,
+    WHY,
+    with_assessment,
 )
 from tests.engine.judging.traces import along, make_trace, track, with_tree
+from tests.make import with_result
 
 NEAR, FAR = SUTS
 BOX = SafetyBuffer((0.55, 0.433), 0.0, "")
@@ -56,26 +66,6 @@ def run_of(data):
 def copies(folder, tmp_path):
     """Copies of the traces, without the note of the campaign."""
     return [Path(shutil.copy(trace, tmp_path)) for trace in sorted(folder.glob("*.mcap"))]
-
-
-def test_a_folder_is_a_campaign_with_its_declarations(folder):
-    source = read_traces(str(folder))
-    assert (source.row.name, source.row.about) == (NAME, ABOUT)
-    assert source.declared(str(folder)) == DECLARED
-    assert len(source.rows) == 4 * REPEATS
-
-
-def test_traces_without_a_note_must_all_pass(copies, tmp_path):
-    source = read_traces(str(tmp_path))
-    assert (source.row.name, source.declared(source.row.id).expectations) == (NAME, ())
-    assert report_of(tmp_path).assessment.exit_code == 1
-
-
-def test_runs_are_judged_and_assessed(data, run_of):
-    assert run_of(SHUT, NEAR).record.outcome is Outcome.FAIL
-    assert run_of(SHUT, FAR).record.outcome is Outcome.PASS
-    (surprise,) = data.assessment.surprises
-    assert (surprise.scenario, surprise.sut, surprise.oracle) == (OPEN, NEAR, "buffer")
 
 
 def test_measures_are_those_of_plain_geometry(run_of):
@@ -118,29 +108,12 @@ def test_a_door_that_shuts_and_the_same_door_that_does_not(run_of):
     assert tracks.contacts == ((5.0, "wall-north", 2.5, 1.0),)
 
 
-def test_a_file_that_is_no_trace_is_named_and_left_out(copies, tmp_path):
-    copies[0].write_bytes(b"nothing of the kind")
-    source = read_traces(str(tmp_path))
-    assert source.unread == ((str(copies[0]), "is not an MCAP file"),)
-    assert len(source.rows) == 4 * REPEATS - 1
-
-
 def test_a_trace_that_went_away_leaves_its_run(copies, tmp_path):
     source = read_traces(str(tmp_path))
     Path(source.rows[0].trace).unlink()
     data = read_report_data(read_results(source, source.row), (), processes=1)
     assert "cannot be read" in data.runs[0].tracks.problem
     assert data.runs[0].record.outcome is None
-
-
-def test_folders_without_traces_or_with_a_strange_note_are_refused(folder, tmp_path):
-    with pytest.raises(Refused, match="holds no traces"):
-        read_traces(str(tmp_path))
-    shutil.copy(next(folder.glob("*.mcap")), tmp_path)
-    note = {"name": "n", "about": "", "declared": {}, "submitted_at": 1e300}
-    (tmp_path / "campaign.json").write_text(json.dumps(note), encoding="utf-8")
-    with pytest.raises(Refused, match=r"campaign\.json is not what `scenario run` leaves"):
-        read_traces(str(tmp_path))
 
 
 @pytest.mark.parametrize(
@@ -241,3 +214,126 @@ def test_recoveries_count_where_a_behaviour_tree_is_recorded():
     assert "recoveries" not in measured_values(judge(trace, standard_oracles(BOX)))
     trace = with_tree(trace, (0.1, "Spin 1 IDLE>RUNNING"), (0.5, "Wait 2 IDLE>RUNNING"))
     assert measured_values(judge(trace, standard_oracles(BOX)))["recoveries"] == 2.0
+
+
+MET, WAITS, CONTRADICTED = ExpectationStatus
+SCHEMA = etree.XMLSchema(etree.parse(str(Path(__file__).with_name("junit.xsd"))))
+
+
+def test_the_table_has_every_measure_and_margin(data):
+    rows = report_table(data).to_pylist()
+    found = {(row["run"], row["oracle"]): row for row in rows}
+    assert len(found) == len(rows)
+    for run in data.runs:
+        for measure in MEASURES:
+            if measure.name in run.tracks.measures:
+                row = found[run.record.id, measure.name]
+                assert row["value"] == run.tracks.measures[measure.name]
+                assert (row["verdict"], row["unit"]) == ("measure", measure.unit)
+        for verdict in run.record.verdicts:
+            assert found[run.record.id, verdict.oracle]["margin"] == verdict.margin
+
+
+@pytest.fixture
+def junit(tmp_path):
+    """Write the file of a report; return the path."""
+
+    def write(data):
+        path = tmp_path / "deep" / "results.xml"
+        write_junit(data.input.row.name, data.assessment, [r.record for r in data.runs], path)
+        return path
+
+    return write
+
+
+@pytest.fixture
+def cases(junit):
+    """The cases of the file of a report, by suite and name."""
+
+    def read(data):
+        suites = junitparser.JUnitXml.fromfile(str(junit(data)))
+        return {(suite.name, case.name): case for suite in suites for case in suite}
+
+    return read
+
+
+def with_cell(data, index=0, **changes):
+    """A campaign of one cell, changed."""
+    cell = replace(data.assessment.cells[index], **changes)
+    return with_assessment(data, Assessment((cell,), (), (), 0))
+
+
+def test_build_servers_see_failures_known_ones_and_passes(data, cases):
+    found = cases(data)
+    (unexpected,) = found[f"{OPEN_SHOWN}/{NEAR}", "buffer"].result
+    assert isinstance(unexpected, junitparser.Failure)
+    assert "0 of 2 pass" in unexpected.message
+    assert "door-17.leaf" in unexpected.message
+    (known,) = found[f"{SHUT}/{NEAR}", "buffer"].result
+    assert isinstance(known, junitparser.Skipped)
+    assert known.message == f"xfail: {WHY}"
+    assert found[f"{SHUT}/{FAR}", "buffer"].result == []
+    assert len(found) == 3 * 4 + 2
+
+
+@pytest.mark.parametrize(
+    ("verdict", "expected", "status", "passed", "kind", "type_"),
+    [
+        (Outcome.PASS, "pass", MET, 2, None, ""),
+        (Outcome.FAIL, "pass", CONTRADICTED, 2, "Failure", "fail"),
+        (Outcome.ERROR, "pass", WAITS, 2, "Error", "error"),
+        (Outcome.INCONCLUSIVE, "pass", WAITS, 2, "Error", "inconclusive"),
+        (Outcome.FAIL, "fail", MET, 2, "Skipped", "xfail"),
+        (Outcome.PASS, "fail", CONTRADICTED, 2, "Failure", "xpass"),
+        (Outcome.FAIL, "fail", CONTRADICTED, 1, "Failure", "xpass"),
+        (Outcome.INCONCLUSIVE, "fail", WAITS, 0, "Error", "inconclusive"),
+        (Outcome.ERROR, "mixed", WAITS, 0, "Error", "error"),
+        (Outcome.PASS, "any", MET, 2, None, ""),
+    ],
+)
+def test_each_verdict_has_its_place_in_junit(
+    data, cases, verdict, expected, status, passed, kind, type_
+):
+    oracle = data.assessment.cells[0].oracles[-1]
+    oracle = replace(oracle, verdict=verdict, expected=expected, status=status, passed=passed)
+    (case,) = cases(with_cell(data, oracles=(oracle,))).values()
+    shown = [(type(result).__name__, result.type) for result in case.result]
+    assert shown == ([] if kind is None else [(kind, type_)])
+
+
+def test_a_cell_that_nothing_judged_is_an_error(data, cases):
+    (case,) = cases(with_cell(data, oracles=(), verdict=Outcome.ERROR)).values()
+    assert isinstance(case.result[0], junitparser.Error)
+
+
+def test_names_no_xml_can_hold_are_made_holdable(data, cases):
+    oracle = replace(data.assessment.cells[0].oracles[0], oracle="bell \x07", worst=None)
+    found = cases(with_cell(data, oracles=(oracle,), scenario="\x00"))
+    assert [name for _, name in found] == ["bell \ufffd"]
+
+
+def test_a_junit_file_is_valid_and_tells_times(data, junit):
+    runs = (
+        replace(run, record=with_result(run.record, timing=Timing(2.5, 2.0, 40.0)))
+        for run in data.runs
+    )
+    path = junit(replace(data, runs=tuple(runs)))
+    SCHEMA.assertValid(etree.parse(str(path)))
+    root = ET.parse(path).getroot()
+    suites = root.findall("testsuite")
+    assert float(root.get("time")) == pytest.approx(2.5 * len(data.runs), abs=0.01)
+    for suite, cell in zip(suites, data.assessment.cells, strict=False):
+        assert float(suite.get("time")) == pytest.approx(2.5 * len(cell.runs), abs=0.01)
+        times = [float(case.get("time")) for case in suite.findall("testcase")]
+        assert sum(times) == pytest.approx(float(suite.get("time")), abs=0.01)
+        assert suite.find("properties/property[@name='time']").get("value") == "wall clock"
+    for key in ("tests", "failures", "errors"):
+        assert int(root.get(key)) == sum(int(suite.get(key)) for suite in suites)
+
+
+def test_of_traces_alone_the_time_is_the_simulated_one(data, junit):
+    suite = ET.parse(junit(data)).getroot().find("testsuite")
+    assert suite.find("properties/property[@name='time']").get("value") == "simulated"
+    cell = data.assessment.cells[0]
+    simulated = [r.record.result.timing.simulated for r in data.runs if r.record.id in cell.runs]
+    assert float(suite.get("time")) == pytest.approx(sum(simulated), abs=0.01)

@@ -209,23 +209,6 @@ def test_noise_beyond_the_repeats_that_say_what_holds_is_told_and_changes_nothin
     assert (nearest.confirmed.failed, nearest.confirmed.runs) == (3, confirm)
 
 
-@pytest.mark.parametrize("slots", [1, 4])
-def test_the_failure_that_is_told_holds_whatever_the_noise(slots):
-    def chance_near_and_solid_far(point, repeat):
-        if point[0] >= 7.5:
-            return -0.02
-        return -0.001 if 5.2 <= point[0] < 6.5 and repeat == 0 else 0.1
-
-    runs, answer = search(*BOTH, margin=chance_near_and_solid_far, runs=24, slots=slots)
-    nearest = answer.nearest
-    assert (nearest.result.point, nearest.passes.point) == ((7.5, 5.0), (7.49, 5.0))
-    assert (nearest.confirmed.failed, nearest.confirmed.runs) == (5, 5)
-    assert len(runs.digests) == len(set(runs.digests)), "no repeat is run twice"
-    assert nearest.runs < len([p for p in runs.proposals if p.phase != "explore"])
-    assert answer.repeated > answer.holding > 0
-    assert any(s.startswith(f"of {answer.repeated} failures that were") for s in answer.sentences)
-
-
 @pytest.mark.parametrize("confirm", [5, 1])
 def test_where_no_failure_holds_the_first_one_is_told_as_not_reproduced(confirm):
     def lucky(point, repeat):

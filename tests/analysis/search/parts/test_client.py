@@ -3,27 +3,23 @@
 import json
 import subprocess
 import sys
-from dataclasses import replace
 
 import pytest
 
 from daemon.batch.errors import Refused
-from daemon.model.proposals import ExtendRequest
 from daemon.model.search_answer import SearchProgress, SearchRow
 from daemon.model.verbs import EXTEND, PROGRESS, SEARCHES
 from daemon.search.daemon_runs import DaemonRuns
-from daemon.search.program import run_search
 from grammars.text.diagnostics import InputError, Where
 from tests.analysis.search import fake_search
 from tests.analysis.search.fake_search import CONFIRMED, client_of, result_of
 from tests.analysis.search.searches import (
     LocalRuns,
-    load_search_case,
     mixed,
     mixed_task,
     searched,
 )
-from tests.make import TASK, make_extension, make_search, make_submission
+from tests.make import TASK, make_extension, make_search
 from tests.parts import DEADLINE, ROOT, daemon_at, eventually
 
 RUNS = 30
@@ -228,86 +224,17 @@ def test_a_daemon_that_has_forgotten_the_client_hears_of_it_again():
     assert daemon.asked == (EXTEND, SEARCHES, EXTEND)
 
 
-def test_requests_of_clients_are_held_to_the_search(asked):
-    asked.submit(make_submission("plain", 1, value=50.0))
-    for verb, request in (
-        (EXTEND, make_extension("plain", 1)),
-        (PROGRESS, SearchProgress("plain", "lab", "explore")),
-    ):
-        with pytest.raises(Refused, match="no search"):
-            asked.ask(verb, request)
-    with pytest.raises(Refused, match="not a campaign id"):
-        asked.begin_search(replace(make_search("s"), campaign="../s"))
-    good = make_extension("t", 0, 2)
-    asked.begin_search(make_search("t"))
-    with pytest.raises(Refused, match="2 runs for 1 proposals"):
-        asked.ask(EXTEND, ExtendRequest("lab", good.proposals[:1], good.runs))
-
-
-CAMPAIGN = """\
-campaign: tiny
-seed: 3
-limit: 3 s
-robot: courier
-oracles: navigation
-matrix: {sut: [pilot]}
-scenarios:
-  rude:
-    floorplan: flat
-    objects: doors
-    behaviours: [doors_open, doors_in_your_face]
-    mission: courier
-    oracles: [keeps-clear]
-search:
-  near:
-    scenario: rude
-    minimise: keeps-clear
-    over: {doors_in_your_face.near: 0.5 .. 2 m}
-    budget: 3 runs
-    method: halton
-    confirm: 1 repeat
-    then: nearest
-"""
-
-
-def test_a_search_of_real_runs_gives_the_same_answer_from_their_results(demo):
-    file = demo / "tiny.yaml"
-    file.write_text(CAMPAIGN)
-    runs = LocalRuns()
-    answer = run_search(load_search_case(file, "near"), runs)
-    assert (answer.ended, answer.explored) == ("budget", 3)
-    assert (answer.errors, answer.inconclusive) == (0, 0)
-    assert answer.best.value.object
-    assert answer.best.value.waypoint
-    again = LocalRuns(slots=3, results=runs.results)
-    repeated = run_search(load_search_case(file, "near"), again)
-    assert again.digests == runs.digests
-    assert repeated.sentences == answer.sentences
-    assert (repeated.executed, repeated.reused) == (0, answer.executed)
-
-
-def printed(code):
-    """What a process of its own prints."""
-    command = [sys.executable, "-c", "\n".join(code)]
-    return subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT).stdout
-
-
-def test_another_process_proposes_the_same():
+def test_another_process_proposes_the_same_and_loads_optuna_only_where_it_guides():
     """Hashes of words, and with them the order of sets, differ between processes."""
-    output = printed([
-        "import json",
-        "from tests.analysis.search.searches import mixed, mixed_task, searched",
-        "print(json.dumps([p.values for p, _ in searched(mixed_task(), mixed, 30)]))",
-    ])  # fmt: skip
-    here = [list(proposal.values) for proposal, _ in searched(mixed_task(), mixed, 30)]
-    assert json.loads(output) == here
-
-
-def test_even_and_random_searches_do_not_load_optuna():
-    printed([
-        "import sys",
-        "from tests.analysis.search.searches import make_task, ranged, searched",
+    code = [
+        "import json, sys",
+        "from tests.analysis.search.searches import make_task, mixed, mixed_task, ranged, searched",
         "for method in ('halton', 'random', 'boundary'):",
         "    searched(make_task(ranged(), method=method), lambda p: p[0] - 3.0, 30)",
         "assert 'optuna' not in sys.modules",
-    ])  # fmt: skip
+        "print(json.dumps([p.values for p, _ in searched(mixed_task(), mixed, 30)]))",
+    ]
+    command = [sys.executable, "-c", "\n".join(code)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
+    here = [list(proposal.values) for proposal, _ in searched(mixed_task(), mixed, 30)]
+    assert json.loads(done.stdout) == here
