@@ -127,13 +127,6 @@ def test_a_reader_on_a_phone_in_the_dark_sees_the_same(page, tmp_path):
     assert seen["paper"] != "rgb(255, 255, 255)"
 
 
-def test_without_scripts_all_figures_are_there(page, tmp_path):
-    bare = re.sub(r"<script>.*?</script>", "", page, flags=re.DOTALL)
-    with opened(bare, tmp_path) as browser:
-        seen = browser.evaluate(SEEN)
-    assert len(seen["figures"]) >= page.count('class="chart"') + page.count('class="map" data-cell')
-
-
 def test_a_table_sorts_by_a_column_up_down_and_back_and_shows_the_rows_with_some_words(open_page):
     written = open_page.evaluate(ROWS)
     head = "document.querySelectorAll('#runs th')[3]"

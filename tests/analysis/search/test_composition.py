@@ -89,6 +89,23 @@ search:
       over: {vary.slack: 0.09 .. 0.14 m}}
 """
 
+DOORS = """\
+parameter swing = 60 deg/s
+parameter closes = 6 s
+parameter opens = 14 s
+group leading: bedroom_door
+
+all leading moves to open at 0 s, to closed at closes, to open at opens, by servo at swing
+living_room_door toggles between closed and open every 5 s with probability 0.5
+"""
+
+
+@pytest.fixture
+def folder(demo):
+    """The layers of the demonstration, with doors whose times have names."""
+    (demo / "doors_moving.scenery").write_text(DOORS)
+    return demo
+
 
 def write(folder, rest, chance="per repeat"):
     path = folder / "tiny.yaml"
@@ -161,8 +178,8 @@ def test_a_found_campaign_has_the_values_not_as_written_and_expects_the_failure(
     assert expected.why == "closes 0.25 s later: bad"
 
 
-def test_a_value_with_more_digits_than_a_point_has_is_written_all_the_same(folder, doors):
-    (folder / "doors_moving.scenery").write_text(doors.replace("= 6 s", "= 6.00000000004 s"))
+def test_a_value_with_more_digits_than_a_point_has_is_written_all_the_same(folder):
+    (folder / "doors_moving.scenery").write_text(DOORS.replace("= 6 s", "= 6.00000000004 s"))
     case = load_search_case(write(folder, TIMES), "s")
     point = (case.task.parameters[0].written, 14.0, 61.0, "bedroom_door")
     text = case.found_text(made_trial(point, -0.1, 5), comment="")
