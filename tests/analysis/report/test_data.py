@@ -62,12 +62,6 @@ def run_of(data):
     return find
 
 
-@pytest.fixture
-def copies(folder, tmp_path):
-    """Copies of the traces, without the note of the campaign."""
-    return [Path(shutil.copy(trace, tmp_path)) for trace in sorted(folder.glob("*.mcap"))]
-
-
 def test_measures_are_those_of_plain_geometry(run_of):
     # The leaf of the door stands 2 cm out of the wall at y = 1 m.
     nearest = 1.0 - 0.02 - LATERAL[NEAR] - 0.233
@@ -108,7 +102,9 @@ def test_a_door_that_shuts_and_the_same_door_that_does_not(run_of):
     assert tracks.contacts == ((5.0, "wall-north", 2.5, 1.0),)
 
 
-def test_a_trace_that_went_away_leaves_its_run(copies, tmp_path):
+def test_a_trace_that_went_away_leaves_its_run(folder, tmp_path):
+    for trace in folder.glob("*.mcap"):
+        shutil.copy(trace, tmp_path)
     source = read_traces(str(tmp_path))
     Path(source.rows[0].trace).unlink()
     data = read_report_data(read_results(source, source.row), (), processes=1)

@@ -440,6 +440,10 @@ def test_values_are_multiples_of_the_step_in_equal_shares(low, high, step, log, 
     assert " ".join(map(str, found)) == values
 
 
+def test_choices_have_equal_shares():
+    assert values_at(chosen("c", "x", "y"), 0.0, 0.49, 0.51, 1.0) == ["x", "x", "y", "y"]
+
+
 def test_the_written_point_may_lie_outside_and_may_be_missing():
     space = SearchSpace(make_task(ranged(low=6.0, high=8.0, written=5.0), chosen("b", "x", "y")))
     assert space.written == (5.0, "x")
