@@ -43,6 +43,7 @@ def test_the_scenario_as_written_comes_first_and_the_budget_ends_the_search():
     assert (answer.ended, answer.explored, len(runs.proposals)) == ("budget", 12, 12)
     assert runs.proposals[0].values == (5.0, 5.0)
     assert answer.space_filling == 11, "the scenario as written was not drawn"
+    assert answer.failed > answer.repeated == 0, "nobody asked for repeats"
 
 
 @pytest.mark.parametrize("method", ["halton", "random", "auto"])
