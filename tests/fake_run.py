@@ -8,9 +8,8 @@ guardian, 1 the zygote, 2 what started that), ``abort`` (say this and abort), ``
 ``.times``, has a line for each time that this was found out),
 ``allocate`` [MiB], ``log`` (a file that gets a line per execution), ``leaves`` (a file that gets
 the numbers of the processes that are left behind), ``prints`` [MiB], ``evidence`` (characters of
-it), ``verdicts`` (so many), ``noise`` (makes the trace differ each time), ``size`` (of the trace,
-bytes at least), ``reads`` (a file attached, its digest ends the trace). Systems of the kind
-``absent`` are not installed.
+it), ``verdicts`` (so many), ``size`` (of the trace, bytes at least), ``reads`` (a file attached,
+its digest ends the trace). Systems of the kind ``absent`` are not installed.
 """
 
 import errno
@@ -69,8 +68,6 @@ def execute(
         file = Path(spec.sut.local_parameters["files"][asked["reads"]])
         data += hashlib.sha256(file.read_bytes()).hexdigest().encode()
     data += random.Random(spec.seed).randbytes(asked.get("size", 0))
-    if "noise" in asked:
-        data += os.urandom(8)
     trace_path.write_bytes(data)
     trace = TraceInfo(hashlib.sha256(data).hexdigest(), len(data), 1)
     result = make_result(spec, outcome=Outcome(asked.get("outcome", "pass")), trace=trace)

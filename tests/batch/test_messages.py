@@ -154,12 +154,6 @@ def test_too_many_verdicts_are_left_out_and_counted():
     assert "5000 verdicts were left out" in bound.note
 
 
-def test_what_was_stored_before_there_were_leading_margins_still_reads():
-    old = codec.to_json(RESULT).replace(b',"leads":[]', b"")
-    assert b"leads" not in old
-    assert codec.from_json(RunResult, old) == RESULT
-
-
 # --- live: what is told of runs that go on can be drawn, whoever has sent it
 
 SNAPSHOT = LiveSnapshot(

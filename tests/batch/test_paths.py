@@ -13,6 +13,7 @@ from daemon.batch.errors import DaemonError
 from daemon.batch.launch import ensure_daemon
 from daemon.batch.paths import (
     DaemonContact,
+    Endpoint,
     StatePaths,
     endpoint_text,
     find_endpoint,
@@ -86,7 +87,7 @@ def test_the_state_directory_is_the_argument_then_the_environment(tmp_path):
 def test_the_endpoint_is_argument_environment_contact_default(tmp_path):
     environ = {"SCENARIO_STATE": str(tmp_path)}
     places = StatePaths(tmp_path)
-    assert find_endpoint("", None, environ).origin == "default"
+    assert find_endpoint("", None, environ) == Endpoint(places.endpoint, "default")
     places.contact_file.write_text("{half")
     assert places.read_contact() is None
     contact = DaemonContact("tcp/127.0.0.1:1234", 1, "0", 0.0)

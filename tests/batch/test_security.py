@@ -12,7 +12,7 @@ import pytest
 
 from daemon.batch.client import Client
 from daemon.batch.errors import DaemonError, KeysUnusable, Refused
-from daemon.batch.paths import StatePaths, find_endpoint, is_endpoint, is_local
+from daemon.batch.paths import StatePaths, is_endpoint, is_local
 from daemon.batch.security import (
     access_control,
     denial_text,
@@ -89,11 +89,6 @@ def test_nobody_speaks_plain_tcp_to_another_machine_by_mistake():
 def test_an_endpoint_is_one_and_of_this_machine(endpoint, valid, local):
     assert is_endpoint(endpoint) == valid
     assert local is None or is_local(endpoint) == local
-
-
-def test_without_a_word_only_the_own_daemon_is_asked(tmp_path):
-    environ = {"SCENARIO_STATE": str(tmp_path)}
-    assert find_endpoint("", None, environ).address == StatePaths(tmp_path).endpoint
 
 
 def test_plain_tcp_that_is_asked_for_is_listened_at(tmp_path, monkeypatch):

@@ -63,10 +63,6 @@ def test_what_a_submission_would_reuse_and_take_is_known_before(ledger):
     assert ledger.reader.forecast([varying]).cached == (False,)
 
 
-def test_nothing_is_said_of_how_long_the_first_runs_of_all_take(ledger):
-    assert ledger.reader.forecast([planned(make_spec(0))]).seconds == (None,)
-
-
 def test_only_runs_without_a_result_are_executed(ledger):
     ledger.submit("first", *specs(3))
     ledger.work()

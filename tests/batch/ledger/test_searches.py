@@ -13,7 +13,6 @@ from daemon.model.spec import LeadingMargin
 from daemon.model.verdicts import Outcome
 from grammars.text import codec
 from tests.batch.ledger.conftest import NOW
-from tests.batch.ledger_rules import broken_rules
 from tests.make import make_extension, make_result
 
 ANSWER = SearchAnswer("budget", 3, 3, 0, 1, 0, 0, 3, 1, sentences=("three runs",))
@@ -206,14 +205,3 @@ def test_the_answers_of_many_searches_fit_into_a_page(searches):
     found = [(row.campaign, row.answer is not None) for row in searches.reader.searches()]
     assert found == [("u", True), ("t", True), ("s", False)]
     assert searches.reader.searches("s")[0].answer == long
-
-
-def test_rules_see_a_search_that_is_not_whole(searches):
-    extend(searches, 0, 2)
-    searches.db.execute("PRAGMA foreign_keys = OFF")
-    searches.db.execute("INSERT INTO proposal VALUES ('s.7', x'7b7d')")
-    searches.db.execute("UPDATE campaign SET finished_at = 1.0")
-    assert set(broken_rules(searches.places.ledger)) >= {
-        "1 runs are proposed and not there",
-        "1 searches wait in campaigns that are closed",
-    }

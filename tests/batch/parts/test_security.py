@@ -40,7 +40,7 @@ from daemon.model.verbs import VERBS, Role
 from grammars.model.geometry import Pose2
 from grammars.text import codec
 from tests.make import make_result, make_submission
-from tests.parts import Part, daemon_at, eventually, free_endpoint, worker_for
+from tests.parts import daemon_at, eventually, free_endpoint, worker_for
 
 NOW = datetime.now(UTC).replace(microsecond=0)
 HERE = ("localhost", "127.0.0.1", "::1")
@@ -321,14 +321,6 @@ def test_no_file_of_the_daemon_has_a_secret(daemon, keys):
     assert {"daemon.log", "ledger.db"} <= {path.name for path in files}
     written = b"".join(path.read_bytes() for path in files) + daemon.output.encode()
     assert [secret for secret in secrets if secret.encode() in written] == []
-
-
-def test_plain_tcp_for_other_machines_must_be_asked_for(tmp_path):
-    options = ("--state", str(tmp_path / "state"), "--listen", "tcp/0.0.0.0:7447", "--slots", "0")
-    part = Part("serve", tmp_path / "log", *options)
-    assert part.wait() == 3
-    assert "say --insecure" in part.output
-    assert "Traceback" not in part.output
 
 
 def test_it_listens_at_addresses_of_either_kind(keys):

@@ -161,40 +161,6 @@ def test_what_a_dead_worker_had_is_given_back_by_the_next(tmp_path):
         check_ledger(daemon.state, 4)
 
 
-def test_a_killed_local_worker_costs_its_runs_a_moment(tmp_path):
-    log = tmp_path / "log"
-    with daemon_at(tmp_path / "state", 1) as daemon, daemon.client() as client:
-        client.submit(make_submission("c", 1, until=str(tmp_path / "gate-{attempt}"), log=str(log)))
-        eventually(lambda: executions(log, 1))
-        local_worker(daemon).kill()
-        (tmp_path / "gate-2").touch()
-        eventually(lambda: finished(client, 1))
-        assert client.run("c.0").row.attempt == 2
-        assert strikes(daemon) == 0
-
-
-def test_a_frozen_workers_lease_lapses_and_its_late_result_counts_once(tmp_path):
-    log, gate = tmp_path / "log", tmp_path / "gate"
-    with daemon_at(tmp_path / "state", **TURNED) as daemon, daemon.client() as client:
-        with worker_for(daemon, 1) as frozen:
-            client.submit(make_submission("c", 1, until=str(gate), log=str(log)))
-            eventually(lambda: executions(log, 1))
-            frozen.freeze()  # its child goes on and leaves a result
-            end_leases(daemon)
-            eventually(lambda: client.overview().running == 0)
-            assert client.run("c.0").row.reason == "the worker fell silent"
-            gate.touch()
-            with worker_for(daemon, 1):
-                eventually(lambda: finished(client, 1))
-                before = client.run("c.0")
-                frozen.signal(signal.SIGCONT)
-                spool = daemon.state / "spool"
-                eventually(lambda: not list(matching_paths(spool, "*/*/attempt-*")))
-                assert client.run("c.0") == before
-        assert before.row.attempt == 2
-        check_ledger(daemon.state, 1)
-
-
 def test_a_daemon_told_to_stop_lets_its_runs_finish(tmp_path):
     gate, log = tmp_path / "gate", tmp_path / "log"
     with daemon_at(tmp_path / "state", 2, patience=60.0) as daemon:

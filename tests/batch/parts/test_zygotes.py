@@ -7,7 +7,6 @@ import sys
 from contextlib import closing
 from dataclasses import replace
 from multiprocessing.connection import wait
-from types import SimpleNamespace
 
 import psutil
 import pytest
@@ -23,8 +22,8 @@ from daemon.model.spec import SutReference
 from daemon.model.status import Preparation, PreparationPhase
 from daemon.run import execute
 from grammars.text import codec
-from tests.make import SCENE, make_result, make_spec, make_submission, submission_of
-from tests.parts import EXECUTOR, ROOT, alive, daemon_at, eventually, finished
+from tests.make import SCENE, make_result, make_spec, submission_of
+from tests.parts import EXECUTOR, ROOT, alive, daemon_at, eventually
 
 SHORT = replace(make_spec(), limit=0.5, oracles=())
 
@@ -170,16 +169,6 @@ def is_over(execution):
     return execution.end is not None
 
 
-def test_nothing_outlives_a_run_whose_time_is_up(pool, tmp_path, scene, monkeypatch):
-    execution, left = begin(pool, tmp_path / "run", scene)
-    execution.listen()  # it has begun
-    late = execution.deadline + 1.0
-    monkeypatch.setattr(_zygotes, "time", SimpleNamespace(monotonic=lambda: late))
-    eventually(lambda: is_over(execution))
-    assert "s of wall clock time" in execution.end.why
-    assert not alive(left)
-
-
 def test_a_guardian_that_is_stopped_keeps_no_run(pool, tmp_path, scene, monkeypatch):
     execution, left = begin(pool, tmp_path / "run", scene)
     monkeypatch.setattr(_zygotes, "_KILL_PATIENCE", 0.2)
@@ -197,7 +186,9 @@ def test_a_guardian_that_is_stopped_keeps_no_run(pool, tmp_path, scene, monkeypa
 
 def test_a_zygote_that_died_is_replaced(pool, tmp_path, scene):
     execution, left = begin(pool, tmp_path / "first", scene)
-    zygote_of_mine().kill()
+    zygote = zygote_of_mine()
+    assert "-P" in zygote.cmdline()  # modules in the current folder are not taken for ours
+    zygote.kill()
     eventually(lambda: is_over(execution))
     eventually(lambda: not alive(left))
     execution, left = begin(pool, tmp_path / "again", scene)
@@ -223,29 +214,6 @@ def test_a_module_in_the_current_folder_is_never_taken_for_ours(foreign):
     assert "somebody else" in theirs.stderr
     ours = subprocess.run(python_command(*words), cwd=foreign, capture_output=True, text=True)
     assert "Missing required argument" in ours.stderr
-
-
-WORKER = f"""
-import sys
-from daemon.batch.worker import work
-work(sys.argv[1], slots=1, executor="{EXECUTOR}")
-"""
-
-
-def test_a_zygote_is_ours_too(foreign, tmp_path):
-    """Also when its parent, like the ``scenario`` command, was not started with ``-P``."""
-    script = foreign / "scripts" / "command.py"
-    script.parent.mkdir()
-    script.write_text(WORKER)
-    with daemon_at(tmp_path / "state") as daemon, daemon.client() as client:
-        client.submit(make_submission("c", 1))
-        command = [sys.executable, str(script), daemon.endpoint]
-        with subprocess.Popen(command, cwd=foreign, stderr=subprocess.PIPE) as worker:
-            try:
-                eventually(lambda: finished(client, 1) or worker.poll() is not None)
-            finally:
-                worker.terminate()
-        assert finished(client, 1)
 
 
 # --- kernels that are still compiled
