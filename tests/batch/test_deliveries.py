@@ -7,7 +7,7 @@ from contextlib import closing
 
 import pytest
 
-from daemon.batch.errors import Failed, Refused, Rejected, Unavailable, Unreachable
+from daemon.batch.errors import Failed, OtherLedger, Refused, Rejected, Unavailable, Unreachable
 from daemon.batch.paths import StatePaths
 from daemon.batch.run_process import RESULT, TRACE
 from daemon.batch.worker._attempts import Spool
@@ -233,6 +233,16 @@ def test_only_a_rejection_ends_it(local):
     local.deliver()
     assert [release.run for release in local.deliveries.releases] == ["c.0"]
     assert not local.attempt.folder.exists()
+
+
+def test_what_is_of_another_ledger_waits_for_it(site):
+    site.daemon.answers = [OtherLedger("another")]
+    site.deliver()
+    assert "1 finished runs wait" in site.deliveries.foreign_words
+    assert (site.attempt.folder.exists(), site.trouble.words) == (True, "")
+    site.deliveries.offer_again()
+    site.deliver()
+    assert (site.attempt.folder.exists(), site.deliveries.foreign_words) == (False, "")
 
 
 # --- pauses after trouble, and questions in the background

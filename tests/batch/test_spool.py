@@ -9,19 +9,11 @@ from types import SimpleNamespace
 import pytest
 
 from daemon.batch.operation._doctor import check_leftovers
-from daemon.batch.paths import StatePaths
 from daemon.batch.run_process import LEASE, RESULT
 from daemon.batch.worker import _attempts
 from daemon.batch.worker._attempts import AdoptedWork, Spool
 from daemon.model.messages import Lease
 from tests.make import make_spec
-
-
-@pytest.fixture
-def places(tmp_path):
-    paths = StatePaths(tmp_path)
-    paths.make_folders()
-    return paths
 
 
 def lease(position):

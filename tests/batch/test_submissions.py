@@ -22,13 +22,6 @@ from tests.make import make_extension, make_search, make_spec, make_submission, 
 DIGEST = "a" * 64
 
 
-@pytest.fixture
-def places(tmp_path):
-    places = StatePaths(tmp_path / "state")
-    places.make_folders()
-    return places
-
-
 def refusal(submission, places):
     with pytest.raises(Refused) as problem:
         admit_submission(submission, places)

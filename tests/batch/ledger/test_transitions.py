@@ -59,6 +59,7 @@ def test_a_lease_makes_a_queued_run_run():
         (DONE, Completed(7, "aa"), LedgerAnswer.KNOWN),
         (VARIED, Completed(9, "bb"), LedgerAnswer.REDUNDANT),
         (DONE, Completed(9, "bb", comparable=False), LedgerAnswer.REDUNDANT),
+        (CANCELLED, Renewed("w", 7), LedgerAnswer.STALE),
         (CANCELLED, Completed(7, "aa"), LedgerAnswer.DROPPED),
         (after(QUEUED, Cancelled()), Completed(7, "aa"), LedgerAnswer.DROPPED),
         # Executed before a retry, it is not what was asked for.
@@ -116,7 +117,12 @@ def test_a_run_whose_workers_all_fall_silent_is_lost_in_the_end():
 
 
 @pytest.mark.parametrize(
-    "events", [(Renewed("w", 7),), (Leased("v", 8), Released(8, "full", blame=False))]
+    "events",
+    [
+        (Renewed("w", 7),),
+        (Completed(7, "aa"),),
+        (Leased("v", 8), Released(8, "full", blame=False)),
+    ],
 )
 def test_lapses_count_in_a_row_only(events):
     assert after(WAITING, *events).lapses == 0

@@ -4,7 +4,6 @@ The workers are as on another machine: their folder is not the daemon's, results
 """
 
 import random
-import shutil
 import signal
 import subprocess
 from contextlib import contextmanager
@@ -240,40 +239,3 @@ def test_finished_runs_wait_until_their_own_ledger_answers_again(tmp_path, ends_
             assert_executed_once(again, log, 2)
         eventually(lambda: spooled(elsewhere) == 0)
         assert worker.process.poll() is None
-
-
-def test_a_restored_copy_does_not_take_the_results_of_what_came_after_it(tmp_path):
-    state, copy, later = tmp_path / "state", tmp_path / "copy.db", tmp_path / "later"
-    log, gate = tmp_path / "log", tmp_path / "gate"
-    later.mkdir()
-    with daemon_at(state) as daemon, daemon.client() as client:
-        client.submit(make_submission("before", 1))
-    shutil.copy(state / "ledger.db", copy)
-    with daemon_at(state) as daemon:
-        with daemon.client() as client, worker_for(daemon, 2) as worker:
-            client.cancel("before")
-            client.submit(make_submission("c", 2, until=str(gate), log=str(log)))
-            eventually(lambda: executions(log, 2))
-            daemon.freeze()
-            gate.touch()
-            eventually(lambda: spooled(tmp_path) == 2)
-            worker.kill()
-        daemon.kill()
-    move_ledger(state, later)
-    shutil.copy(copy, state / "ledger.db")
-    with daemon_at(state) as daemon, daemon.client() as client, worker_for(daemon, 1):
-        eventually(lambda: finished(client, 1))
-        eventually(lambda: "2 finished runs wait" in str(client.overview().troubles))
-        assert client.overview().trouble == ""
-        eventually(lambda: spooled(tmp_path) == 2)
-    move_ledger(state, tmp_path)
-    move_ledger(later, state)
-    with daemon_at(state) as daemon, daemon.client() as client, worker_for(daemon, 1):
-        eventually(lambda: finished(client, 3))
-        assert_executed_once(client, log, 2)
-
-
-def move_ledger(there, to):
-    """Move a ledger with what is not in its file yet."""
-    for path in there.glob("ledger.db*"):
-        path.rename(to / path.name)

@@ -271,19 +271,6 @@ def direct(bare):
             client.delete((row.id,))
 
 
-def test_a_worker_told_to_leave_finishes_first(bare, direct, tmp_path):
-    gate, log = tmp_path / "gate", tmp_path / "log"
-    with worker_for(bare, 2) as worker:
-        direct.submit(make_submission("c", 4, until=str(gate), log=str(log)))
-        eventually(lambda: executions(log, 2))  # what is only leased it gives back
-        worker.signal(signal.SIGTERM)
-        gate.touch()
-        assert worker.wait() == 0
-        now = direct.overview()
-        assert (now.done, now.queued, now.running) == (2, 2, 0)
-        eventually(lambda: direct.overview().workers == 0)
-
-
 def test_a_worker_told_twice_gives_its_runs_back_without_blame(bare, direct, tmp_path):
     log = tmp_path / "log"
     with worker_for(bare, 2) as worker:

@@ -28,9 +28,9 @@ from tests.parts import EXECUTOR, ROOT, alive, daemon_at, eventually
 SHORT = replace(make_spec(), limit=0.5, oracles=())
 
 
-@pytest.fixture
-def scene(tmp_path):
-    path = tmp_path / "scene.json"
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    path = tmp_path_factory.mktemp("scene") / "scene.json"
     path.write_bytes(codec.to_json(SCENE))
     return path
 
@@ -114,6 +114,7 @@ def test_runs_of_one_zygote_leave_the_same_bytes_whoever_is_first(tmp_path, scen
 
 
 def test_a_run_leaves_leading_margins_where_its_lease_asks_for_them(pool, tmp_path, scene):
+    prepare(pool, make_spec(), scene)
     for leads, margins in ((False, []), (True, [0.5])):
         attempt, why = run(pool, tmp_path / f"{leads}", make_spec(), scene, leads=leads)
         assert [lead.margin for lead in attempt.result().leads] == margins, why
@@ -144,12 +145,11 @@ def test_chance_that_nobody_has_seeded_differs_between_runs_of_a_worker(
     assert len(set((tmp_path / "drawn.txt").read_text().splitlines())) == 2
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def pool():
-    pool = ZygotePool(1, EXECUTOR)
-    pool.warm_up()
-    yield pool
-    pool.close()
+    with closing(ZygotePool(1, EXECUTOR)) as pool:
+        pool.warm_up()
+        yield pool
 
 
 def begin(pool, folder, scene):
