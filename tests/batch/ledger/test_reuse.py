@@ -160,6 +160,7 @@ def test_a_specification_that_came_out_differently_is_executed_each_time(ledger)
     ledger.retry("first", "all")
     answers = ledger.work(lambda spec: make_result(spec, margin=0.1))
     assert answers == [LedgerAnswer.DIFFERS] * 2
+    assert ledger.happened("alarm") == ["nondeterministic"] * 2
     for name in ("third", "fourth"):
         assert ledger.submit(name, 2).cached == 0
         ledger.work()

@@ -46,8 +46,8 @@ class Target:
         trace = StatePaths(daemon.state).trace(self.done.trace)
         trace.parent.mkdir(parents=True)
         trace.write_bytes(TRACE)
-        self.completion = completion_of(self.done)
-        assert self.ask(verbs.COMPLETE, self.completion).answer is LedgerAnswer.RECORDED
+        answer = self.ask(verbs.COMPLETE, completion_of(self.done)).answer
+        assert answer is LedgerAnswer.RECORDED
         tokens = (self.leased.token, 9, 2**53)
         holds = tuple(m.LeaseRef(self.leased.run, token) for token in tokens)
         gone = self.ask(verbs.RENEW, m.RenewRequest(self.me, holds)).gone
@@ -273,23 +273,6 @@ def test_numbers_out_of_range_are_refused(target, verb, field):
     document = codec.to_plain(valid(target)[verb])
     for number in (-(2**63), -1001, 0.5, 2**53 + 1, 2**64, 10**30):
         target.complaint(verb, dumped(document | {field: number}))
-
-
-def test_what_is_stale_or_said_twice_changes_nothing(target):
-    again = codec.to_plain(target.completion)
-    assert target.ask(verbs.COMPLETE, target.completion).answer is LedgerAnswer.KNOWN
-    assert b"known" in target.send(verbs.COMPLETE, dumped(again | {"worker": "thief"}))[1]
-    leased = codec.to_plain(completion_of(target.leased))
-    for token in (0, target.leased.token + 1, 2**53):
-        assert "never leased" in target.complaint(verbs.COMPLETE, dumped(leased | {"token": token}))
-    other = again | {"result": leased["result"]}
-    assert "specification differs" in target.complaint(verbs.COMPLETE, dumped(other))
-    for token in (0, target.leased.token + 1):
-        release = release_of(target.leased, token, "mine")
-        assert "never leased" in target.complaint(verbs.RELEASE, codec.to_json(release))
-    for lease in (target.done, target.leased):
-        over = release_of(lease, target.done.token, "mine")
-        assert target.ask(verbs.RELEASE, over).answer is LedgerAnswer.STALE
 
 
 def test_keys_that_are_no_verbs_are_refused(target):

@@ -28,9 +28,9 @@ from tests.parts import EXECUTOR, ROOT, alive, daemon_at, eventually
 SHORT = replace(make_spec(), limit=0.5, oracles=())
 
 
-@pytest.fixture(scope="module")
-def scene(tmp_path_factory):
-    path = tmp_path_factory.mktemp("scene") / "scene.json"
+@pytest.fixture
+def scene(tmp_path):
+    path = tmp_path / "scene.json"
     path.write_bytes(codec.to_json(SCENE))
     return path
 
