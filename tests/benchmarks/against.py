@@ -10,30 +10,27 @@ turns, first one, then the other, then the other way round: what disturbs one di
 import argparse
 import io
 import json
-import os
 import statistics
 import subprocess
 import sys
 import tarfile
 import tempfile
 from contextlib import ExitStack
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 import platformdirs
 
 from tests.benchmarks import progress
 from tests.benchmarks.case_process import CAMPAIGNS, CORRIDORS
-from tests.benchmarks.measurement import Measurement, Reference
-from tests.parts import eventually
+from tests.benchmarks.measurement import Measurement, Reference, cpu_of, kept_bytecode
+from tests.parts import ROOT
 
-ROOT = Path(__file__).parents[2]
 RUNS = (*CORRIDORS, *CAMPAIGNS)
 COMMANDS = {
     "help": ("--help",),
     "check": ("check", "campaigns/demo/campaign.yaml"),
-    "status": ("status",),
 }
 TIMES = 5
 BEGINNING = 20.0
@@ -41,8 +38,7 @@ BEGINNING = 20.0
 _PROGRAM = "import sys; from scenario_tui.cli import main; main(sys.argv[1:])"
 
 
-@dataclass(frozen=True, slots=True)
-class Sample:
+class Sample(NamedTuple):
     """What one time of a case took [CPU s], and for runs what came of it."""
 
     cpu: float
@@ -51,15 +47,12 @@ class Sample:
 
 
 class Checkout:
-    """One of the two trees, with its process for runs and, for questions, its daemon."""
+    """One of the two trees, with its process for runs."""
 
-    def __init__(self, folder, temporary, stack):
-        self._folder, self._temporary, self._stack = folder, temporary, stack
-        # Bytecode is kept, as in an installation; the tree comes before what the environment has.
-        kept = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
-        state = temporary / "state"
-        self._environment = kept | {"PYTHONPATH": str(folder), "SCENARIO_STATE": str(state)}
-        temporary.mkdir()
+    def __init__(self, folder, stack):
+        self._folder, self._stack = folder, stack
+        # The tree comes before what the environment has.
+        self._environment = kept_bytecode(PYTHONPATH=str(folder))
 
     def take(self, case):
         """Do a case once."""
@@ -89,47 +82,19 @@ class Checkout:
 
     def _run(self, line):
         process = self._process
-        assert process.stdin is not None
         process.stdin.write(f"{line}\n")
         process.stdin.flush()
         return Sample(*self._answer(process))
 
     def _answer(self, process):
-        assert process.stdout is not None
         line = process.stdout.readline()
         if not line:
             raise RuntimeError(f"the process in {self._folder} has ended: its output says why")
         return json.loads(line)
 
     def _command(self, *arguments):
-        if arguments[0] == "status":
-            self._daemon  # noqa: B018
         command = [sys.executable, "-P", "-c", _PROGRAM, *arguments]
-        said = self._temporary / "output"
-        with said.open("wb") as output:
-            process = subprocess.Popen(
-                command, cwd=self._folder, env=self._environment, stdout=output, stderr=output
-            )
-            # Of this process alone, with those it has waited for.
-            _, status, usage = os.wait4(process.pid, 0)
-        process.returncode = os.waitstatus_to_exitcode(status)
-        if process.returncode:
-            raise RuntimeError(f"scenario {' '.join(arguments)}: {said.read_text()}")
-        return Sample(usage.ru_utime + usage.ru_stime)
-
-    @cached_property
-    def _daemon(self):
-        state = Path(self._environment["SCENARIO_STATE"])
-        log = self._stack.enter_context((self._temporary / "daemon.log").open("wb"))
-        command = ["-c", _PROGRAM, "daemon", "--state", str(state), "--slots", "0"]
-        process = subprocess.Popen(
-            [sys.executable, "-P", *command],
-            cwd=self._folder, env=self._environment, stdout=log, stderr=log,
-        )  # fmt: skip
-        self._stack.callback(process.wait)
-        self._stack.callback(process.terminate)
-        eventually(lambda: (state / "daemon.json").exists())
-        return process
+        return Sample(cpu_of(command, self._environment, self._folder))
 
 
 def archived(revision):
@@ -162,11 +127,8 @@ def compare(revision, cases):
     Raises ``LookupError`` as :func:`archived`.
     """
     older = archived(revision)
-    with tempfile.TemporaryDirectory(prefix="bench-against-") as name, ExitStack() as stack:
-        checkouts = [
-            Checkout(folder, Path(name, label), stack)
-            for folder, label in ((older, "old"), (ROOT, "new"))
-        ]
+    with ExitStack() as stack:
+        checkouts = [Checkout(folder, stack) for folder in (older, ROOT)]
         for case, times in cases.items():
             for checkout, which in zip(checkouts, ("the older", "the newer"), strict=True):
                 progress.say(f"{case}: {which} begins, not counted")
@@ -176,7 +138,7 @@ def compare(revision, cases):
 
 
 def _in_turns(checkouts, case, times):
-    taken = [[], []]
+    taken = ([], [])
     for k in range(times):
         progress.say(f"{case}: {k + 1} of {times}", case)
         for which in (0, 1) if k % 2 == 0 else (1, 0):

@@ -24,20 +24,27 @@ from daemon.model.submission import MOST_RUNS
 from tests.benchmarks.measurement import Measurement, Reference, at_least, at_most, cpu, spread
 from tests.chaos.light import Crew, LightWorker
 from tests.make import make_submission
-from tests.parts import daemon_at, eventually, family, finished
+from tests.parts import ROOT, daemon_at, eventually, family, finished
 
 EMPTY = 3000
-QUEUED = 100_000
-LARGE = MOST_RUNS
+QUEUED, LARGE = 100_000, MOST_RUNS
 CAMPAIGNS = 20_000
-WORKERS = 400
-PROCESSES = 4
+WORKERS, PROCESSES = 400, 4
 RUNS = 20
 IDLE = 10.0
 QUESTIONS = 300
 CORE = Reference("one core", 100.0)
 LONG = "200 000 runs, 400 workers"
-CAMPAIGN = Path(__file__).parents[2] / "campaigns" / "ortega2024" / "first.yaml"
+CAMPAIGN = ROOT / "campaigns" / "ortega2024" / "first.yaml"
+
+
+def measure():
+    """Yield what each part has to say."""
+    for part in (
+        empty_runs, idle, submit, large, many_campaigns, busy_questions, scale, efficiency,
+    ):  # fmt: skip
+        yield from part()
+        assert threading.active_count() < 50
 
 
 @contextmanager
@@ -50,17 +57,25 @@ def fresh(slots=0, **settings):
         yield daemon
 
 
+@contextmanager
+def passed(pid=None):
+    """Seconds that the block takes, and CPU seconds that a process uses meanwhile."""
+    found = []
+    start, before = time.monotonic(), cpu(pid) if pid else 0.0
+    yield found
+    found += [time.monotonic() - start, cpu(pid) - before if pid else 0.0]
+
+
 def empty_runs():
     with fresh() as daemon, daemon.client() as client:
         client.submit(make_submission("empty", EMPTY))
-        before, start = cpu(daemon.pid), time.monotonic()
-        crew = Crew(daemon.endpoint, daemon.state, 4, 16)
-        eventually(lambda: finished(client, EMPTY), 120.0)
-        took, used = time.monotonic() - start, cpu(daemon.pid) - before
+        with passed(daemon.pid) as took:
+            crew = Crew(daemon.endpoint, daemon.state, 4, 16)
+            eventually(lambda: finished(client, EMPTY), 120.0)
         crew.stop()
     ended = "empty runs through the ledger, end to end"
-    yield Measurement(ended, EMPTY / took, "/s", None, (at_least(300.0),))
-    yield Measurement("  CPU of the daemon for one", 1e3 * used / EMPTY, "CPU ms")
+    yield Measurement(ended, EMPTY / took[0], "/s", None, (at_least(300.0),))
+    yield Measurement("  CPU of the daemon for one", 1e3 * took[1] / EMPTY, "CPU ms")
 
 
 def idle():
@@ -68,20 +83,24 @@ def idle():
         client.submit(make_submission("idle", 20))
         eventually(lambda: finished(client, 20))
         time.sleep(1.0)
-        before = cpu(daemon.pid)
+        yield share("idle daemon, its worker connected: CPU", daemon, at_most(1.0))
+        yield memory(daemon, at_most(120.0))
+
+
+def share(name, daemon, *goals, note=""):
+    """Return the share of a core that a daemon takes for a while."""
+    with passed(daemon.pid) as took:
         time.sleep(IDLE)
-        used = (cpu(daemon.pid) - before) / IDLE
-        memory = psutil.Process(daemon.pid).memory_full_info()
-        yield Measurement(
-            "idle daemon, its worker connected: CPU", 100 * used, "%", CORE, (at_most(1.0),)
-        )
-        yield Measurement(
-            "  its RSS", memory.rss / 2**20, "MB", Reference("USS", memory.uss / 2**20),
-            (at_most(120.0),),
-        )  # fmt: skip
+    return Measurement(name, 100 * took[1] / took[0], "%", CORE, goals, note)
 
 
-def large_campaign(runs):
+def memory(daemon, *goals):
+    found = psutil.Process(daemon.pid).memory_full_info()
+    beside = Reference("USS", found.uss / 2**20)
+    return Measurement("  its RSS", found.rss / 2**20, "MB", beside, goals)
+
+
+def large_campaign(runs, name=""):
     """The example of building C with as many repeats as it takes."""
     campaign = expand(load_campaign(CAMPAIGN))
     repeats = -(-runs // len(campaign.runs))
@@ -90,11 +109,25 @@ def large_campaign(runs):
         for k in range(repeats)
         for run in campaign.runs
     )
-    return replace(campaign, campaign=f"large-{runs}", runs=every[:runs], reserve=(), fresh=True)
+    name = name or f"large-{runs}"
+    return replace(campaign, campaign=name, runs=every[:runs], reserve=(), fresh=True)
+
+
+def submit():
+    with fresh() as daemon, daemon.client() as client:
+        for runs, goals in ((10_000, (at_most(2.0),)), (QUEUED, ())):
+            submission, mine = large_campaign(runs), time.process_time()
+            with passed(daemon.pid) as took:
+                client.submit(submission)
+            mine = f"CPU of the client {time.process_time() - mine:.2f} s"
+            yield Measurement(f"submit of {runs} runs", took[0], "s", None, goals, mine)
+            whole = Reference("all of it", took[0])
+            yield Measurement("  CPU of the daemon", took[1], "CPU s", whole)
+        yield Measurement("  ledger afterwards", client.disk().ledger / 2**20, "MiB")
 
 
 def leasing(endpoint, stop, answer):
-    """Lease and complete runs one by one until told to stop; answers with the seconds of each."""
+    """Lease and complete runs one by one until told to stop; answers with the ms of each."""
     took = []
     with bus.open_client(endpoint) as session:
         worker = LightWorker(session, endpoint, "beside", 1)
@@ -103,7 +136,7 @@ def leasing(endpoint, stop, answer):
             with suppress(Unreachable):  # unanswered in time: it took as long as that
                 for grant in worker.lease():
                     worker.complete(grant)
-            took.append(time.perf_counter() - start)
+            took.append(1e3 * (time.perf_counter() - start))
     answer.put(took)
 
 
@@ -119,89 +152,36 @@ def leases_beside(daemon):
         yield found
     finally:
         stop.set()
-        took = sorted(1e3 * one for one in answer.get())
+        took = answer.get()
         process.join()
     if took:
         found.append(spread("  lease and result beside it", took))
-
-
-def peak(pid):
-    """The most memory a process has had so far [MiB]."""
-    status = Path(f"/proc/{pid}/status").read_text()
-    return int(status.split("VmHWM:")[1].split()[0]) / 2**10
 
 
 def large(runs=LARGE):
     """What the largest campaign there may be costs, and others meanwhile."""
     with fresh() as daemon, daemon.client() as client:
         client.submit(make_submission("empty", QUEUED))
-        submission = large_campaign(runs)
-        process = psutil.Process(daemon.pid)
-        with leases_beside(daemon) as beside:
-            start, before = time.monotonic(), process.cpu_times()
-            client.submit(submission)
-            took, used = time.monotonic() - start, process.cpu_times()
-        own = used.user + used.system - before.user - before.system
-        goals = (at_most(30.0),) if runs == LARGE else ()
-        yield Measurement(f"submit of {runs} runs", took, "s", None, goals)
-        submitting = Reference("the submission", took)
-        yield Measurement("  CPU of the daemon", own, "CPU s", submitting)
-        most = peak(daemon.pid)
+        submission, beside = large_campaign(runs), None
+        for name, work, goals in (
+            ("submit", lambda: client.submit(submission), (at_most(30.0),)),
+            ("cancel", lambda: client.cancel(submission.campaign), ()),
+            ("delete", lambda: client.delete((submission.campaign,)), ()),
+        ):
+            with leases_beside(daemon) as leases, passed(daemon.pid) as took:
+                work()
+            goals = goals if runs == MOST_RUNS else ()
+            yield Measurement(f"{name} of {runs} runs", took[0], "s", beside, goals)
+            beside = beside or Reference("the submission", took[0])
+            yield Measurement("  CPU of the daemon", took[1], "CPU s", beside)
+            yield from leases
+        status = Path(f"/proc/{daemon.pid}/status").read_text()
+        most = int(status.split("VmHWM:")[1].split()[0]) / 2**10
         yield Measurement("  most memory of the daemon", most, "MiB", None, (at_most(600.0),))
-        yield from beside
-        with leases_beside(daemon) as beside:
-            start = time.monotonic()
-            client.cancel(submission.campaign)
-            took = time.monotonic() - start
-        yield Measurement(f"cancel of {runs} runs", took, "s", submitting)
-        yield from beside
-        with leases_beside(daemon) as beside:
-            start = time.monotonic()
-            client.delete((submission.campaign,))
-            took = time.monotonic() - start
-        yield Measurement(f"delete of {runs} runs", took, "s", submitting)
-        yield from beside
         yield Measurement("  ledger afterwards", client.disk().ledger / 2**20, "MiB")
 
 
-def many_campaigns():
-    """What one of thousands of campaigns costs, against all of them."""
-    with tempfile.TemporaryDirectory(prefix="bench-daemon-") as folder:
-        paths = StatePaths(Path(folder))
-        paths.make_folders()
-        with LedgerWriter.open(paths) as ledger, ledger.transaction():
-            for i in range(CAMPAIGNS):
-                ledger.submit(replace(make_submission(f"c{i}", 1), name=f"n{i % 100}"), float(i))
-        with LedgerReader.open(paths) as reader:
-            everything = asked(f"all of {CAMPAIGNS} campaigns", reader.campaigns, 5)
-            yield everything
-            beside = Reference("all", everything.value)
-            for name, question, times in (
-                ("  the newest 500", lambda: reader.campaign_page(limit=500), 20),
-                ("  one by its id", lambda: reader.campaign_page(id="c777", limit=1), QUESTIONS),
-                ("  one by its name", lambda: reader.campaign_page(name="n77", limit=1), QUESTIONS),
-                ("  the counts of all", reader.counts, 20),
-            ):
-                yield replace(asked(name, question, times), reference=beside)
-
-
-def submit():
-    with fresh() as daemon, daemon.client() as client:
-        for runs, goals in ((10_000, (at_most(2.0),)), (QUEUED, ())):
-            submission = large_campaign(runs)
-            before, start = cpu(daemon.pid), time.monotonic()
-            mine = time.process_time()
-            client.submit(submission)
-            took, used = time.monotonic() - start, cpu(daemon.pid) - before
-            mine = time.process_time() - mine
-            name = f"submit of {runs} runs of building C"
-            client_cpu = f"CPU of the client {mine:.2f} s"
-            yield Measurement(name, took, "s", None, goals, client_cpu)
-            yield Measurement("  CPU of the daemon", used, "CPU s", Reference("all of it", took))
-        yield Measurement("  ledger afterwards", client.disk().ledger / 2**20, "MiB")
-
-
-def asked(name, question, times=QUESTIONS, goals=()):
+def asked(name, question, times=QUESTIONS, *goals):
     """Ask a question many times."""
     took = []
     for _ in range(times):
@@ -212,14 +192,50 @@ def asked(name, question, times=QUESTIONS, goals=()):
     return spread(name, took, *goals)
 
 
+def asked_beside(questions, times):
+    """Ask all these, the first one being the reference."""
+    beside = None
+    for name, question in questions.items():
+        one = asked(name, question, times)
+        yield replace(one, reference=beside)
+        beside = beside or Reference(name, one.value)
+
+
+def many_campaigns():
+    """What one of thousands of campaigns costs, against all of them."""
+    with tempfile.TemporaryDirectory(prefix="bench-daemon-") as folder:
+        fill_ledger(folder, CAMPAIGNS)
+        with LedgerReader.open(StatePaths(Path(folder))) as reader:
+            page = reader.campaign_page
+            questions = {
+                f"all of {CAMPAIGNS} campaigns": reader.campaigns,
+                "  the newest 500": lambda: page(limit=500),
+                "  one by its id": lambda: page(id="c777", limit=1),
+                "  one by its name": lambda: page(name="n77", limit=1),
+                "  the counts of all": reader.counts,
+            }
+            yield from asked_beside(questions, 5)
+
+
+def fill_ledger(folder, campaigns):
+    """Put so many campaigns of one run into the ledger of a new state directory."""
+    paths = StatePaths(Path(folder))
+    paths.make_folders()
+    one = make_submission("c", 1)
+    with LedgerWriter.open(paths) as ledger, ledger.transaction():
+        for i in range(campaigns):
+            ledger.submit(replace(one, campaign=f"c{i}", name=f"n{i % 100}"), float(i))
+
+
 def busy_questions():
     with fresh(2, executor=DEFAULT_EXECUTOR) as daemon, daemon.client() as client:
         quiet = asked("status, quiet", client.overview)
         yield quiet
-        client.submit(replace(large_campaign(200), campaign="busy"))
+        client.submit(large_campaign(200, "busy"))
         eventually(lambda: client.overview().running == 2, 60.0)
         time.sleep(3.0)
-        busy = asked("status while runs fill 2 cores", client.overview, goals=(at_most(50.0),))
+        name = "status while runs fill 2 cores"
+        busy = asked(name, client.overview, QUESTIONS, at_most(50.0))
         yield replace(busy, reference=Reference("quiet", quiet.value))
 
 
@@ -245,9 +261,9 @@ def crowded(endpoint):
     """``WORKERS`` sessions in a few processes, each renewing every 10 s."""
     context = multiprocessing.get_context("spawn")
     ready, stop = context.Semaphore(0), context.Event()
-    share = WORKERS // PROCESSES
+    each = WORKERS // PROCESSES
     crew = [
-        context.Process(target=crowd, args=(endpoint, i, share, ready, stop))
+        context.Process(target=crowd, args=(endpoint, i, each, ready, stop))
         for i in range(PROCESSES)
     ]
     for process in crew:
@@ -266,63 +282,45 @@ def crowded(endpoint):
 def scale():
     with fresh() as daemon, daemon.client() as client:
         for part in range(10):
-            client.submit(replace(large_campaign(QUEUED // 10), campaign=f"part-{part}"))
+            client.submit(large_campaign(QUEUED // 10, f"part-{part}"))
         with crowded(daemon.endpoint):
             eventually(lambda: client.overview().workers == WORKERS)
-            before, start = cpu(daemon.pid), time.monotonic()
-            time.sleep(5.0)
-            used = (cpu(daemon.pid) - before) / (time.monotonic() - start)
             load = f"{QUEUED} queued runs, {WORKERS} workers that renew every 10 s"
-            yield Measurement("CPU of the daemon", 100 * used, "%", CORE, (), load)
-            memory = psutil.Process(daemon.pid).memory_full_info()
-            yield Measurement(
-                "  its RSS", memory.rss / 2**20, "MB", Reference("USS", memory.uss / 2**20)
-            )
-            yield from ask_everything(client)
+            yield share("CPU of the daemon", daemon, note=load)
+            yield memory(daemon)
+            questions = {
+                "overview": client.overview,
+                "campaigns": client.campaigns,
+                "workers": client.workers,
+                "first page of 200 runs": lambda: client.runs(),
+                "page in the middle": lambda: client.runs("part-5", offset=QUEUED // 20),
+                "last page of all": lambda: client.runs(offset=QUEUED - 200),
+                "sorted by margin": lambda: client.runs(sort="margin"),
+                "of one state": lambda: client.runs(state="queued"),
+                "of one scenario and system": lambda: client.runs(scenario="S2", sut="pilot"),
+                "with a text in them": lambda: client.runs(text="S2/pilot/77"),
+            }
+            yield from asked_beside(questions, 40)
             with bus.open_client(daemon.endpoint) as session:
                 worker = LightWorker(session, daemon.endpoint, "one", 1)
                 yield asked("lease of one run", worker.lease)
-            submission = replace(large_campaign(1000), campaign="more")
-            start = time.monotonic()
-            client.submit(submission)
-            yield Measurement("submit of 1000 runs", time.monotonic() - start, "s")
 
 
-def ask_everything(client):
-    few = 40
-    overview = asked("overview", client.overview)
-    yield overview
-    beside = Reference("overview", overview.value)
-    questions = {
-        "campaigns": client.campaigns,
-        "workers": client.workers,
-        "first page of 200 runs": lambda: client.runs(),
-        "page in the middle of one campaign": lambda: client.runs("part-5", offset=5000),
-        "last page of all": lambda: client.runs(offset=QUEUED - 200),
-        "sorted by margin": lambda: client.runs(sort="margin"),
-        "of one state": lambda: client.runs(state="queued"),
-        "of one scenario and system": lambda: client.runs(scenario="S2", sut="pilot"),
-        "with a text in them": lambda: client.runs(text="S2/pilot/77"),
-    }
-    for name, question in questions.items():
-        yield replace(asked(name, question, few), reference=beside)
+def used_by(pid):
+    """CPU seconds of the daemon, its worker and the zygote; and of the runs, those that go on too.
 
-
-def overhead(pid):
-    """CPU seconds of the daemon, its worker and the zygote; and of the runs that ended."""
+    Runs are nice, and children of the zygote, which has the times of those that ended.
+    """
     own = runs = 0.0
     for process in family(pid):
-        used = process.cpu_times()
-        own += used.user + used.system
-        # Runs are children of the zygote; the daemon and the worker have no others yet.
-        runs += used.children_user + used.children_system
+        with suppress(psutil.NoSuchProcess):  # a run that has just ended
+            used, in_run = process.cpu_times(), process.nice() > 0
+            runs += used.children_user + used.children_system
+            if in_run:
+                runs += used.user + used.system
+            else:
+                own += used.user + used.system
     return own, runs
-
-
-def await_runs(client, runs):
-    """Wait for the end of runs, asking seldom: to be asked costs, too."""
-    while not finished(client, runs):
-        time.sleep(0.25)
 
 
 def efficiency():
@@ -330,13 +328,13 @@ def efficiency():
     took = []
     for slots in (1, 2):
         with fresh(slots, executor=DEFAULT_EXECUTOR) as daemon, daemon.client() as client:
-            client.submit(replace(large_campaign(2), campaign="warm"))
-            await_runs(client, 2)
-            before, start = overhead(daemon.pid), time.monotonic()
-            client.submit(replace(large_campaign(RUNS), campaign="measured"))
-            await_runs(client, RUNS + 2)
+            for count, name in ((2, "warm"), (RUNS, "measured")):
+                before, start = used_by(daemon.pid), time.monotonic()
+                client.submit(large_campaign(count, name))
+                while not finished(client, RUNS + 2 if name == "measured" else 2):
+                    time.sleep(0.25)  # to be asked costs, too
             took.append(time.monotonic() - start)
-            own, runs = (b - a for a, b in zip(before, overhead(daemon.pid), strict=True))
+            own, runs = (b - a for a, b in zip(before, used_by(daemon.pid), strict=True))
         beside = Reference("CPU of the runs", runs)
         yield Measurement(f"{RUNS} runs of building C, {slots} slots", took[-1], "s", beside)
         yield Measurement("  CPU of daemon and worker", own, "CPU s", beside)
@@ -344,13 +342,3 @@ def efficiency():
         "runs a second, two slots", RUNS / took[1], "/s",
         Reference("twice those of one", 2 * RUNS / took[0]), (at_least(0.9, of_ratio=True),),
     )  # fmt: skip
-
-
-def measure():
-    """Yield what each part has to say."""
-    for part in (
-        empty_runs, idle, submit, large, many_campaigns, busy_questions, scale,
-        efficiency,
-    ):  # fmt: skip
-        yield from part()
-        assert threading.active_count() < 50

@@ -7,8 +7,7 @@ costs the same however large it is.
 
 import math
 import tempfile
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,11 +21,11 @@ from grammars.model.behaviour import KeyFrame, KeyFrames, Servo, Walk
 from grammars.model.geometry import Pose2
 from grammars.model.movers import with_planar_chain
 from grammars.model.scene import Link, SceneObject
-from tests.benchmarks import bench_amcl, bench_costmap, corridor
+from tests.benchmarks import bench_kernels, corridor
 from tests.benchmarks.bench_run import idle
 from tests.benchmarks.measurement import Measurement, Reference, at_most, in_turns
 from tests.kernels import load_all
-from tests.stacks.ros1.amcl.world import LASER, PUBLISHED
+from tests.stacks.ros1.amcl.world import LASER, PUBLISHED, see
 
 TIMES = 5
 SECONDS = 30
@@ -35,42 +34,30 @@ METRES = 300.0
 NOISE = 1.05
 """The exponent that linear growth may come out as: caches hold less of what is larger."""
 
-Work = Callable[[], object]
-
-
-@dataclass(frozen=True, slots=True)
-class Growth:
-    """The same work on something small and on something large; ``base`` is what nothing costs."""
-
-    name: str
-    sizes: tuple[int, int]
-    works: tuple[Work, Work]
-    base: Work | None = None
-
 
 def measure():
     """Yield the exponent of every case."""
     load_all()
-    for growth in (*rays(), particles(), *doors(), *walls(), *people()):
-        yield exponent(growth)
+    for case in (rays, particles, doors, walls, people):
+        yield from case()
 
 
-def exponent(growth):
-    """Time the small and the large one, and nothing where that is taken off, in turns."""
-    works = dict(zip(("small", "large"), growth.works, strict=True))
-    if growth.base is not None:
-        works["base"] = growth.base
+def growth(name, sizes, works, nothing=None):
+    """Time the same work on something small and something large, in turns, and take nothing off."""
+    works = dict(zip(("small", "large"), works, strict=True))
+    if nothing is not None:
+        works["nothing"] = nothing
     for work in works.values():
         work()
-    took = {name: min(times) for name, times in in_turns(works, TIMES).items()}
-    base = took.get("base", 0.0)
-    small, large = growth.sizes
+    took = {which: min(times) for which, times in in_turns(works, TIMES).items()}
+    base = took.get("nothing", 0.0)
     value = math.log(max(took["large"] - base, 1e-9) / max(took["small"] - base, 1e-9))
-    value /= math.log(large / small)
-    without = f", {1e3 * base:.2f} ms without any taken off" if growth.base else ""
+    value /= math.log(sizes[1] / sizes[0])
+    without = f", {1e3 * base:.2f} ms without any taken off" if base else ""
     return Measurement(
-        growth.name, value, "exponent", Reference("linear growth", 1.0), (at_most(NOISE),),
-        f"{small} to {large}: {1e3 * took['small']:.2f} to {1e3 * took['large']:.2f} ms{without}",
+        name, value, "exponent", Reference("linear growth", 1.0), (at_most(NOISE),),
+        f"{sizes[0]} to {sizes[1]}: {1e3 * took['small']:.2f} to {1e3 * took['large']:.2f} ms"
+        f"{without}",
     )  # fmt: skip
 
 
@@ -93,11 +80,11 @@ def scanning(here, times=100):
     return work
 
 
-def stepping(make):
+def stepping(*case):
     """A world from its beginning, scanned ten times a second."""
 
     def work():
-        here = make()
+        here = world(*case)
         for _ in range(10 * SECONDS):
             here.scan()
             here.advance(10)
@@ -122,19 +109,16 @@ def rays():
     sizes = (150, 1080)
     scene = corridor.scene()
     robots = [with_rays(corridor.robot(), count) for count in sizes]
-    yield Growth("rays: a scan", sizes, _two(scanning(world(scene, one)) for one in robots))
-    yield Growth("rays: a run", sizes, _two(running(scene, one) for one in robots))
-    building, robot, grid = bench_costmap.load()
-    yield Growth(
-        "rays: a costmap's update", sizes,
-        _two(_updates(building, with_rays(robot, count), grid) for count in sizes),
-    )  # fmt: skip
+    yield growth("rays: a scan", sizes, (scanning(world(scene, one)) for one in robots))
+    yield growth("rays: a run", sizes, (running(scene, one) for one in robots))
+    building, robot, grid = bench_kernels.building_c()
+    updates = (_updates(building, with_rays(robot, count), grid) for count in sizes)
+    yield growth("rays: a costmap's update", sizes, updates)
 
 
 def _updates(scene, robot, grid):
-    start = Pose2(*bench_costmap.BEGIN, 0.0)
-    steps = bench_costmap.drive(world_at(scene, robot, start), robot)[:300]
-    parameters = bench_costmap.GLOBAL
+    steps = bench_kernels.drive(scene, robot)[:300]
+    parameters = bench_kernels.GLOBAL
     costmap = Costmap(parameters, parameters.padded_footprint(), FAST, grid)
 
     def work():
@@ -144,15 +128,11 @@ def _updates(scene, robot, grid):
     return work
 
 
-def world_at(scene, robot, start):
-    return World(scene, robot, start, (), np.random.SeedSequence(1))
-
-
 def particles():
     sizes = (500, 5000)
-    grid, walls = bench_amcl.corridor()
-    poses = [Pose2(bench_amcl.STEP * k, 0.9, 0.0) for k in range(100)]
-    scans = [bench_amcl.see(walls, pose) for pose in poses]
+    grid, walls = bench_kernels.corridor()
+    poses = [Pose2(bench_kernels.STEP * k, 0.9, 0.0) for k in range(100)]
+    scans = [see(walls, pose) for pose in poses]
 
     def localising(count):
         parameters = replace(PUBLISHED, min_particles=count, max_particles=count)
@@ -164,22 +144,19 @@ def particles():
 
         return work
 
-    return Growth("particles: updates of AMCL", sizes, _two(map(localising, sizes)))
+    yield growth("particles: updates of AMCL", sizes, map(localising, sizes))
 
 
 def doors():
-    sizes = (20, 100)
+    sizes, robot = (20, 100), corridor.robot()
     scenes = [corridor.scene(METRES, doors=count) for count in sizes]
-    swinging = [
-        tuple(swings(name, i) for i, name in enumerate(scene.joint_names)) for scene in scenes
+    cases = [
+        (scene, robot, tuple(swings(name, i) for i, name in enumerate(scene.joint_names)))
+        for scene in scenes
     ]
-    robot, pairs = corridor.robot(), list(zip(scenes, swinging, strict=True))
-    yield Growth("doors at rest: a run", sizes, _two(running(scene, robot) for scene in scenes))
-    yield Growth(
-        "doors that move: a world", sizes,
-        _two(stepping(lambda s=s, b=b: world(s, robot, b)) for s, b in pairs),
-    )  # fmt: skip
-    yield Growth("doors that move: a run", sizes, _two(running(s, robot, b) for s, b in pairs))
+    yield growth("doors at rest: a run", sizes, (running(scene, robot) for scene in scenes))
+    yield growth("doors that move: a world", sizes, (stepping(*case) for case in cases))
+    yield growth("doors that move: a run", sizes, (running(*case) for case in cases))
 
 
 def swings(joint, number):
@@ -198,26 +175,20 @@ def walls():
         ("ten times as long", [corridor.scene(corridor.LENGTH * times) for times in sizes]),
         ("in pieces of a tenth", [corridor.scene(pieces=times) for times in sizes]),
     ):
-        yield Growth(
-            f"walls, {what}: a scan", sizes, _two(scanning(world(one, robot)) for one in scenes)
-        )
-        yield Growth(f"walls, {what}: a run", sizes, _two(running(one, robot) for one in scenes))
+        works = (scanning(world(one, robot)) for one in scenes)
+        yield growth(f"walls, {what}: a scan", sizes, works)
+        yield growth(f"walls, {what}: a run", sizes, (running(one, robot) for one in scenes))
 
 
 def people():
     sizes = (2, 10)
-    robot = corridor.robot()
-    crowds = [crowd(count) for count in (0, *sizes)]
-    nobody, *some = [
-        stepping(lambda s=s, b=b: world(s, robot, b)) for s, b in crowds
-    ]  # fmt: skip
-    yield Growth("people who walk: a world", sizes, _two(some), nobody)
-    nobody, *some = [running(s, robot, b) for s, b in crowds]
-    yield Growth("people who walk: a run", sizes, _two(some), nobody)
+    for what, make in (("a world", stepping), ("a run", running)):
+        nobody, *some = (make(*crowd(count)) for count in (0, *sizes))
+        yield growth(f"people who walk: {what}", sizes, some, nobody)
 
 
 def crowd(count):
-    """The corridor with people who walk up and down in it, and what they do."""
+    """The corridor with people who walk up and down in it, a robot, and what they do."""
     ring = tuple((0.2 * math.cos(a), 0.2 * math.sin(a)) for a in np.linspace(0, 6, 12))
     scene = corridor.scene()
     people, walks = [], []
@@ -226,9 +197,4 @@ def crowd(count):
         x, name = 5.0 * (k + 1), f"person-{k}"
         people.append(SceneObject(name, "person", Pose2(x), links, joints, (0.0, 0.0, 0.0)))
         walks.append(Walk(name, ((x, 0.0), (x + 3.0, 0.3)), 0.8, manner="back-and-forth"))
-    return replace(scene, objects=(*scene.objects, *people)), tuple(walks)
-
-
-def _two(works):
-    small, large = works
-    return small, large
+    return replace(scene, objects=(*scene.objects, *people)), corridor.robot(), tuple(walks)

@@ -9,17 +9,16 @@ from statistics import median
 
 from daemon.search.points import changed_parameters
 from daemon.search.program import run_search
-from tests.analysis.search.cases import load_search_case
-from tests.analysis.search.local_runs import LocalRuns
+from tests.analysis.search.searches import LocalRuns, load_search_case
 from tests.benchmarks import progress
 from tests.benchmarks.measurement import Measurement, Reference, at_least, at_most
 from tests.parts import ROOT
 
 LONG = "900 runs"
 CAMPAIGN = ROOT / "campaigns" / "demo" / "campaign.yaml"
-METHODS = ("random", "halton", "auto")
+EVEN, GUIDED = "halton", "auto"
+METHODS = (EVEN, "random", GUIDED)
 SEEDS, RUNS = 5, 60
-EVEN = "halton"
 
 
 def answer_of(method, seed, results):
@@ -27,7 +26,7 @@ def answer_of(method, seed, results):
     progress.say(f"{method}, seed {seed}", seed)
     case = load_search_case(CAMPAIGN, "doors-in-time")
     how = {"seed": seed, "method": method, "runs": RUNS, "stop": "budget"}
-    how |= {"then": ("nearest",), "confirm": 5} if method == "auto" else {"then": (), "confirm": 0}
+    how |= {"then": ("nearest",), "confirm": 5} if method == GUIDED else {"then": (), "confirm": 0}
     task = replace(case.task, **how)
     return task, run_search(replace(case, task=task), LocalRuns(slots=2, results=results))
 
@@ -44,31 +43,23 @@ def measure():
         results = {}
         for method in METHODS:
             found[method].append(answer_of(method, seed, results))
-    even = {}
-    for method in (EVEN, "random", "auto"):
-        answers = [answer for _, answer in found[method]]
-        values = {
-            "failures": (
-                median(one.failed for one in answers),
-                "runs",
-                at_least(1.5, of_ratio=True),
-            ),
-            "smallest margin": (median(map(margin, answers)), "m", None),
-        }
-        for what, (value, unit, goal) in values.items():
-            beside = Reference(EVEN, even[what]) if even.get(what) else None
-            goals = (goal,) if goal and method == "auto" else ()
-            yield Measurement(f"{method}, {RUNS} runs: {what}", value, unit, beside, goals)
-            if method == EVEN:
-                even[what] = value
-    guided = found["auto"]
+    failures, margins = {}, {}
+    for method, searches in found.items():
+        failures[method] = median(answer.failed for _, answer in searches)
+        margins[method] = median(margin(answer) for _, answer in searches)
+        goals = (at_least(1.5, of_ratio=True),) if method == GUIDED else ()
+        name, even = f"{method}, {RUNS} runs", Reference(EVEN, failures[EVEN])
+        yield Measurement(f"{name}: failures", failures[method], "runs", even, goals)
+        even = Reference(EVEN, margins[EVEN])
+        yield Measurement(f"{name}: smallest margin", margins[method], "m", even)
+    guided = found[GUIDED]
     without = sum(answer.first is None for _, answer in guided)
-    yield Measurement("guided searches without a failure", without, "seeds",
-                      Reference("all", SEEDS), (at_most(0.0),))  # fmt: skip
+    every, none = Reference("all", SEEDS), (at_most(0.0),)
+    yield Measurement("guided searches without a failure", without, "seeds", every, none)
     changes = [
         len(changed_parameters(task, answer.nearest.result.point))
         for task, answer in guided
         if answer.nearest is not None
     ]
-    yield Measurement("parameters that a nearest failure changes, most", max(changes, default=12),
-                      "parameters", Reference("all", 12), (at_most(3.0),))  # fmt: skip
+    name, goal = "parameters that a nearest failure changes, most", (at_most(3.0),)
+    yield Measurement(name, max(changes, default=12), "parameters", Reference("all", 12), goal)

@@ -7,13 +7,11 @@ end short runs over a link of 200 ms: a worker elsewhere, behind a line that del
 import hashlib
 import random
 import shutil
-import tempfile
 import threading
 import time
 from contextlib import ExitStack
 from dataclasses import replace
 from importlib.metadata import version
-from pathlib import Path
 
 from daemon.batch.stores import TraceReference, copy_trace
 from daemon.model import verbs
@@ -26,22 +24,23 @@ from daemon.model.messages import (
     WorkerInfo,
 )
 from daemon.model.spec import TraceInfo
-from tests.benchmarks.bench_daemon import fresh
-from tests.benchmarks.measurement import Measurement, Reference, cpu, spread
+from tests.benchmarks.bench_daemon import asked, fresh, passed
+from tests.benchmarks.measurement import Measurement, Reference, at_least, spread
 from tests.chaos.links import slow_line
 from tests.make import make_result, make_submission
 from tests.parts import eventually, finished, worker_for
 
 LONG = "short runs over a link of 200 ms"
 SIZE = 64 * 2**20
-DISTANT = 100
-DISTANT_TRACE = 2**20
+DISTANT, DISTANT_TRACE = 100, 2**20
 ME = WorkerInfo("bench-1", "bench", 1, version("scenario-tui"), 1, 0)
 
 
-def welcomed(client):
-    """The worker as it asks for work."""
-    return replace(ME, era=client.ask(verbs.WELCOME, ME).era)
+def measure():
+    """Yield rates of traces, then runs over a distance."""
+    with fresh() as daemon, daemon.client() as client:
+        yield from rates(daemon, client)
+    yield from distance()
 
 
 def upload(client, grant, data):
@@ -55,60 +54,39 @@ def upload(client, grant, data):
     client.ask(verbs.COMPLETE, done)
 
 
-def rates(daemon, client, folder):
+def rates(daemon, client):
+    """Yield a trace sent and fetched, and what somebody else notices of it."""
     client.submit(make_submission("c", 2))
-    reply = client.ask(verbs.LEASE, LeaseRequest(welcomed(client), 2))
-    data = random.Random(1).randbytes(SIZE)
-    plain = folder / "plain"
-    begun = time.perf_counter()
-    plain.write_bytes(data)
-    shutil.copyfile(plain, folder / "copy")
-    copied = time.perf_counter() - begun
-    spent, begun = cpu(daemon.pid), time.perf_counter()
-    upload(client, reply.grants[0], data)
-    took, spent = time.perf_counter() - begun, cpu(daemon.pid) - spent
-    yield Measurement(
-        f"upload {SIZE / 1e6:.0f} MB", took, "s",
-        Reference("written and copied", copied), (), rate(took, spent),
-    )  # fmt: skip
-    spent, begun = cpu(daemon.pid), time.perf_counter()
+    me = replace(ME, era=client.ask(verbs.WELCOME, ME).era)
+    first, second = client.ask(verbs.LEASE, LeaseRequest(me, 2)).grants
+    data, folder = random.Random(1).randbytes(SIZE), daemon.state.parent
+    with passed() as copied:
+        (folder / "plain").write_bytes(data)
+        shutil.copyfile(folder / "plain", folder / "copy")
     trace = TraceReference("c.0", "/elsewhere", hashlib.sha256(data).hexdigest(), SIZE)
-    copy_trace(trace, client, folder / "fetched")
-    took, spent = time.perf_counter() - begun, cpu(daemon.pid) - spent
-    yield Measurement(
-        f"fetch {SIZE / 1e6:.0f} MB", took, "s", Reference("written and copied", copied), (),
-        f"{rate(took, spent)}, verified as a whole",
-    )  # fmt: skip
-    yield from meanwhile(daemon, client, reply.grants[1], data)
-
-
-def rate(took, spent):
     mega = SIZE / 1e6
-    return f"{mega / took:.0f} MB/s, daemon {1000 * spent / mega:.1f} ms CPU per MB"
-
-
-def meanwhile(daemon, client, grant, data):
-    """Status of somebody else while a trace arrives as fast as it can."""
+    for name, work in (
+        ("upload", lambda: upload(client, first, data)),
+        ("fetch, verified as a whole:", lambda: copy_trace(trace, client, folder / "fetched")),
+    ):
+        with passed(daemon.pid) as took:
+            work()
+        note = f"{mega / took[0]:.0f} MB/s, daemon {1000 * took[1] / mega:.1f} ms CPU per MB"
+        beside = Reference("written and copied", copied[0])
+        yield Measurement(f"{name} {mega:.0f} MB", took[0], "s", beside, (), note)
     with daemon.client() as other:
-        alone = spread("status, alone", questions(other, 200))
-        sender = threading.Thread(target=upload, args=(client, grant, data))
+        alone = asked("status, alone", other.overview)
+        yield alone
+        sender = threading.Thread(target=upload, args=(client, second, data))
         sender.start()
         during = []
         while sender.is_alive():
-            during += questions(other, 5)
+            begun = time.perf_counter()
+            other.overview()
+            during.append(1e3 * (time.perf_counter() - begun))
         sender.join()
-    yield alone
     busy = spread("status, while a trace arrives", during)
     yield replace(busy, reference=Reference("alone", alone.value))
-
-
-def questions(client, count):
-    times = []
-    for _ in range(count):
-        begun = time.perf_counter()
-        client.overview()
-        times.append(1000.0 * (time.perf_counter() - begun))
-    return times
 
 
 def distance():
@@ -124,20 +102,9 @@ def distance():
                 client.submit(make_submission("warm", 8, sleep=0.5, size=size))
                 eventually(lambda: finished(client, 8), 120.0)
                 client.submit(make_submission("far", DISTANT, sleep=0.5, size=size))
-                begun = time.perf_counter()
-                eventually(lambda: finished(client, 8 + DISTANT), 600.0)
-                took = time.perf_counter() - begun
+                with passed() as took:
+                    eventually(lambda: finished(client, 8 + DISTANT), 600.0)
             what = f"0.5 s runs, 8 slots, {1000 * 2 * delay:.0f} ms, traces of {size // 1024} KiB"
-            yield Measurement(what, DISTANT / took, "/s", near)
-            near = Reference("without a distance", DISTANT / took)
-
-
-def measure():
-    """Yield rates of traces, then runs over a distance."""
-    with (
-        tempfile.TemporaryDirectory(prefix="bench-transport-") as folder,
-        fresh() as daemon,
-        daemon.client() as client,
-    ):
-        yield from rates(daemon, client, Path(folder))
-    yield from distance()
+            goals = (at_least(10.0),) if delay and not size else ()
+            yield Measurement(what, DISTANT / took[0], "/s", near, goals)
+            near = near or Reference("without a distance", DISTANT / took[0])

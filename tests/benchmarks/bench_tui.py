@@ -1,12 +1,11 @@
-"""The dashboard: first paint, 100,000 runs, busy cores, bytes over the line, an hour of events.
+"""The dashboard in a terminal: 100,000 runs, keys, bytes over the line, an hour of events.
 
-Real daemons on loopback and the dashboard in a pseudo-terminal of 80x24, as over SSH; the hour of
-events passes under a simulated clock. Times of the wall suffer from whatever else runs here: CPU
-of the dashboard's process stands beside them.
+Real daemons on loopback and the dashboard in a pseudo-terminal, as over SSH; the hour of events
+passes under a simulated clock. The CPU for a key is that of all the process does while keys come,
+what it asks of the daemon included. Times of the wall suffer from whatever else runs here.
 """
 
 import asyncio
-import multiprocessing
 import sqlite3
 import statistics
 import tempfile
@@ -17,21 +16,20 @@ from pathlib import Path
 
 import psutil
 
+from tests.benchmarks import progress
 from tests.benchmarks.bench_daemon import fresh
 from tests.benchmarks.measurement import Measurement, Reference, at_most, cpu, spread
 from tests.make import make_spec, make_submission, submission_of
-from tests.parts import eventually, finished
 from tests.people.terminal.pseudo_terminal import scenario, terminal
 
 LONG = "100 000 runs, minutes of watching a terminal"
-MANY = 100_000
-STARTS = 7
-TURNS = 20
+MANY, CAMPAIGNS = 100_000, 300
+TURNS, KEYS = 20, 50
+APART = 0.1
+"""Seconds between two keys, in which what a key has caused is drawn."""
 QUIET = 10.0
 HOUR = 3600
 DRAWN = Reference("80x24 drawn each second", 80 * 24 / 1e3)
-_STROKE = 100
-"""Bytes that a cursor which moved sends at least; an age that grew sends less."""
 _MIXED = """
 UPDATE run SET state = 'done', outcome = CASE WHEN position % 50 = 0 THEN 'fail' ELSE 'pass' END,
     oracle = 'no-contact', margin = ((position * 7919) % 1000) / 500.0 - 0.2, unit = 'm',
@@ -42,7 +40,7 @@ UPDATE run SET state = 'done', outcome = CASE WHEN position % 50 = 0 THEN 'fail'
 
 def measure():
     """Yield what each part has to say."""
-    for part in (first_paint, many_runs, busy_cores, line, live_map):
+    for part in (many_runs, line, replay):
         yield from part()
     yield asyncio.run(an_hour())
 
@@ -66,26 +64,12 @@ def took(shown, keys, seen):
     return 1e3 * (time.perf_counter() - start)
 
 
-def first_paint():
-    with fresh(slots=1) as daemon, daemon.client() as client:
-        client.submit(make_submission("small-1", 5))
-        eventually(lambda: finished(client, 5))
-        stages = {"connecting": [], "Quit": [], "small-1": []}
-        for _ in range(STARTS):
-            start = time.perf_counter()
-            with terminal(scenario("tui", "--connect", daemon.endpoint)) as shown:
-                for seen, found in stages.items():
-                    shown.until(seen)
-                    found.append((time.perf_counter() - start, cpu(shown.pid)))
-        names = ("an answer", "the first screen", "campaigns on it")
-        for name, found in zip(names, stages.values(), strict=True):
-            wall, used = (statistics.median(each) for each in zip(*found, strict=True))
-            yield Measurement(f"exec to {name}", wall, "s", Reference("its CPU s", used))
-
-
-def large(daemon):
-    """Put a campaign of many runs into the ledger, most of them done."""
+def fill(daemon):
+    """Put campaigns into the ledger, one of many runs, most of them done."""
+    progress.say(f"{MANY:,} runs, {CAMPAIGNS} campaigns")
     with daemon.client() as client:
+        for number in range(CAMPAIGNS - 1):
+            client.submit(make_submission(f"small-{number}", 1))
         client.submit(make_submission("large-1", MANY))
     daemon.kill()
     with sqlite3.connect(daemon.state / "ledger.db") as ledger:
@@ -95,40 +79,69 @@ def large(daemon):
 
 
 def many_runs():
-    with fresh(slots=0) as daemon:
-        large(daemon)
-        with opened(daemon) as shown:
+    with fresh() as daemon:
+        fill(daemon)
+        with opened(daemon, columns=120, rows=40) as shown:
             shown.until("large-1")
-            shown.type("\r")
+            shown.until(lambda: "judging" not in shown.lines[0])
+            yield idle("campaigns", shown)
+            yield key("a campaign down and up", shown, "jk")
+            shown.type("g\r")
             shown.until("1-100 of")
+            yield idle("runs", shown)
+            yield key("  a run down and up", shown, "jk")
+            yield key("  the last page of runs and the first", shown, "Gg")
             yield from turn_pages(shown)
             yield from filters(shown, daemon.pid)
-            yield from sorts(shown)
             used = psutil.Process(shown.pid).memory_info().rss / 2**20
             yield Measurement("  its RSS then", used, "MB", None, (at_most(150.0),))
+            shown.type("m")
+            shown.until("no-contact")
+            yield idle("matrix", shown)
+            yield key("  a cell right and left", shown, "lh")
+
+
+def key(name, shown, keys):
+    """Press two keys in turns; return the CPU for one."""
+    shown.read(2.0)
+    before = cpu(shown.pid)
+    for number in range(KEYS):
+        shown.type(keys[number % 2])
+        stay(shown, APART)
+    used = 1e3 * (cpu(shown.pid) - before) / KEYS
+    return Measurement(name, used, "CPU ms", None, (at_most(20.0),))
+
+
+def stay(shown, seconds):
+    """Read for so long, whatever comes; return how long it was."""
+    start = time.monotonic()
+    while (left := start + seconds - time.monotonic()) > 0.0:
+        shown.read(min(left, 0.5))
+    return time.monotonic() - start
+
+
+def idle(name, shown):
+    """Return the share of a core that the dashboard takes while nothing happens."""
+    stay(shown, 5.0)
+    before = cpu(shown.pid)
+    passed = stay(shown, 2.0 * QUIET)
+    share = 100.0 * (cpu(shown.pid) - before) / passed
+    return Measurement(f"{name}: idle", share, "% of a core", None, (at_most(0.5),))
 
 
 def turn_pages(shown):
-    """Go back and forth over the end of a page, then by screens inside of one."""
+    """Go back and forth over the end of a page."""
     turns = (("k", "1-100 of"), ("j", "101-200 of"))
     while turns[1][1] not in shown.text:
         shown.type("\x1b[6~")
         shown.read(0.3)
     before, times = cpu(shown.pid), []
     for number in range(TURNS):
-        key, page = turns[number % 2]
-        times.append(took(shown, key, lambda page=page: page in shown.text))
+        pressed, page = turns[number % 2]
+        times.append(took(shown, pressed, lambda page=page: page in shown.text))
     used = 1e3 * (cpu(shown.pid) - before) / TURNS
     yield spread(f"{MANY:,} runs: the next page", times, at_most(50.0))
     yield Measurement("  CPU of the dashboard for one", used, "CPU ms")
-    times = []
-    for _ in range(TURNS):
-        first = shown.lines[3][:20]
-        times.append(took(shown, "\x1b[6~", lambda first=first: first not in shown.lines[3]))
-        shown.read(0.2)
-        times.append(took(shown, "\x1b[5~", lambda first=first: first in shown.lines[3]))
-        shown.read(0.2)
-    yield spread("  page down and up inside a page", times, at_most(50.0))
 
 
 def filters(shown, daemon):
@@ -147,79 +160,22 @@ def filters(shown, daemon):
 
 
 def _filtered(shown, text):
-    return lambda: f"/{text}" in shown.lines[1] and " of 14" in shown.lines[1]
-
-
-def sorts(shown):
-    times = []
-    for name in ("outcome", "margin", "oracle"):
-        times.append(took(shown, ">", lambda name=name: _sorted(shown.lines[1], name)))
-        shown.read(0.3)
-    yield Measurement("  sorted by another column, slowest", max(times), "ms")
-
-
-def _sorted(trail, name):
-    return f"by {name}" in trail and "1-100 of" in trail
-
-
-def _burn(stop):
-    while time.monotonic() < stop:
-        sum(range(1000))
-
-
-def busy_cores():
-    with fresh(slots=0) as daemon:
-        with daemon.client() as client:
-            client.submit(make_submission("rows-1", 200))
-        with opened(daemon) as shown:
-            shown.until("rows-1")
-            shown.type("\r")
-            shown.until("1-100 of")
-            shown.read(1.0)
-            quiet = spread("a key to its paint, quiet", strokes(shown))
-            yield quiet
-            stop = time.monotonic() + 12.0
-            burners = [multiprocessing.Process(target=_burn, args=(stop,)) for _ in range(2)]
-            for burner in burners:
-                burner.start()
-            time.sleep(0.5)
-            busy = spread("  while 2 cores are busy at nice 0", strokes(shown), at_most(100.0))
-            yield replace(busy, reference=Reference("quiet", quiet.value))
-            for burner in burners:
-                burner.kill()
-                burner.join()
-
-
-def strokes(shown):
-    """Move the cursor up and down [ms each]."""
-    times = []
-    for number in range(2 * TURNS):
-        enough = len(shown.raw) + _STROKE
-        times.append(took(shown, "jk"[number % 2], lambda enough=enough: len(shown.raw) > enough))
-        shown.read(0.05)
-    return times
+    return lambda: f"/{text}" in shown.lines[1] and f"of {MANY}" not in shown.lines[1]
 
 
 def line():
-    with fresh(slots=2) as daemon, daemon.client() as client:
-        client.submit(make_submission("small-1", 5))
-        eventually(lambda: finished(client, 5))
-        with opened(daemon) as shown:
-            shown.until("small-1")
-            shown.read(2.0)
-            yield per_second("bytes to the terminal, nothing happens", shown)
-            events = (make_spec(k, sleep=0.4, limit=10.0) for k in range(400))
-            client.submit(submission_of("busy-1", *events))
-            shown.read(2.0)
-            yield per_second("  campaigns, 10 events a second", shown)
-            shown.type("\x1b[A\r")
-            shown.until("verdict")
-            shown.read(1.0)
-            yield per_second("  its runs", shown)
+    """Yield what campaigns send to a terminal, at rest and while runs end."""
+    with fresh(2) as daemon, daemon.client() as client, opened(daemon) as shown:
+        stay(shown, 2.0)
+        yield per_second("bytes to the terminal, nothing happens", shown)
+        specs = (make_spec(k, sleep=0.4, limit=10.0) for k in range(400))
+        client.submit(submission_of("busy-1", *specs))
+        shown.until("busy-1")
+        yield per_second("  campaigns, 10 events a second", shown)
 
 
-def live_map():
-    """The map of a run as it is played, ten frames a second."""
+def replay():
+    """Yield what the map of a run sends as it is played, ten frames a second."""
     from tests.people.recorded import record_run
 
     with tempfile.TemporaryDirectory(prefix="bench-tui-") as folder:
@@ -236,11 +192,9 @@ def live_map():
 
 
 def per_second(name, shown, *goals):
-    before, start = shown.sent, time.monotonic()
-    while time.monotonic() < start + QUIET:
-        shown.read(0.5)
-    sent = (shown.sent - before) / (time.monotonic() - start)
-    return Measurement(name, sent / 1e3, "kB/s", DRAWN, goals)
+    before = shown.sent
+    passed = stay(shown, QUIET)
+    return Measurement(name, (shown.sent - before) / passed / 1e3, "kB/s", DRAWN, goals)
 
 
 async def an_hour():

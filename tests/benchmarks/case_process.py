@@ -33,18 +33,23 @@ def load(name):
 
         _, spec, scene = cases()[CORRIDORS.index(name)]
         return spec, scene
+    campaign, scenario, sut = CAMPAIGNS[name]
+    return run_of(Path("campaigns", campaign, "campaign.yaml").resolve(), scenario, sut)
+
+
+def run_of(file, scenario, sut=None):
+    """Return the first run of a scenario in a campaign's file, and its scene."""
     from daemon.campaign import expand, load_campaign
 
-    campaign, scenario, sut = CAMPAIGNS[name]
-    submission = expand(load_campaign(Path("campaigns", campaign, "campaign.yaml").resolve()))
+    submission = expand(load_campaign(file))
     spec = next(
         run for run in submission.specs if run.scenario == scenario and sut in (None, run.sut.name)
     )
     return spec, next(scene for scene in submission.scenes if scene.digest == spec.scene)
 
 
-def tell_cpu(name):
-    """Print CPU and simulated seconds of a case in a process that has everything loaded."""
+def cpu_of_case(name):
+    """Return CPU and simulated seconds of a case in a process that has everything loaded."""
     from daemon.run import execute
     from tests.kernels import load_all
 
@@ -53,7 +58,7 @@ def tell_cpu(name):
     with tempfile.TemporaryDirectory(prefix="bench-case-") as folder:
         start = time.process_time()
         result = execute(spec, scene, trace_path=Path(folder) / "trace.mcap")
-        print(json.dumps([time.process_time() - start, result.timing.simulated]))
+        return time.process_time() - start, result.timing.simulated
 
 
 def main(folder):

@@ -1,7 +1,6 @@
 """The corridor scene of the benchmarks: 60 m long, 20 hinged doors that the robot brushes open."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
@@ -74,13 +73,6 @@ def robot(noise=0.01):
         ),
         OdometryNoise(20.0, 0.01, 0.01, 0.01),
     )  # fmt: skip
-
-
-def robot_with_two_lasers():
-    """Return the robot with a second laser of the same kind at its rear, looking back."""
-    one = robot()
-    rear = replace(one.laser, name="rear", mount=Mount(-0.3, 0.0, math.pi))
-    return replace(one, laser=replace(one.laser, name="front"), other_lasers=(rear,))
 
 
 def build_world(behaviours=(), noise=0.01):

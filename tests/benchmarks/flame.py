@@ -14,19 +14,14 @@ from collections import Counter
 from pathlib import Path
 
 from tests.benchmarks import progress
-from tests.benchmarks.against import ROOT, RUNS
+from tests.benchmarks.against import RUNS
 from tests.benchmarks.case_process import REFERENCE
 from tests.benchmarks.measurement import Measurement, Reference
+from tests.parts import ROOT
 
 RATE = 100
 MOST = 25
-_PROGRAM = "from tests.benchmarks.case_process import tell_cpu; tell_cpu({case!r})"
-
-
-def find_py_spy():
-    """Return where py-spy is: beside the interpreter, or on the path."""
-    beside = shutil.which("py-spy", path=str(Path(sys.executable).parent))
-    return beside or shutil.which("py-spy")
+_PROGRAM = "from tests.benchmarks.case_process import cpu_of_case; cpu_of_case({case!r})"
 
 
 def record(py_spy, case, output, kind):
@@ -58,7 +53,8 @@ def main(arguments):
     parser.add_argument("case", nargs="?", choices=RUNS, default=REFERENCE)
     parser.add_argument("-o", "--output", type=Path, default=Path("flame.svg"))
     asked = parser.parse_args(arguments)
-    py_spy = find_py_spy()
+    beside = shutil.which("py-spy", path=str(Path(sys.executable).parent))
+    py_spy = beside or shutil.which("py-spy")
     if py_spy is None:
         parser.error("py-spy is not installed: pip install py-spy")
     raw = asked.output.with_suffix(".txt")

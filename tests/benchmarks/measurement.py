@@ -6,22 +6,23 @@ run: another library, a plain version, the same with less to do, an older commit
 disturbs the other, so their ratio is what to compare between machines and days.
 """
 
+import json
+import os
+import subprocess
+import sys
+import tempfile
 import time
 from dataclasses import dataclass, replace
 
 import numpy as np
 import psutil
 
+from tests.parts import ROOT
+
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """What a value, or its ratio to the reference, should reach.
-
-    Attributes:
-        bound: in the unit of the value; without unit for a ratio.
-        at_least: whether more is better.
-        of_ratio: whether the ratio to the reference is meant, which does not depend on the machine.
-    """
+    """What a value should reach, or its ratio to the reference, whatever the machine."""
 
     bound: float
     at_least: bool
@@ -48,16 +49,7 @@ class Reference:
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """One line of a benchmark.
-
-    Attributes:
-        name: what was measured, for people.
-        value: what came out, the best or the median of several times where noise matters.
-        unit: of ``value`` and of the reference's.
-        reference: what it is held against; ``None`` where nothing does the same.
-        goals: empty where there is no bound to keep.
-        note: what else there is to know: sizes, differences, counts.
-    """
+    """One line of a benchmark: the best or the median of several times where noise matters."""
 
     name: str
     value: float
@@ -73,13 +65,9 @@ class Measurement:
             return None
         return self.value / self.reference.value
 
-    def judged(self, goal):
-        """The number that ``goal`` is about: the value, or the ratio where there is one."""
-        return self.ratio if goal.of_ratio else self.value
-
     def met(self, goal):
         """Whether ``goal`` is reached; one of a ratio is not where the reference is missing."""
-        judged = self.judged(goal)
+        judged = self.ratio if goal.of_ratio else self.value
         if judged is None:
             return False
         return judged >= goal.bound if goal.at_least else judged <= goal.bound
@@ -149,9 +137,43 @@ def spread(name, milliseconds, *goals):
     return Measurement(name, float(np.median(milliseconds)), "ms", None, goals, note)
 
 
-def side_by_side(works, repeats):
-    """Do each piece of work in turns, and yield its median CPU time [ms] beside the first's."""
-    took = {name: 1e3 * float(np.median(t)) for name, t in in_turns(works, repeats).items()}
-    first, *others = took
-    for name in others:
-        yield Measurement(name, took[name], "ms", Reference(first, took[first]))
+def side_by_side(works, repeats, unit="ms", each=1):
+    """Do each piece of work, the same ``each`` times, in turns; yield medians beside the first."""
+    scale = _SECONDS[unit] / each
+    took = in_turns(works, repeats, time.thread_time)
+    first, *others = ((name, scale * float(np.median(times))) for name, times in took.items())
+    for name, value in others:
+        yield Measurement(name, value, unit, Reference(*first))
+
+
+def told(function, *arguments, **environment):
+    """Call a function of a module in a process of its own, and return what it returns (JSON)."""
+    program = (
+        f"import json, sys; from {function.__module__} import {function.__name__} as asked;"
+        "said = asked(*json.loads(sys.argv[1])); print(json.dumps(said))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program, json.dumps(arguments)],
+        cwd=ROOT, env=os.environ | environment, stdout=subprocess.PIPE, text=True, check=True,
+    )  # fmt: skip
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def kept_bytecode(**more):
+    """Return the environment of commands as people have them: their bytecode stays on disk."""
+    kept = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
+    return kept | more
+
+
+def cpu_of(command, environment, folder=ROOT):
+    """Return CPU seconds of a process and those it waits for; raise what it says if it fails."""
+    with tempfile.TemporaryFile() as output:
+        process = subprocess.Popen(
+            command, cwd=folder, env=environment, stdout=output, stderr=output
+        )
+        _, status, usage = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        if process.returncode:
+            output.seek(0)
+            raise RuntimeError(f"{command}: {output.read().decode()}")
+    return usage.ru_utime + usage.ru_stime
