@@ -28,10 +28,7 @@ from tests.benchmarks.measurement import Measurement, Reference, cpu_of, kept_by
 from tests.parts import ROOT
 
 RUNS = (*CORRIDORS, *CAMPAIGNS)
-COMMANDS = {
-    "help": ("--help",),
-    "check": ("check", "campaigns/demo/campaign.yaml"),
-}
+COMMANDS = {"help": ("--help",), "check": ("check", "campaigns/demo/campaign.yaml")}
 TIMES = 5
 BEGINNING = 20.0
 """Simulated seconds of a run that are not counted."""

@@ -158,11 +158,11 @@ def leases_beside(daemon):
         found.append(spread("  lease and result beside it", took))
 
 
-def large(runs=LARGE):
+def large():
     """What the largest campaign there may be costs, and others meanwhile."""
     with fresh() as daemon, daemon.client() as client:
         client.submit(make_submission("empty", QUEUED))
-        submission, beside = large_campaign(runs), None
+        submission, beside = large_campaign(LARGE), None
         for name, work, goals in (
             ("submit", lambda: client.submit(submission), (at_most(30.0),)),
             ("cancel", lambda: client.cancel(submission.campaign), ()),
@@ -170,8 +170,7 @@ def large(runs=LARGE):
         ):
             with leases_beside(daemon) as leases, passed(daemon.pid) as took:
                 work()
-            goals = goals if runs == MOST_RUNS else ()
-            yield Measurement(f"{name} of {runs} runs", took[0], "s", beside, goals)
+            yield Measurement(f"{name} of {LARGE} runs", took[0], "s", beside, goals)
             beside = beside or Reference("the submission", took[0])
             yield Measurement("  CPU of the daemon", took[1], "CPU s", beside)
             yield from leases

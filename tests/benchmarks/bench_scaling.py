@@ -43,7 +43,7 @@ def measure():
 
 
 def growth(name, sizes, works, nothing=None):
-    """Time the same work on something small and something large, in turns, and take nothing off."""
+    """Time the same work on something small and large, in turns, less that of ``nothing``."""
     works = dict(zip(("small", "large"), works, strict=True))
     if nothing is not None:
         works["nothing"] = nothing

@@ -53,24 +53,23 @@ def scans():
     def kernel(pose):
         scanner._cast(pose, bodies, next(version))
 
+    def noisy(pose):
+        scanner.scan(pose, bodies, next(version))
+
+    def cold(pose):
+        OTHER.__iadd__(1.0)
+        return microseconds(lambda: kernel(pose))
+
     works = {
         "kernel": lambda: list(map(kernel, where)),
-        "scan with noise, float32": lambda: [
-            scanner.scan(pose, bodies, next(version)) for pose in where
-        ],
+        "scan with noise, float32": lambda: list(map(noisy, where)),
         "numpy, all rays x all segments": lambda: [cast_by_broadcast(segments, *at) for at in rays],
     }
     warm = list(side_by_side(works, REPEATS, "us", POSES))
     yield from warm
-    cold = statistics.median(cold_scan(kernel, pose) for pose in where)
-    size = f"{len(segments)} segments, {laser.rays} rays"
-    yield Measurement("kernel, cold caches", cold, "us", warm[0].reference, (), size)
-
-
-def cold_scan(scan, pose):
-    """Return the time of a scan when the caches have been filled with something else [us]."""
-    OTHER.__iadd__(1.0)
-    return microseconds(lambda: scan(pose))
+    note = f"{len(segments)} segments, {laser.rays} rays"
+    value = statistics.median(map(cold, where))
+    yield Measurement("kernel, cold caches", value, "us", warm[0].reference, (), note)
 
 
 def drive(*, scans=False, reads=False):

@@ -133,8 +133,8 @@ def turn_pages(shown):
     """Go back and forth over the end of a page."""
     turns = (("k", "1-100 of"), ("j", "101-200 of"))
     while turns[1][1] not in shown.text:
-        shown.type("\x1b[6~")
-        shown.read(0.3)
+        first = shown.lines[3]
+        took(shown, "\x1b[6~", lambda first=first: shown.lines[3] != first)
     before, times = cpu(shown.pid), []
     for number in range(TURNS):
         pressed, page = turns[number % 2]

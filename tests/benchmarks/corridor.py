@@ -62,22 +62,22 @@ def scene(length=LENGTH, doors=DOORS, pieces=1):
     return Scene("corridor", (), (), tuple(solids), tuple(objects))
 
 
-def robot(noise=0.01):
+def robot():
     """Return a robot of the size of the paper's, with a 500-ray laser over 270 degrees."""
     return Robot(
         "bench", _box(-0.35, -0.233, 0.35, 0.233), 0.29, 150.0,
         Drive("omnidirectional", 1.0, 1.0, 2.0, 1.0, 1.0, 4.0, 300.0, 120.0, 0.0),
         Laser(
             Mount(0.3, 0.0, 0.0), 0.3, -0.75 * math.pi, 0.75 * math.pi, 500, 0.05, 30.0, 10.0,
-            noise, 0.0,
+            0.01, 0.0,
         ),
         OdometryNoise(20.0, 0.01, 0.01, 0.01),
     )  # fmt: skip
 
 
-def build_world(behaviours=(), noise=0.01):
+def build_world():
     """Return a fresh world with the robot at the west end."""
-    return World(scene(), robot(noise), Pose2(), behaviours, np.random.SeedSequence(1))
+    return World(scene(), robot(), Pose2(), (), np.random.SeedSequence(1))
 
 
 def steer(world):
