@@ -17,7 +17,6 @@ import subprocess
 import sys
 import sysconfig
 import tempfile
-import time
 import venv
 from contextlib import contextmanager
 from pathlib import Path
@@ -57,10 +56,6 @@ _PACKAGE_XML = """<?xml version="1.0"?>
 """
 
 
-class EnvironmentBuildError(Exception):
-    """The environment cannot be made here; the text says what is missing or what failed."""
-
-
 def environment_folder(distribution):
     """Where the environment of a distribution lives, whether it is there or not.
 
@@ -82,13 +77,7 @@ def environment_python(distribution):
 
 
 def make_environment(distribution):
-    """Make the environment of a distribution, unless it is up to date; return its interpreter.
-
-    Raises:
-        EnvironmentBuildError: unknown distribution, missing tool of the system, failed step.
-    """
-    if distribution not in DISTRIBUTIONS:
-        raise EnvironmentBuildError(f"{distribution}: not one of {', '.join(DISTRIBUTIONS)}")
+    """Make the environment of a distribution, unless it is up to date; return its interpreter."""
     folder = environment_folder(distribution)
     folder.parent.mkdir(parents=True, exist_ok=True)
     with _alone(folder.with_name(folder.name + ".lock")):
@@ -136,7 +125,7 @@ def _require_tools():
     if not (Path(sysconfig.get_path("include")) / "Python.h").is_file():
         missing.append("python3-dev")
     if missing:
-        raise EnvironmentBuildError(
+        sys.exit(
             "interface packages are compiled, and the system lacks "
             f"{', '.join(missing)}; on Debian: apt-get install {' '.join(missing)}"
         )
@@ -194,7 +183,7 @@ def _run(command, environment=None):
     )
     if done.returncode:
         last = "\n".join(done.stdout.splitlines()[-40:])
-        raise EnvironmentBuildError(f"{' '.join(map(str, command))} failed:\n{last}")
+        sys.exit(f"{' '.join(map(str, command))} failed:\n{last}")
 
 
 @contextmanager
@@ -205,25 +194,8 @@ def _alone(lock):
         yield
 
 
-def main(arguments):
-    """Make the environments that are named; say where they are and what it took."""
-    if not arguments:
-        print(f"name a distribution: {', '.join(DISTRIBUTIONS)}", file=sys.stderr)
-        return 2
-    for distribution in arguments:
-        begin = time.monotonic()
-        try:
-            python = make_environment(distribution)
-        except EnvironmentBuildError as error:
-            print(f"{distribution}: {error}", file=sys.stderr)
-            return 1
-        spent = os.times()
-        print(
-            f"{distribution}: {python} ({time.monotonic() - begin:.0f} s,"
-            f" {spent.children_user + spent.children_system:.0f} s of CPU)"
-        )
-    return 0
-
-
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    for name in sys.argv[1:]:
+        if name not in DISTRIBUTIONS:
+            sys.exit(f"{name}: not one of {', '.join(DISTRIBUTIONS)}")
+        print(f"{name}: {make_environment(name)}")

@@ -9,7 +9,7 @@ from typing import Any
 from geometry_msgs.msg import PoseStamped
 from nav2_msgs.action import FollowWaypoints, NavigateThroughPoses, NavigateToPose
 from nav2_msgs.msg import BehaviorTreeLog, BehaviorTreeStatusChange
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action import ActionServer, GoalResponse
 from standin_nodes.driving import ALIGNMENT, GOAL, MAP, STATE
 from standin_nodes.lifecycle import StandinNode
 from standin_nodes.options import FAULT_BEGINS
@@ -55,7 +55,6 @@ class Navigator(StandinNode):
                 lambda _: None,
                 goal_callback=self._on_goal,
                 handle_accepted_callback=lambda handle, kind=kind: self._begin(kind, handle),
-                cancel_callback=lambda _: CancelResponse.ACCEPT,
             )
             for name, kind in (
                 ("navigate_to_pose", NavigateToPose),
@@ -99,9 +98,7 @@ class Navigator(StandinNode):
         if task is None or state["of"] != task.begin:
             return
         is_due = state["now"] - task.first >= self.options.after * 1e9
-        if task.handle.is_cancel_requested:
-            self._end("canceled")
-        elif is_due and self.options.has("goal-aborted"):
+        if is_due and self.options.has("goal-aborted"):
             self._end("abort", self.options.error_code, self.options.error_msg)
         elif is_due and self.options.has("no-server"):
             self.get_logger().warning(FAULT_BEGINS, once=True)

@@ -11,25 +11,24 @@ from pathlib import Path
 NODES = ("map_server", "amcl", "controller_server", "planner_server", "bt_navigator")
 MANAGER = "lifecycle_manager_navigation"
 
-FAULTS = {
-    "dies": "`node` ends with `exit_code`, or by `signal`, `after` seconds of the first goal",
-    "hangs": "`node` answers nobody any more then; its process stays",
-    "deactivates": "`node` becomes inactive then",
-    "goal-aborted": "the goal is aborted then, with `error_code` and `error_msg`",
-    "no-server": "the action servers vanish then",
-    "goal-rejected": "every goal is rejected",
-    "late": "controller: sleeps `seconds` of wall time in every `every`-th cycle",
-    "wrong-frame": "amcl calls the map frame `world` in what it publishes to tf",
-    "dies-at-start": "`node` ends as with `dies` while it is configured",
-    "late-response": "`node` answers a transition only when the manager has given it up",
-}
-
 FAULT_BEGINS = "the fault begins"
 
 
 @dataclass(frozen=True)
 class Options:
-    """Nodes, files and the fault of a stand-in; times in s."""
+    """Nodes, files and the faults of a stand-in; times in s. Faults are
+
+    dies            `node` ends with `exit_code`, or by `signal`, `after` seconds of the first goal
+    hangs           `node` answers nobody any more then; its process stays
+    deactivates     `node` becomes inactive then
+    goal-aborted    the goal is aborted then, with `error_code` and `error_msg`
+    no-server       the action servers vanish then
+    goal-rejected   every goal is rejected
+    late            controller: sleeps `seconds` of wall time in every `every`-th cycle
+    wrong-frame     amcl calls the map frame `world` in what it publishes to tf
+    dies-at-start   `node` ends as with `dies` while it is configured
+    late-response   `node` answers a transition only when the manager has given it up
+    """
 
     nodes: str = ",".join((*NODES, MANAGER))
     map: str = ""
@@ -63,21 +62,10 @@ class Options:
 
 
 def read_options(arguments):
-    """Return the options of `name:=value` words.
-
-    Raises SystemExit with a sentence for words that are not understood.
-    """
+    """Return the options of `name:=value` words."""
     kinds = {field.name: type(field.default) for field in fields(Options)}
-    values = {}
-    for word in arguments:
-        name, sign, value = word.partition(":=")
-        if not sign or name not in kinds:
-            raise SystemExit(f"{word}: write name:=value, with one of {', '.join(kinds)}")
-        values[name] = kinds[name](value)
-    options = replace(Options(), **values)
-    if unknown := set(filter(None, options.fault.split(","))) - FAULTS.keys():
-        raise SystemExit(f"fault {', '.join(sorted(unknown))}: not one of {', '.join(FAULTS)}")
-    return options
+    words = (word.partition(":=") for word in arguments)
+    return Options(**{name: kinds[name](value) for name, _, value in words})
 
 
 def without_spent_fault(options):
