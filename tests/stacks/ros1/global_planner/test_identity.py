@@ -174,22 +174,6 @@ def test_a_robot_between_two_areas_is_planned_for_with_whole_waves():
     assert waves(planner) == (0, 4)
 
 
-def plan(grid, start, goal, **given):
-    return GlobalPlanner(GlobalPlannerParameters(**given), FAST).plan(grid, start, goal)
-
-
-def test_the_start_cell_is_freed_in_the_costmap_for_good():
-    grid = a_grid()
-    grid.cells[10, 5] = 254
-    start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
-    assert GlobalPlanner(GlobalPlannerParameters(), FIXED).plan(grid, start, goal) is not None
-    assert grid.cells[10, 5] == 254
-    version = grid.version
-    assert plan(grid, start, goal) is not None
-    assert grid.cells[10, 5] == 0
-    assert grid.version == version + 1
-
-
 def test_without_the_quirk_only_the_cell_of_the_robot_is_free_and_only_for_the_planner():
     grid = a_grid()
     grid.cells[:, 20] = 254

@@ -6,6 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.stacks.ros1.cost_grid import CostGrid
+from daemon.stacks.ros1.global_planner import GlobalPlannerParameters
+from daemon.stacks.ros1.global_planner.planner import GlobalPlanner
 from daemon.stacks.ros1.navfn import NavfnParameters
 from daemon.stacks.ros1.navfn.planner import Navfn
 from daemon.stacks.ros1.navfn.propagation import UNREACHED, propagate_wave, seed_cell
@@ -153,14 +155,18 @@ def test_without_the_quirk_paths_run_through_cell_centres():
     assert middle[:-1, :2] - corner[:-1, :2] == pytest.approx(0.025)
 
 
-def test_the_start_cell_is_freed_in_the_costmap_for_good():
+@pytest.mark.parametrize(
+    ("planner", "parameters"),
+    [(Navfn, NavfnParameters()), (GlobalPlanner, GlobalPlannerParameters())],
+)
+def test_the_start_cell_is_freed_in_the_costmap_for_good(planner, parameters):
     grid = a_grid()
     grid.cells[10, 5] = 254
     start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
-    assert Navfn(NavfnParameters(), FIXED).plan(grid, start, goal) is not None
+    assert planner(parameters, FIXED).plan(grid, start, goal) is not None
     assert grid.cells[10, 5] == 254
     version = grid.version
-    assert plan(grid, start, goal) is not None
+    assert planner(parameters, FAST).plan(grid, start, goal) is not None
     assert grid.cells[10, 5] == 0
     assert grid.version == version + 1
 
