@@ -1,7 +1,11 @@
 """A whole tree of ROS parameters: defaults, what is inherited, who hears, what cannot drive.
 
 ``configuration.txt``: changes to a sound tree, ``null`` takes a name out, and what is then read
-otherwise than of the sound tree, with all that is said. ``pytest --update`` adds that to new ones.
+otherwise than of the sound tree, with all that is said. ``costmaps.txt``: costmaps as people write
+them, with and without ``plugins``, and the layers move_base would make of them; in brackets stand
+what is written above a costmap, the frames of amcl, the maps that are published, the topics of
+lasers, and whether it is the costmap that stops the robot. ``pytest --update`` adds what is read
+to new cases.
 """
 
 from copy import deepcopy
@@ -12,13 +16,15 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daemon.stacks.findings import ParameterError
+from daemon.stacks.findings import FindingCollector, ParameterError
 from daemon.stacks.ros1.configuration import RosParameters, read_ros
+from daemon.stacks.ros1.costmap.reading import CostmapContext, CostmapReader
 from daemon.stacks.ros1.quirks import FAST, FIXED
 from tests.stacks.cases import cases, written
 from tests.stacks.ros1.sections import said, shown
 
 CONFIGURATION = Path(__file__).with_name("configuration.txt")
+COSTMAPS = Path(__file__).with_name("costmaps.txt")
 SOUND = yaml.safe_load("""
 move_base:
   base_local_planner: dwa_local_planner/DWAPlannerROS
@@ -74,6 +80,29 @@ def test_trees_are_read_as_they_are_written(golden):
         new = [line for line in read if line not in sound]
         told += written((name, []), (sound if name == "{}" else new) + words)
     golden(CONFIGURATION.name, "\n".join(told) + "\n")
+
+
+def read_costmap(given):
+    """Return a costmap, and what was said of it."""
+    report, heard = FindingCollector(), given.pop("(heard)", None)
+    context = CostmapContext(
+        above=given.pop("(above)", {}),
+        frames=given.pop("(frames)", {"map": "map", "odom": "odom"}),
+        resolve=lambda name: f"/{name.lstrip('/')}",
+        maps=tuple(given.pop("(maps)", ["/map"])),
+        may_carry_scan=lambda topic: heard is None or topic in heard,
+        stops_robot=given.pop("(stops robot)", False),
+    )
+    return CostmapReader(given, ("costmap",), report, context).read(), report
+
+
+def test_costmaps_are_read_as_they_are_written(golden):
+    told = []
+    for name, lines in cases(COSTMAPS):
+        costmap, report = read_costmap(yaml.safe_load("\n".join(lines)) or {})
+        results = [] if report.fatal else shown(costmap)
+        told += written((name, lines), results + said(report.fatal, report))
+    golden(COSTMAPS.name, "\n".join(told) + "\n")
 
 
 JUNK = st.one_of(

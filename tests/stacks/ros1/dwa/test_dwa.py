@@ -1,4 +1,4 @@
-"""What the controller does with plans, goals and obstacles, and its parts against numbers of ROS."""
+"""What the controller does with plans, goals and obstacles; its parts against numbers of ROS."""
 
 import math
 from dataclasses import asdict, replace
