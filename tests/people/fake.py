@@ -1,7 +1,5 @@
 """A daemon that answers from fixed data: the client's methods without a bus."""
 
-from __future__ import annotations
-
 import atexit
 import functools
 import itertools
@@ -10,7 +8,6 @@ import operator
 import sqlite3
 import tempfile
 import threading
-from collections.abc import Callable
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
@@ -56,7 +53,6 @@ from daemon.model.spec import (
 )
 from daemon.model.status import (
     CampaignRow,
-    ChangeEvent,
     DiskUsage,
     LiveSnapshot,
     Preparation,
@@ -322,23 +318,6 @@ def store_scene(scene):
     return scene.digest
 
 
-class FakeSubscription:
-    def __init__(self, daemon):
-        self._daemon = daemon
-
-    def close(self):
-        self._daemon.listeners.clear()
-
-
-class FakeWatch:
-    def __init__(self, daemon, run):
-        self._daemon, self._run = daemon, run
-
-    def close(self):
-        del self._daemon.watchers[self._run]
-        self._daemon.judges.pop(self._run, None)
-
-
 _TURNED = (_handlers, _search_handlers, _workers)
 _TURNING = threading.RLock()
 
@@ -364,15 +343,13 @@ class FakeDaemon(DaemonClient):
     rows: tuple[RunRow, ...] = field(default_factory=make_rows)
     now: float = NOW
     reachable: bool = True
-    calls: list[tuple[object, ...]] = field(default_factory=list)
-    listeners: list[tuple[Callable[[ChangeEvent], None], Callable[[LiveSnapshot], None] | None]] = (
-        field(default_factory=list)
-    )
-    watchers: dict[str, Callable[[LiveSnapshot], None]] = field(default_factory=dict)
-    judges: dict[str, Callable[[LiveJudgement], None]] = field(default_factory=dict)
+    calls: list = field(default_factory=list)
+    listeners: list = field(default_factory=list)
+    watchers: dict = field(default_factory=dict)
+    judges: dict = field(default_factory=dict)
     live: tuple[LiveSnapshot, ...] = ()
     judged: dict[str, LiveJudgement] = field(default_factory=dict)
-    before: Callable[[FakeDaemon], None] | None = None
+    before: object = None
     trouble: str = ""
     troubles: tuple[str, ...] = ()
     preparation: Preparation | None = None
@@ -503,8 +480,9 @@ class FakeDaemon(DaemonClient):
         self._entered = inputs
 
     def _greet_workers(self):
+        pace = RunProgress(f"{CAMPAIGN}.7", simulated=10.0 * 1200.0 / 105.0, elapsed=10.0)
         bench = WorkerInfo("bench-1", "bench", 4711, "0.1.0", 2, 1, cpu=0.45, memory=1_300_000_000,
-                           memory_total=16_000_000_000, progress=(self._pace(),))  # fmt: skip
+                           memory_total=16_000_000_000, progress=(pace,))  # fmt: skip
         shed = WorkerInfo("shed-1", "shed", 812, "0.1.0", 4, 0)
         spares = [
             WorkerInfo(f"spare-{number}", "spare", 900 + number, "0.1.0", 1, 0, trouble=words)
@@ -523,9 +501,6 @@ class FakeDaemon(DaemonClient):
                 self._registry.record_contact(info)
         if self.away:
             self._registry.disconnected("shed-1")
-
-    def _pace(self):
-        return RunProgress(f"{CAMPAIGN}.7", simulated=10.0 * 1200.0 / 105.0, elapsed=10.0)
 
     def _enter_campaign(self, entered):
         rows = sorted(entered.rows, key=lambda row: row.index)
@@ -612,10 +587,15 @@ class FakeDaemon(DaemonClient):
         if on_live is not None:
             for live in self.live:
                 on_live(live)
-        return FakeSubscription(self)
+        return SimpleNamespace(close=self.listeners.clear)
 
     def watch(self, run, on_live, on_judged=None):
         self.watchers[run] = on_live
         if on_judged is not None:
             self.judges[run] = on_judged
-        return FakeWatch(self, run)
+
+        def close():
+            del self.watchers[run]
+            self.judges.pop(run, None)
+
+        return SimpleNamespace(close=close)

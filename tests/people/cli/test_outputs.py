@@ -1,7 +1,9 @@
-"""Words for scripts: schemas of ``--json``, exit codes, the table of commands in the docs."""
+"""Words for scripts and editors: schemas, ``--json``, exit codes, the table of commands, units."""
 
 import json
 import re
+import shutil
+import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -61,12 +63,6 @@ def test_numbers_that_json_has_not_are_null(capsys):
     assert body == {"schema": "scenario/margins/1", "least": [None, 1.5], "named": {"a": None}}
 
 
-def test_stopping_says_what_goes_on(scenario, monkeypatch):
-    monkeypatch.setenv("SCENARIO_CONNECT", "tcp/127.0.0.1:7")
-    body = declared(scenario("daemon", "--stop", "--json").out)
-    assert (body["endpoint"], body["unfinished"]) == ("tcp/127.0.0.1:7", 2)
-
-
 def test_exporting_lists_its_files(scenario, tmp_path):
     plan = Path(command_line.__file__).parents[2] / "campaigns" / "demo" / "flat.fpm"
     body = declared(scenario("export", str(plan), "map", "-o", str(tmp_path), "--json").out)
@@ -95,3 +91,74 @@ def test_piped_output_is_as_wide_as_it_is_told(scenario, monkeypatch):
     assert max(map(len, table)) <= 60
     listed = scenario("results", CAMPAIGN, "--outcome", "fail").out.splitlines()
     assert max(map(len, listed)) <= 60
+
+
+def test_a_schema_is_printed(capsys):
+    assert command_line.invoke(["schema", "robot"]) == 0
+    schema = json.loads(capsys.readouterr().out)
+    assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
+    assert "footprint" in schema["required"]
+
+
+def test_all_schemas_are_written(tmp_path, capsys):
+    assert command_line.invoke(["schema", "--out", str(tmp_path / "new")]) == 0
+    written = [Path(line) for line in capsys.readouterr().out.splitlines()]
+    assert sorted(written) == sorted((tmp_path / "new").iterdir())
+    kinds = ("campaign", "mission", "oracles", "robot", "sut", "walls")
+    assert sorted(path.name for path in written) == [f"{kind}.schema.json" for kind in kinds]
+    assert command_line.invoke(["schema", "sut", "-o", str(tmp_path)]) == 0
+    assert (tmp_path / "sut.schema.json").is_file()
+
+
+def test_the_extension_is_written(tmp_path, capsys):
+    assert command_line.invoke(["schema", "--vscode", str(tmp_path)]) == 0
+    path = Path(capsys.readouterr().out.strip())
+    with zipfile.ZipFile(path) as archive:
+        assert "extension/schemas/campaign.schema.json" in archive.namelist()
+        assert archive.testzip() is None
+
+
+def test_check_tells_editors_where_and_what(tmp_path, capsys):
+    broken = tmp_path / "round.mission.yaml"
+    broken.write_text("mission: round\nwaypoint:\n  - {x: 1, y: 2 deg}\n")
+    fine = tmp_path / "home.mission.yaml"
+    fine.write_text("waypoints: [{x: 0, y: 0}]\n")
+    assert command_line.invoke(["check", "--json", str(broken), str(fine)]) == 2
+    files = declared(capsys.readouterr().out)["files"]
+    assert files[str(fine)] == []
+    (unknown,) = (found for found in files[str(broken)] if found["where"]["line"] == 2)
+    assert unknown["where"] == {"file": str(broken), "line": 2, "column": 1}
+    assert (unknown["severity"], unknown["hint"]) == ("error", 'did you mean "waypoints"?')
+
+
+def test_check_reads_variations(campaigns, tmp_path, capsys):
+    assert command_line.invoke(["check", str(campaigns / "demo" / "flat.variation")]) == 0
+    assert "variation of flat" in capsys.readouterr().err
+    shutil.copy(campaigns / "demo" / "flat.fpm", tmp_path)
+    broken = tmp_path / "flat.variation"
+    broken.write_text('import "flat.fpm"\nkitchn: { shape.width: uniform(3 .. 4) }\n')
+    assert command_line.invoke(["check", str(broken)]) == 2
+    assert f"{broken}:2:1: error: " in (said := capsys.readouterr().err)
+    assert "kitchen" in said
+
+
+def test_the_unit_of_a_worker_says_what_was_asked(scenario, tmp_path):
+    scheduler = ("--dask", "tls://host:8786")
+    limits = ("--nice", "5", "--wall", "10min", "--memory", "1GiB", "--state", str(tmp_path))
+    unit = scenario("worker", "--print-unit", *scheduler, *limits).out
+    assert '"--dask" "tls://host:8786"' in unit
+    assert '"--nice" "5" "--wall" "10min" "--memory" "1GiB"' in unit
+    assert "\nNice=5\n" in unit
+
+
+def test_units_name_everything_by_absolute_paths(scenario, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    unit = scenario("daemon", "--print-unit", "--state", "my state", "--slots", "2").out
+    assert f'"daemon" "--state" "{tmp_path}/my state" "--slots" "2"' in unit
+    wide = scenario("daemon", "--print-unit", "--listen", "tls/[::]:7447", "--keys", "k").out
+    assert f'"--keys" "{tmp_path}/k"' in wide
+    assert '"--listen" "tls/[::]:7447"' in wide
+    assert scenario("worker", "--print-unit", "--state", "here").out.count(f"{tmp_path}/here") == 1
+    far = scenario("worker", "--print-unit", "--connect", "tcp/far:7447").out
+    assert '"--connect" "tcp/far:7447"\n' in far
+    assert "--state" not in far

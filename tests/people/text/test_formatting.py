@@ -17,71 +17,36 @@ from scenario_tui.text.run_text import evidence_parts
 from scenario_tui.text.scale import fit_axis, mark_axis, round_step, tick_text
 from scenario_tui.text.styles import SEVERITY, dashboard_theme, terminal_theme
 
-
-@pytest.mark.parametrize(
-    ("value", "unit", "text"),
-    [
-        (0.03124, "m", "+0.0312 m"),
-        (-0.03124, "m", "−0.0312 m"),
-        (887.5, "s", "+888 s"),
-        (1234.5, "s", "+1234 s"),
-        (0.05, "", "+0.05"),
-        (0.05, "1", "+0.05"),
-        (0.0, "m", "+0 m"),
-        (-sys.float_info.min, "m", "−0 m"),
-        (3.56e-52, "m/s", "+0 m/s"),
-        (-4.31e-05, "m", "−0.000043 m"),
-        (4.31e-05, "", "+4.31e−05"),
-        (math.inf, "m", "+∞"),
-        (-math.inf, "m", "−∞"),
-        (math.nan, "m", "–"),
-        (None, "m", "–"),
-    ],
-)
-def test_margins_have_sign_three_digits_and_a_unit(value, unit, text):
-    assert formatting.margin(value, unit) == text
+TINY, HUGE, UNKNOWN = sys.float_info.min, math.inf, math.nan
+MARGINS = [0.03124, -0.03124, 887.5, 1234.5, 0.0, -TINY, 3.56e-52, -4.31e-05, HUGE, -HUGE, UNKNOWN]
+SECONDS = [0.4, 59.4, 61, 3599.6, 7500, 200_000, None, HUGE, -3.0]
+AGES = [0, -5, 240, 90_000, 1e6]
+SHARES = [0.0, 0.01, 0.5, -0.3, 7.0, -HUGE, UNKNOWN]
+TICKS = [
+    (0.05, 0.05),
+    (-20, 10),
+    (0.0, 0.5),
+    (3e7, 1e7),
+    (2e-6, 1e-6),
+    (-0.0, 1.0),
+    (1500, 500),
+]
 
 
-@pytest.mark.parametrize(
-    ("seconds", "text"),
-    [
-        (0.4, "0 s"),
-        (59.4, "59 s"),
-        (61, "1 min 01 s"),
-        (3599.6, "1 h 00 min"),
-        (7500, "2 h 05 min"),
-        (200_000, "2 d 7 h"),
-        (None, "–"),
-        (math.inf, "–"),
-        (-3.0, "0 s"),
-    ],
-)
-def test_durations_are_for_people(seconds, text):
-    assert formatting.duration_text(seconds) == text
-
-
-@pytest.mark.parametrize(
-    ("age", "text"),
-    [(0, "0 s ago"), (-5, "0 s ago"), (240, "4 min ago"), (90_000, "25 h ago"), (1e6, "11 d ago")],
-)
-def test_ages_have_one_unit(age, text):
-    assert formatting.age_text(1000.0, 1000.0 + age) == text
-
-
-@pytest.mark.parametrize(
-    ("share", "bar"),
-    [
-        (0.0, "    │    "),
-        (0.01, "    │▌   "),
-        (0.5, "    │██  "),
-        (-0.3, "  ▐█│    "),
-        (7.0, "    │████"),
-        (-math.inf, "████│    "),
-        (math.nan, "    │    "),
-    ],
-)
-def test_bars_grow_from_the_middle_to_the_side_of_the_verdict(share, bar):
-    assert formatting.margin_bar(share) == bar
+def test_numbers_are_told_as_people_read_them(golden):
+    parts = {
+        "margin": {f"{one} m": formatting.margin(one, "m") for one in MARGINS},
+        "margin without a unit": {
+            f"{one} {unit}": formatting.margin(one, unit)
+            for one, unit in ((0.05, ""), (0.05, "1"), (4.31e-05, ""), (None, "m"))
+        },
+        "duration": {f"{one} s": formatting.duration_text(one) for one in SECONDS},
+        "age": {f"{one} s": formatting.age_text(1000.0, 1000.0 + one) for one in AGES},
+        "bar": {str(one): f"[{formatting.margin_bar(one)}]" for one in SHARES},
+        "tick": {f"{one} by {step}": tick_text(one, step) for one, step in TICKS},
+    }
+    lines = (f"{name}  {one}  {told}" for name, part in parts.items() for one, told in part.items())
+    golden("formatting.txt", "\n".join((*lines, "")))
 
 
 def test_every_outcome_and_state_has_a_glyph_and_a_style():
@@ -180,12 +145,3 @@ def test_values_and_limits_near_them_are_in_view(a, b, limit, rows):
     assert scale.low <= low <= high <= scale.high
     if low < high and low - (high - low) <= limit <= high + (high - low):
         assert -1e-9 <= scale.share(limit) <= 1 + 1e-9
-
-
-@pytest.mark.parametrize(
-    ("value", "step", "text"),
-    [(0.05, 0.05, "0.05"), (-20.0, 10.0, "−20"), (0.0, 0.5, "0.0"), (3e7, 1e7, "3e7"),
-     (2e-6, 1e-6, "2e−6"), (-0.0, 1.0, "0"), (1500.0, 500.0, "1500")],
-)  # fmt: skip
-def test_ticks_are_as_short_as_their_step_allows(value, step, text):
-    assert tick_text(value, step) == text
