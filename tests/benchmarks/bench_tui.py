@@ -200,7 +200,7 @@ def per_second(name, shown, *goals):
 
 async def an_hour():
     """Telemetry ten times a second, taken in every second and drawn every ten."""
-    from tests.people.dashboard.inline import make_dashboard, press, settle
+    from tests.people.dashboard.dash import make_dashboard, press, settle
     from tests.people.fake import FakeDaemon, make_live
 
     fake = FakeDaemon()

@@ -36,7 +36,7 @@ from daemon.model.live_judgement import (
     LogLine,
     SignalLimit,
 )
-from daemon.model.messages import CampaignQuery, RunProgress, WorkerInfo
+from daemon.model.messages import RunProgress, WorkerInfo
 from daemon.model.run_state import UNFINISHED_STATES, RunState
 from daemon.model.search import SearchSubmission
 from daemon.model.search_answer import SearchProgress, SearchRow
@@ -61,7 +61,7 @@ from daemon.model.status import (
     TroubleCause,
 )
 from daemon.model.submission import Submission
-from daemon.model.verbs import CAMPAIGNS, OVERVIEW, SUBMIT, DaemonClient, ServerThread
+from daemon.model.verbs import OVERVIEW, SUBMIT, DaemonClient, ServerThread
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from grammars.model.behaviour import Hold
 from grammars.model.geometry import Pose2
@@ -322,15 +322,6 @@ _TURNED = (_handlers, _search_handlers, _workers)
 _TURNING = threading.RLock()
 
 
-def query_admits(query, row):
-    return (
-        query.id in ("", row.id)
-        and query.name in ("", row.name)
-        and row.id.startswith(query.beginning)
-        and not (query.unfinished and row.finished)
-    )
-
-
 @dataclass
 class FakeDaemon(DaemonClient):
     """The daemon's own handlers on a ledger in memory, without a bus, at the time ``now``.
@@ -402,18 +393,7 @@ class FakeDaemon(DaemonClient):
     def ask(self, verb, request):
         """Answer as the daemon does, by way of the bytes that a bus would carry."""
         self._answer(verb.name, *(getattr(request, one.name) for one in fields(request)))
-        if verb is CAMPAIGNS and self._campaign_rows_are_set:
-            found = [row for row in self._campaign_rows() if query_admits(request, row)]
-            return tuple(found[request.offset : request.offset + request.limit])
         return self._ask(verb, request)
-
-    def _campaign_rows(self):
-        """The campaigns as the ledger has them; who replaces this has them told otherwise."""
-        return self._ask(CAMPAIGNS, CampaignQuery())
-
-    @property
-    def _campaign_rows_are_set(self):
-        return getattr(self._campaign_rows, "__func__", None) is not FakeDaemon._campaign_rows
 
     def _ask(self, verb, request):
         handler, payload = self._handlers.by_verb[verb], codec.to_json(request)

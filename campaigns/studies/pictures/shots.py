@@ -42,8 +42,7 @@ from scenario_tui.dashboard.widgets.top_view import TopView
 from scenario_tui.source import DaemonTarget
 from scenario_tui.terminal import printable_console
 from scenario_tui.text.styles import terminal_theme
-from tests.people.dashboard.driven import until
-from tests.people.dashboard.inline import make_dashboard, press, settle
+from tests.people.dashboard.dash import eventually, make_dashboard, press, settle
 from tests.people.dashboard.searching import SEARCH, SearchingDaemon
 
 ROOT = Path(__file__).parents[3]
@@ -86,7 +85,9 @@ def _submitting(folder, executed):
 
 
 async def _checked(pilot):
-    await until(pilot, lambda: "✓" in str(pilot.app.screen.query_one("#about", Static).render()))
+    await eventually(
+        lambda: "✓" in str(pilot.app.screen.query_one("#about", Static).render()), pilot
+    )
 
 
 async def _found(pilot):
@@ -96,15 +97,15 @@ async def _found(pilot):
         found.append(pilot.app.screen.query_one(CommandList).option_count)
         return len(found) > 20 and len(set(found[-20:])) == 1 and found[-1] > 1
 
-    await until(pilot, settled)
+    await eventually(settled, pilot)
 
 
 async def _read(pilot):
-    await until(pilot, lambda: pilot.app.screen.transport)
+    await eventually(lambda: pilot.app.screen.transport, pilot)
 
 
 async def _mapped(pilot):
-    await until(pilot, lambda: pilot.app.screen.query_one(TopView).display)
+    await eventually(lambda: pilot.app.screen.query_one(TopView).display, pilot)
 
 
 def _searching(folder, executed):

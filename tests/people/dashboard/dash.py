@@ -1,14 +1,161 @@
-"""An app to drive in a test: keys go in, its screen is read as text."""
+"""A dashboard to drive in a test, without a thread: keys go in, its screen is read as text."""
 
 import asyncio
+import itertools
+import threading
+import time
 from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from functools import partial
 
 from textual._context import active_app
 from textual.app import App
+from textual.command import Command, CommandList
+from textual.widgets import Input
 
-from tests.people.dashboard.driven import until
-from tests.people.dashboard.inline import make_dashboard, press, screen_text, settle
+from daemon.batch.errors import DaemonError
+from scenario_tui.dashboard.app import Dashboard
+from scenario_tui.dashboard.campaign_assessor import CampaignAssessor
+from scenario_tui.dashboard.commands import CommandAnswer
+from scenario_tui.dashboard.feed import Feed
+from scenario_tui.dashboard.live_tracks import Tracks
+from scenario_tui.dashboard.widgets.top_view import TopView
+from tests.parts import DEADLINE
 from tests.people.idle import until_idle
+
+
+class InlineFeed(Feed):
+    """Takes its picture in the caller's thread, so that tests know when it is taken."""
+
+    def __init__(self, daemon):
+        assessor = CampaignAssessor(every=0.0, elsewhere=0.0)
+        super().__init__(daemon.open, clock=lambda: daemon.now, assessor=assessor)
+        self.fake = daemon
+
+    @property
+    def on_news(self):
+        """Nobody is told: the screen looks by itself."""
+        return bool
+
+    @on_news.setter
+    def on_news(self, told):
+        pass
+
+    def start(self):
+        """Start no thread."""
+
+    def take_news(self):
+        try:
+            self.step(self.fake)
+            if self.assess(self.fake):
+                self.step(self.fake)
+        except DaemonError as error:
+            self._lose(error)
+        self._lives.extend(self.fake.live)
+        self.fake.live = ()
+        for run, judge in list(self.fake.judges.items()):
+            if run in self.fake.judged:
+                judge(self.fake.judged[run])
+        return super().take_news()
+
+
+class CountedTasks:
+    """Starts tasks of a dashboard and counts those under way, except ``scenario`` commands.
+
+    A command ends when its test lets it.
+    """
+
+    def __init__(self, dashboard):
+        self._start = dashboard.start_task
+        self._commands = dashboard.run_command
+        self.under_way = 0
+
+    def __call__(self, work, then, otherwise):
+        if isinstance(work, partial) and work.func is self._commands:
+            self._start(work, then, otherwise)
+        else:
+            self.under_way += 1
+            self._start(work, partial(self._pass_on, then), partial(self._pass_on, otherwise))
+
+    def _pass_on(self, take, result):
+        self.under_way -= 1
+        take(result)
+
+
+class InlineChildren:
+    """Does in this process what the dashboard has a child do: that takes a second to start."""
+
+    def run(self, function, *arguments, **options):
+        return function(*arguments, **options)
+
+    def close(self):
+        """There is none."""
+
+
+@dataclass
+class Commands:
+    """Stands for the ``scenario`` commands the dashboard starts; they answer when ``done``."""
+
+    answer: CommandAnswer = field(default_factory=dict)
+    asked: list[tuple[str, ...]] = field(default_factory=list)
+    done: threading.Event = field(default_factory=threading.Event)
+
+    def __call__(self, arguments):
+        self.asked.append(arguments)
+        assert self.done.wait(DEADLINE)
+        return self.answer
+
+
+def make_dashboard(fake, **settings):
+    settings.setdefault("child_processes", InlineChildren())
+    dashboard = Dashboard(InlineFeed(fake), clock=lambda: fake.now, **settings)
+    dashboard.start_task = CountedTasks(dashboard)
+    # What was told once would have been heard of long ago on a busy machine.
+    dashboard.tracks = Tracks(clock=lambda: fake.now)
+    # On a busy machine what a test reads would be gone before.
+    dashboard.NOTIFICATION_TIMEOUT = 600.0
+    return dashboard
+
+
+async def settle(pilot):
+    """Let the dashboard take over what is new, twice: some screens ask because of what they see.
+
+    Nothing that it has begun is under way then: no message, no worker, no task in a thread. A test
+    has to wait by itself only for what it holds up itself, and for real daemons and files.
+    """
+    app = pilot.app
+    if not isinstance(app, Dashboard):
+        await until_idle(app)
+        return
+    deadline, looks = time.monotonic() + DEADLINE, 0
+    while looks < 2:
+        assert time.monotonic() < deadline, "a background task is not done"
+        await until_idle(app)
+        app.update_state()
+        await until_idle(app)
+        looks += 1
+        if app.start_task.under_way or app.recordings.busy:
+            looks = 0
+            await asyncio.sleep(0.002)
+
+
+async def press(pilot, *keys):
+    """Press keys; only moving the cursor needs no new picture in between."""
+    for key, repeated in itertools.groupby(keys):
+        together = list(repeated)
+        for group in [together] if key in ("down", "j", "k") else [[k] for k in together]:
+            await pilot.press(*group)
+            await settle(pilot)
+
+
+async def eventually(condition, pilot=None):
+    """Wait for something another thread or process does; let a ``pilot``'s app come to rest."""
+    deadline = time.monotonic() + DEADLINE
+    while not condition():
+        assert time.monotonic() < deadline, "it did not happen in time"
+        await asyncio.sleep(0.01)
+        if pilot is not None:
+            await settle(pilot)
 
 
 class Dash:
@@ -48,9 +195,14 @@ class Dash:
         return self.app.screen
 
     @property
+    def strips(self):
+        """The lines of the screen with their styles."""
+        return list(self.screen._compositor.render_strips())
+
+    @property
     def lines(self):
         """The lines of the screen as a reader sees them."""
-        return screen_text(self.pilot)
+        return [strip.text.rstrip() for strip in self.strips]
 
     @property
     def text(self):
@@ -65,18 +217,20 @@ class Dash:
     def notices(self):
         return "\n".join(notice.message for notice in self.app._notifications)
 
+    @property
+    def map(self):
+        """What the map shows."""
+        return self.one(TopView)._view
+
     def one(self, *which):
         """Return the only widget of a kind, or with an id, on the screen in front."""
         return self.screen.query_one(*which)
 
     async def settle(self):
-        if hasattr(self.app, "update_state"):
-            await settle(self.pilot)
-        else:
-            await until_idle(self.app)
+        await settle(self.pilot)
 
     async def press(self, *keys):
-        if hasattr(self.app, "update_state"):
+        if isinstance(self.app, Dashboard):
             await press(self.pilot, *keys)
         else:
             await self.pilot.press(*keys)
@@ -100,7 +254,25 @@ class Dash:
 
     async def until(self, condition):
         """Wait for something another thread does."""
-        await until(self.pilot, condition)
+        await eventually(condition, self.pilot)
+
+    async def choose_from_palette(self, text, wanted):
+        """Type a ``text`` into the list of places and take what is ``wanted`` from it.
+
+        It is waited for: until the last letter is looked up, the list shows what an earlier one
+        found.
+        """
+        await self.pilot.press("colon")
+        await self.until(lambda: self.one(CommandList).option_count)
+        found = self.one(CommandList)
+
+        def first():
+            option = found.get_option_at_index(0) if found.option_count else None
+            return str(option.hit.text) if isinstance(option, Command) else ""
+
+        self.one(Input).value = text
+        await self.until(lambda: first() == wanted)
+        await self.press("enter")
 
 
 @asynccontextmanager

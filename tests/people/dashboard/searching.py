@@ -1,8 +1,6 @@
 """A search along the corridor for the dashboard: sixty runs, two ways to fail, one recorded."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -17,13 +15,12 @@ from daemon.model.search_answer import (
     SearchAnswer,
     SearchRow,
 )
-from daemon.model.spec import LeadingMargin, RunResult
+from daemon.model.spec import LeadingMargin
 from daemon.model.trials import read_trial
-from daemon.model.verdicts import Evidence, Outcome, Verdict
-from scenario_tui.dashboard.playback import open_playback
-from tests.make import run_result, run_row
+from daemon.model.verdicts import Outcome
+from tests.people.dashboard.daemons import FRESH, recorded_row
 from tests.people.fake import NOW, FakeDaemon, make_result, make_row
-from tests.people.recorded import HIT, make_run, record_run
+from tests.people.recorded import make_run, record_run
 
 SEARCH = "house-doors-in-time-0f1e2d3c"
 _HALTON = 16
@@ -97,16 +94,16 @@ def proposal_row(position, values, margin, *, done=True, phase="explore"):
     """A run of the search; without a margin it is inconclusive."""
     method = "written" if position == 0 else "halton" if position < _HALTON else "tpe"
     proposal = Proposal(position, position, 0, phase, method, position >= _HALTON, tuple(values))
-    named = (f"{SEARCH}.{position}", f"doors-in-time.{position}")
+    row = make_row(
+        position, id=f"{SEARCH}.{position}", campaign=SEARCH, scenario=f"doors-in-time.{position}",
+        repeat=0, margin=margin, trace="", digest=f"{position:064d}", proposal=proposal,
+    )  # fmt: skip
     if not done:
-        return run_row(*named, state=RunState.RUNNING, worker="bench-1", proposal=proposal)
+        return replace(row, state=RunState.RUNNING, **FRESH)
     object = "door-1" if position % 2 else "hall-wall-1"
-    outcome = Outcome.INCONCLUSIVE if margin is None else _outcome(margin)
-    verdict = Verdict("no-contact", "never(contact)", outcome, margin, margin, "m",
-                      Evidence(HIT, margin, 0.0, object))  # fmt: skip
+    row = replace(row, outcome=Outcome.INCONCLUSIVE if margin is None else _outcome(margin))
     lead = LeadingMargin("no-contact", margin, "m", object)
-    result = run_result(verdict, outcome=outcome, leads=(lead,))
-    return run_row(*named, result=result, digest=f"{position:064d}", proposal=proposal)
+    return replace(row, result=replace(make_result(row), leads=(lead,)))
 
 
 def _outcome(margin):
@@ -125,12 +122,7 @@ def make_answer(rows, *, ended="budget"):
     points = [read_trial(TASK, row) for row in known]
     failed = [point for point in points if point.fails]
     best = min(points, key=lambda point: point.value.value if point.value else 0.0)
-    nearest = NearestFailure(
-        read_trial(TASK, NEAREST),
-        None,
-        13,
-        complete=True,
-    )
+    nearest = NearestFailure(read_trial(TASK, NEAREST), None, 13, complete=True)
     first = failed[0]
     objects = sorted({point.value.object for point in failed if point.value})
     groups = {name: [p for p in failed if p.value and p.value.object == name] for name in objects}
@@ -163,11 +155,8 @@ def make_search(rows, state="finished", **changes):
     return replace(row, **changes)
 
 
-@dataclass
 class SearchingDaemon(FakeDaemon):
-    """A daemon whose first campaign is a search; ``recorded`` is what one run left, by its id."""
-
-    results: tuple[tuple[str, RunResult, str], ...] = ()
+    """A daemon with a search, whose runs can be recorded."""
 
     @classmethod
     def finished(cls, **changes):
@@ -182,11 +171,10 @@ class SearchingDaemon(FakeDaemon):
     def record(self, folder, run):
         """Have a run be recorded below ``folder``."""
         path = record_run(folder / f"{run}.mcap")
-        result = make_result(make_row(5, outcome=Outcome.FAIL))
-        assert result is not None
-        result = replace(result, verdicts=open_playback(path).verdicts)
-        self.results = (*self.results, (run, result, str(path)))
-        self.proposed = (*self.proposed,)
+        self.proposed = tuple(
+            recorded_row(row, path, leads=row.leads) if row.id == run else row
+            for row in self.proposed
+        )
         return path
 
     def go_on(self, settled):
@@ -196,25 +184,5 @@ class SearchingDaemon(FakeDaemon):
         counts = {"proposed": len(self.proposed), "finished": settled}
         self.found = (replace(before, **counts),)
 
-    def proposed_by(self, search):
-        return tuple(self._run_row(row) for row in self.proposed)
-
-    def _run_row(self, row):
-        result, trace = self._recorded(row.id)
-        lead = row.leads[0] if row.leads else LeadingMargin("", None, "")
-        listed = make_row(
-            row.index, id=row.id, campaign=SEARCH, state=row.state, scenario=row.scenario, repeat=0,
-            outcome=row.outcome, oracle=lead.oracle, margin=lead.margin, unit=lead.unit,
-            trace=trace, proposal=row.proposal,
-        )  # fmt: skip
-        if row.result is None:
-            return listed
-        return replace(listed, result=replace(result or make_result(listed), leads=row.leads))
-
-    def _recorded(self, run):
-        return next(((kept, path) for name, kept, path in self.results if name == run), (None, ""))
-
     def spec_of(self, row):
-        if self._recorded(row.id)[1]:
-            return replace(make_run(), scenario=row.scenario)
-        return super().spec_of(row)
+        return replace(make_run(), scenario=row.scenario) if row.trace else super().spec_of(row)

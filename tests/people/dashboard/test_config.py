@@ -1,7 +1,5 @@
 """The user's settings: what they change, and what is said of wrong ones."""
 
-from dataclasses import replace
-
 import pytest
 from textual.widgets._footer import FooterKey
 
@@ -15,8 +13,8 @@ from scenario_tui.dashboard.key_bindings import (
 from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
 from scenario_tui.dashboard.screens.help import our_bindings
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
-from tests.people.dashboard.driven import SteeredDaemon
 from tests.people.dashboard.searching import SearchingDaemon
+from tests.people.fake import OLD, FakeDaemon
 
 SHARED_MEANINGS = {
     "take what the cursor is on": ("open", "submit-file", "verdict-moment"),
@@ -92,7 +90,7 @@ def test_keys_may_be_exchanged(written):
 async def test_keys_and_colours_are_those_of_the_file(dashboard, written):
     config = read_config(written(GOOD))
     check_config(config)
-    fake = SteeredDaemon()
+    fake = FakeDaemon()
     dash = await dashboard(fake, config=config)
     assert dash.app.theme == "nord"
     assert dash.screen.active_bindings["ctrl+d"].binding.id == "cancel"
@@ -151,7 +149,7 @@ def test_shared_meanings_are_those_of_keys_there_are():
 @pytest.mark.parametrize(
     ("fake", "keys"),
     [
-        (SteeredDaemon(), ("1", "m", "1", "enter", "enter", "3", "s")),
+        (FakeDaemon(), ("1", "m", "1", "enter", "enter", "3", "s")),
         (SearchingDaemon.finished(), ("enter",)),
     ],
     ids=["campaign", "search"],
@@ -169,7 +167,7 @@ async def test_footers_fit_and_help_tells_the_rest(dashboard, fake, keys):
 
 @pytest.mark.parametrize("keys", [(), ("enter",), ("enter", "enter"), ("m",)])
 async def test_the_key_of_the_help_comes_first_where_there_is_less_room(dashboard, keys):
-    dash = await dashboard(SteeredDaemon(), (60, 20))
+    dash = await dashboard(FakeDaemon(), (60, 20))
     await dash.press(*keys)
     assert dash.lines[-1].strip().startswith("? Help  ")
 
@@ -190,14 +188,9 @@ async def test_help_lists_the_keys_the_user_has_that_do_something_here(dashboard
     assert "^t  Retry: Queue lost, failed or all runs again" in dash.text
 
 
-class OneAcknowledged(SteeredDaemon):
-    def _campaign_rows(self):
-        first, second, *others = super()._campaign_rows()
-        return (first, replace(second, acknowledged=True), *others)
-
-
-async def test_keys_that_become_grey_keep_their_widgets(dashboard):
-    dash = await dashboard(OneAcknowledged())
+async def test_keys_that_become_grey_keep_their_widgets(dashboard, fake):
+    fake.acknowledge(OLD)
+    dash = await dashboard()
     footer = dash.one(KeyFooter)
     await dash.until(lambda: footer.query(FooterKey))
     keys = list(footer.query(FooterKey))
@@ -221,7 +214,7 @@ async def test_keys_that_come_back_while_the_line_is_made_are_shown(dashboard, m
         absent.add("matrix")  # after the line was told of its keys, before it is made of them
         await make_anew(self)
 
-    dash = await dashboard(SteeredDaemon())
+    dash = await dashboard(FakeDaemon())
     screen = dash.screen
     monkeypatch.setattr(
         CampaignsScreen,

@@ -11,9 +11,7 @@ from scenario_tui.cli import tui
 from scenario_tui.dashboard.config import Config
 from scenario_tui.dashboard.state import Known
 from scenario_tui.dashboard.widgets.status_line import StatusLine
-from tests.people.dashboard.driven import SteeredDaemon
-from tests.people.dashboard.inline import make_dashboard
-from tests.people.fake import CAMPAIGN
+from tests.people.fake import CAMPAIGN, FakeDaemon
 from tests.people.idle import until_idle
 
 STARTED = (
@@ -22,7 +20,7 @@ STARTED = (
 
 
 async def test_a_daemon_is_started_when_none_answers_and_leaving_says_how_to_stop_it(dashboard):
-    fake, begin = SteeredDaemon(reachable=False), threading.Event()
+    fake, begin = FakeDaemon(reachable=False), threading.Event()
 
     def launch():
         begin.wait()
@@ -30,16 +28,15 @@ async def test_a_daemon_is_started_when_none_answers_and_leaving_says_how_to_sto
         return STARTED
 
     dash = await dashboard(fake, settled=False, launch_daemon=launch)
-    app = dash.app
-    app.update_state()
-    await until_idle(app)
-    assert "starting one on this machine" in "".join(dash.lines)
+    dash.app.update_state()
+    await until_idle(dash.app)
+    assert "starting one on this machine" in dash.text
     assert dash.lines[0].strip() == "… starting a daemon"
     begin.set()
     await dash.settle()
     assert CAMPAIGN in dash.text
-    assert STARTED in [notice.message for notice in app._notifications]
-    assert app.farewell().endswith("\nStop the daemon with: scenario daemon --stop")
+    assert STARTED in dash.notices
+    assert dash.app.farewell().endswith("\nStop the daemon with: scenario daemon --stop")
 
 
 async def test_whether_one_is_started_is_said_only_once_nobody_answered(dashboard):
@@ -52,27 +49,19 @@ async def test_whether_one_is_started_is_said_only_once_nobody_answered(dashboar
     assert "starting a daemon" in str(line.content)
 
 
-async def test_a_daemon_that_answers_is_left_as_it_is(dashboard):
-    app = make_dashboard(SteeredDaemon(), launch_daemon=lambda: "")
-    await dashboard(app)
-    assert not list(app._notifications)
-    assert "stop" not in app.farewell()
-
-
 async def test_a_daemon_that_does_not_come_up_is_told_with_its_last_words(dashboard):
     def launch():
         raise LaunchFailed("the daemon ended with code 70:\nno space left")
 
-    app = make_dashboard(SteeredDaemon(reachable=False), launch_daemon=launch)
-    dash = await dashboard(app)
-    assert "no space left" in " ".join(notice.message for notice in app._notifications)
+    dash = await dashboard(FakeDaemon(reachable=False), launch_daemon=launch)
+    assert "no space left" in dash.notices
     assert "d starts one. In another terminal" in dash.text
 
 
 async def test_a_key_starts_a_daemon_that_is_gone_and_does_nothing_beside_one_that_answers(
     dashboard,
 ):
-    fake, launches = SteeredDaemon(), []
+    fake, launches = FakeDaemon(), []
 
     def launch():
         launches.append(fake.reachable)
@@ -80,6 +69,9 @@ async def test_a_key_starts_a_daemon_that_is_gone_and_does_nothing_beside_one_th
         return ""
 
     dash = await dashboard(fake, launch_daemon=launch)
+    assert not launches
+    assert not dash.notices
+    assert "stop" not in dash.app.farewell()
     await dash.press("d")
     assert launches == [True]
     fake.reachable = False
@@ -116,3 +108,9 @@ def test_none_is_started_behind_the_back_of_who_named_one_or_only_looks(
     said = scenario("tui", "--state", str(tmp_path), *arguments)
     assert said.code == 0, said.err
     assert [launcher is not None for launcher in launchers] == [started]
+
+
+def test_where_nothing_can_be_drawn_it_is_said_what_to_do_instead(scenario):
+    said = scenario("tui")
+    assert said.code == 2
+    assert "scenario status" in said.err

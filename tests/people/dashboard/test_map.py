@@ -13,7 +13,6 @@ from grammars.model.geometry import Pose2
 from grammars.model.mission import Mission, Waypoint
 from grammars.model.movers import with_planar_chain
 from grammars.model.scene import Link, SceneObject
-from scenario_tui.dashboard.live_tracks import Tracks
 from scenario_tui.dashboard.widgets.block_cells import (
     fill_areas,
     mask_blocks,
@@ -28,7 +27,7 @@ from scenario_tui.dashboard.widgets.map_projection import fit, main_axis, map_tu
 from scenario_tui.dashboard.widgets.map_style import Layer, MapSigns, legend_lines
 from scenario_tui.dashboard.widgets.top_view import TopView
 from templates.plan_shapes import MeasuredMark
-from tests.people.fake import MISSION, ROBOT, make_live, make_scene
+from tests.people.fake import MISSION, ROBOT, make_scene
 
 
 def view(**changes):
@@ -129,14 +128,6 @@ def test_the_robot_is_an_arrow_that_points_where_it_looks():
     for yaw, arrow in zip(yaws, "→↗↑←↓", strict=True):
         shown = view(robot_pose=Pose2(6.0, 2.0, yaw))
         assert arrow in "".join(rows_of(draw_view(shown, 76, 20)))
-
-
-@pytest.mark.parametrize("degrees", [0.0, 33.0, -33.0, 90.0, 150.0])
-def test_a_building_that_stands_askew_fills_the_pane_as_one_that_does_not(degrees):
-    straight = draw_view(askew(0.0), 100, 20).still.projection.scale
-    frame = draw_view(askew(degrees), 100, 20)
-    assert frame.still.projection.scale == pytest.approx(straight, rel=0.02)
-    assert any("x" in text.text for text in frame.still.edge) == (degrees != 0.0)
 
 
 @pytest.mark.parametrize(
@@ -243,23 +234,6 @@ def test_numbers_cover_neither_signs_nor_each_other(places, columns, rows):
     assert all(lines[row][column] in "◆→" for row, column in signs)
 
 
-@pytest.mark.parametrize("columns", [40, 80, 120, 200])
-def test_the_bar_is_as_long_as_it_says(columns):
-    frame = draw_view(view(), columns, 24)
-    bar = rows_of(frame)[-1]
-    cells = bar.index("┤") - bar.index("├")
-    length = float(bar.split("┤")[1].split()[0])
-    assert cells == pytest.approx(length * frame.still.projection.scale / 2, abs=0.5)
-    assert length in (0.5, 1.0, 2.0, 5.0)
-
-
-def test_what_is_nowhere_on_the_map_is_not_in_the_legend():
-    frame = draw_view(view(), 76, 20)
-    words = " ".join(line.plain for line in legend_lines([MapSigns(frame.layers)], 200, 32))
-    assert "waypoint" in words
-    assert not {"laser", "contact", "plan", "reached"} & set(words.split())
-
-
 @given(st.integers(20, 200), st.integers(1, 6))
 def test_a_legend_is_never_cut(width, most):
     everything = MapSigns(frozenset(Layer), 0.2)
@@ -341,27 +315,6 @@ def test_a_cell_belongs_to_its_highest_layer():
     codes, owners = canvas.cells()
     assert owners.tolist() == [[2, -1]]
     assert "".join(map(chr, codes[0])) == "⢁ "
-
-
-def test_a_trail_grows_with_the_way_and_starts_anew_with_a_new_attempt():
-    tracks = Tracks()
-    for time in (0.0, 0.1, 20.0, 40.0):
-        tracks.add(make_live(7, time))
-    track = tracks.get(make_live(7).run)
-    assert track is not None
-    assert len(track.trail) == 3  # 5 mm are no step
-    tracks.add(make_live(7, 0.0))
-    again = tracks.get(make_live(7).run)
-    assert again is not None
-    assert len(again.trail) == 1
-
-
-def test_the_runs_longest_unheard_of_are_forgotten():
-    tracks = Tracks()
-    for index in range(100):
-        tracks.add(make_live(index))
-    assert tracks.get(make_live(0).run) is None
-    assert tracks.get(make_live(99).run) is not None
 
 
 def test_a_robot_that_is_nowhere_is_not_come_nearer_to():

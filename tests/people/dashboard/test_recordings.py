@@ -12,7 +12,7 @@ from daemon.model.messages import FilePart
 from daemon.model.spec import TraceInfo
 from scenario_tui.dashboard.recordings import Missing, Recordings
 from tests.parts import eventually
-from tests.people.dashboard.inline import InlineChildren
+from tests.people.dashboard.dash import InlineChildren
 from tests.people.fake import CAMPAIGN
 from tests.people.recorded import record_run
 

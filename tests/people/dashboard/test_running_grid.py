@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import pytest
 from textual.events import Key
 
 from scenario_tui.dashboard.screens.run import RunScreen
@@ -43,9 +42,8 @@ async def test_of_more_than_fit_those_in_trouble_are_shown_in_their_order(dashbo
     assert "✗ −0.8 m clear" in lines[6]
 
 
-@pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 50)])
-async def test_below_the_campaigns_stands_what_is_under_way_of_all(dashboard, size):
-    dash = await dashboard(busy(3), size)
+async def test_below_the_campaigns_stands_what_is_under_way_of_all(dashboard):
+    dash = await dashboard(busy(3))
     lines = grid_lines(dash)
     assert "▶ running  3 runs, worst margin so far" in lines[0]
     assert "S2/pilot/0" in lines[1]
@@ -70,12 +68,6 @@ async def test_the_table_has_the_keys_again_when_nothing_runs_any_more(dashboard
     assert not dash.one(RunningGrid).display
     assert dash.one(KeyedTable).has_focus
     assert not [call for call in fake.calls if call[0] == "runs" and "running" in call]
-
-
-@pytest.mark.parametrize("size", [(40, 10), (80, 15)])
-async def test_a_low_screen_keeps_its_rows_for_the_table(dashboard, size):
-    dash = await dashboard(busy(3), size)
-    assert not dash.one(RunningGrid).display
 
 
 async def test_the_table_tells_the_least_margin_so_far_of_a_run_that_goes_on(dashboard):

@@ -32,11 +32,10 @@ def playback(tmp_path_factory):
 
 def drawn_of(timeline, columns=80, rows=24, time=2.0):
     view = TimelineView()
-    view._timelines, view._time = (timeline,), time
-    cells = view.cells(columns, rows)
-    assert cells is not None
-    assert cells[0].shape == (rows, columns)
-    return ["".join(map(chr, row)).rstrip() for row in cells[0]]
+    view.show((timeline,), time)
+    codes, _ = view.cells(columns, rows)
+    assert codes.shape == (rows, columns)
+    return ["".join(map(chr, row)).rstrip() for row in codes]
 
 
 @pytest.mark.parametrize(
@@ -78,6 +77,10 @@ def test_a_spike_of_one_sample_is_seen_however_long_the_run():
     signal = RunSignal("it", "m", np.linspace(0.0, 1.0, 100_000), values, values)
     _, high = ranges(signal, 0.0, 1.0, 60)
     assert (high.max(), np.count_nonzero(high == 5.0)) == (5.0, 1)
+    time = np.array([0.0, 1.0])
+    thinned = RunSignal("it", "m", time, np.array([0.1, 0.2]), np.array([0.3, 0.2]))
+    low, high = ranges(thinned, 0.0, 2.0, 2)
+    assert (low[0], high[0]) == (0.1, 0.3)
 
 
 def test_the_playhead_hides_nothing(playback):
@@ -122,56 +125,47 @@ def test_timelines_look_as_they_did(playback, golden):
     golden("screens/timelines.txt", "\n".join(texts))
 
 
-@pytest.mark.parametrize("size", [(12, 2), (20, 5), (40, 10), (300, 80)])
+@pytest.mark.parametrize("size", [(12, 2), (20, 5), (300, 80)])
 def test_the_timeline_fits_into_any_room(playback, size):
     drawn_of(playback.timeline, *size)
 
 
-def test_what_only_counts_is_left_out_unless_it_is_asked_for(playback):
+def test_signals_that_oracles_read_come_first_and_what_only_counts_if_it_is_asked_for(playback):
     clock = replace(playback.timeline.signals[0], name="elapsed", readers=("in-time",))
     view = TimelineView()
-    view._timelines = (replace(playback.timeline, signals=(*playback.timeline.signals, clock)),)
+    view.show((replace(playback.timeline, signals=(*playback.timeline.signals, clock)),))
+    read = [bool(signal.readers) for signal in view.signals]
+    assert read == sorted(read, reverse=True)
     assert "elapsed" not in [signal.name for signal in view.signals]
-    view._oracle = "in-time"
+    view.lead("in-time")
     assert view.signals[0].name == "elapsed"
-    view._oracle, view._counting = "", True
+    view.lead("")
+    view.toggle_counting()
     assert "elapsed" in [signal.name for signal in view.signals]
 
 
-def test_signals_that_oracles_read_come_first(playback):
-    view = TimelineView()
-    view._timelines = (playback.timeline,)
-    read = [bool(signal.readers) for signal in view.signals]
-    assert read == sorted(read, reverse=True)
+VALUES = {
+    "a yes or no": ("bool", [0.0, 1.0], [0.0, 1.0], ["no", "no", "yes", "yes"]),
+    "a thinned one": ("m", [0.1, 0.2], [0.3, 0.2], ["0.1–0.3 m"] * 2 + ["0.2 m"] * 2),
+    "digits of its other end": (
+        "m", [0.0000986, -0.00276], [0.0063, 1.19], ["0.0001–0.0063 m"] * 2 + ["0–1.2 m"] * 2
+    ),
+    "a great one": ("m", [0.03, 0.0], [1.9, 0.0], ["0.03–1.9 m"] * 2 + ["0 m"] * 2),
+}  # fmt: skip
+"""Unit, least and most of a signal at 1 s and at 2 s, and what is told of 1, 1.9, 2 and 9 s."""
 
 
-def test_a_thinned_signal_says_what_it_knows_of_a_moment():
-    time = np.array([0.0, 1.0])
-    signal = RunSignal("it", "m", time, np.array([0.1, 0.2]), np.array([0.3, 0.2]))
-    assert [at_playhead(signal, t) for t in (0.5, 1.5)] == ["0.1–0.3 m", "0.2 m"]
-    low, high = ranges(signal, 0.0, 2.0, 2)
-    assert (low[0], high[0]) == (0.1, 0.3)
-
-
-def test_an_end_of_a_range_has_no_more_digits_than_the_other():
-    time = np.array([0.0, 1.0, 2.0])
-    least, most = np.array([0.0000986, 0.03, -0.00276]), np.array([0.0063, 1.9, 1.19])
-    signal = RunSignal("it", "m", time, least, most)
-    shown = [at_playhead(signal, t) for t in (0.5, 1.5, 2.5)]
-    assert shown == ["0.0001–0.0063 m", "0.03–1.9 m", "0–1.2 m"]
+@pytest.mark.parametrize("kind", VALUES)
+def test_values_at_the_cursor_are_those_of_the_last_sample(kind):
+    unit, least, most, told = VALUES[kind]
+    signal = RunSignal("it", unit, np.array([1.0, 2.0]), np.array(least), np.array(most))
+    assert [at_playhead(signal, t) for t in (0.5, 1.0, 1.9, 2.0, 9.0)] == ["–", *told]
 
 
 def test_what_does_not_fit_is_counted(playback):
-    assert any("> 3 more" in line for line in drawn_of(playback.timeline, 80, 8))
     few = [replace(playback.timeline.signals[0])] * 3
     assert fit_heights(few, 7) == [3, 2, 2]
     assert fit_heights(few, 3) == [3]
-
-
-def test_values_at_the_cursor_are_those_of_the_last_sample():
-    values = np.array([1.0, 0.0])
-    signal = RunSignal("it", "bool", np.array([1.0, 2.0]), values, values)
-    assert [at_playhead(signal, t) for t in (0.5, 1.0, 1.9, 9.0)] == ["–", "yes", "yes", "no"]
 
 
 def test_only_changed_parts_of_rows_are_drawn_again():
@@ -186,8 +180,6 @@ def test_only_changed_parts_of_rows_are_drawn_again():
 
 class Plots(LimitedTerminalApp):
     """Shows signals, and goes to the moments that are pointed at."""
-
-    CSS = "TimelineView { border: round green; }"
 
     def __init__(self, timeline):
         super().__init__()
@@ -205,101 +197,95 @@ class Plots(LimitedTerminalApp):
         self.query_one(TimelineView).move(event.time)
 
 
+COLUMNS = 90
+
+
 @pytest.fixture
 async def plots(dashboard, playback):
-    """The app, its signals and what points at them."""
-    dash = await dashboard(Plots(playback.timeline), (92, 26))
-    return dash.pilot, dash.one(TimelineView)
+    """The app with the signals, and the first column of their plots."""
+    dash = await dashboard(Plots(playback.timeline), (COLUMNS, 24))
+    still = TimelineDrawing((playback.timeline,), playback.timeline.signals, COLUMNS, 24)
+    return dash, dash.one(TimelineView), still.gutter
 
 
-def axis(view):
-    """What stands below the signals."""
-    return "".join(map(chr, view._cells[0][-1])).rstrip()
+async def stretch(dash):
+    """The stretch of time that the axis names, without one all of it."""
+    await dash.settle()
+    named = re.search(r"([\d.]+)–([\d.]+) s of 10\.0 s", dash.lines[-1])
+    return tuple(map(float, named.groups())) if named else (0.0, 10.0)
 
 
 async def test_a_click_seeks_and_a_drag_seeks_all_along_also_beyond_the_plot(plots, playback):
-    pilot, view = plots
-    gutter = view._drawing.gutter
-    columns = view.size.width - gutter
-    await pilot.click(view, offset=(1 + gutter + columns // 2, 5))
-    assert pilot.app.sought == [pytest.approx(5.0, abs=0.1)]
-    await pilot.mouse_down(view, offset=(1 + gutter, 5))
-    for x in (gutter + 10, gutter + 20, gutter + columns + 1):
-        await pilot.hover(view, offset=(1 + min(x, view.size.width), 9))
-    await pilot.mouse_up(view, offset=(view.size.width, 5))
-    assert pilot.app.sought[1] == 0.0
-    assert pilot.app.sought[1:] == sorted(pilot.app.sought[1:])
-    assert pilot.app.sought[-1] == 10.0
-    count = len(pilot.app.sought)
-    await pilot.hover(view, offset=(1 + gutter + 30, 5))  # the button is not held any more
+    dash, view, gutter = plots
+    pilot, sought = dash.pilot, dash.app.sought
+    columns = COLUMNS - gutter
+    await pilot.click(view, offset=(gutter + columns // 2, 5))
+    assert sought == [pytest.approx(5.0, abs=0.1)]
+    await pilot.mouse_down(view, offset=(gutter, 5))
+    for x in (gutter + 10, gutter + 20, COLUMNS - 1):
+        await pilot.hover(view, offset=(x, 9))
+    await pilot.mouse_up(view, offset=(COLUMNS - 1, 5))
+    assert sought[1] == 0.0
+    assert sought[1:] == sorted(sought[1:])
+    assert sought[-1] == 10.0
+    count = len(sought)
+    await pilot.hover(view, offset=(gutter + 30, 5))  # the button is not held any more
     await pilot.click(view, offset=(3, 5))  # beside the plots
-    assert len(pilot.app.sought) == count
+    assert len(sought) == count
+    await pilot.click(view, offset=(dash.lines[-1].index("✗"), 23))
+    assert sought[-1] == playback.timeline.decided[0]  # that very moment
 
 
-async def test_a_click_on_what_was_decided_goes_to_that_very_moment(plots, playback):
-    pilot, view = plots
-    first = playback.timeline.decided[0]
-    column = view._drawing.gutter + view._drawing.span.column(first)
-    await pilot.click(view, offset=(1 + column, view.size.height))
-    assert pilot.app.sought == [first]
-
-
-async def wheel(pilot, view, kind, x, turns=1):
+async def wheel(dash, view, kind, x, turns):
     for _ in range(turns):
-        await pilot._post_mouse_events([kind], view, offset=(1 + x, 5))
-        await pilot.pause()
+        await dash.pilot._post_mouse_events([kind], view, offset=(x, 5))
+        await dash.pilot.pause()
+    return await stretch(dash)
 
 
-async def test_the_wheel_shows_less_of_the_time_around_the_pointer_and_all_again(plots, playback):
-    pilot, view = plots
-    at = view._drawing.gutter + 40
-    before = view._drawing.span.moment(40)
-    await wheel(pilot, view, events.MouseScrollUp, at, 3)
-    assert view._drawing.span.moment(40) == pytest.approx(before)
-    assert view._drawing.span.end - view._drawing.span.start == pytest.approx(10.0 * ZOOM**3)
-    assert re.match(r"\d\.\d+–\d\.\d+ s of 10\.0 s", axis(view))
-    assert pilot.app.sought == []
-    await wheel(pilot, view, events.MouseScrollDown, at, 3)
-    assert "of 10.0 s" not in axis(view)
-    await wheel(pilot, view, events.MouseScrollUp, at, 99)
-    assert view._drawing.span.end - view._drawing.span.start == pytest.approx(0.1)
+async def test_the_wheel_shows_less_of_the_time_around_the_pointer_and_all_again(plots):
+    dash, view, gutter = plots
+    at = gutter + (COLUMNS - gutter) // 2
+    start, end = await wheel(dash, view, events.MouseScrollUp, at, 3)
+    assert end - start == pytest.approx(10.0 * ZOOM**3, abs=0.1)
+    assert (start + end) / 2.0 == pytest.approx(5.0, abs=0.2)
+    assert dash.app.sought == []
+    assert await wheel(dash, view, events.MouseScrollDown, at, 3) == (0.0, 10.0)
+    start, end = await wheel(dash, view, events.MouseScrollUp, at, 99)
+    assert end - start == pytest.approx(0.1, abs=0.02)
     view.fit_time()
-    assert "of 10.0 s" not in axis(view)
+    assert await stretch(dash) == (0.0, 10.0)
 
 
-async def test_only_what_happens_in_a_stretch_is_drawn(plots, playback):
-    _, view = plots
+async def test_only_what_happens_in_a_stretch_is_drawn(plots):
+    dash, view, _ = plots
     for _ in range(2):
         view.zoom_time(nearer=True, around=0.0)  # 0 to 4.9 s: before anything went wrong
-    lines = ["".join(map(chr, row)) for row in view._cells[0]]
-    assert not set("✗░◇") & set("".join(lines))
-    assert lines[-2].rstrip().endswith("1 w1")  # the leg goes on beyond the stretch
+    await dash.settle()
+    assert not set("✗░◇") & set(dash.text)
+    assert dash.lines[-2].endswith("1 w1")  # the leg goes on beyond the stretch
     view.fit_time()
-    assert {"✗", "░", "◇"} <= set("".join(map(chr, view._cells[0].ravel())))
+    await dash.settle()
+    assert {"✗", "░", "◇"} <= set(dash.text)
 
 
 async def test_a_stretch_goes_along_with_the_playhead_that_was_in_it(plots, playback):
-    _, view = plots
-    view.zoom_time(nearer=True)
-    view.zoom_time(nearer=True)
-    assert view._stretch == pytest.approx((0.0, 4.9))
-    view.move(4.8)
-    assert view._stretch == pytest.approx((0.0, 4.9))
-    view.move(5.0)
-    assert view._stretch == pytest.approx((4.51, 9.41))
-    view.move(1.0)
-    assert view._stretch == pytest.approx((0.0, 4.9))
+    dash, view, _ = plots
+    for _ in range(2):
+        view.zoom_time(nearer=True)
+    for time, shown in ((4.8, (0.0, 4.9)), (5.0, (4.51, 9.41)), (1.0, (0.0, 4.9))):
+        view.move(time)
+        assert await stretch(dash) == pytest.approx(shown, abs=0.05)
     view.zoom_time(nearer=True, around=4.9)
-    assert not view._stretch[0] <= 1.0
-    looked = view._stretch
+    looked = await stretch(dash)
+    assert looked[0] > 1.0
     view.move(1.1)  # somebody looks at another stretch: it stays
-    assert view._stretch == looked
+    assert await stretch(dash) == looked
     view.reveal()  # a key has moved the playhead
-    assert view._stretch[0] <= 1.1 <= view._stretch[1]
-
-
-async def test_a_run_that_begins_anew_is_shown_as_a_whole(plots, playback):
-    _, view = plots
+    start, end = await stretch(dash)
+    assert start <= 1.1 <= end
+    # A run that begins anew is shown as a whole.
     view.zoom_time(nearer=True, around=10.0)
     view.show((replace(playback.timeline, end=1.0),), 0.5)
-    assert view._stretch is None
+    await dash.settle()
+    assert " s of " not in dash.text

@@ -85,10 +85,10 @@ def test_the_costmap_is_seen_where_it_was_asked_for():
 
 
 async def test_a_key_shows_the_other_costmap_or_none(dashboard):
-    dash = await dashboard(StandaloneApp(ReplayScreen(playback(), 2.5)), (100, 30))
-    screen = dash.text
-    assert "collision monitor: stop by Front" in screen
-    assert "⠿⠿ blocked in the costmap" in screen
+    screen = ReplayScreen(playback(), 2.5, clock=lambda: 0.0)
+    dash = await dashboard(StandaloneApp(screen), (100, 30))
+    assert "collision monitor: stop by Front" in dash.text
+    assert "⠿⠿ blocked in the costmap" in dash.text
     await dash.press("O")
     top = dash.one(TopView)
     assert [top.next_costmap() for _ in range(3)] == ["", "local", "global"]

@@ -2,16 +2,15 @@
 
 from dataclasses import replace
 
+import pytest
+
 from daemon.model.run_state import RunState
 from daemon.model.verdicts import Outcome
 from scenario_tui.dashboard.screens import runs
-from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
-from scenario_tui.dashboard.screens.run import RunScreen
 from scenario_tui.dashboard.screens.runs import RunsScreen
 from scenario_tui.dashboard.screens.workers import WorkersScreen
 from scenario_tui.dashboard.widgets.tables import KeyedTable
-from tests.people.dashboard.driven import choose_from_palette
-from tests.people.fake import CAMPAIGN, NOW, OLD, FakeDaemon, make_row
+from tests.people.fake import CAMPAIGN, NOW, OLD, Entered, FakeDaemon, make_row
 
 
 def first_column(dash):
@@ -19,17 +18,14 @@ def first_column(dash):
     return [str(table.get_row_at(i)[0]) for i in range(table.row_count)]
 
 
-class NightlyDaemon(FakeDaemon):
-    """Has an earlier campaign of the same name, in which half of the runs failed."""
-
-    def _campaign_rows(self):
-        first, nightly = super()._campaign_rows()
-        before = replace(nightly, id="nightly-0", passed=2, failed=2, submitted_at=NOW - 2e5)
-        return first, nightly, before
-
-
-async def test_beside_the_table_stands_the_campaign_under_the_cursor(dashboard):
-    dash = await dashboard(NightlyDaemon(), (120, 40))
+async def test_beside_the_table_stands_the_campaign_under_the_cursor(dashboard, fake):
+    """There is an earlier campaign of the same name, in which half of the runs failed."""
+    rows = (
+        make_row(i, id=f"nightly-0.{i}", campaign="nightly-0", outcome=outcome)
+        for i, outcome in enumerate((Outcome.PASS, Outcome.FAIL) * 2)
+    )
+    fake.more = (Entered("nightly-0", "nightly", tuple(rows), NOW - 2e5),)
+    dash = await dashboard(fake, (120, 40))
     assert dash.screen.about == CAMPAIGN
     await dash.press("j")
     assert "50 % → 100 % passed, 2" in dash.text
@@ -39,91 +35,42 @@ async def test_beside_the_table_stands_the_campaign_under_the_cursor(dashboard):
 async def test_where_there_is_room_for_the_table_alone_nothing_more_is_judged(dashboard):
     dash = await dashboard(size=(80, 15))
     assert "last failures" not in dash.text
+    assert "worst margin so far" not in dash.text
     assert dash.screen.about == ""
     await dash.resize(80, 24)
     assert dash.text.index("last failures") > dash.text.index(CAMPAIGN)
 
 
-async def test_enter_goes_in_escape_goes_out_and_numbers_jump(dashboard):
+VERDICTS = ("fail", "error", "lost", "inconclusive", "running", "queued", "pass", "local")
+WALKS = {
+    "places": ("enter", "enter", "escape", "escape", "escape", "2", "3", "enter", "1"),
+    "typed": ("/nigh", "enter", "escape"),
+    "letters": ("/qc/2s", "escape", "enter", "/qc/2s", "escape"),
+    "found": ("enter", *(step for word in VERDICTS for step in (f"/{word}", "escape"))),
+    "workers": ("3", "i", "/pilot"),
+    "headers": (">", "i", "<"),
+    "sorted": ("enter", ">", ">", "i", *[">"] * (len(RunsScreen.SORTS) - 2), "<"),
+    "back": ("2", "/fail", "enter", ">", ">", "i", "down", "1", "2", "/S2/", "enter", "1", "2", "1",
+             "enter"),
+}  # fmt: skip
+"""Keys that are pressed one after the other; behind a slash stands a text that is typed."""
+
+
+@pytest.mark.parametrize("name", WALKS)
+async def test_keys_lead_to_what_they_did(dashboard, golden, name):
+    """After each step: where one is, what has the keys, what is listed, with the cursor's row."""
     dash = await dashboard()
-    for key, screen in (
-        ("enter", RunsScreen), ("enter", RunScreen), ("escape", RunsScreen),
-        ("escape", CampaignsScreen), ("escape", CampaignsScreen), ("2", RunsScreen),
-        ("3", WorkersScreen), ("enter", RunScreen), ("1", CampaignsScreen),
-    ):  # fmt: skip
-        await dash.press(key)
-        assert isinstance(dash.screen, screen), key
-
-
-async def test_what_is_typed_narrows_campaigns_at_once_and_escape_brings_all_back(dashboard):
-    dash = await dashboard()
-    assert first_column(dash) == [CAMPAIGN, OLD]
-    await dash.press("slash", *"nigh")
-    assert first_column(dash) == [OLD]
-    await dash.press("enter")
-    assert dash.app.focused is dash.one(KeyedTable)
-    assert first_column(dash) == [OLD]
-    await dash.press("escape")
-    assert first_column(dash) == [CAMPAIGN, OLD]
-    assert isinstance(dash.screen, CampaignsScreen)
-
-
-async def test_letters_and_slashes_typed_are_no_commands_and_no_match_is_said(dashboard):
-    dash = await dashboard()
-    for screen in (CampaignsScreen, RunsScreen):
-        assert isinstance(dash.screen, screen)
-        await dash.press("slash", *"qc/2s")
-        assert isinstance(dash.screen, screen)
-        assert "qc/2s" in dash.text
-        assert "No row matches" in dash.text
-        await dash.press("escape", "enter")
-    assert isinstance(dash.screen, RunScreen)
-
-
-async def test_runs_are_found_by_their_verdict_state_and_texts(dashboard):
-    dash = await dashboard()
-    await dash.press("enter")
-    seen = []
-    for word in ("fail", "error", "lost", "inconclusive", "running", "queued", "pass", "local"):
-        await dash.press("slash", *word, "enter")
-        seen.append(len(first_column(dash)))
-        assert f"/{word}" in dash.text
-        await dash.press("escape")
-    assert seen == [2, 0, 1, 1, 1, 1, 4, 1]
-
-
-async def test_workers_are_sorted_and_filtered(dashboard):
-    dash = await dashboard()
-    await dash.press("3", "i")
-    assert first_column(dash)[0] == "shed-1"
-    await dash.press("slash", *"pilot")
-    assert first_column(dash) == ["bench-1"]
-
-
-async def test_headers_say_what_is_sorted_by_and_keys_change_it(dashboard):
-    dash = await dashboard()
-    for key, header, names in (
-        (None, "▼submitted", [CAMPAIGN, OLD]),
-        ("greater_than_sign", "▲campaign", [CAMPAIGN, OLD]),
-        ("i", "▼campaign", [OLD, CAMPAIGN]),
-        ("less_than_sign", "▼submitted", [CAMPAIGN, OLD]),
-    ):
-        await dash.press(*[key] * bool(key))
-        assert header in dash.lines[2]
-        assert first_column(dash) == names
-
-
-async def test_runs_are_sorted_by_the_daemon(dashboard):
-    dash = await dashboard()
-    await dash.press("enter", ">", ">")
-    assert "by margin ▲" in dash.text
-    assert first_column(dash)[0] == "S2/pilot/1"
-    await dash.press("i")
-    assert "by margin ▼" in dash.text
-    await dash.press(*[">"] * (len(RunsScreen.SORTS) - 2))
-    assert "▲run" in dash.text
-    await dash.press("<")
-    assert "by scenario ▲" in dash.text
+    texts = []
+    for step in WALKS[name]:
+        await dash.press(*(("slash", *step[1:]) if step[0] == "/" else (step,)))
+        place, focused = (type(one).__name__ for one in (dash.screen, dash.app.focused))
+        texts.append(f"--- {step}\n{place}, {focused}\n{dash.lines[1].strip()}")
+        if dash.screen.query(KeyedTable):
+            table = dash.one(KeyedTable)
+            rows = first_column(dash)
+            cursor = f"at {rows[table.cursor_row]}" if rows else "\n".join(dash.lines[4:8]).strip()
+            texts.append(f"{dash.lines[2].strip()}\n{', '.join(rows)}\n{cursor}")
+    golden(f"screens/walk-{name}.txt", "\n".join([*texts, ""]))
 
 
 async def test_only_a_page_is_asked_for_and_pages_are_turned(dashboard, fake):
@@ -186,32 +133,14 @@ async def test_repeats_are_told_apart_however_long_names_are(dashboard, fake):
         for line, row in zip(dash.lines[3:7], reversed(fake.rows), strict=True):
             run, *rest = line.split()
             assert run.endswith(f"t-b/{row.repeat}"), line
-            assert rest[0] == CAMPAIGN
-            assert rest[1:3] == ["✓", "pass"]
-
-
-async def test_filter_and_order_are_still_there_when_one_comes_back(dashboard):
-    dash = await dashboard()
-    await dash.press("2", "slash", *"fail", "enter", ">", ">", "i", "down")
-    before, key = dash.text, dash.one(KeyedTable).key
-    assert key != f"{CAMPAIGN}.0"
-    assert "by margin ▼  /fail" in before
-    await dash.press("1", "2")
-    assert dash.text == before
-    assert dash.one(KeyedTable).key == key
-    await dash.press("slash", *"S2/", "enter", "1", "2")
-    assert "/S2/" in dash.text
-    assert dash.app.focused is dash.one(KeyedTable)
-    # Other runs are looked at in their own way.
-    await dash.press("1", "enter")
-    assert "▲run" in dash.text
+            assert rest[:3] == [CAMPAIGN, "✓", "pass"]
 
 
 async def test_the_colon_opens_a_list_of_places(dashboard):
     dash = await dashboard()
-    await choose_from_palette(dash, "workers", "Workers")
+    await dash.choose_from_palette("workers", "Workers")
     assert isinstance(dash.screen, WorkersScreen)
-    await choose_from_palette(dash, "campaign ni", f"go to campaign {OLD}")
+    await dash.choose_from_palette("campaign ni", f"go to campaign {OLD}")
     assert isinstance(dash.screen, RunsScreen)
     assert f"campaigns › {OLD}" in dash.text
 

@@ -11,7 +11,7 @@ from scenario_tui.dashboard.widgets import cell_table, tables
 from scenario_tui.dashboard.widgets.cell_table import CellTable
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, VerdictList
-from tests.people.dashboard.judged_campaign import judged_campaign
+from tests.people.dashboard.daemons import judged_campaign
 
 VERDICT = Verdict("calm", "speed <= 1 m/s", Outcome.PASS, 1.0, 1.0, "m/s", Evidence(1.0))
 
@@ -39,7 +39,7 @@ def table_cell(page, text):
 def matrix_cell(page, text):
     fake = judged_campaign()
     table = page.query_one(CellTable)
-    table.show(read_results(fake, fake._campaign_rows()[0]))
+    table.show(read_results(fake, fake.campaigns()[0]))
     return table.get_row_at(0)[0]
 
 

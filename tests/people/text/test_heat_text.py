@@ -7,7 +7,7 @@ import pytest
 from daemon.analysis.results import read_results
 from daemon.model.verdicts import Outcome
 from scenario_tui.text.heat_text import Heat, heat_lines, heat_marks
-from tests.people.dashboard.judged_campaign import judged_campaign
+from tests.people.dashboard.daemons import judged_campaign
 from tests.people.fake import CAMPAIGN, make_row
 
 

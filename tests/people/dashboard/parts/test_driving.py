@@ -17,7 +17,7 @@ from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
 from scenario_tui.dashboard.screens.submit import SubmitScreen
 from tests.make import make_submission
 from tests.parts import daemon_at
-from tests.people.dashboard.driven import eventually
+from tests.people.dashboard.dash import eventually
 from tests.people.recorded import record_run
 
 CAMPAIGNS = Path(__file__).parents[4] / "campaigns"

@@ -2,15 +2,13 @@
 
 import os
 import shlex
-import shutil
 import signal
-import subprocess
 import sys
 
 import pytest
 
 from tests.make import make_spec, submission_of
-from tests.parts import ROOT, daemon_at, eventually, finished
+from tests.parts import daemon_at, eventually, finished
 from tests.people.poison import WORD, assert_harmless
 from tests.people.recorded import record_run
 from tests.people.terminal.pseudo_terminal import (
@@ -116,14 +114,6 @@ def test_sixteen_colours_and_ascii_are_enough(daemon):
         assert not is_reverse("S2/pilot/0")
 
 
-@pytest.mark.parametrize(("told", "shown_on"), [("0;15", "fbfbf9"), ("15;0", "12151a")])
-def test_colours_follow_the_background_of_the_terminal(daemon, told, shown_on):
-    colours = {"COLORTERM": "truecolor", "COLORFGBG": told}
-    with terminal(dashboard(daemon), environ=colours) as shown:
-        shown.until("corridor-1")
-        shown.until(lambda: shown.screen.buffer[10][2].bg == shown_on)
-
-
 def test_the_terminal_is_asked_nothing(tmp_path):
     trace = record_run(tmp_path / "run.mcap")
     with terminal(scenario("replay", str(trace)), environ={"COLORTERM": "truecolor"}) as shown:
@@ -180,49 +170,11 @@ def test_interrupted_before_it_is_drawn_it_gives_the_terminal_back(daemon, late)
         assert restored(shown)
 
 
-def test_a_dumb_terminal_is_told_what_to_do():
-    with terminal(scenario("tui"), environ={"TERM": "dumb"}) as shown:
-        assert shown.wait() == 2
-        text = shown.text.replace("\n", "")
-        assert "cannot be drawn on" in text
-        assert "scenario status" in text
-
-
 def test_a_dashboard_leaves_with_its_terminal_also_where_hang_ups_are_ignored(daemon):
     start = ["/bin/sh", "-c", f"trap '' HUP; exec {shlex.join(dashboard(daemon))}"]
     with terminal(start) as shown:
         shown.until("corridor-1")
         assert shown.hang_up() == -signal.SIGHUP
-
-
-@pytest.mark.skipif(shutil.which("tmux") is None, reason="tmux is not installed")
-def test_inside_tmux_it_is_typed_at_and_resized(daemon, tmp_path):
-    around = {"PATH": os.environ["PATH"], "LANG": "C.UTF-8", "HOME": "/nowhere",
-              "SHELL": "/bin/sh", "SCENARIO_GLYPHS": "unicode"}  # fmt: skip
-
-    def tmux(*arguments):
-        # The socket is named from its folder: its whole path may be too long.
-        command = ["tmux", "-S", "socket", "-f", "/dev/null", *arguments]
-        return subprocess.run(
-            command, env=around, cwd=tmp_path, capture_output=True, text=True, check=True
-        ).stdout
-
-    def until(words):
-        eventually(lambda: words in tmux("capture-pane", "-p"))
-
-    line = f"{shlex.join(dashboard(daemon))}; cat"
-    tmux("new-session", "-d", "-c", str(ROOT), "-x", "80", "-y", "24", line)
-    try:
-        until("corridor-1")
-        tmux("send-keys", "Enter")
-        until("S3/pilot/0")
-        for columns, rows, words in (("120", "40", "worker"), ("40", "10", "S1/pilot/0")):
-            tmux("resize-window", "-x", columns, "-y", rows)
-            until(words)
-        tmux("send-keys", "q")
-        until("Left the dashboard")
-    finally:
-        tmux("kill-server")
 
 
 POISONED = """
