@@ -15,7 +15,7 @@ from daemon.model.run_state import RunState
 from daemon.model.spec import TraceInfo
 from daemon.model.verdicts import Outcome
 from daemon.trace import read_trace
-from tests.people.fake import FakeDaemon, make_result, make_row, make_rows
+from tests.people.fake import FakeDaemon, make_result, make_row
 from tests.people.recorded import record_run
 
 DECLARED = AssessmentRules(
@@ -53,24 +53,24 @@ def judged_campaign():
     return FakeDaemon(judged_rows(), declares=DECLARED)
 
 
-def recorded_row(row, path, chosen=lambda _: True, **changes):
-    """A finished run with its recording, judged by those of its oracles that are chosen."""
-    trace = read_trace(path)
-    verdicts = tuple(one for one in judge(trace, trace.spec.oracles) if chosen(one.oracle))
-    info = TraceInfo(file_sha256(path), path.stat().st_size, 1)
-    result = replace(make_result(row), verdicts=verdicts, trace=info, **changes)
-    return replace(row, trace=str(path), result=result)
-
-
-def recorded_daemon(path):
+class RecordedDaemon(FakeDaemon):
     """Runs 5 and 6 are the recorded one, with the verdicts it deserves."""
-    note = "parameters without effect: a, b"
-    return FakeDaemon(
-        tuple(
-            recorded_row(row, path, note=note) if row.index in (5, 6) else row
-            for row in make_rows()
+
+    def __init__(self, trace):
+        super().__init__()
+        self.rows = tuple(
+            replace(row, trace=str(trace)) if row.index in (5, 6) else row for row in self.rows
         )
-    )
+        recorded = read_trace(trace)
+        self._verdicts = judge(recorded, recorded.spec.oracles)
+
+    def run(self, run):
+        detail = super().run(run)
+        if detail.row.index not in (5, 6) or detail.row.result is None:
+            return detail
+        note = "parameters without effect: a, b"
+        result = replace(detail.row.result, verdicts=self._verdicts, note=note)
+        return replace(detail, row=replace(detail.row, result=result))
 
 
 class RepeatingDaemon(FakeDaemon):
@@ -79,18 +79,34 @@ class RepeatingDaemon(FakeDaemon):
     def __init__(self, path):
         super().__init__()
         self._path = path
+        self.rows = tuple(
+            replace(row, trace=str(path)) if row.index == 5 else row for row in self.rows
+        )
+        self._first, self._result = self.rows, None
         self.execute()
-
-    def _become(self, changed):
-        self.rows = tuple(changed if row.index == 5 else row for row in self.rows)
 
     def execute(self, **changes):
         record_run(self._path, **changes)
-        self._become(recorded_row(make_rows()[5], self._path))
+        recorded = read_trace(self._path)
+        self._result = replace(
+            make_result(self._first[5]),
+            verdicts=judge(recorded, recorded.spec.oracles),
+            trace=TraceInfo(file_sha256(self._path), self._path.stat().st_size, 1),
+        )
+        self.rows = self._first
 
     def judge_again(self):
-        self._become(recorded_row(make_rows()[5], self._path, lambda oracle: oracle == "slow"))
+        verdicts = tuple(v for v in self._result.verdicts if v.oracle == "slow")
+        self._result = replace(self._result, verdicts=verdicts)
 
     def become(self, state):
-        row = make_rows()[5]
-        self._become(replace(row, state=state, outcome=None, trace="", attempt=2))
+        self.rows = tuple(
+            replace(row, state=state, outcome=None, trace="", attempt=2) if row.index == 5 else row
+            for row in self.rows
+        )
+
+    def run(self, run):
+        detail = super().run(run)
+        if detail.row.index != 5 or detail.row.result is None:
+            return detail
+        return replace(detail, row=replace(detail.row, result=self._result))

@@ -18,7 +18,8 @@ from daemon.model.search_answer import (
 from daemon.model.spec import LeadingMargin
 from daemon.model.trials import read_trial
 from daemon.model.verdicts import Outcome
-from tests.people.dashboard.daemons import FRESH, recorded_row
+from scenario_tui.dashboard.playback import open_playback
+from tests.people.dashboard.daemons import FRESH
 from tests.people.fake import NOW, FakeDaemon, make_result, make_row
 from tests.people.recorded import make_run, record_run
 
@@ -171,8 +172,11 @@ class SearchingDaemon(FakeDaemon):
     def record(self, folder, run):
         """Have a run be recorded below ``folder``."""
         path = record_run(folder / f"{run}.mcap")
+        verdicts = open_playback(path).verdicts
         self.proposed = tuple(
-            recorded_row(row, path, leads=row.leads) if row.id == run else row
+            replace(row, trace=str(path), result=replace(row.result, verdicts=verdicts))
+            if row.id == run
+            else row
             for row in self.proposed
         )
         return path
@@ -185,4 +189,6 @@ class SearchingDaemon(FakeDaemon):
         self.found = (replace(before, **counts),)
 
     def spec_of(self, row):
-        return replace(make_run(), scenario=row.scenario) if row.trace else super().spec_of(row)
+        if row.campaign == SEARCH and row.trace:
+            return replace(make_run(), scenario=row.scenario)
+        return super().spec_of(row)

@@ -165,11 +165,11 @@ async def test_footers_fit_and_help_tells_the_rest(dashboard, fake, keys):
         assert footer <= listed
 
 
-@pytest.mark.parametrize("keys", [(), ("enter",), ("enter", "enter"), ("m",)])
-async def test_the_key_of_the_help_comes_first_where_there_is_less_room(dashboard, keys):
-    dash = await dashboard(FakeDaemon(), (60, 20))
-    await dash.press(*keys)
-    assert dash.lines[-1].strip().startswith("? Help  ")
+async def test_the_key_of_the_help_comes_first_where_there_is_less_room(dashboard):
+    dash = await dashboard(size=(60, 20))
+    for keys in ((), ("enter",), ("enter",), ("m",)):
+        await dash.press(*keys)
+        assert dash.lines[-1].strip().startswith("? Help  "), keys
 
 
 async def test_help_lists_the_keys_the_user_has_that_do_something_here(dashboard):

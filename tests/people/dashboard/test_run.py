@@ -10,7 +10,7 @@ from scenario_tui.dashboard.screens.compare import CompareScreen
 from scenario_tui.dashboard.screens.replay import ReplayScreen
 from scenario_tui.dashboard.screens.run import RunScreen
 from scenario_tui.dashboard.widgets.tables import VerdictList
-from tests.people.dashboard.daemons import RepeatingDaemon, recorded_daemon
+from tests.people.dashboard.daemons import RecordedDaemon, RepeatingDaemon
 from tests.people.dashboard.dash import InlineChildren
 from tests.people.fake import CAMPAIGN, make_live
 from tests.people.recorded import HIT, TURNED, record_run
@@ -28,7 +28,7 @@ def now(dash):
 
 
 async def test_a_verdict_chosen_puts_everything_at_its_moment(dashboard, trace):
-    dash = await dashboard(recorded_daemon(trace), run=RUN)
+    dash = await dashboard(RecordedDaemon(trace), run=RUN)
     assert f"✗ fail !  ‖ 1x  {HIT} s of 10.0 s  1/3 wp" in dash.text
     assert now(dash) == HIT  # of the failure that is news
     await dash.press("down")
@@ -100,7 +100,7 @@ async def test_another_attempt_is_not_shown_where_the_last_one_was_heard(dashboa
 async def test_the_log_ends_with_what_an_external_system_printed(dashboard, tmp_path):
     printed = b"".join(b"line %d\n" % i for i in range(60))
     found = record_run(tmp_path / "run.mcap", outputs={"stack.txt": printed, "relay.txt": b""})
-    dash = await dashboard(recorded_daemon(found), (200, 80), run=RUN)
+    dash = await dashboard(RecordedDaemon(found), (200, 80), run=RUN)
     told = str(dash.one("#log-text", Static).content)
     assert "planner_server no path yet" in told
     assert "mission    w1 reached, 1 of 3" in told
@@ -112,14 +112,14 @@ async def test_the_log_ends_with_what_an_external_system_printed(dashboard, tmp_
 
 
 async def test_the_words_of_a_run_grow_with_vast_terminals(dashboard, trace):
-    dash = await dashboard(recorded_daemon(trace), run=RUN)
+    dash = await dashboard(RecordedDaemon(trace), run=RUN)
     for width, words in ((120, 46), (169, 46), (200, 60), (240, 72)):
         await dash.resize(width, 40)
         assert dash.one("#left").outer_size.width == words
 
 
 async def test_time_passes_while_it_plays_and_follows_zoom_and_pan(dashboard, trace):
-    dash = await dashboard(recorded_daemon(trace), run=RUN)
+    dash = await dashboard(RecordedDaemon(trace), run=RUN)
     screen = dash.screen
     clock = [0.0]
     screen.clock = lambda: clock[0]
@@ -157,7 +157,7 @@ async def test_what_cannot_be_shown_is_said(dashboard):
 
 
 async def test_two_runs_marked_are_compared(dashboard, trace):
-    dash = await dashboard(recorded_daemon(trace), (100, 24))
+    dash = await dashboard(RecordedDaemon(trace), (100, 24))
     await dash.open("runs", CAMPAIGN)
     await dash.press(*["j"] * 5, "C")
     assert dash.app.marked_run == RUN
@@ -212,7 +212,7 @@ async def test_a_screen_that_is_covered_lets_go_of_what_it_drew(dashboard, trace
     def lines(screen):
         return sum(len(each._styles_cache._cache) for each in screen.walk_children(with_self=True))
 
-    dash = await dashboard(recorded_daemon(trace), (200, 50))
+    dash = await dashboard(RecordedDaemon(trace), (200, 50))
     await dash.press("enter")
     covered, before = dash.screen, dash.lines
     assert lines(covered) > 0

@@ -9,7 +9,7 @@ from scenario_tui.dashboard.playback import open_playback
 from scenario_tui.dashboard.screens.compare import CompareScreen
 from scenario_tui.dashboard.screens.replay import ReplayScreen
 from scenario_tui.dashboard.screens.standalone import StandaloneApp
-from tests.people.dashboard.daemons import judged_campaign, recorded_daemon
+from tests.people.dashboard.daemons import RecordedDaemon, judged_campaign
 from tests.people.dashboard.searching import SearchingDaemon
 from tests.people.fake import CAMPAIGN, WAITING, FakeDaemon, make_judgement, make_live
 from tests.people.recorded import HIT, record_run
@@ -92,9 +92,9 @@ SCREENS = {
     "failing-run": Screen((*TO_RUNNING, "enter"), failing, ((150, 40),)),
     "starting-runs": Screen(TO_RUNNING, starting, (WIDE,)),
     "starting-run": Screen((*TO_RUNNING, "enter"), starting, (NARROW, WIDE)),
-    "recorded-run": Screen((*TO_FAILED, "enter"), recorded_daemon),
-    "recorded-run-signals": Screen((*TO_FAILED, "enter", "tab"), recorded_daemon),
-    "recorded-run-map": Screen((*TO_FAILED, "enter", "tab", "tab"), recorded_daemon),
+    "recorded-run": Screen((*TO_FAILED, "enter"), RecordedDaemon),
+    "recorded-run-signals": Screen((*TO_FAILED, "enter", "tab"), RecordedDaemon),
+    "recorded-run-map": Screen((*TO_FAILED, "enter", "tab", "tab"), RecordedDaemon),
     "matrix": Screen(("m", "n"), lambda _: judged_campaign(), (NARROW, WIDE)),
     "search": Screen(("enter",), lambda _: SearchingDaemon.finished()),
     "search-values": Screen(("enter", "tab"), lambda _: SearchingDaemon.finished()),
