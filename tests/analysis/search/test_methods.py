@@ -108,6 +108,13 @@ def test_it_begins_with_the_smallest_change_and_tries_the_worst_failure_as_well(
     assert nearest(make_task(A, B), margin, (6.2, 5.1), (5.1, 9.0)).result.point == (5.0, 5.5)
 
 
+def test_one_large_change_is_nearer_than_two_small_ones():
+    def margin(point):
+        return -0.02 if point[0] >= 9.0 or min(point) >= 5.3 else 0.1
+
+    assert nearest(make_task(A, B), margin, (5.4, 5.4), (9.5, 5.0)).result.point == (9.0, 5.0)
+
+
 def by_chance(point):
     """Fails with the one noise only."""
     return point[1] == 5.1 and point[0] < 6.0
