@@ -52,7 +52,7 @@ bench-campaign: $(VENV)/.installed-test ## the 120 runs of the published experim
 fuzz: $(VENV)/.installed-test     ## 10 000 mutated files of every language; some hours
 	$(BIN)/python -m tests.languages.fuzz
 
-chaos: $(VENV)/.installed-test    ## kill, freeze, starve and cut off; 33 minutes beside other work
+chaos: $(VENV)/.installed-test    ## kill, freeze, starve and cut off; half an hour beside other work
 	$(BIN)/python -m tests.chaos
 
 docs: $(VENV)/.installed-docs     ## build the documentation as a site: site/index.html
