@@ -181,3 +181,14 @@ def test_the_window_moves_by_whole_cells_cut_off_toward_zero(aim, moved, origin)
 
 # Costs in the order of the original's queue (inflation_queue_order), for a robot so small that only
 # its middle counts.
+
+
+@pytest.mark.parametrize("in_order", [False, True])
+def test_a_grid_that_stands_still_begins_as_its_first_cycle_leaves_it(in_order):
+    cells = 100 * (np.random.default_rng(3).random((60, 200)) < 0.05)
+    parameters = LayeredCostmap((StaticLayer(), INFLATION), footprint=A2S)
+    costmap = made(parameters, cells, replace(FAST, inflation_queue_order=in_order))
+    before = costmap.grid.cells.copy()
+    assert len(np.unique(before)) > 5
+    costmap.update(HERE)
+    np.testing.assert_array_equal(costmap.grid.cells, before)

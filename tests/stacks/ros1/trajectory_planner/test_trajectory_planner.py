@@ -11,9 +11,7 @@ from daemon.stacks.ros1.trajectory_planner import (
     TrajectoryPlannerParameters,
 )
 from daemon.stacks.ros1.trajectory_planner._parameters import slowest_turn_at_goal, strafe_speeds
-from daemon.stacks.ros1.trajectory_planner._rollout import (
-    count_points,
-)
+from daemon.stacks.ros1.trajectory_planner._rollout import count_points, normalize_angle
 from daemon.stacks.ros1.trajectory_planner._search import (
     velocity_window,
 )
@@ -22,7 +20,8 @@ from daemon.stacks.ros1.trajectory_planner._settings import (
     settings_of,
 )
 from daemon.stacks.ros1.trajectory_planner.controller import TrajectoryPlanner
-from grammars.model.geometry import Pose2, Twist2
+from grammars.model.geometry import Pose2, Twist2, wrap_angle
+from tests.stacks.ros1.trajectory_planner import plain
 from tests.stacks.ros1.trajectory_planner.helpers import (
     ROBOTS,
     costs_around,
@@ -226,3 +225,9 @@ def test_no_trajectory_is_longer_than_there_is_room():
             for sample in (*edges[1].tolist(), -s.slowest_turn, 1.0):
                 for speed in (*edges[0].tolist(), s.escape_vel):
                     assert count_points(speed, 0.0, sample, s) <= most
+
+
+def test_angles_are_wrapped_as_others_do_but_for_rounding():
+    for angle in np.linspace(-9.0, 9.0, 181).tolist():
+        assert normalize_angle(angle) == pytest.approx(wrap_angle(angle), abs=1e-14)
+        assert normalize_angle(angle) == plain.between(0.0, angle)
