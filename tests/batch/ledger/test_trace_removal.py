@@ -33,21 +33,19 @@ def test_the_newest_campaigns_keep_their_traces(store):
     assert sweep(store, newest=1) == SweepResult((), 3 * SIZE)
 
 
-def test_traces_of_campaigns_that_finished_long_ago_go(store):
-    assert sweep(store, now=25.0, age=15.0).gone == ()
-    sweep(store, now=30.0, age=15.0)
-    assert store.traces() == {"b": 3, "c": 3}
-
-
-def test_the_oldest_go_until_the_rest_fits(store):
-    swept = sweep(store, size=5 * SIZE)
-    assert (swept.freed, swept.kept) == (4 * SIZE, 5 * SIZE)
-    assert store.traces() == {"b": 2, "c": 3}
-
-
-def test_a_dry_run_removes_nothing(store):
-    assert len(sweep(store, newest=0, dry=True).gone) == 9
-    assert store.traces() == {"a": 3, "b": 3, "c": 3}
+@pytest.mark.parametrize(
+    ("policy", "gone", "left"),
+    [
+        ({"now": 25.0, "age": 15.0}, 0, {"a": 3, "b": 3, "c": 3}),
+        ({"now": 30.0, "age": 15.0}, 3, {"b": 3, "c": 3}),
+        ({"size": 5 * SIZE}, 4, {"b": 2, "c": 3}),  # the oldest go until the rest fits
+        ({"newest": 0, "dry": True}, 9, {"a": 3, "b": 3, "c": 3}),
+    ],
+)
+def test_traces_go_by_age_and_size_and_none_in_a_dry_run(store, policy, gone, left):
+    swept = sweep(store, **policy)
+    assert (len(swept.gone), swept.freed, swept.kept) == (gone, gone * SIZE, (9 - gone) * SIZE)
+    assert store.traces() == left
 
 
 def test_unfinished_campaigns_keep_theirs_and_those_they_took_results_from(store):

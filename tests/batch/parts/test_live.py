@@ -122,32 +122,6 @@ def test_who_watches_a_run_is_sent_no_more_than_the_line_takes(daemon, client, c
     assert max(sizes[f"{LIVE}/owner/worker-1"]) < 300
 
 
-def test_who_watches_a_run_is_told_of_no_other_and_of_nothing_that_cannot_be(daemon, client):
-    seen = []
-    judged = []
-    key = f"{LIVE}/owner/worker-1/{RUN}"
-
-    def snapshot(run, time, waiting=""):
-        picture = Snapshot(time, 60.0, Pose2(time), None, 0, 1, (), waiting=waiting)
-        return codec.to_json(LiveSnapshot(run, picture))
-
-    def judgement(run, *log):
-        return pack_judgement(LiveJudgement(run, 1.0, (), (), (), (), log))
-
-    with client.watch(RUN, seen.append, judged.append), bus.open_client(daemon.endpoint) as session:
-        client.overview()  # behind the subscription on the same link
-        for told in (b"", b"{}", snapshot("c.1", 1.0), snapshot(RUN, 1e300), b"[" * 10_000):
-            session.put(key, told)
-            session.put(f"{key}/judged", told)
-        session.put(f"{key}/judged", judgement("c.1"))
-        session.put(key, snapshot(RUN, 2.0, "up\x1b[2J"))
-        session.put(f"{key}/judged", judgement(RUN, LogLine(1.0, "sut", "\x1b]0;mine\x07")))
-        eventually(lambda: seen and judged)
-    assert [live.snapshot.time for live in seen] == [2.0]
-    assert [one.run for one in judged] == [RUN]
-    assert "\x1b" not in seen[0].snapshot.waiting + judged[0].log[0].text
-
-
 def test_what_a_run_says_that_is_no_snapshot_does_not_stop_its_worker(daemon, client, clock):
     told = Told()
     seen = []

@@ -186,7 +186,7 @@ def test_nobody_can_answer_publish_or_listen_in_the_daemons_place(daemon, keys):
 def test_a_viewer_watches_a_run_and_its_worker_knows(daemon, keys):
     seen, judged = [], []
     picture = LiveSnapshot(
-        "first.1", Snapshot(1.0, 9.0, Pose2(), None, 0, 1, (), returns=(100, 200))
+        "first.1", Snapshot(1.0, 9.0, Pose2(), None, 0, 1, (), waiting="\x1b", returns=(100, 200))
     )
     said = LiveJudgement("first.1", 1.0, (), (), (), (), (LogLine(1.0, "sut", "\x1b[2Jgone"),))
     with as_role(daemon, keys, "viewer") as watcher, raw(daemon, keys, "worker") as worker:
@@ -197,13 +197,17 @@ def test_a_viewer_watches_a_run_and_its_worker_knows(daemon, keys):
             eventually(lambda: mine.matching_status.matching)
             assert not other.matching_status.matching
             assert not judging.matching_status.matching
+            for forged in (b"", b"{}", codec.to_json(replace(picture, run="first.2"))):
+                mine.put(forged)
             mine.put(codec.to_json(picture))
             eventually(lambda: seen)
-        assert seen == [picture]
+        shown = replace(picture.snapshot, waiting="\N{REPLACEMENT CHARACTER}")
+        assert seen == [replace(picture, snapshot=shown)]
         eventually(lambda: not mine.matching_status.matching)
         with watcher.watch("first.1", lambda _: None, judged.append):
             eventually(lambda: judging.matching_status.matching)
-            for forged in (b"", b"forged", codec.to_json(said)):
+            other_run = pack_judgement(replace(said, run="first.2"))
+            for forged in (b"", b"forged", codec.to_json(said), other_run):
                 judging.put(forged)
             judging.put(pack_judgement(said))
             eventually(lambda: judged)
