@@ -104,11 +104,14 @@ def test_a_part_of_a_run_is_drawn_closely(ledger):
         (["nowhere"], "nowhere is no trace, no folder, no campaign or run in"),
         (["empty"], "holds no traces"),
         (["broken"], "is not what `scenario run` leaves"),
+        ([], "is not a usable ledger"),
     ],
 )
 def test_what_cannot_be_is_said(here, capsys, arguments, words):
-    (here / "empty").mkdir()
-    (here / "broken").mkdir()
+    for folder in ("empty", "broken", "state"):
+        (here / folder).mkdir()
+    if not arguments:
+        (here / "state" / "ledger.db").write_bytes(b"not a database at all" * 100)
     (here / "broken" / "a.mcap").symlink_to(here / "traces" / "a.mcap")
     (here / "broken" / "campaign.json").write_text('{"name": 1}')
     assert invoke(["report", *arguments]) in (2, 3)
@@ -126,10 +129,3 @@ def test_the_newest_folder_of_traces_is_meant_when_there_is_no_campaign(here, ca
         (note.parent / "a.mcap").symlink_to(here / "traces" / "a.mcap")
     assert invoke(["report"]) == 0
     assert "n (scenario-results/new-2): Yes." in capsys.readouterr().out
-
-
-def test_a_ledger_that_is_none_is_said(here, capsys):
-    (here / "state").mkdir()
-    (here / "state" / "ledger.db").write_bytes(b"not a database at all" * 100)
-    assert invoke(["report"]) == 3
-    assert "is not a usable ledger" in capsys.readouterr().err

@@ -172,7 +172,7 @@ def test_watching_tells_the_first_failure_and_what_it_goes_on_with(scenario, fak
         {
             8: lambda _: change(answer=make_answer()),
             14: lambda _: change(phase="nearest"),
-            20: lambda _: change(state="finished"),
+            20: lambda _: change(state="finished", phase="explore"),
         }
     )
     said = scenario("search", SEARCH)
