@@ -72,6 +72,8 @@ def test_a_recorded_run_tells_what_happened_not_what_was_planned(campaigns, tmp_
     features = {f.feature: (f.planned, f.done) for f in found.features}
     assert features["scenery/dynamics/triggered"] == (1, 1)
     assert features["mission/reach/across-rooms"] == (1, 0), "no door let it in"
+    counts = {f.feature: found.exercised(f) for f in found.features}
+    assert counts["mission/reach/across-rooms"] == 0, "traces count, not plans"
     doors = {door.door: door for door in found.doors}
     assert (doors["kitchen_door"].triggered, doors["kitchen_door"].moved) == (1, 1)
     assert (doors["living_room_door"].planned, doors["living_room_door"].moved) == (0, 0)
