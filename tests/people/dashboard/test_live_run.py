@@ -324,6 +324,7 @@ def test_of_a_long_run_a_coarser_trail_and_moments_all_along_are_remembered():
     assert track.trail[-1][0] == pytest.approx(2001.0, abs=2.0)
     assert 200 < len(track.heard_of) <= 600
     assert (track.heard_of[0].time, track.heard_of[-1].time) == (0.0, 39_998.0)
+    assert track.heard_of[300].time - track.heard_of[100].time > 400.0  # thinner, the older
 
 
 def test_contacts_flash_for_a_while():
