@@ -39,7 +39,9 @@ def test_a_goal_is_of_the_value_or_of_its_ratio(one, goal, met):
     assert one.met(goal) is met
 
 
-def test_one_that_fails_says_how_and_does_not_hide_the_others(capsys):
+def test_one_that_fails_says_how_and_does_not_hide_the_others(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "120")
+
     def fails():
         yield SPEED
         raise OSError("no room is left")
