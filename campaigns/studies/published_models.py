@@ -16,7 +16,6 @@ import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -87,9 +86,6 @@ def findings(folder):
             with tempfile.TemporaryDirectory() as scratch:
                 loads, runs, returns = look(path, Path(scratch))
             yield Finding(kind, path.relative_to(folder).as_posix(), loads, runs, returns)
-
-
-_Look = Callable[[Path, Path], tuple[str, str, str]]
 
 
 def _trial(path):

@@ -45,5 +45,4 @@ def errors(folder, body, **settings):
     return [str(one).replace(f"{folder}/", "") for one in caught.value.findings]
 
 
-MOVE_BASE = '<node pkg="move_base" type="move_base" name="move_base">{}</node>'
 AMCL = '<node pkg="amcl" type="amcl" name="amcl">{}</node>'

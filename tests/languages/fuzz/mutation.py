@@ -1,9 +1,7 @@
 """Mutations of a text: words, lines and bytes that are dropped, doubled, swapped or replaced."""
 
 import json
-import random
 import re
-from collections.abc import Callable
 
 _WORDS = re.compile(rb"\w+(?:[.-]\w+)*|\s+|[^\w\s]")
 _STRAYS = tuple(
@@ -132,7 +130,6 @@ def _members(rng, data, other):
 _VALUES = (None, True, 0, -3.5, 1e308, "", "x", "_:b", "feet", [], {}, [[1]], ["cell", 3],
            {"@id": 5}, {"@value": []}, {"@list": [1]}, {"@type": 3})  # fmt: skip
 _NESTING = (b"(", b"[", b"{", b"-", b"not ", b"a: ", b"- ", b'{"a": ', b"<a>", b"a.", b"a+")
-_Change = Callable[[random.Random, bytes, bytes], bytes]
 _CHANGES = (
     *(_words, _words, _words, _words),
     *(_any_words, _any_words, _stray, _stray, _lines, _lines, _bytes, _many, _members, _members),

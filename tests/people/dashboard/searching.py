@@ -7,7 +7,7 @@ import numpy as np
 
 from daemon.model.proposals import Proposal
 from daemon.model.run_state import RunState
-from daemon.model.search import OracleScale, SearchParameter, SearchTask
+from daemon.model.search import OracleScale, SearchParameter
 from daemon.model.search_answer import (
     DistinctFailure,
     Influence,
@@ -19,11 +19,12 @@ from daemon.model.spec import LeadingMargin
 from daemon.model.trials import read_trial
 from daemon.model.verdicts import Outcome
 from scenario_tui.dashboard.playback import open_playback
+from tests.people import fake_search
 from tests.people.dashboard.daemons import FRESH
 from tests.people.fake import NOW, FakeDaemon, make_result, make_row
 from tests.people.recorded import make_run, record_run
 
-SEARCH = "house-doors-in-time-0f1e2d3c"
+SEARCH = fake_search.SEARCH
 _HALTON = 16
 _RANGES = (
     ("doors_moving.bedroom_opens", "s", 2.1, 3.9, 3.0, 0.01),
@@ -33,10 +34,9 @@ _RANGES = (
     ("doors_moving.swing", "deg/s", 48.0, 72.0, 60.0, 0.1),
     ("mission.start.y", "m", -0.2, 0.2, 0.0, 0.001),
 )
-TASK = SearchTask(
-    name="doors-in-time",
-    scenario="busy-house",
-    sut="pilot",
+_ROBOT_AND_CHOICE = fake_search.TASK.parameters[1:]
+TASK = replace(
+    fake_search.TASK,
     minimise="no-contact",
     scales=(OracleScale("no-contact", 0.25, "m"),),
     parameters=(
@@ -47,18 +47,8 @@ TASK = SearchTask(
             )
             for name, unit, low, high, written, step in _RANGES
         ),
-        SearchParameter(
-            "robot.laser.noise", "robot", 0, "laser.noise", "m", 0.01, 0.05, 0.001, log=True,
-            written=0.01,
-        ),
-        SearchParameter(
-            "doors_moving.leading", "behaviours", 0, "leading",
-            choices=("bedroom_door", "kitchen_door"), written="bedroom_door",
-        ),
+        *_ROBOT_AND_CHOICE,
     ),
-    runs=60,
-    seed=7,
-    about="Doors a little early or late",
 )  # fmt: skip
 WRITTEN = tuple(one.written for one in TASK.parameters if one.written is not None)
 

@@ -7,7 +7,6 @@ import numpy as np
 from grammars.model.geometry import wrap_angle
 from grammars.model.grid import OCCUPIED
 
-Bin = tuple[int, int, int]
 Cell = tuple[int, int]
 
 

@@ -241,9 +241,6 @@ class PlainObstacles(PlainGrid):
         return touched
 
 
-Touched = list[tuple[float, float]]
-
-
 def cut_off(ox, oy, wx, wy, reach):
     part = min(1.0, reach / (math.hypot(wx - ox, wy - oy) or 1e-300))
     return ox + (wx - ox) * part, oy + (wy - oy) * part
