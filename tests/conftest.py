@@ -6,6 +6,7 @@ import gc
 import json
 import os
 import shutil
+import sys
 from pathlib import Path
 
 import pytest
@@ -32,6 +33,11 @@ settings.register_profile(
 )
 settings.register_profile("thorough", settings.get_profile("project"), max_examples=500)
 settings.load_profile("project")
+
+# Children start by the hundred, and where Python must not write bytecode (PYTHONDONTWRITEBYTECODE)
+# each of them compiles the project again, and each process of pytest the tests.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 # A test process holds some hundred megabytes of modules, compiled code and collected tests. With
 # Python's thresholds a fifth of the time of tests of the dashboard went into walking through them.
