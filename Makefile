@@ -9,9 +9,6 @@ WARM := $(BIN)/python -m tests.kernels
 # What pytest makes of the tests when it reads them for the first time, for the same reason.
 READ_ONCE := $(BIN)/pytest --ignore tests/ros2 --collect-only -qq > /dev/null
 SPREAD := --numprocesses 4 --dist loadfile --no-loadscope-reorder
-# Each of the test processes reads every test; without bytecode of the last time that takes twice as
-# long. Some containers switch it off.
-KEEP_BYTECODE := PYTHONDONTWRITEBYTECODE=
 
 .PHONY: demo test test-long test-all thorough test-ros2 test-ros2-short bench bench-campaign fuzz chaos docs lint format lock clean
 
@@ -25,15 +22,15 @@ test: $(VENV)/.installed-test     ## lint, types, import contracts, and all test
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy --num-workers 2
 	$(BIN)/lint-imports --no-cache
-	$(KEEP_BYTECODE) $(BIN)/pytest --ignore tests/ros2 --ignore tests/long $(SPREAD)
+	$(BIN)/pytest --ignore tests/ros2 --ignore tests/long $(SPREAD)
 
 test-long: $(VENV)/.installed-test $(VENV)/.installed-docs ## tutorials, examples, the site, a browser
-	$(KEEP_BYTECODE) $(BIN)/pytest tests/long $(SPREAD)
+	$(BIN)/pytest tests/long $(SPREAD)
 
 test-all: test test-long test-ros2-short ## what every submission must pass
 
 thorough: $(VENV)/.installed-test   ## every property with 500 examples instead of 25; hours
-	$(KEEP_BYTECODE) $(BIN)/pytest --ignore tests/ros2 --numprocesses 2 --hypothesis-profile thorough
+	$(BIN)/pytest --ignore tests/ros2 --numprocesses 2 --hypothesis-profile thorough
 
 test-ros2: $(VENV)/.installed-test ## make ROS 2 environments (about 50 s each), test against them
 	$(BIN)/python -m tests.ros2.environment jazzy kilted
@@ -44,10 +41,10 @@ test-ros2-short: $(VENV)/.installed-test ## the most important of these, with on
 	$(BIN)/pytest tests/ros2 -m short -k kilted --numprocesses logical --maxprocesses 4
 
 bench: $(VENV)/.installed-test    ## measure, side by side; ends with goal / measured / met
-	$(KEEP_BYTECODE) $(BIN)/python -m tests.benchmarks
+	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m tests.benchmarks
 
 bench-campaign: $(VENV)/.installed-test ## the 120 runs of the published experiment, two at a time
-	$(KEEP_BYTECODE) $(BIN)/python -m tests.benchmarks campaign
+	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m tests.benchmarks campaign
 
 fuzz: $(VENV)/.installed-test     ## 10 000 mutated files of every language; some hours
 	$(BIN)/python -m tests.languages.fuzz
@@ -85,5 +82,5 @@ $(VENV)/.installed-docs: pyproject.toml requirements.lock
 $(VENV)/.installed-test: pyproject.toml requirements.lock
 	$(PYTHON) -m venv $(VENV)
 	$(INSTALL) --editable '.[test]'
-	@$(KEEP_BYTECODE) $(READ_ONCE) & $(WARM) && wait
+	@$(READ_ONCE) & $(WARM) && wait
 	@touch $@

@@ -34,8 +34,8 @@ settings.register_profile(
 settings.register_profile("thorough", settings.get_profile("project"), max_examples=500)
 settings.load_profile("project")
 
-# Children start by the hundred, and where Python must not write bytecode (PYTHONDONTWRITEBYTECODE)
-# each of them compiles the project again, and each process of pytest the tests.
+# Children start by the hundred. Where Python may not write bytecode, as in some containers, each of
+# them compiles the project again, and each process of pytest the tests.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
