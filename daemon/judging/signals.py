@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final, TypeAlias
@@ -86,7 +87,7 @@ def thin_signal(signal: RunSignal, start: float, end: float, columns: int) -> Li
 def _rounded(values: Floats) -> tuple[float | None, ...]:
     return tuple(
         float(f"{min(max(value, -LARGEST_VALUE), LARGEST_VALUE):.{_DIGITS}g}")
-        if np.isfinite(value)
+        if math.isfinite(value)
         else None
         for value in values.tolist()
     )

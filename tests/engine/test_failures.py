@@ -84,12 +84,8 @@ def passes_while(monkeypatch):
             "every command was zero, the mission was called done at 0.00 s",
         ),
         ("pilot", {}, OUTSIDE, "finished", "every command was zero, the mission was given up at"),
-        (
-            "ros", {"move_base": {"planner_patience": 1.0, "recovery_behavior_enabled": False}},
-            OUTSIDE, "finished", "every command was zero, the mission was given up at",
-        ),
     ],
-    ids=["idle", "never commands", "gives up at once", "claims success", "pilot", "ros"],
+    ids=["idle", "never commands", "gives up at once", "claims success", "pilot"],
 )  # fmt: skip
 def test_a_robot_that_never_moved_has_failed(executed, kind, parameters, goals, ended, why):
     """The mission has failed and the rest is judged, now and when it is judged again."""

@@ -77,7 +77,7 @@ def test_odometry_of_an_exact_period_keeps_its_stamps(runs, tmp_path, campaigns,
 
 
 def test_leading_margins_are_there_where_they_are_asked_for_and_change_nothing(runs, tmp_path):
-    spec = replace(runs.submission.specs[5], limit=20.0)
+    spec = replace(runs.submission.specs[5], limit=5.0)
     plain = runs.execute(spec, tmp_path / "plain.mcap")
     led = runs.execute(spec, tmp_path / "led.mcap", leads=True)
     assert plain.leads == ()
@@ -164,11 +164,6 @@ def test_a_scene_that_is_not_the_specified_one_is_refused(runs, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_pilot_visits_every_room_when_the_doors_are_open(runs, tmp_path):
-    result = runs.execute(runs.spec("open-house"), tmp_path / "run.mcap")
-    assert (result.ended, result.outcome) == ("finished", Outcome.PASS)
-
-
 # People in the demo flat: nothing special on the way.
 
 CROWDED = """
@@ -195,7 +190,7 @@ def crowd(campaigns, tmp_path_factory):
     found = [d for d in findings if "people.scenery" in d.where.file]
     assert [str(d) for d in found if d.severity is Severity.ERROR] == []
     runs = Runs(file)
-    spec = runs.spec("crowded-house")
+    spec = runs.spec("crowded-house", limit=36.0)  # the door reacts at 33.85 s
     runs.scene = next(s for s in runs.submission.scenes if s.digest == spec.scene)
     runs.execute(spec, folder / "run.mcap")
     return runs, read_trace(folder / "run.mcap")

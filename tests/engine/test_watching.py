@@ -90,9 +90,16 @@ def test_returns_of_all_lasers_share_what_a_snapshot_takes():
     assert max(x for x, _ in seen) == 3.5
 
 
+@pytest.fixture(scope="module")
+def alone(runs, tmp_path_factory):
+    """A run of three seconds that nobody watches: its result and its recording."""
+    path = tmp_path_factory.mktemp("alone") / "run.mcap"
+    return runs.execute(runs.spec(limit=3.0), path), path.read_bytes()
+
+
 @pytest.fixture
 def watched(runs, tmp_path):
-    """Execute a run of three seconds for somebody who watches."""
+    """Execute that run for somebody who watches."""
 
     def execute(limit=3.0, interest="everything", judgements=None):
         spec = runs.spec(limit=limit)
@@ -106,11 +113,10 @@ def watched(runs, tmp_path):
 
 
 @pytest.mark.parametrize("interest", ["nothing", "progress", "everything"])
-def test_who_watches_changes_nothing(runs, tmp_path, watched, interest):
-    alone = runs.execute(runs.spec(limit=3.0), tmp_path / "alone.mcap")
+def test_who_watches_changes_nothing(alone, tmp_path, watched, interest):
     result, seen = watched(interest=interest)
-    assert result.digest == alone.digest
-    assert (tmp_path / "watched.mcap").read_bytes() == (tmp_path / "alone.mcap").read_bytes()
+    assert result.digest == alone[0].digest
+    assert (tmp_path / "watched.mcap").read_bytes() == alone[1]
     assert len(seen) == (0 if interest == "nothing" else 31)
     assert any(s.returns and s.spread and s.plan for s in seen) == (interest == "everything")
 
@@ -129,18 +135,14 @@ class Judged:
         self.found.append(judgement)
 
 
-@pytest.mark.parametrize("limit", [12.0, 3.0])
-def test_who_has_it_judged_changes_nothing_and_is_told_the_verdicts(
-    runs, tmp_path, monkeypatch, watched, limit
-):
+def test_who_has_it_judged_changes_nothing_and_is_told_the_verdicts(alone, monkeypatch, watched):
     # Judged with every snapshot, where it otherwise takes a tenth of the time.
     monkeypatch.setattr("daemon.run_judge._PERIOD", 0.0)
     monkeypatch.setattr("daemon.run_judge._SHARE", 1e9)
-    alone = runs.execute(runs.spec(limit=limit), tmp_path / "alone.mcap")
     judged = Judged()
-    result, seen = watched(limit, judgements=judged)
-    assert result.digest == alone.digest
-    assert result.trace.sha256 == alone.trace.sha256
+    result, seen = watched(judgements=judged)
+    assert result.digest == alone[0].digest
+    assert result.trace.sha256 == alone[0].trace.sha256
     assert len(judged.found) == len(seen) + 1
     assert [one.time for one in judged.found[:-1]] == pytest.approx([s.time for s in seen])
     assert judged.found[-1].verdicts == result.verdicts
