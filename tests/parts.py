@@ -19,6 +19,13 @@ from tests.prepared_parts import start_prepared
 
 EXECUTOR = "tests.fake_run:execute"
 ROOT = Path(__file__).parents[1]
+NICE = 0
+"""In tests runs step back behind nothing: beside other tests they would take ten times as long."""
+
+
+def _in_test():
+    """Elsewhere, in benchmarks, what is started is started as by everybody."""
+    return "PYTEST_CURRENT_TEST" in os.environ
 
 
 def free_endpoint(host="127.0.0.1"):
@@ -105,15 +112,13 @@ class Part:
     def __init__(self, command, log, *options, module="daemon", through=(), cold=False):
         self._command = [*through, sys.executable, "-m", module, command, order(options)]
         self._log = log
-        # Elsewhere, in benchmarks, what is started is started as by everybody.
-        forked = module == "daemon" and not through and not cold
-        self._prepared = forked and "PYTEST_CURRENT_TEST" in os.environ
+        self._prepared = _in_test() and not through and not cold
         self.process = self._start()
 
     def _start(self):
         with self._log.open("ab") as output:
             if self._prepared:
-                part = start_prepared(self._command[3:], ROOT, output.fileno())
+                part = start_prepared(self._command[2:], ROOT, output.fileno())
                 if part is not None:
                     return part
             return subprocess.Popen(
@@ -213,6 +218,8 @@ def daemon_at(state, slots=0, **settings):
     """
     state.parent.mkdir(parents=True, exist_ok=True)
     usual = {"patience": 2.0, "lease": 1800.0, "executor": EXECUTOR}
+    if _in_test():
+        usual["nice"] = NICE
     part = DaemonPart(state, slots, **(usual | settings))
     try:
         yield part
@@ -230,6 +237,8 @@ def worker_for(
     """
     log = daemon.state.parent / f"worker-{time.monotonic_ns()}.log"
     base = ("--connect", connect or daemon.endpoint, "--slots", str(slots))
+    if _in_test():
+        options = ("--nice", str(NICE), *options)
     part = Part(
         "worker", log, *base, "--executor", executor, *options, through=through, module=module
     )

@@ -1,13 +1,15 @@
 """Daemons and workers of tests, forked from a process that has loaded what they need.
 
-To load it takes each of them 0.3 CPU s, most of what the others do in a test, and tests start about
-a hundred. What is forked is not initialised: modules are in memory, ``python -m daemon`` runs as
-it does elsewhere, in a session and with an environment and output of its own. What starts by
-itself (``scenario daemon``, the workers of a daemon, zygotes) loads everything, as do parts in
-another environment than the one in which the tests were read.
+To load it takes each of them 0.4 CPU s, as it does a daemon's own worker and the zygote of each
+worker: most of what they do in a test, and tests start about a hundred. What is forked is not
+initialised: modules are in memory, ``python -m daemon`` runs as it does elsewhere, in a session and
+with an environment and output of its own. What a part starts first, it starts like this too. What
+starts by itself (``scenario daemon``), what is started again, and parts for which Python itself is
+set up otherwise load everything.
 """
 
 import atexit
+import fcntl
 import json
 import os
 import runpy
@@ -18,21 +20,16 @@ import subprocess
 import sys
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
-_LARGEST = 65536
-"""Bytes of the largest command line."""
+_LARGEST = 2**20
+"""Bytes of the largest command line and its environment."""
 _PID_BYTES = 8
 """More than the number of any process has; what comes behind is the exit code."""
-_OF_THE_TEST = "PYTEST_CURRENT_TEST"
 
 
-class PreparedProcess:
-    """A part that was forked: what tests use of ``subprocess.Popen``."""
-
-    def __init__(self, ended):
-        self._ended = ended
-        self._code = None
-        self.pid = int(os.read(ended, _PID_BYTES))
+class _ForkedProcess:
+    """What tests and parts use of ``subprocess.Popen``; :meth:`_look` gives the exit code."""
 
     def poll(self):
         """The exit code, minus the signal's number; ``None`` while it runs."""
@@ -42,7 +39,6 @@ class PreparedProcess:
         """Wait for the exit code; raises ``subprocess.TimeoutExpired``."""
         code = self._look(timeout)
         if code is None:
-            assert timeout is not None
             raise subprocess.TimeoutExpired(["daemon"], timeout)
         return code
 
@@ -54,6 +50,15 @@ class PreparedProcess:
     def kill(self):
         self.send_signal(signal.SIGKILL)
 
+
+class PreparedProcess(_ForkedProcess):
+    """A part, as its test sees it."""
+
+    def __init__(self, ended):
+        self._ended = ended
+        self._code = None
+        self.pid = int(os.read(ended, _PID_BYTES))
+
     def _look(self, timeout):
         if self._code is None and select.select([self._ended], [], [], timeout)[0]:
             # Nothing comes when who waited for it was killed with it.
@@ -63,30 +68,39 @@ class PreparedProcess:
 
 
 def start_prepared(words, root, output):
-    """Run ``python -m daemon WORDS`` in the folder ``root``; ``None`` in another environment."""
-    if _environment() != ENVIRONMENT:
+    """Run ``python -m WORDS`` in the folder ``root``; ``None`` where Python is set up otherwise."""
+    environment = dict(os.environ)
+    if _of_python(environment) != ENVIRONMENT:
         return None
     server = _server(root)
     ended, write_end = os.pipe()
-    message = json.dumps([list(words), os.environ.get(_OF_THE_TEST, "")]).encode()
+    message = json.dumps([list(words), environment, _umask()]).encode()
     socket.send_fds(server, [message], [write_end, output])
     os.close(write_end)
     return PreparedProcess(ended)
 
 
-def _environment():
-    return {name: value for name, value in os.environ.items() if name != _OF_THE_TEST}
+def _umask():
+    umask = os.umask(0o077)
+    os.umask(umask)
+    return umask
 
 
-# When this is imported no test has begun: whichever part is the first may have one of its own.
-ENVIRONMENT = _environment()
-"""What is forked has this environment."""
+def _of_python(environment):
+    return {
+        name: value for name, value in environment.items() if name.startswith(("PYTHON", "LD_"))
+    }
+
+
+ENVIRONMENT = _of_python(os.environ)
+"""Variables that Python or the loader has read when what is forked starts."""
 
 
 @cache
 def _server(root):
     """The process to fork from, which ends with this one."""
     here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    here.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _LARGEST)
     with there:
         subprocess.Popen(
             [sys.executable, "-m", __name__, str(there.fileno())],
@@ -103,7 +117,10 @@ def _serve(asked):
     """Fork what is asked for; returns in the forked, and when nobody asks any more."""
     import daemon.batch.server
     import daemon.batch.worker  # noqa: F401
+    from daemon.batch.zygote import _load
 
+    _load("tests.fake_run:execute")
+    del sys.modules["daemon.batch.zygote"]  # it is run as a program
     threads = len(list(Path("/proc/self/task").iterdir()))
     assert threads == 1, "what is forked from a process with threads may hang"
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)
@@ -113,13 +130,13 @@ def _serve(asked):
             return
         if os.fork() == 0:
             asked.close()
-            _run(*json.loads(message), *files)
+            _start(*json.loads(message), *files)
             return
         for file in files:
             os.close(file)
 
 
-def _run(words, test, ended, output):
+def _start(words, environment, umask, ended, output):
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     part = os.fork()
     if part:
@@ -130,12 +147,99 @@ def _run(words, test, ended, output):
         os._exit(0)
     os.close(ended)
     os.setsid()
+    os.umask(umask)
     os.dup2(output, sys.stdout.fileno())
     os.dup2(output, sys.stderr.fileno())
     os.close(output)
-    os.environ[_OF_THE_TEST] = test
-    sys.argv[1:] = words
-    runpy.run_module("daemon", run_name="__main__", alter_sys=True)
+    _become(words, environment)
+
+
+def _become(words, environment):
+    """Run ``python -m WORDS``; what that starts first is forked before it has threads."""
+    os.environ.clear()
+    os.environ.update(environment)
+    module, *arguments = words
+    sys.argv[1:] = arguments
+    if starter := _starter(*words):
+        prepared = [_PreparedChild()]
+
+        def start(command, **how):
+            if not prepared:
+                return subprocess.Popen(command, **how)
+            prepared[0].start(command, **how)
+            return prepared.pop()
+
+        starter.subprocess = SimpleNamespace(**vars(subprocess) | {"Popen": start})
+    runpy.run_module(module, run_name="__main__", alter_sys=True)
+    sys.exit()
+
+
+def _starter(module, *arguments):
+    """The module that has a part start a process in Python, if this one does."""
+    from daemon.batch.server import _processes
+    from daemon.batch.worker import _zygotes
+
+    if module == "daemon.batch.zygote":
+        return None
+    process, order = arguments
+    plain = json.loads(order)
+    if process == "serve":
+        return _processes if plain.get("slots") != 0 else None
+    return _zygotes if "dask" not in plain else None
+
+
+class _PreparedChild(_ForkedProcess):
+    """A child that becomes what is to be started: forked early, it waits to be told."""
+
+    def __init__(self):
+        self._wire, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._code = None
+        self.stdin = None
+        self.pid = os.fork()
+        if not self.pid:
+            self._wire.close()
+            _wait_for_start(theirs)
+        theirs.close()
+
+    def start(self, command, *, stdin=None, stdout=None, stderr=None, env=None, pass_fds=(), **how):
+        """Have it become that: ``command`` is one of ``python_command("-m", ...)``."""
+        assert how == {"start_new_session": True}
+        files = {number: number for number in pass_fds}
+        if stdin == subprocess.PIPE:
+            files[0], writing = os.pipe()
+            self.stdin = os.fdopen(writing, "wb", 0)
+        else:
+            assert stdin == subprocess.DEVNULL
+            files[0] = os.open(os.devnull, os.O_RDONLY)
+        files |= {n: file.fileno() for n, file in ((1, stdout), (2, stderr)) if file is not None}
+        environment = dict(os.environ if env is None else env)
+        message = json.dumps([command[4:], environment, _umask(), list(files)]).encode()
+        with self._wire:
+            socket.send_fds(self._wire, [message], list(files.values()))
+        os.close(files[0])
+
+    def _look(self, timeout):
+        if self._code is None:
+            ended = os.pidfd_open(self.pid)
+            if select.select([ended], [], [], timeout)[0]:
+                self._code = os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])
+            os.close(ended)
+        return self._code
+
+
+def _wait_for_start(wire):
+    message, files, _, _ = socket.recv_fds(wire, _LARGEST, 8)
+    wire.close()
+    if not message:
+        os._exit(0)  # its parent has ended, and started nothing
+    words, environment, umask, numbers = json.loads(message)
+    # None is where another one is to be.
+    files = [fcntl.fcntl(file, fcntl.F_DUPFD, 100) for file in files]
+    for file, number in zip(files, numbers, strict=True):
+        os.dup2(file, number)
+    os.setsid()
+    os.umask(umask)
+    _become(words, environment)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,6 @@
 """What the tests of daemons stand on: ports of their own, and parts that are forked."""
 
 import errno
-import os
 import signal
 import socket
 import subprocess
@@ -9,7 +8,7 @@ import subprocess
 import pytest
 
 from tests.parts import ROOT, Part, free_endpoint
-from tests.prepared_parts import ENVIRONMENT, PreparedProcess, start_prepared
+from tests.prepared_parts import PreparedProcess, start_prepared
 
 
 def test_a_free_endpoint_is_kept_for_who_listens_there():
@@ -38,12 +37,7 @@ def test_a_free_endpoint_of_all_addresses_is_free_at_each_of_them():
     socket.create_server(("::", port), family=socket.AF_INET6, dualstack_ipv6=True).close()
 
 
-def test_a_forked_part_is_a_process_as_others_are(tmp_path, monkeypatch):
-    # Whatever a test of this process has left in the environment.
-    for name in os.environ.keys() - ENVIRONMENT.keys() - {"PYTEST_CURRENT_TEST"}:
-        monkeypatch.delenv(name)
-    for name, value in ENVIRONMENT.items():
-        monkeypatch.setenv(name, value)
+def test_a_forked_part_is_a_process_as_others_are(tmp_path):
     state = tmp_path / "state"
     options = ("--state", str(state), "--listen", free_endpoint(), "--slots", "0")
     first = Part("serve", tmp_path / "first.log", *options)
@@ -57,9 +51,9 @@ def test_a_forked_part_is_a_process_as_others_are(tmp_path, monkeypatch):
     assert "unable to parse string as an integer" in wrong.output
 
 
-def test_in_an_environment_of_its_own_a_part_is_not_forked(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    assert start_prepared(["serve"], ROOT, 1) is None
+def test_where_python_is_set_up_otherwise_a_part_is_not_forked(tmp_path, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    assert start_prepared(["daemon", "serve"], ROOT, 1) is None
     part = Part("serve", tmp_path / "log", "--slots", '"none"')
     assert isinstance(part.process, subprocess.Popen)
     assert part.wait() == 1

@@ -113,11 +113,15 @@ def test_runs_of_one_zygote_leave_the_same_bytes_whoever_is_first(tmp_path, scen
 # --- runs
 
 
-def test_a_run_leaves_leading_margins_where_its_lease_asks_for_them(pool, tmp_path, scene):
-    prepare(pool, make_spec(), scene)
+def test_a_run_is_nice_and_leaves_leading_margins_where_its_lease_asks_for_them(
+    pool, tmp_path, scene
+):
+    spec, log = make_spec(log=str(tmp_path / "log")), tmp_path / "log"
+    prepare(pool, spec, scene)
     for leads, margins in ((False, []), (True, [0.5])):
-        attempt, why = run(pool, tmp_path / f"{leads}", make_spec(), scene, leads=leads)
+        attempt, why = run(pool, tmp_path / f"{leads}", spec, scene, leads=leads)
         assert [lead.margin for lead in attempt.result().leads] == margins, why
+    assert [line.split()[2] for line in log.read_text().splitlines()] == ["10", "10"]
 
 
 DRAWING = """
