@@ -20,6 +20,7 @@ import platformdirs
 from markupsafe import Markup, escape
 
 from daemon.analysis.parallel_map import parallel_map
+from daemon.model.execution import available_cores
 from grammars.text.files import write_atomically
 from templates.naming import xml_text
 from templates.report import OURS
@@ -33,6 +34,8 @@ HOVER: Final = "hover"
 """Beginning of the names of layers that show their marks under the pointer only."""
 SERIES: Final = tuple(f"var(--s{number})" for number in range(8))
 """Colours of scenarios or systems under test side by side, in this order."""
+_FOR_ANOTHER: Final = 10
+"""Charts for which one more process is started: it starts Vega as long as it draws ten."""
 WIDTH: Final = 290
 """Width of the plot of a chart that stands beside others [px]."""
 AXIS: Final = {"minExtent": 28, "tickCount": 3}
@@ -185,7 +188,8 @@ def draw_charts(charts: Sequence[Chart], *, processes: int | None = None) -> lis
     """
     doing = "that draws charts"
     numbered = list(enumerate(charts))
-    return list(parallel_map(_draw, numbered, doing=doing, processes=processes, always_forked=True))
+    count = min(processes or available_cores(), math.ceil(len(charts) / _FOR_ANOTHER))
+    return list(parallel_map(_draw, numbered, doing=doing, processes=count, always_forked=True))
 
 
 @cache
