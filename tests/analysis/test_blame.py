@@ -361,7 +361,7 @@ def test_a_variant_of_a_plan_and_layers_of_others_are_saved_as_they_are(demo, sa
     (demo / "crowd.jsonld").write_text(json.dumps(document))
     start, end = CAMPAIGN.index("    behaviours:"), CAMPAIGN.index("    mission:")
     text = CAMPAIGN[:start] + CAMPAIGN[end:]
-    vary = {"floorplan: flat": "vary: {floorplan: flat, samples: 2}", ", no-contact": ""}
+    vary = {"floorplan: flat": "vary: {floorplan: flat, samples: 1}", ", no-contact": ""}
     path = write(demo, text, **{"[doors, people]": "[crowd]"}, **vary)
     scenario = load_campaign(path).cells[-1].name
     saved = save(path, lambda s: any(b.joint == "tom.x" for b in s.behaviours), scenario=scenario)

@@ -16,7 +16,8 @@ from tests.analysis.report.recordings import (
     record_campaign,
     report_of,
 )
-from tests.analysis.search.searches import finished_search, ranged
+from tests.analysis.search.searches import finished_search
+from tests.analysis.search.tasks import ranged
 from tests.chromium import CHROMIUM, chromium_page
 
 DARK = "--blink-settings=preferredColorScheme=0"

@@ -95,7 +95,9 @@ def history(reader):
 
 @pytest.fixture
 def state(places, tmp_path, monkeypatch):
-    """The state directory of commands."""
+    """The state directory of commands, whose pages are not drawn."""
+    draw = "daemon.analysis.history_page.draw_charts"
+    monkeypatch.setattr(draw, lambda charts: ["<svg></svg>"] * len(charts))
     monkeypatch.setenv("SCENARIO_STATE", str(places.ledger.parent))
     monkeypatch.chdir(tmp_path)
 
@@ -166,8 +168,9 @@ def test_the_page_has_a_chart_for_each_cell_and_no_name_becomes_part_of_it(histo
         assert times.count("L") == 2
 
 
-def test_the_command_writes_page_and_json(state, capsys):
+def test_the_command_writes_page_and_json(state, tmp_path, capsys):
     assert invoke(["report", "demo", "--history", "-o", "h.html"]) == 0
+    assert (tmp_path / "h.html").stat().st_size
     assert capsys.readouterr().out.startswith("demo: 1 of 2 verdicts changed since demo-2")
     for name in ("demo", "demo-2"):
         assert invoke(["report", name, "--history", "--json"]) == 0

@@ -1,7 +1,6 @@
 """Searches whose runs are functions of their points, and their runs executed here."""
 
 import json
-import math
 import tempfile
 import time
 from functools import partial
@@ -12,64 +11,16 @@ from daemon.analysis.child_runs import run_in_children
 from daemon.campaign import load_campaign
 from daemon.model.proposals import Proposal
 from daemon.model.run_state import RunState
-from daemon.model.search import OracleScale, SearchParameter, SearchTask
 from daemon.model.search_answer import SearchRow
 from daemon.model.spec import LeadingMargin, RunResult, Timing, TraceInfo
 from daemon.model.trials import ObjectiveValue, Trial
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from daemon.run import execute
 from daemon.search.composition import search_case
-from daemon.search.methods import SearchMethod
 from daemon.search.program import run_search
-from daemon.search.space import SearchSpace
 from grammars.text.diagnostics import InputError, Where
+from tests.analysis.search.tasks import ORACLE, make_task
 from tests.make import SCENE, make_spec, run_row
-
-ORACLE = "keeps-clear"
-
-
-def ranged(name="a", low=0.0, high=10.0, step=0.01, *, unit="s", log=False, written=5.0):
-    """A parameter that is a range."""
-    key = name.rpartition(".")[2]
-    return SearchParameter(name, "behaviours", 0, key, unit, low, high, step, log, written=written)
-
-
-def chosen(name, *choices):
-    """A parameter that is a list of choices, the first one as written."""
-    key = name.rpartition(".")[2]
-    return SearchParameter(name, "behaviours", 0, key, choices=choices, written=choices[0])
-
-
-def make_task(*parameters, **changes):
-    """A search for failures of one oracle over these parameters."""
-    scales = (OracleScale(ORACLE, 1.0, "m"),)
-    options = {"method": "halton", "runs": 20} | changes
-    return SearchTask("s", "busy", "pilot", ORACLE, scales, parameters, **options)
-
-
-def searched(task, worth, runs):
-    """Search without runs: pairs of proposal and value, learnt as late as the window allows."""
-    method, pairs = SearchMethod(task, SearchSpace(task)), []
-    for n in range(runs):
-        if n >= task.window:
-            method.learn(pairs[n - task.window][1])
-        proposal = method.propose()
-        if proposal is None:
-            break
-        pairs.append((proposal, worth(proposal.values)))
-    return pairs
-
-
-def mixed_task():
-    """A search over a logarithm, whole numbers and words."""
-    parameters = ranged("a", 0.01, 10.0, 0.001, log=True), ranged("c", 1, 9, 1)
-    return make_task(*parameters, chosen("b", "left", "middle", "right"), method="auto", runs=60)
-
-
-def mixed(point):
-    """Values that are least near the third word."""
-    a, c, b = point
-    return abs(math.log10(a) - 0.5) + (b != "right") + 0.1 * abs(c - 2.0)
 
 
 def load_search_case(file, name):

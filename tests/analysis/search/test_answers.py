@@ -35,14 +35,8 @@ from daemon.search.answers.sentences import (
     point_words,
 )
 from grammars.text import codec
-from tests.analysis.search.searches import (
-    ORACLE,
-    chosen,
-    made_trial,
-    make_task,
-    ranged,
-    verdict_of,
-)
+from tests.analysis.search.searches import made_trial, verdict_of
+from tests.analysis.search.tasks import ORACLE, chosen, make_task, ranged
 from tests.make import run_result, run_row
 
 TASK = make_task(ranged("doors.kitchen_opens"), ranged("doors.swing"))

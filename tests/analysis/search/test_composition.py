@@ -16,13 +16,8 @@ from daemon.search.shrinking import missing_words, shrink_failure
 from grammars.model.behaviour import Trigger
 from grammars.text.diagnostics import InputError
 from scenario_tui.library.checking import check_file
-from tests.analysis.search.searches import (
-    ORACLE,
-    LocalRuns,
-    load_search_case,
-    made_trial,
-    result_of,
-)
+from tests.analysis.search.searches import LocalRuns, load_search_case, made_trial, result_of
+from tests.analysis.search.tasks import ORACLE
 
 CAMPAIGN = """\
 campaign: tiny

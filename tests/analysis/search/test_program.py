@@ -9,7 +9,8 @@ from daemon.model.search import SPACE_FILLING
 from daemon.search import nearest, point_runner, program, shrinking
 from daemon.search.methods import COVARIANCE_FROM
 from daemon.search.program import ERRORS_IN_A_ROW, SearchStoppedError, run_search
-from tests.analysis.search.searches import LocalRuns, PretendedCase, make_task, ranged
+from tests.analysis.search.searches import LocalRuns, PretendedCase
+from tests.analysis.search.tasks import make_task, ranged
 from tests.parts import ROOT
 
 KITCHEN = ranged("doors.kitchen_opens")

@@ -13,6 +13,7 @@ import pytest
 
 from daemon.analysis.report import (
     _figures,
+    _page,
     headline,
     spread_text,
     verdict_details,
@@ -204,7 +205,10 @@ def test_tables_can_be_scrolled_by_keys_and_sorted_by_every_column(tree):
         assert not [e for e in table.iter() if e.get("rowspan") or e.get("colspan")]
 
 
-def test_measures_of_a_scenario_stand_together_in_whatever_order_its_traces_are(data, tree):
+def test_measures_of_a_scenario_stand_together_in_whatever_order_its_traces_are(
+    data, tree, monkeypatch
+):
+    monkeypatch.setattr(_page, "draw_figures", lambda data, processes: ())
     cells = sorted(data.assessment.cells, key=lambda cell: cell.sut)
     assert len({cell.scenario for cell in cells[:2]}) == 2
     shuffled = with_assessment(data, replace(data.assessment, cells=tuple(cells)))
@@ -284,14 +288,19 @@ def test_a_chart_is_drawn_in_the_colours_of_the_page_without_what_answers_to_a_p
     assert [name.startswith("hover") for name in names][-2:] == [True, True]
 
 
-def test_figures_are_written_as_vector_files_too(data, tmp_path):
-    figures = _figures.draw_figures(data, processes=1)
-    a_bc, ab_c = (replace(figures[0], scenario=s, sut=t) for s, t in (("a", "b-c"), ("a-b", "c")))
-    boxes = [one for one in figures if one.kind == "boxes"]
-    _figures.write_figures((*boxes, a_bc, ab_c), tmp_path / "made")
+def test_figures_are_written_as_vector_files_too(page, tmp_path):
+    drawing = re.search(r'<div class="chart".*?(<svg.*?</svg>)', page)[1]
+    kinds = ("clearance", "a", "b-c", ""), ("clearance", "a-b", "c", ""), ("boxes", "", "", "time")
+    _figures.write_figures(
+        tuple(
+            _figures.ReportFigure(kind, scenario, sut, "", "", subject, svg=drawing)
+            for kind, scenario, sut, subject in kinds
+        ),
+        tmp_path / "made",
+    )
     files = {file.name: file.read_bytes() for file in (tmp_path / "made").iterdir()}
-    assert len(files) == len(boxes) + 2
-    assert "boxes-duration.pdf" in files
+    assert len(files) == len(kinds)
+    assert files.keys() >= {"boxes-time.pdf", "clearance-a-b-c.pdf"}
     assert all(content.startswith(b"%PDF") for content in files.values())
 
 

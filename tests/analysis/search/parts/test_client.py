@@ -13,12 +13,8 @@ from daemon.search.daemon_runs import DaemonRuns
 from grammars.text.diagnostics import InputError, Where
 from tests.analysis.search import fake_search
 from tests.analysis.search.fake_search import CONFIRMED, client_of, result_of
-from tests.analysis.search.searches import (
-    LocalRuns,
-    mixed,
-    mixed_task,
-    searched,
-)
+from tests.analysis.search.searches import LocalRuns
+from tests.analysis.search.tasks import mixed, mixed_task, searched
 from tests.make import TASK, make_extension, make_search
 from tests.parts import DEADLINE, ROOT, daemon_at, eventually
 
@@ -228,7 +224,7 @@ def test_another_process_proposes_the_same_and_loads_optuna_only_where_it_guides
     """Hashes of words, and with them the order of sets, differ between processes."""
     code = [
         "import json, sys",
-        "from tests.analysis.search.searches import make_task, mixed, mixed_task, ranged, searched",
+        "from tests.analysis.search.tasks import make_task, mixed, mixed_task, ranged, searched",
         "for method in ('halton', 'random', 'boundary'):",
         "    searched(make_task(ranged(), method=method), lambda p: p[0] - 3.0, 30)",
         "assert 'optuna' not in sys.modules",

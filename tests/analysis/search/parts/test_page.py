@@ -10,11 +10,13 @@ import pytest
 from daemon.model.run_state import RunState
 from daemon.model.spec import own_version
 from daemon.model.trials import point_trials, smallest_so_far
+from daemon.search import page as search_pages
 from daemon.search.answers.sentences import headline, minus
 from daemon.search.figures import margins_chart, space_charts
 from daemon.search.page import search_page
 from tests.analysis.report.recordings import SHUT, SUTS, record, spec
-from tests.analysis.search.searches import chosen, finished_search, ranged
+from tests.analysis.search.searches import finished_search
+from tests.analysis.search.tasks import chosen, ranged
 
 DOOR = ranged("doors.kitchen_opens")
 OTHERS = tuple(ranged(f"doors.time_{number}") for number in range(5))
@@ -28,6 +30,12 @@ def search():
     """A search over many parameters with its page."""
     row, rows = finished_search(DOOR, *OTHERS)
     return row, rows, search_page(row, rows, commands=COMMANDS)
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Pages without drawings: whoever starts Vega waits for a second."""
+    monkeypatch.setattr(search_pages, "draw_charts", lambda charts: ["<svg></svg>"] * len(charts))
 
 
 def charts_of(row, rows):
@@ -166,6 +174,7 @@ def test_runs_that_are_not_settled_are_not_drawn(search):
     assert '<div class="chart"' not in page
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_points_are_listed_by_their_margins_and_not_all_of_many():
     page = search_page(*finished_search(DOOR, *OTHERS, runs=90, then=(), confirm=0))
     listed = re.findall(r"([+−][0-9.e-]+) m</td>", page[page.index("smallest margins") :])
@@ -175,6 +184,7 @@ def test_points_are_listed_by_their_margins_and_not_all_of_many():
     assert "30 more have larger ones" in page
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_failure_is_drawn_where_its_trace_is(search, tmp_path):
     row, rows, _ = search
     nearest = row.answer.nearest
