@@ -40,14 +40,6 @@ from tests.scene.preflight.samples import (
 TASK = mission((3, 0), (4, 0))
 FREE = "d is a hinged_door at kitchen\n"
 PLACE = Where("campaign.yaml", 4, 1)
-LEAF = """
-object some
-    link leaf  box {width} m x 4 cm at ({middle} m, 0 m) from 1 cm to 1.95 m, mass 15 kg
-    joint hinge revolute from world to leaf at (0 m, 0 m), between 0 deg and 100 deg
-    state closed: hinge 0 deg
-l is a some in kitchen_doorway, hinge left, opening into kitchen
-"""
-BLOCK = "object block link body box 0.5 m x 0.5 m from 0 m to 1 m, mass 5 kg\n"
 
 
 def found(scene):
@@ -56,25 +48,6 @@ def found(scene):
 
 def frames(joint, *positions):
     return KeyFrames(joint, tuple(KeyFrame(float(i), q) for i, q in enumerate(positions)), Jump())
-
-
-@given(st.floats(0.2, 0.99))
-def test_a_gap_beside_a_leaf_is_reported_when_it_is_more_than_a_fifth(width):
-    width = round(width, 3)
-    gap = f"l closes {width:.2f} m of kitchen_doorway, which is 1.00 m wide"
-    scene = scene_with(LEAF.format(width=width, middle=width / 2))
-    assert [text.partition(":")[0] for text in found(scene)] == [gap] * (width < 0.8)
-
-
-@given(st.floats(-1.5, 1.5), st.floats(-1.5, 1.5))
-def test_blocks_stand_in_each_other_where_their_outlines_do(x, y):
-    x, y = round(x, 2), round(y, 2)
-    text = f"{BLOCK}a is a block in hall, x 0 m\nb is a block in hall, x {x} m, y {y} m"
-    depth = min(0.5 - abs(x), 0.5 - abs(y))
-    # A strip of 2 cm is taken for touching: no more than 1 cm of it lies within its outline.
-    if abs(depth - 0.02) > 1e-6:
-        inside = [text for text in found(scene_with(text)) if "run into" not in text]
-        assert bool(inside) is (depth > 0.02)
 
 
 def test_objects_have_names_of_their_own_and_joints_start_within_their_limits():
@@ -109,24 +82,6 @@ def test_a_robot_fits_under_a_lintel_by_its_height_and_through_a_gap_by_its_narr
     assert inscribed_radius(narrow) == pytest.approx(0.2)
 
 
-def test_a_frozen_joint_may_only_be_held_where_it_is():
-    frozen = FREE.replace("\n", ", frozen")
-    moves = "d.hinge is to move, but d is frozen (leave out frozen, or the behaviour)"
-    assert messages(frozen, TASK, Hold("d.hinge", 0.0)) == []
-    assert messages(frozen, TASK, Hold("d.hinge", 0.1)) == [moves]
-    assert messages(frozen, TASK, frames("d.hinge", 0.0)) == [moves]
-
-
-def test_the_limits_themselves_are_allowed():
-    assert messages(FREE, TASK, frames("d.hinge", 0.0, 2.0)) == []
-    outside = "outside of its limits (between 0 and 2)"
-    assert messages(FREE, TASK, frames("d.hinge", -0.01, 1.0, 2.01, -0.01)) == [
-        f"d.hinge is sent to -0.01, {outside}",
-        f"d.hinge is sent to 2.01, {outside}",
-    ]
-    assert messages(FREE, TASK, Hold("d.hinge", 2.5)) == [f"d.hinge is sent to 2.5, {outside}"]
-
-
 def with_limits(scene, lower, upper):
     (body,) = scene.objects
     joint = dataclasses.replace(body.joints[0], lower=lower, upper=upper)
@@ -134,73 +89,58 @@ def with_limits(scene, lower, upper):
     return dataclasses.replace(scene, objects=(changed,))
 
 
-def test_a_joint_without_room_may_only_be_held():
-    stuck = with_limits(scene_with(FREE), 0.0, 0.0)
-    assert messages(stuck, TASK, Hold("d.hinge", 0.0)) == []
-    for told in (
-        frames("d.hinge", 0.0),
-        Trigger("d.hinge", 0.0, 0.0, 9.0, Servo()),
-        Reaction("d.hinge", 0.0, 0.0, LegBegins(1), Jump()),
-    ):
-        no_room = "d.hinge is to move, but its limits leave no room"
-        assert messages(stuck, TASK, told) == [no_room]
-    little = with_limits(scene_with(FREE), 0.0, 1e-6)
-    assert messages(little, TASK, frames("d.hinge", 0.0)) == []
-
-
-@pytest.mark.parametrize("joint", ["x", "y", "yaw"])
-def test_the_joints_of_a_mover_are_walked(joint):
-    belongs = f"v.{joint} belongs to a mover (let v walk)"
-    assert messages(PERSON, TASK, frames(f"v.{joint}", 0.0)) == [belongs]
-    assert messages(PERSON, TASK, Hold(f"v.{joint}", 0.0)) == []
-
-
-LINE = ((0.0, 0.0), (1.0, 0.0))
-WALK = Walk("v", LINE, 1.0)
-HELD = Hold("d.hinge", 0.0)
-
-
-@pytest.mark.parametrize(
-    ("objects", "behaviours", "expected"),
-    [
-        (FREE, [frames("d.hinge", 0.0), HELD], ["d.hinge has two behaviours (one must go)"]),
-        (PERSON, [Hold("v.x", 0.0), WALK], ["v has two behaviours (one must go)"]),
-        (PERSON, [WALK, WALK], ["v has two behaviours (one must go)"]),
-        (
-            FREE,
-            [Hold("d.hing", 0.0)],
-            ['there is no joint "d.hing" in the scene (did you mean "d.hinge"?)'],
-        ),
-        (FREE, [Walk("d", LINE, 1.0)], ["d cannot walk, it is an object, not a mover"]),
-        (FREE, [WALK], ['there is no object "v" (known here: d)']),
-    ],
+HELD, ASIDE = Hold("d.hinge", 0.0), Hold("d.hinge", 0.1)
+WALK = Walk("v", ((0.0, 0.0), (1.0, 0.0)), 1.0)
+STUCK = with_limits(scene_with(FREE), 0.0, 0.0)
+FROZEN = FREE.replace("\n", ", frozen")
+FROM_DOORWAY, FROM_HINGE = (
+    Trigger("d.hinge", 0.0, 1.0, 9.0, Servo(), of) for of in ("doorway", "hinge")
 )
-def test_a_joint_or_mover_that_is_there_has_one_behaviour(objects, behaviours, expected):
-    assert messages(objects, TASK, *behaviours)[: len(expected)] == expected
+FIRES = Trigger("e.hinge", -1.5, 0.0, 9.0, Servo())
 
 
-def test_only_a_door_in_a_doorway_measures_from_it():
-    none = "d.hinge measures from its doorway, but d stands in none"
-    for objects, of, expected in (
-        (FREE, "doorway", [f"{none} (measure from its hinge or leaf)"]),
-        (FREE, "hinge", []),
-        (DOOR, "doorway", []),
-    ):
-        trigger = Trigger("d.hinge", 0.0, 1.0, 9.0, Servo(), of)
-        assert messages(objects, TASK, trigger) == expected
+def reaction(event, to=1.5):
+    return Reaction("d.hinge", to, 0.0, event, Jump())
 
 
-def test_events_name_legs_and_joints_that_are_there_and_one_joint_that_acts_is_enough():
-    def reacting(event, *others):
-        return messages(DOOR + OTHER, TASK, Reaction("d.hinge", 1.5, 0.0, event, Jump()), *others)
+BEHAVIOURS = {
+    "a frozen joint is held where it is": (FROZEN, [HELD]),
+    "a frozen joint is held elsewhere": (FROZEN, [ASIDE]),
+    "a frozen joint moves": (FROZEN, [frames("d.hinge", 0.0)]),
+    "the limits themselves": (FREE, [frames("d.hinge", 0.0, 2.0)]),
+    "frames outside of the limits": (FREE, [frames("d.hinge", -0.01, 1.0, 2.01, -0.01)]),
+    "held outside of the limits": (FREE, [Hold("d.hinge", 2.5)]),
+    "a joint without room is held": (STUCK, [HELD]),
+    "a joint without room moves": (STUCK, [frames("d.hinge", 0.0)]),
+    "a joint without room is triggered": (STUCK, [Trigger("d.hinge", 0, 0, 9, Servo())]),
+    "a joint without room reacts": (STUCK, [reaction(LegBegins(1), 0.0)]),
+    "a joint with little room moves": (
+        with_limits(scene_with(FREE), 0.0, 1e-6), [frames("d.hinge", 0.0)]),
+    **{f"the joint {joint} of a mover moves": (PERSON, [frames(f"v.{joint}", 0.0)])
+       for joint in ("x", "y", "yaw")},
+    "a joint of a mover is held": (PERSON, [Hold("v.yaw", 0.0)]),
+    "a joint moves and is held": (FREE, [frames("d.hinge", 0.0), HELD]),
+    "a mover walks and a joint of it is held": (PERSON, [Hold("v.x", 0.0), WALK]),
+    "a mover walks twice": (PERSON, [WALK, WALK]),
+    "a joint that is not there": (FREE, [Hold("d.hing", 0.0)]),
+    "an object walks": (FREE, [dataclasses.replace(WALK, object="d")]),
+    "nobody walks": (FREE, [WALK]),
+    "nothing in a doorway measures from it": (FREE, [FROM_DOORWAY]),
+    "it measures from its hinge": (FREE, [FROM_HINGE]),
+    "a door in a doorway measures from it": (DOOR, [FROM_DOORWAY]),
+    "a leg that is not there": (DOOR + OTHER, [reaction(LegBegins(0))]),
+    "a joint that is not there acts": (
+        DOOR + OTHER, [reaction(JointActs(("e.hinge", "e.hing"), "moves"))]),
+    "one of two joints acts": (
+        DOOR + OTHER, [reaction(JointActs(("e.hinge", "d.hinge"), "fires")), FIRES]),
+}  # fmt: skip
 
-    legs = "there is no leg 0, mission m has 2 (legs are counted from 1)"
-    assert reacting(LegBegins(0)) == [legs]
-    assert reacting(JointActs(("e.hinge", "e.hing"), "moves")) == [
-        'there is no joint "e.hing" in the scene (did you mean "e.hinge"?)'
-    ]
-    fires = Trigger("e.hinge", -1.5, 0.0, 9.0, Servo())
-    assert reacting(JointActs(("e.hinge", "d.hinge"), "fires"), fires) == []
+
+def test_behaviours_fit_the_joints_and_movers_that_are_there(golden):
+    lines = []
+    for name, (objects, behaviours) in BEHAVIOURS.items():
+        lines += [f"--- {name}", *(messages(objects, TASK, *behaviours) or ["nothing"])]
+    golden("behaviours.txt", "\n".join(lines) + "\n")
 
 
 def limit_messages(limit, **speeds):
