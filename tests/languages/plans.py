@@ -25,7 +25,7 @@ PEOPLE = model_text("people.scenery")
 TWO_ROOMS = model_text("two_rooms.fpm")
 
 
-MODELS = DOOR + SLIDER + LIFT
+NAMED = {"hinged_door": DOOR, "slider": SLIDER, "lift_door": LIFT}
 
 # hall: x -5..5, y -2..2, its wall 0 looks north to the kitchen at y 2.4..5.4
 
@@ -40,8 +40,9 @@ def two_rooms(*changes):
 
 
 def layer(text, name="objects", models=True):
-    """Return a layer of ``text``, with the models of the samples in front."""
-    return parse_scenery((MODELS if models else "") + text, f"{name}.scenery")
+    """Return a layer of ``text``, with the models of the samples that it names in front."""
+    named = (model for word, model in NAMED.items() if models and word in text)
+    return parse_scenery("".join(named) + text, f"{name}.scenery")
 
 
 def world_of(plan, layers=()):

@@ -21,11 +21,8 @@ from grammars.scenery.composition import compile_scene, static_segments
 from grammars.text import codec
 from grammars.text.diagnostics import InputError
 from grammars.text.documents import parse_yaml, read_model
-from scenario_tui.library.checking import check_file
-from templates.artefacts import export
 from templates.occupancy import occupancy_grid
 from templates.tasks import inset_contour
-from templates.world import ArtefactWorld
 
 HUT = """\
 walls: hut
@@ -186,14 +183,6 @@ def test_jsonld_reads_back(plan, tmp_path):
     assert check_jsonld(path) == ()
 
 
-def test_all_artefacts_can_be_made(plan, scene, tmp_path):
-    world = ArtefactWorld("hut", scene, plan)
-    kinds = ["picture", "sdf", "mesh", "tasks", "launch", "foxglove", "map"]
-    made = export(world, kinds, tmp_path).made
-    assert set(made) == set(kinds)
-    assert all(path.stat().st_size for paths in made.values() for path in paths)
-
-
 def test_campaigns_take_a_layer_for_a_floor_plan(demo, campaign):
     (demo / "hut.walls.yaml").write_text(HUT)
     (demo / "front.scenery").write_text(
@@ -214,12 +203,6 @@ def test_campaigns_take_a_layer_for_a_floor_plan(demo, campaign):
         load_campaign(write(("wrong", "hat")))
     with pytest.raises(InputError, match=r"hut\.walls\.yaml has no variables"):
         load_campaign(write(("wrong", {"hut": {"width": "1 m"}})))
-
-
-def test_check_says_what_a_layer_holds(tmp_path):
-    (tmp_path / "hut.walls.yaml").write_text(HUT)
-    about, found = check_file(tmp_path / "hut.walls.yaml")
-    assert (about, found) == ("walls layer with 2 spaces, 2 walls, 1 entryway", ())
 
 
 def test_a_layer_is_read_and_written(plan, tmp_path, golden):

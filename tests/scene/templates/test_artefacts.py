@@ -26,7 +26,7 @@ from templates.picture import PNG_SCALE
 from templates.rendering import BUILT_IN, number
 from templates.world import BehaviourDraw, ExportSettings, named_states
 from tests.languages.plans import layer, two_rooms
-from tests.scene.templates.worlds import BEHAVIOURS, mission, robot, scene, walker, world
+from tests.scene.templates.worlds import mission, robot, scene, walker, world
 
 SCHEMA = Namespace("https://schema.org/")
 PANELS = Path(__file__).with_name("foxglove_panels.schema.json")
@@ -177,27 +177,15 @@ def test_provenance_is_prov_o_with_the_hash_of_every_file(tmp_path):
     assert str(tmp_path) not in (out / "errand.prov.ttl").read_text()
 
 
-def test_a_picture_has_its_names_and_colours(tmp_path):
+def test_a_picture_is_painted_in_its_size_and_colours(tmp_path):
     export(world(), ["picture"], tmp_path)
     root = ElementTree.parse(tmp_path / "errand.svg").getroot()
-    texts = ["".join(e.itertext()) for e in root.iter("{http://www.w3.org/2000/svg}text")]
-    for text in ("errand", "left", "right", "entrance", "slider", "1, 3", "2", "start, cart"):
-        assert text in texts
     with Image.open(tmp_path / "errand.png") as image:
         box = [float(v) for v in root.get("viewBox").split()]
         assert image.size == pytest.approx((PNG_SCALE * box[2], PNG_SCALE * box[3]), abs=1)
         shown = {colour for _, colour in image.convert("RGB").getcolors(1 << 24)}
-    wall, door, route, cart = (
-        (0x3B, 0x40, 0x48),
-        (0xC8, 0x55, 0x3D),
-        (0x22, 0x63, 0x8F),
-        (47, 158, 110),
-    )
+    wall, door, route, cart = (59, 64, 72), (200, 85, 61), (34, 99, 143), (47, 158, 110)
     assert {wall, door, route, cart} <= shown
-    # A picture of a bare plan needs no mission.
-    bare = world("bare", BehaviourDraw("", ()), mission=None, robot=None)
-    export(bare, ["picture"], tmp_path)
-    assert (tmp_path / "bare.png").stat().st_size > 1000
 
 
 def test_what_takes_a_library_that_is_missing_is_left_out_of_all_and_said(tmp_path, monkeypatch):
@@ -210,20 +198,18 @@ def test_what_takes_a_library_that_is_missing_is_left_out_of_all_and_said(tmp_pa
         export(world(), ["mesh"], tmp_path)
 
 
-def test_movers_and_events_are_drawn_and_what_gazebo_lacks_is_said(tmp_path):
+def test_what_gazebo_lacks_of_movers_and_events_is_said(tmp_path):
     crowd = replace(scene(), objects=(*scene().objects, walker()))
     acts = (
         Walk("walker", ((1.0, 0.3), (1.8, 0.3), (1.8, 1.7)), speed=1.0),
         Reaction("entrance.hinge", 0.9, 0.0, LegBegins(2), Jump()),
     )
-    done = export(world("errand", BehaviourDraw("", acts), scene=crowd), ["all"], tmp_path)
+    crowded = world("errand", BehaviourDraw("", acts), scene=crowd)
+    done = export(crowded, ["sdf", "keyframes"], tmp_path)
     assert "walker: no plugin walks, it stands where it starts" in done.notes
     assert "entrance.hinge: no plugin waits for events, it stays where it starts" in done.notes
     frames = json.loads((tmp_path / "keyframes/entrance.json").read_text())["keyframes"]
     assert frames == [{"position": 0.9, "time": 0.0}]
-    svg = (tmp_path / "errand.svg").read_text()
-    assert '<g id="walks">' in svg
-    assert ">walker</text>" in svg
 
 
 def test_hostile_names_stay_text_and_inside_the_folder(tmp_path):
@@ -259,14 +245,7 @@ def test_the_manual_names_every_kind():
 
 @pytest.mark.parametrize(
     ("value", "text"),
-    [
-        (0.0, "0"),
-        (-0.0, "0"),
-        (-1e-12, "0"),
-        (1e20, "1" + "0" * 20),
-        (0.1 + 0.2, "0.3"),
-        (100.0, "100"),
-    ],
+    [(-0.0, "0"), (-1e-12, "0"), (1e20, "1" + "0" * 20), (0.1 + 0.2, "0.3"), (100.0, "100")],
 )
 def test_numbers_are_plain(value, text):
     assert number(value) == text
@@ -275,20 +254,14 @@ def test_numbers_are_plain(value, text):
 
 
 def test_heights_and_resolutions_come_from_the_robot_and_the_campaign(tmp_path):
-    export(world(resolution=0.1), ["map"], tmp_path)
-    text = (tmp_path / "maps/rooms.yaml").read_text()
-    assert "resolution: 0.1\n" in text
-    assert f"laser at {robot().laser.z:g} m" in text
-    export(world(), ["map"], tmp_path, settings=ExportSettings(laser_height=1.0, resolution=0.2))
-    text = (tmp_path / "maps/rooms.yaml").read_text()
-    assert "resolution: 0.2\n" in text
-    assert "laser at 1 m" in text
-
-
-def test_draws_may_share_everything(tmp_path):
-    several = world("errand", BehaviourDraw("repeat-0", BEHAVIOURS), BehaviourDraw("repeat-1", ()))
-    done = export(several, ["sdf", "keyframes"], tmp_path)
-    assert len(done.paths) == len(set(done.paths))
+    for settings, resolution, height in (
+        (ExportSettings(), 0.1, f"{robot().laser.z:g}"),
+        (ExportSettings(laser_height=1.0, resolution=0.2), 0.2, "1"),
+    ):
+        export(world(resolution=0.1), ["map"], tmp_path, settings=settings)
+        text = (tmp_path / "maps/rooms.yaml").read_text()
+        assert f"resolution: {resolution}\n" in text
+        assert f"laser at {height} m" in text
 
 
 THINGS = """
