@@ -52,5 +52,5 @@ def short_demo(folder, campaigns):
 def endless(file):
     """Write a short demo with so many runs beside it that it does not end by itself."""
     path = file.with_name("endless.yaml")
-    path.write_text(file.read_text().replace("repeats: 2", "repeats: 500"))
+    path.write_text(file.read_text().replace("repeats: 2", "repeats: 100"))
     return path

@@ -127,5 +127,5 @@ def test_the_newest_folder_of_traces_is_meant_when_there_is_no_campaign(here, ca
         note.write_text('{"name": "n", "about": "", "declared": {}}')
         os.utime(note, (1000.0 - number, 1000.0 - number))
         (note.parent / "a.mcap").symlink_to(here / "traces" / "a.mcap")
-    assert invoke(["report"]) == 0
+    assert invoke(["report", "--table", "m.csv"]) == 0
     assert "n (scenario-results/new-2): Yes." in capsys.readouterr().out

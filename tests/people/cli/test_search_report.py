@@ -26,12 +26,10 @@ from tests.people.recorded import result_of_trace
 SEARCH = "corridor-doors-1"
 
 
-@pytest.fixture
-def ledger(tmp_path, monkeypatch):
+@pytest.fixture(scope="module")
+def ledger(tmp_path_factory):
     """A state directory with a finished search of two runs."""
-    monkeypatch.setenv("SCENARIO_STATE", str(tmp_path / "state"))
-    monkeypatch.chdir(tmp_path)
-    places = StatePaths(tmp_path / "state")
+    places = StatePaths(tmp_path_factory.mktemp("searched") / "state")
     places.make_folders()
     connection = connect(places.ledger)
     book = LedgerWriter(connection, paths=places)
@@ -58,41 +56,40 @@ def ledger(tmp_path, monkeypatch):
     return places
 
 
-@pytest.mark.parametrize("name", [SEARCH, "corridor", "doors", ""])
-def test_a_search_becomes_a_page(ledger, capsys, name):
-    # A folder called like it does not hide it.
+@pytest.fixture(autouse=True)
+def _here(ledger, tmp_path, monkeypatch):
+    monkeypatch.setenv("SCENARIO_STATE", str(ledger.state))
+    monkeypatch.chdir(tmp_path)
+    # A folder called like the search does not hide it.
     Path("corridor").mkdir()
-    assert invoke(["report", *filter(None, [name]), "-o", "s.html"]) == 0
+
+
+def test_a_search_becomes_a_page(capsys):
+    assert invoke(["report", "corridor", "-o", "s.html"]) == 0
     assert f"doors ({SEARCH}): reached does not fail in 2 runs" in capsys.readouterr().out
     page = Path("s.html").read_text()
     for words in ("can it fail?", "a sentence", "the whole way", "margin over the values that"):
         assert words in page
 
 
-def test_as_json_it_is_a_report(ledger, capsys):
-    assert invoke(["report", SEARCH, "--json"]) == 0
-    body = declared(capsys.readouterr().out)
-    assert (body["written"], body["runs"]) == ({"page": "report.html"}, 2)
-
-
-def test_tables_of_a_search_and_other_folders_are_refused(ledger, capsys):
-    assert invoke(["report", SEARCH, "--junit", "r.xml"]) == 2
+@pytest.mark.parametrize("name", [SEARCH, "corridor", "doors", ""])
+def test_tables_of_a_search_are_refused(name, capsys):
+    assert invoke(["report", *filter(None, [name]), "--junit", "r.xml"]) == 2
     said = " ".join(capsys.readouterr().err.replace("│", " ").split())
     assert f"scenario search {SEARCH} --json" in said
     assert not Path("r.xml").exists()
-    Path("elsewhere").mkdir()
-    assert invoke(["report", "elsewhere"]) == 2
-    assert "elsewhere holds no traces" in capsys.readouterr().err
 
 
 def test_a_page_without_its_trace_has_no_map(ledger, capsys):
-    for trace in ledger.traces.rglob("*.mcap"):
-        trace.unlink()
-    assert invoke(["report", SEARCH]) == 0
+    away = ledger.traces.rename(ledger.traces.with_name("away"))
+    assert invoke(["report", SEARCH, "--json"]) == 0
+    away.rename(ledger.traces)
+    body = declared(capsys.readouterr().out)
+    assert (body["written"], body["runs"]) == ({"page": "report.html"}, 2)
     assert "the whole way" not in Path("report.html").read_text()
 
 
-def test_coverage_has_the_runs_of_a_search(ledger, capsys):
+def test_coverage_has_the_runs_of_a_search(capsys):
     assert invoke(["coverage", SEARCH, "--json", "--processes", "1"]) == 0
     assert declared(capsys.readouterr().out)["recorded"] == 2
     assert invoke(["coverage", f"{SEARCH}.1"]) == 0

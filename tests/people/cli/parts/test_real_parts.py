@@ -7,9 +7,10 @@ import time
 
 import pytest
 
+import scenario_tui as st
 from scenario_tui.cli.exit_codes import exit_code
 from tests.people.cli.outputs import declared
-from tests.people.cli.real import COMMAND, call, call_here, endless, short_demo
+from tests.people.cli.real import COMMAND, call_here, endless, short_demo
 from tests.people.terminal.pseudo_terminal import terminal
 
 
@@ -24,12 +25,12 @@ def finished(place):
     """A state directory with a daemon that has finished the campaign."""
     state = place / "state"
     file = str(place / "campaigns" / "demo" / "campaign.yaml")
-    done = call("submit", file, "--watch", "--json", state=state, cwd=place)
+    done = call_here("submit", file, "--watch", "--json", state=state, cwd=place)
     body = declared(done.stdout)
     assert done.returncode == exit_code(row["outcome"] for row in body["runs"]), done.stderr
     assert "started a daemon on this machine" in done.stderr
     yield state
-    assert call("daemon", "--stop", state=state, cwd=place).returncode == 0
+    assert call_here("daemon", "--stop", state=state, cwd=place).returncode == 0
 
 
 def test_results_are_kept_by_the_daemon(finished, place):
@@ -105,6 +106,22 @@ def test_what_has_a_result_is_not_run_again_unless_something_changed(finished, p
     assert done.returncode == body["assessment"]["exit_code"]
 
 
+def test_runs_of_a_job_come_one_by_one(finished, place, monkeypatch):
+    monkeypatch.delenv("SCENARIO_CONNECT", raising=False)
+    campaign = st.load(place / "campaigns" / "demo" / "campaign.yaml")
+    job = campaign.submit(state=finished, fresh=True)
+    assert repr(job).startswith("Job('demo-")
+    runs = list(job.results())
+    assert sorted(run.id for run in runs) == [f"{job.id}.0", f"{job.id}.1"]
+    assert all(run.outcome is st.Outcome.FAIL for run in runs)
+    assert runs[0].trace.signal("speed").unit == "m/s"
+    results = job.wait()
+    assert (results.id, results.finished, job.cancel()) == (job.id, True, 0)
+    assert [run.id for run in st.results("demo", state=finished).runs] == [
+        run.id for run in results.runs
+    ]
+
+
 def test_a_state_directory_without_a_daemon_is_not_mixed_up(finished, place):
     done = call_here("status", "--state", str(place / "elsewhere"), state=finished, cwd=place)
     assert done.returncode == 3
@@ -157,4 +174,6 @@ def test_a_run_told_to_end_leaves_no_workshop_behind(place, tmp_path):
     _, said = process.communicate()
     assert process.returncode == 130, said
     assert "interrupted" in said
-    assert not list(tmp_path.glob(".scenario-*"))
+    left = {path.name for path in tmp_path.iterdir()}
+    assert "campaign.json" in left
+    assert all(name.endswith(".mcap") for name in left - {"campaign.json"})

@@ -47,51 +47,35 @@ def campaign(folder, campaigns, *suts):
     return path
 
 
-def executed(file, out, capfd, *options):
-    """Run a campaign; return its exit code, and its runs by their system."""
-    code = invoke(["run", str(file), "--attempts", "1", "--out", str(out), "--json", *options])
-    rows = declared(capfd.readouterr().out)["runs"]
-    return code, {row["sut"]: row for row in rows}
-
-
-def standing(rows):
-    return {sut: (row["state"], row["outcome"]) for sut, row in rows.items()}
-
-
-def test_what_dies_or_gives_up_is_told_apart(tmp_path, campaigns, capfd):
-    file = campaign(tmp_path, campaigns, "crashes", "gives-up")
-    code, rows = executed(file, tmp_path / "traces", capfd)
-    assert code == 1  # the one that gave up has failed
-    assert standing(rows) == {"crashes": ("lost", None), "gives-up": ("done", "fail")}
-    assert "killed by SIGSEGV" in rows["crashes"]["reason"]
-
-
-def test_what_hangs_is_ended_and_where_it_hung_is_told(tmp_path, campaigns, capfd):
-    file = campaign(tmp_path, campaigns, "hangs", "hangs-for-good")
-    hung = {"hangs": ("done", "error"), "hangs-for-good": ("lost", None)}
-    # On a busy machine a run may not come so far in a short time as to hang.
-    for wall in ("8", "32", "128"):
-        code, rows = executed(file, tmp_path / wall, capfd, "--wall", wall)
-        if standing(rows) == hung:
-            trace = read_trace(Path(rows["hangs"]["trace"]))
-            if "in one call" in trace.note:
-                break
-    assert (code, standing(rows)) == (3, hung)
-    assert f"stopped after {wall} s of wall clock time" in rows["hangs-for-good"]["reason"]
-    assert trace.complete
-    assert trace.note.startswith(f"stopped after {wall} s of wall clock time")
-    assert f"in one call of update() ({MODULE}.py:" in trace.note
-
-
-def test_what_is_not_as_expected_names_a_trace_that_other_commands_read(
-    tmp_path, campaigns, capfd, monkeypatch
-):
+def test_what_dies_gives_up_and_hangs_is_told_apart(tmp_path, campaigns, capfd, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert invoke(["run", str(campaign(tmp_path, campaigns, "gives-up"))]) == 1
-    named = {line.rpartition("→ ")[2] for line in capfd.readouterr().out.splitlines()}
-    (trace,) = (name for name in named if name.endswith(".mcap"))
+    file = campaign(tmp_path, campaigns, "crashes", "gives-up", "hangs", "hangs-for-good")
+    # On a busy machine a run may not come so far in a short time as to hang.
+    for wall in ("4", "16", "64"):
+        code = invoke(["run", str(file), "--attempts", "1", "--json", "--wall", wall])
+        rows = {row["sut"]: row for row in declared(capfd.readouterr().out)["runs"]}
+        note = read_trace(Path(rows["hangs"]["trace"])).note if rows["hangs"]["trace"] else ""
+        if "in one call" in note and rows["hangs-for-good"]["state"] == "lost":
+            break
+    assert {sut: (row["state"], row["outcome"]) for sut, row in rows.items()} == {
+        "crashes": ("lost", None),
+        "gives-up": ("done", "fail"),
+        "hangs": ("done", "error"),
+        "hangs-for-good": ("lost", None),
+    }
+    assert code == 1
+    assert "killed by SIGSEGV" in rows["crashes"]["reason"]
+    limit = f"stopped after {wall} s of wall clock time"
+    assert limit in rows["hangs-for-good"]["reason"]
+    assert read_trace(Path(rows["hangs"]["trace"])).complete
+    assert note.startswith(limit)
+    assert f"in one call of update() ({MODULE}.py:" in note
+    # What is not as expected is named by a trace that other commands read.
+    trace = rows["gives-up"]["id"]
     assert trace.startswith("scenario-results/limits-")
     assert invoke(["show", trace, "--log"]) == 0
+    assert invoke(["results", str(Path(trace).parent)]) == 0
+    assert f"→ {trace}" in capfd.readouterr().out
     assert not (tmp_path / "state").exists()
 
 

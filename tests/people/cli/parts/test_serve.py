@@ -53,55 +53,34 @@ def said_until(process, last):
     raise AssertionError(f"it never said {last!r}: {said}")
 
 
-def test_without_a_terminal_it_serves_until_it_is_interrupted(file):
-    pytest.importorskip("foxglove")
-    pytest.importorskip("websockets")
+def test_without_a_terminal_it_serves_until_it_is_interrupted(scenario, tmp_path, monkeypatch):
+    for module in ("foxglove", "websockets", "daemon.stacks.ros2.relay_link"):
+        pytest.importorskip(module)
     from tests.batch.live.foxglove_client import foxglove_client
 
-    with served(file, "--scenario", "busy-house", "--port", "0", "--speed", "3") as process:
+    monkeypatch.chdir(tmp_path)
+    scenario("new", "mine", "--nav2")
+    how = ("--ros2", "--foxglove", "--sut", "my-nav2", "--port", "0", "--speed", "3")
+    with served("mine/campaign.yaml", *how) as process:
         said = said_until(process, "Ctrl-C")
         port = re.search(r"ws://127\.0\.0\.1:(\d+)", said)
-        assert port is not None
         with foxglove_client(int(port[1])) as client:
             client.subscribe("/clock", "/ground_truth")
             client.until(lambda: len(client.heard("/clock")) > 5)
-        process.send_signal(signal.SIGINT)
-        _, rest = process.communicate(timeout=DEADLINE)
-        assert process.returncode == ExitCode.EXPECTED
-        assert "the world has ended" in rest
-
-
-def test_a_stack_is_told_what_to_type(file):
-    pytest.importorskip("daemon.stacks.ros2.relay_link")
-    with served(file, "--ros2", "--no-foxglove") as process:
-        said = said_until(process, "Ctrl-C")
+        # The stack is told what to type, and its map is a file.
         line = re.search(r"^SCENARIO_SOCKET=(\S+) SCENARIO_NONCE=\w+ python3 (\S+)$", said, re.M)
-        assert line is not None
-        address, relay = Path(line[1]), Path(line[2])
-        assert relay.is_file()
+        address = Path(line[1])
+        assert Path(line[2]).is_file()
         assert stat.S_IMODE(address.stat().st_mode) == 0o600
         assert stat.S_IMODE(address.parent.stat().st_mode) == 0o700
-        process.terminate()
+        drawn = Path(re.search(r"^map for the stack: (\S+)$", said, re.M)[1])
+        assert read_map(drawn).grid.resolution == 0.05
+        process.send_signal(signal.SIGINT)
         _, rest = process.communicate(timeout=DEADLINE)
-        assert process.returncode == ExitCode.EXPECTED
-        assert "the world has ended" in rest
-        assert not address.parent.exists()
-
-
-def test_the_map_is_named_that_a_stack_reads_from_a_file(file, scenario, tmp_path, monkeypatch):
-    pytest.importorskip("daemon.stacks.ros2.relay_link")
-    monkeypatch.chdir(tmp_path)
-    scenario("new", "mine", "--nav2")
-    arguments = ("mine/campaign.yaml", "--ros2", "--sut", "my-nav2", "--no-foxglove")
-    with served(*arguments) as process:
-        lines = said_until(process, "Ctrl-C")
-        named = re.search(r"^map for the stack: (\S+)$", lines, re.M)
-        assert named is not None
-        drawn = read_map(Path(named[1])).grid
-        assert drawn.resolution == 0.05
-        process.terminate()
-        process.communicate(timeout=DEADLINE)
-    assert not Path(named[1]).exists()
+    assert process.returncode == ExitCode.EXPECTED
+    assert "the world has ended" in rest
+    assert not address.parent.exists()
+    assert not drawn.exists()
 
 
 def test_a_port_that_is_taken(scenario, file):

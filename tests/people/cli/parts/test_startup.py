@@ -34,10 +34,13 @@ for name in COMMANDS:
 """
 COMPLETION = """
 import os
-os.environ |= {"_SCENARIO_COMPLETE": "complete_bash", "COMP_WORDS": "scenario\\nreplay\\n",
-               "COMP_CWORD": "2"}
 from scenario_tui.cli.command_line import invoke
+typed = {"_SCENARIO_COMPLETE": "complete_bash", "COMP_WORDS": "scenario\\nreplay\\n",
+         "COMP_CWORD": "2"}
+os.environ |= typed
 invoke([])
+for name in typed:
+    del os.environ[name]
 """
 FIRST_SCREEN = """
 import scenario_tui.cli.tui, scenario_tui.source, scenario_tui.dashboard.key_bindings
@@ -47,46 +50,50 @@ from scenario_tui.dashboard.config import read_config
 from scenario_tui.dashboard.feed import Feed
 Dashboard(Feed(None), config=read_config(Path("/nowhere/config.toml")))
 """
-CASES = {
-    "import": ("import scenario_tui.cli", HEAVY | {"rich.console"}),
-    "help": (typed("--help", 0), HEAVY),
-    # Help and completion load a command, and print no more than its options.
-    "every command": (EVERY_COMMAND, HEAVY | {"rich.console", "daemon.model.status"}),
-    # typer itself checks what stands before the word with pydantic.
-    "completion": (COMPLETION, HEAVY - {"pydantic"}),
-    "status": (typed("status", 3), FEW | LANGUAGES | BUS),
-    "results": (typed("results nothing", 2), FEW | LANGUAGES | BUS),
-    "search": (typed("search", 3), FEW | LANGUAGES),
-    "check campaign": (
-        typed("check campaigns/demo/campaign.yaml", 0),
-        FEW | BUS | {"daemon.model.messages", "grammars.variation"},
+STEPS = {
+    "words": (
+        ("import scenario_tui.cli", HEAVY | {"rich.console"}),
+        # Help and completion load a command, and print no more than its options.
+        (EVERY_COMMAND, HEAVY | {"rich.console", "daemon.model.status"}),
+        (typed("--help", 0), HEAVY),
+        # typer itself checks what stands before the word with pydantic.
+        (COMPLETION, HEAVY - {"pydantic"}),
+        (typed("status", 3), FEW | LANGUAGES | BUS),
+        (typed("results nothing", 2), FEW | LANGUAGES | BUS),
+        (typed("search", 3), FEW | LANGUAGES),
     ),
-    "check ros": (typed("check campaigns/ortega2024/campaign.yaml", 0), FEW | BUS | SEARCH),
-    "sut show": (typed("sut show campaigns/suts/a2s.yaml", 0), FEW | BUS),
-    "check plan": (typed("check campaigns/demo/flat.fpm", 0), FEW | BUS | {"daemon.campaign"}),
-    "submission": (
-        "import scenario_tui.library.job", {"daemon.batch.ledger", "daemon.trace", "mcap", "numpy"},
+    "files": (
+        (typed("check campaigns/demo/flat.fpm", 0), FEW | BUS | {"daemon.campaign"}),
+        (typed("sut show campaigns/suts/a2s.yaml", 0), FEW | BUS),
+        (typed("check campaigns/ortega2024/campaign.yaml", 0), FEW | BUS | SEARCH),
+        (
+            typed("check campaigns/demo/campaign.yaml", 0),
+            FEW | BUS | {"daemon.model.messages", "grammars.variation"},
+        ),
     ),
-    "first screen": (
-        FIRST_SCREEN,
-        (HEAVY - {"textual"}) | {"daemon.model.spec", "daemon.model.status"},
+    "screen and execution": (
+        (FIRST_SCREEN, (HEAVY - {"textual"}) | {"daemon.model.spec", "daemon.model.status"}),
+        (
+            "import scenario_tui.library.job",
+            {"daemon.batch.ledger", "daemon.trace", "mcap", "numpy"},
+        ),
+        ("import daemon.batch.server, daemon.batch.worker, daemon.run", SEARCH),
     ),
-    "execution": ("import daemon.batch.server, daemon.batch.worker, daemon.run", SEARCH),
-}  # fmt: skip
-"""Programs, and what none of these may load."""
+}
+"""Programs, each behind the one before, and what none may have loaded by then."""
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", STEPS)
 def test_nothing_is_loaded_that_is_not_needed(name, monkeypatch, tmp_path):
     monkeypatch.setenv("SCENARIO_STATE", str(tmp_path))
     monkeypatch.delenv("SCENARIO_CONNECT", raising=False)
-    code, unneeded = CASES[name]
-    program = f"import sys\n{code}\nprint()\nprint(*sys.modules)"
-    command = [sys.executable, "-c", program]
+    steps = (f"{code}\nprint('\\nloaded', *sys.modules)" for code, _ in STEPS[name])
+    command = [sys.executable, "-c", "\n".join(("import sys", *steps))]
     done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
-    loaded = done.stdout.splitlines()[-1].split()
-    assert len(loaded) > 50
-    assert not unneeded.intersection(loaded)
+    lines = [one.split() for one in done.stdout.splitlines() if one.startswith("loaded ")]
+    for (code, unneeded), loaded in zip(STEPS[name], lines, strict=True):
+        assert len(loaded) > 50
+        assert not unneeded.intersection(loaded), code
 
 
 def test_help_says_of_a_command_what_the_command_says():

@@ -210,14 +210,6 @@ def test_a_named_daemon_executes_the_runs(run, house):
     wrong.stdout.fnmatch_lines(["--scenario-connect: 'bench' is not an endpoint"])
 
 
-def test_processes_of_xdist_share_one_daemon(run, house):
-    options = ("-p", "xdist.plugin", "-n2")
-    result = run(*options, FILE, more=f"expect: [{SHORT}]", subprocess=True)
-    result.assert_outcomes(passed=2, xfailed=1, failed=1)
-    log = house[0] / ".pytest_cache" / "d" / "scenario" / "daemon.log"
-    assert log.read_text().count('"started"') == 1
-
-
 def test_nothing_is_left_of_a_session_that_is_killed(run, house, tmp_path):
     run("--collect-only", FILE)
     cache = tmp_path / "cache"

@@ -3,18 +3,13 @@
 import contextlib
 import io
 import re
-import signal
-import subprocess
-import sys
-import time
 from contextlib import redirect_stderr, redirect_stdout
 
 import numpy as np
 import pytest
 
 import scenario_tui as st
-from scenario_tui.source import DaemonTarget
-from tests.people.cli.real import endless, short_demo
+from tests.people.cli.real import short_demo
 
 
 @pytest.fixture(scope="module")
@@ -135,51 +130,3 @@ def test_results_are_a_table_and_notebooks_show_what_the_terminal_says(results, 
     assert "✗ fail 0/2" in page
     assert "not as expected" in page
     assert "2 runs" in re.sub(r"<[^>]+>", "", campaign._repr_html_())
-
-
-def test_a_daemon_is_started_and_its_runs_come_one_by_one(campaign, tmp_path, monkeypatch):
-    monkeypatch.delenv("SCENARIO_CONNECT", raising=False)
-    state = tmp_path / "state"
-    job = campaign.submit(state=state, workers=2)
-    assert repr(job).startswith("Job('demo-")
-    try:
-        runs = list(job.results())
-        assert sorted(run.id for run in runs) == [f"{job.id}.0", f"{job.id}.1"]
-        assert all(run.outcome is st.Outcome.FAIL for run in runs)
-        assert runs[0].trace.signal("speed").unit == "m/s"
-        results = job.wait()
-        assert (results.id, results.finished, job.cancel()) == (job.id, True, 0)
-        again = campaign.submit(state=state)
-        assert (again.id, again.receipt.known) == (job.id, True)
-        assert [run.id for run in st.results("demo", state=state).runs] == [
-            run.id for run in results.runs
-        ]
-    finally:
-        with DaemonTarget(state=state).open() as daemon:
-            daemon.shutdown()
-
-
-INTERRUPTED = """
-import signal, sys
-import scenario_tui as st
-signal.signal(signal.SIGINT, signal.default_int_handler)
-try:
-    st.run(sys.argv[1], workers=1, out=sys.argv[2])
-except KeyboardInterrupt:
-    sys.exit(42)
-"""
-
-
-def test_an_interrupt_ends_the_daemon_and_leaves_traces_alone(campaign, tmp_path):
-    words = [sys.executable, "-c", INTERRUPTED, str(endless(campaign.path)), str(tmp_path)]
-    process = subprocess.Popen(words, stderr=subprocess.PIPE, text=True)
-    # Once its worker is there it watches: an interrupt while it loads may be lost in a library.
-    while not list(tmp_path.glob(".scenario-*/spool/[!.]*")):
-        assert process.poll() is None
-        time.sleep(0.05)
-    process.send_signal(signal.SIGINT)
-    _, said = process.communicate()
-    assert (process.returncode, said) == (42, "")
-    left = {path.name for path in tmp_path.iterdir()}
-    assert "campaign.json" in left
-    assert all(name.endswith(".mcap") for name in left - {"campaign.json"})
