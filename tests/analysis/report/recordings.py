@@ -23,8 +23,6 @@ NAME = 'evil <script>alert("1")</script> & $x^2$'
 ABOUT = "Is <b>everything</b> & all of it escaped?"
 WHY = "the <i>corridor</i> is narrow"
 SHUT, OPEN = "shut & <u>bolted</u>", "open $\\alpha$ 門 \x07"
-OPEN_SHOWN = "open $\\alpha$ 門 \ufffd"
-"""How it is shown: no document can hold the bell in its name."""
 SUTS = ("near", 'far "<b>"')
 REPEATS = 2
 SECONDS, SPEED = 20.0, 0.5

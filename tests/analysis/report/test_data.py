@@ -2,11 +2,9 @@
 
 import math
 import shutil
-import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
 
-import junitparser
 import numpy as np
 import pytest
 from hypothesis import given
@@ -35,13 +33,10 @@ from daemon.model.verdicts import Outcome
 from tests.analysis.report.recordings import (
     LATERAL,
     OPEN,
-    OPEN_SHOWN,
     SECONDS,
     SHUT,
     SPEED,
     SUTS,
-    WHY,
-    with_assessment,
 )
 from tests.engine.judging.traces import along, make_trace, track, with_tree
 from tests.make import with_result
@@ -230,106 +225,31 @@ def test_the_table_has_every_measure_and_margin(data):
             assert found[run.record.id, verdict.oracle]["margin"] == verdict.margin
 
 
-@pytest.fixture
-def junit(tmp_path):
-    """Write the file of a report; return the path."""
-
-    def write(data):
-        path = tmp_path / "deep" / "results.xml"
-        write_junit(data.input.row.name, data.assessment, [r.record for r in data.runs], path)
-        return path
-
-    return write
-
-
-@pytest.fixture
-def cases(junit):
-    """The cases of the file of a report, by suite and name."""
-
-    def read(data):
-        suites = junitparser.JUnitXml.fromfile(str(junit(data)))
-        return {(suite.name, case.name): case for suite in suites for case in suite}
-
-    return read
-
-
-def with_cell(data, index=0, **changes):
-    """A campaign of one cell, changed."""
-    cell = replace(data.assessment.cells[index], **changes)
-    return with_assessment(data, Assessment((cell,), (), (), 0))
-
-
-def test_build_servers_see_failures_known_ones_and_passes(data, cases):
-    found = cases(data)
-    (unexpected,) = found[f"{OPEN_SHOWN}/{NEAR}", "buffer"].result
-    assert isinstance(unexpected, junitparser.Failure)
-    assert "0 of 2 pass" in unexpected.message
-    assert "door-17.leaf" in unexpected.message
-    (known,) = found[f"{SHUT}/{NEAR}", "buffer"].result
-    assert isinstance(known, junitparser.Skipped)
-    assert known.message == f"xfail: {WHY}"
-    assert found[f"{SHUT}/{FAR}", "buffer"].result == []
-    assert len(found) == 3 * 4 + 2
-
-
-@pytest.mark.parametrize(
-    ("verdict", "expected", "status", "passed", "kind", "type_"),
-    [
-        (Outcome.PASS, "pass", MET, 2, None, ""),
-        (Outcome.FAIL, "pass", CONTRADICTED, 2, "Failure", "fail"),
-        (Outcome.ERROR, "pass", WAITS, 2, "Error", "error"),
-        (Outcome.INCONCLUSIVE, "pass", WAITS, 2, "Error", "inconclusive"),
-        (Outcome.FAIL, "fail", MET, 2, "Skipped", "xfail"),
-        (Outcome.PASS, "fail", CONTRADICTED, 2, "Failure", "xpass"),
-        (Outcome.FAIL, "fail", CONTRADICTED, 1, "Failure", "xpass"),
-        (Outcome.INCONCLUSIVE, "fail", WAITS, 0, "Error", "inconclusive"),
-        (Outcome.ERROR, "mixed", WAITS, 0, "Error", "error"),
-        (Outcome.PASS, "any", MET, 2, None, ""),
-    ],
-)
-def test_each_verdict_has_its_place_in_junit(
-    data, cases, verdict, expected, status, passed, kind, type_
-):
-    oracle = data.assessment.cells[0].oracles[-1]
-    oracle = replace(oracle, verdict=verdict, expected=expected, status=status, passed=passed)
-    (case,) = cases(with_cell(data, oracles=(oracle,))).values()
-    shown = [(type(result).__name__, result.type) for result in case.result]
-    assert shown == ([] if kind is None else [(kind, type_)])
-
-
-def test_a_cell_that_nothing_judged_is_an_error(data, cases):
-    (case,) = cases(with_cell(data, oracles=(), verdict=Outcome.ERROR)).values()
-    assert isinstance(case.result[0], junitparser.Error)
-
-
-def test_names_no_xml_can_hold_are_made_holdable(data, cases):
-    oracle = replace(data.assessment.cells[0].oracles[0], oracle="bell \x07", worst=None)
-    found = cases(with_cell(data, oracles=(oracle,), scenario="\x00"))
-    assert [name for _, name in found] == ["bell \ufffd"]
-
-
-def test_a_junit_file_is_valid_and_tells_times(data, junit):
-    runs = (
-        replace(run, record=with_result(run.record, timing=Timing(2.5, 2.0, 40.0)))
-        for run in data.runs
-    )
-    path = junit(replace(data, runs=tuple(runs)))
-    SCHEMA.assertValid(etree.parse(str(path)))
-    root = ET.parse(path).getroot()
-    suites = root.findall("testsuite")
-    assert float(root.get("time")) == pytest.approx(2.5 * len(data.runs), abs=0.01)
-    for suite, cell in zip(suites, data.assessment.cells, strict=False):
-        assert float(suite.get("time")) == pytest.approx(2.5 * len(cell.runs), abs=0.01)
-        times = [float(case.get("time")) for case in suite.findall("testcase")]
-        assert sum(times) == pytest.approx(float(suite.get("time")), abs=0.01)
-        assert suite.find("properties/property[@name='time']").get("value") == "wall clock"
-    for key in ("tests", "failures", "errors"):
-        assert int(root.get(key)) == sum(int(suite.get(key)) for suite in suites)
-
-
-def test_of_traces_alone_the_time_is_the_simulated_one(data, junit):
-    suite = ET.parse(junit(data)).getroot().find("testsuite")
-    assert suite.find("properties/property[@name='time']").get("value") == "simulated"
-    cell = data.assessment.cells[0]
-    simulated = [r.record.result.timing.simulated for r in data.runs if r.record.id in cell.runs]
-    assert float(suite.get("time")) == pytest.approx(sum(simulated), abs=0.01)
+def test_build_servers_read_every_verdict(data, folder, tmp_path, golden):
+    """A campaign as it was recorded; then one cell of all sorts, one that nothing has judged."""
+    cell = replace(data.assessment.cells[0], sut="bell \x07")
+    oracles = tuple(
+        replace(cell.oracles[-1], worst=None, oracle=f"{verdict}, expected {expected}: {status}",
+                verdict=verdict, expected=expected, status=status, passed=passed)
+        for verdict, expected, status, passed in (
+            (Outcome.PASS, "pass", MET, 2),
+            (Outcome.FAIL, "pass", CONTRADICTED, 2),
+            (Outcome.ERROR, "pass", WAITS, 2),
+            (Outcome.INCONCLUSIVE, "pass", WAITS, 2),
+            (Outcome.FAIL, "fail", MET, 2),
+            (Outcome.PASS, "fail", CONTRADICTED, 2),
+            (Outcome.FAIL, "fail", CONTRADICTED, 1),
+            (Outcome.INCONCLUSIVE, "fail", WAITS, 0),
+            (Outcome.ERROR, "mixed", WAITS, 0),
+            (Outcome.PASS, "any", MET, 2),
+        )
+    )  # fmt: skip
+    cells = replace(cell, oracles=oracles), replace(cell, oracles=(), verdict=Outcome.ERROR)
+    records = [run.record for run in data.runs]
+    timed = [with_result(one, timing=Timing(2.5, 2.0, 40.0)) for one in records]
+    path, texts = tmp_path / "deep" / "results.xml", []
+    for assessment, runs in ((data.assessment, records), (Assessment(cells, (), (), 0), timed)):
+        write_junit(data.input.row.name, assessment, runs, path)
+        SCHEMA.assertValid(etree.parse(str(path)))
+        texts.append(path.read_text("utf-8").replace(str(folder), "FOLDER"))
+    golden("junit.xml", "\n".join(texts))

@@ -28,25 +28,27 @@ from tests.analysis.search.searches import PretendedCase
 from tests.analysis.search.tasks import chosen, make_task, mixed, mixed_task, ranged, searched
 
 A, B = ranged("doors.a"), ranged("doors.b")
-TWELVE = make_task(*(ranged(f"doors.time{i}") for i in range(12)))
+TIMES = tuple(ranged(f"doors.time{i}") for i in range(12))
 NOISE = ranged("robot.laser.noise", 0.01, 0.04, 0.001, unit="m", log=True, written=0.02)
 LEADING = chosen("doors.leading", "bedroom", "kitchen")
 
 
 class Search:
-    """Points of a task with these margins that were run; those of ``chance`` fail by chance.
+    """Points of some parameters that were run: they fail or pass, or are errors (``None``).
 
-    They fail with one noise and pass by 0.05 with all others.
+    Those of ``chance`` fail with one noise and pass with all others.
     """
 
-    def __init__(self, task, margin, *points, chance=lambda _: False, allowed=lambda _: True):
+    def __init__(self, parameters, fails, *points, chance=lambda _: False, allowed=lambda _: True):
         def margin_of(point, repeat):
-            return 0.05 if repeat and chance(point) else margin(point)
+            failed = fails(point) and not (repeat and chance(point))
+            return None if fails(point) is None else -0.02 if failed else 0.1
 
-        case = PretendedCase(task, margin_of)
+        self.task = make_task(*parameters)
+        case = PretendedCase(self.task, margin_of)
         self.runs = case.runs()
         self.points = PointRunner(case, self.runs, allowed)
-        written = tuple(p.written for p in task.parameters)
+        written = tuple(p.written for p in parameters)
         if None not in written and allowed(written):
             points = (written, *points)
         trials = self.points.results([(point, "") for point in points], "explore")
@@ -59,54 +61,13 @@ class Search:
         return [one.values for one in self.runs.proposals if one.phase == phase]
 
 
-def nearest(task, margin, *points, **more):
-    return Search(task, margin, *points, **more).nearest()
+def changed(**values):
+    """The point of twelve times as written, but for those of these numbers."""
+    return tuple(values.get(f"t{n}", 5.0) for n in range(12))
 
 
-def fails_from(index, edge):
-    """Margins of a failure that begins where a parameter reaches an edge."""
-    return lambda point: -0.02 if float(point[index]) >= edge else 0.1
-
-
-def test_twelve_changes_come_down_to_the_one_that_matters():
-    search = Search(TWELVE, fails_from(7, 5.37), (6.5,) * 12)
-    found = search.nearest()
-    assert found.result.point == (*(5.0,) * 7, 5.37, *(5.0,) * 4)
-    assert found.passes.point == (*(5.0,) * 7, 5.36, *(5.0,) * 4)
-    assert found.complete
-    assert len(search.run_in("nearest")) <= 20
-
-
-def test_changes_that_are_only_enough_together_stay_together():
-    def margin(point):
-        return 0.1 if min(point[2], point[9]) < 6.0 else -0.02
-
-    found = nearest(TWELVE, margin, tuple(6.5 + 0.01 * n for n in range(12)))
-    assert found.result.point == tuple(6.0 if n in (2, 9) else 5.0 for n in range(12))
-    assert found.complete
-
-
-def test_of_changes_each_of_which_is_enough_the_one_of_most_influence_stays():
-    def margin(point):
-        return 0.1 if max(point) < 6.0 else -0.02
-
-    task = make_task(*(ranged(f"time{i}") for i in range(3)))
-    search = Search(task, margin, (6.5, 6.5, 6.5))
-    assert search.nearest(time0=-0.9, time1=0.2, time2=0.1).result.point == (6.0, 5.0, 5.0)
-
-
-def test_it_begins_with_the_smallest_change_and_tries_the_worst_failure_as_well():
-    def margin(point):
-        return -0.5 if point[1] >= 5.5 else fails_from(0, 6.0)(point)
-
-    assert nearest(make_task(A, B), margin, (6.2, 5.1), (5.1, 9.0)).result.point == (5.0, 5.5)
-
-
-def test_one_large_change_is_nearer_than_two_small_ones():
-    def margin(point):
-        return -0.02 if point[0] >= 9.0 or min(point) >= 5.3 else 0.1
-
-    assert nearest(make_task(A, B), margin, (5.4, 5.4), (9.5, 5.0)).result.point == (9.0, 5.0)
+def late(point):
+    return point[0] >= 6.0
 
 
 def by_chance(point):
@@ -114,46 +75,73 @@ def by_chance(point):
     return point[1] == 5.1 and point[0] < 6.0
 
 
-def late_or_by_chance(point):
-    return -0.1 if point[0] >= 6.0 or by_chance(point) else 0.1
+AS_WRITTEN = {"chance": lambda point: point == (5.0,)}
+NEAREST = {
+    "twelve changes come down to the one that matters": (
+        TIMES, lambda p: p[7] >= 5.37, [(6.5,) * 12], changed(t7=5.37), {}),
+    "changes that are only enough together stay together": (
+        TIMES, lambda p: min(p[2], p[9]) >= 6.0, [tuple(6.5 + 0.01 * n for n in range(12))],
+        changed(t2=6.0, t9=6.0), {}),
+    "it begins with the smallest change and tries the worst failure as well": (
+        (A, B), lambda p: p[1] >= 5.5 or late(p), [(6.2, 5.1), (5.1, 9.0)], (5.0, 5.5), {}),
+    "one large change is nearer than two small ones": (
+        (A, B), lambda p: p[0] >= 9.0 or min(p) >= 5.3, [(5.4, 5.4), (9.5, 5.0)], (9.0, 5.0), {}),
+    "a solid failure farther away is told instead of one by chance": (
+        (A, B), lambda p: late(p) or by_chance(p), [(5.0, 5.1), (7.0, 5.1)], (6.0, 5.0),
+        {"chance": by_chance}),
+    "no failure by chance is told": (
+        (A, B), lambda p: late(p) or by_chance(p), [(5.5, 5.1), (5.0, 5.1)], None,
+        {"chance": by_chance}),
+    "a point that fails by chance passes beside a failure that holds": (
+        (A,), late, [(7.0,)], (6.5,), {"chance": lambda p: p[0] < 6.5}),
+    "a scenario that fails as written by chance is not the nearest failure": (
+        (A,), lambda p: late(p) or p == (5.0,), [(7.0,)], (6.0,), AS_WRITTEN),
+    "it begins with other failures until one holds": (
+        (ranged("doors.a", high=15.0),), lambda p: p[0] >= 6.01, [(6.0 + n,) for n in range(1, 9)],
+        (12.5,), {"chance": lambda p: 6.0 < p[0] < 12.5}),
+    "what is written nowhere is left as it is": (
+        (ranged("a", written=None), B), lambda p: p[1] >= 6.0, [(9.0, 8.0)], (9.0, 6.0), {}),
+    "what is written outside of its range is still brought back to that": (
+        (ranged("a", 4.0, 9.0, written=1.0), ranged("b", written=20.0)), late, [(8.0, 3.0)],
+        (6.0, 20.0), {}),
+    "a choice that matters stays": (
+        (LEADING, B), lambda p: p[0] == "kitchen", [("kitchen", 8.0)], ("kitchen", 5.0), {}),
+    "a choice that does not goes back": (
+        (LEADING, B), lambda p: p[1] >= 8.0, [("kitchen", 8.0)], ("bedroom", 8.0), {}),
+    "without a failure there is none": (TIMES, lambda p: False, [], None, {}),
+}  # fmt: skip
 
 
-def test_a_solid_failure_farther_away_is_told_instead_of_one_by_chance():
-    task = make_task(A, B)
-    found = nearest(task, late_or_by_chance, (5.0, 5.1), (7.0, 5.1), chance=by_chance)
-    assert found.result.point == (6.0, 5.0)
-    assert nearest(task, late_or_by_chance, (5.5, 5.1), (5.0, 5.1), chance=by_chance) is None
+@pytest.mark.parametrize("why", NEAREST)
+def test_the_nearest_failure(why):
+    parameters, fails, points, expected, more = NEAREST[why]
+    found = Search(parameters, fails, *points, **more).nearest()
+    assert (found and found.result.point) == expected
 
 
-def test_a_point_that_fails_by_chance_passes_beside_a_failure_that_holds():
-    found = nearest(make_task(A), fails_from(0, 6.0), (7.0,), chance=lambda p: 6.0 <= p[0] < 6.5)
-    assert (found.result.point, found.passes.point) == ((6.5,), (6.49,))
+def test_a_step_before_the_nearest_failure_passes_and_few_runs_find_both():
+    search = Search(TIMES, lambda p: p[7] >= 5.37, (6.5,) * 12)
+    found = search.nearest()
+    assert (found.result.point, found.passes.point) == (changed(t7=5.37), changed(t7=5.36))
+    assert found.complete
+    assert len(search.run_in("nearest")) <= 20
 
 
-def test_a_scenario_that_fails_as_written_by_chance_is_not_the_nearest_failure():
-    def margin(point):
-        return -0.1 if point[0] >= 6.0 or point == (5.0,) else 0.1
-
-    found = nearest(make_task(A), margin, (7.0,), chance=lambda point: point == (5.0,))
-    assert found.result.point == (6.0,)
+def test_of_changes_each_of_which_is_enough_the_one_of_most_influence_stays():
+    search = Search(TIMES[:3], lambda p: max(p) >= 6.0, (6.5, 6.5, 6.5))
+    influence = {"doors.time0": -0.9, "doors.time1": 0.2, "doors.time2": 0.1}
+    assert search.nearest(**influence).result.point == (6.0, 5.0, 5.0)
 
 
-def test_it_begins_with_other_failures_until_one_holds_but_no_more_than_twenty():
-    task = make_task(ranged("doors.a", high=15.0))
-    points = [(6.0 + n,) for n in range(1, 9)]
-    found = nearest(task, fails_from(0, 6.01), *points, chance=lambda p: 6.0 < p[0] < 12.5)
-    assert found.result.point == (12.5,)
+def test_no_more_than_twenty_failures_are_tried():
     many = [(6.0 + 0.1 * n,) for n in range(30)]
-    search = Search(task, lambda point: -0.1, *many, chance=lambda _: True)
+    search = Search((A,), lambda point: True, *many, chance=lambda _: True)
     assert search.nearest() is None
     assert len(set(search.run_in("confirm"))) == 20
 
 
 def test_it_ends_when_its_runs_are_spent():
-    def margin(point):
-        return 0.1 if sum(float(value) > 5.004 for value in point) < 7 else -0.02
-
-    search = Search(TWELVE, margin, (6.5,) * 12)
+    search = Search(TIMES, lambda p: sum(value > 5.004 for value in p) >= 7, (6.5,) * 12)
     found = search.nearest()
     assert found.result.fails
     assert not found.complete
@@ -164,47 +152,14 @@ def test_a_point_that_breaks_a_constraint_is_not_tried():
     def ordered(point):
         return point[0] < point[1]
 
-    task = make_task(A, ranged("doors.b", written=5.5))
-    search = Search(task, fails_from(0, 6.0), (7.0, 7.5), allowed=ordered)
+    search = Search((A, ranged("doors.b", written=5.5)), late, (7.0, 7.5), allowed=ordered)
     assert search.nearest().result.point == (6.0, 6.01)
     assert all(map(ordered, search.run_in("nearest")))
 
 
-@pytest.mark.parametrize(
-    ("parameters", "margin", "start", "point"),
-    [
-        # Written nowhere: it is left as it is.
-        ((ranged("a", written=None), B), fails_from(1, 6.0), (9.0, 8.0), (9.0, 6.0)),
-        # Written outside of its range: it is still brought back to that.
-        (
-            (ranged("a", 4.0, 9.0, written=1.0), ranged("b", written=20.0)),
-            fails_from(0, 6.0),
-            (8.0, 3.0),
-            (6.0, 20.0),
-        ),
-        # A choice goes back or stays.
-        (
-            (LEADING, B),
-            lambda p: -0.02 if p[0] == "kitchen" else 0.1,
-            ("kitchen", 8.0),
-            ("kitchen", 5.0),
-        ),
-        ((LEADING, B), fails_from(1, 8.0), ("kitchen", 8.0), ("bedroom", 8.0)),
-    ],
-)
-def test_values_go_back_to_what_is_written(parameters, margin, start, point):
-    assert nearest(make_task(*parameters), margin, start).result.point == point
-
-
 def test_a_run_that_neither_passes_nor_fails_is_no_step_on_the_way():
-    found = nearest(
-        make_task(A), lambda p: None if 5.0 < p[0] < 6.0 else fails_from(0, 6.0)(p), (8.0,)
-    )
+    found = Search((A,), lambda p: None if 5.0 < p[0] < 6.0 else late(p), (8.0,)).nearest()
     assert (found.result.point, found.passes.point) == ((6.0,), (5.0,))
-
-
-def test_without_a_failure_there_is_no_nearest_one():
-    assert nearest(TWELVE, lambda point: 0.1) is None
 
 
 def test_changes_are_shares_of_their_ranges():
