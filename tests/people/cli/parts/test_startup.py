@@ -71,14 +71,14 @@ STEPS = {
             FEW | BUS | {"daemon.model.messages", "grammars.variation"},
         ),
     ),
-    "screen and execution": (
+    "screen": (
         (FIRST_SCREEN, (HEAVY - {"textual"}) | {"daemon.model.spec", "daemon.model.status"}),
         (
             "import scenario_tui.library.job",
             {"daemon.batch.ledger", "daemon.trace", "mcap", "numpy"},
         ),
-        ("import daemon.batch.server, daemon.batch.worker, daemon.run", SEARCH),
     ),
+    "execution": (("import daemon.batch.server, daemon.batch.worker, daemon.run", SEARCH),),
 }
 """Programs, each behind the one before, and what none may have loaded by then."""
 
