@@ -3,8 +3,13 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from daemon.campaign import expand, load_campaign
 from daemon.run import load_kernels
+from daemon.stacks.ros1.quirks import FAST
+from tests.stacks.ros1.costmap.test_plain import any_layers, compare, random_costmap
+from tests.stacks.ros1.dwa.helpers import A2S, random_problem
 
 CAMPAIGNS = Path(__file__).parents[1] / "campaigns"
 OTHER_PLANNERS = {
@@ -34,5 +39,17 @@ def load_all():
         load_kernels(spec, scene)
 
 
+def load_rare():
+    """Compile or load what only tests call: costmaps that few have, and a plain version."""
+    random_problem(np.random.default_rng(1), A2S).plain()
+    for seed in range(12):
+        random = np.random.default_rng(seed)
+        quirks = replace(FAST, inflation_queue_order=bool(seed % 2))
+        layers = any_layers(random)
+        rolling = replace(random_costmap(random, layers), frame="odom", rolling_window=True)
+        compare(rolling, random, 4, quirks)
+
+
 if __name__ == "__main__":
     load_all()
+    load_rare()

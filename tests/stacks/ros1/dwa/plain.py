@@ -1,16 +1,18 @@
 """The controller's sampling cycle as plainly as possible: every sample, every point, every critic.
 
-Compiled only so that tests can afford it on full-size problems; there is no shortcut in it.
+What is done for each sample is compiled, so that tests can afford it on full-size problems; there
+is no shortcut in it. Slices, lists of lists and whole arrays are avoided there: they take seconds
+to compile.
 """
 
 import math
+from itertools import pairwise, product
 
 import numpy as np
 
 from daemon.model.kernels import kernel
 
 
-@kernel
 def _speeds(low, high, count):
     if low == high:
         return [low]
@@ -31,7 +33,6 @@ def _speeds(low, high, count):
     return out
 
 
-@kernel
 def speed_window(state, distance, s):
     acc = (s.acc_lim_x, s.acc_lim_y, s.acc_lim_theta)
     low = [s.min_vel_x, s.min_vel_y, -s.max_vel_theta]
@@ -50,65 +51,56 @@ def speed_window(state, distance, s):
     return out.astype(np.float64)
 
 
-@kernel
 def raw_samples(state, distance, s):
     """Return all samples in the original's order, shape (samples, 3), in single precision."""
-    window = speed_window(state, distance, s)
-    xs = _speeds(window[0, 0], window[0, 1], s.vx_samples)
-    ys = _speeds(window[1, 0], window[1, 1], s.vy_samples)
-    ws = _speeds(window[2, 0], window[2, 1], s.vth_samples)
-    out = np.zeros((len(xs) * len(ys) * len(ws), 3), dtype=np.float32)
-    i = 0
-    for x in xs:
-        for y in ys:
-            for w in ws:
-                out[i, 0], out[i, 1], out[i, 2] = x, y, w
-                i += 1
-    return out.astype(np.float64)
+    window = speed_window(state, distance, s).tolist()
+    counts = (s.vx_samples, s.vy_samples, s.vth_samples)
+    axes = [_speeds(*ends, count) for ends, count in zip(window, counts, strict=True)]
+    return np.array(list(product(*axes)), dtype=np.float32).astype(np.float64)
 
 
 @kernel
 def _approach(target, now, s, dt):
+    """Bring three speeds nearer to those of a sample."""
     acc = (s.acc_lim_x, s.acc_lim_y, s.acc_lim_theta)
-    out = np.zeros(3, dtype=np.float32)
     for k in range(3):
         if now[k] < target[k]:
-            out[k] = min(target[k], now[k] + acc[k] * dt)
+            now[k] = np.float32(min(target[k], now[k] + acc[k] * dt))
         else:
-            out[k] = max(target[k], now[k] - acc[k] * dt)
-    return out.astype(np.float64)
+            now[k] = np.float32(max(target[k], now[k] - acc[k] * dt))
 
 
 @kernel
 def trajectory(state, sample, s):
     """Return the poses (points, 3), none for an illegal sample, and the velocity."""
-    none = np.zeros((0, 3))
     speed = math.hypot(sample[0], sample[1])
-    if speed + 1e-4 < s.min_vel_trans and abs(sample[2]) + 1e-4 < s.min_vel_theta:
-        return none, np.zeros(3)
-    if speed - 1e-4 > s.max_vel_trans:
-        return none, np.zeros(3)
     by_way = speed * s.sim_time / s.sim_granularity
     by_turn = abs(sample[2]) * s.sim_time / s.angular_sim_granularity
     n = math.ceil(max(by_way, by_turn))
+    if speed + 1e-4 < s.min_vel_trans and abs(sample[2]) + 1e-4 < s.min_vel_theta:
+        n = 0
+    if speed - 1e-4 > s.max_vel_trans:
+        n = 0
+    points, first, velocity = np.zeros((n, 3)), np.zeros(3), np.zeros(3)
     if n == 0:
-        return none, np.zeros(3)
+        return points, first
     dt = s.sim_time / n
-    velocity = sample.copy()
+    for k in range(3):
+        velocity[k] = sample[k] if s.use_dwa else state[3 + k]
     if not s.use_dwa:
-        velocity = _approach(sample, state[3:], s, dt)
-    first = velocity.copy()
-    points = np.zeros((n, 3))
-    pose = state[:3].astype(np.float32)
+        _approach(sample, velocity, s, dt)
+    for k in range(3):
+        first[k] = velocity[k]
+    x, y, yaw = state[0], state[1], state[2]
     for i in range(n):
-        points[i] = pose.astype(np.float64)
+        points[i, 0], points[i, 1], points[i, 2] = np.float32(x), np.float32(y), np.float32(yaw)
+        x, y, yaw = points[i, 0], points[i, 1], points[i, 2]
         if not s.use_dwa:
-            velocity = _approach(sample, velocity, s, dt)
-        x, y, yaw = points[i]
-        vx, vy, w = velocity
-        pose[0] = x + (vx * math.cos(yaw) + vy * math.cos(math.pi / 2 + yaw)) * dt
-        pose[1] = y + (vx * math.sin(yaw) + vy * math.sin(math.pi / 2 + yaw)) * dt
-        pose[2] = yaw + w * dt
+            _approach(sample, velocity, s, dt)
+        vx, vy, w = velocity[0], velocity[1], velocity[2]
+        x += (vx * math.cos(yaw) + vy * math.cos(math.pi / 2 + yaw)) * dt
+        y += (vx * math.sin(yaw) + vy * math.sin(math.pi / 2 + yaw)) * dt
+        yaw += w * dt
     return points, first
 
 
@@ -123,11 +115,9 @@ def cell(x, y, cells, frame):
     return row, column
 
 
-@kernel
 def resampled(plan, resolution):
-    out = [(plan[0, 0], plan[0, 1])]
-    for i in range(1, len(plan)):
-        ax, ay, bx, by = plan[i - 1, 0], plan[i - 1, 1], plan[i, 0], plan[i, 1]
+    out = [tuple(plan[0].tolist())]
+    for (ax, ay), (bx, by) in pairwise(plan.tolist()):
         square = (bx - ax) * (bx - ax) + (by - ay) * (by - ay)
         if square > resolution * resolution:
             steps = math.ceil(math.sqrt(square) / resolution)
@@ -135,23 +125,19 @@ def resampled(plan, resolution):
             for j in range(1, steps):
                 out.append((ax + j * dx, ay + j * dy))  # noqa: PERF401
         out.append((bx, by))
-    return np.array(out)
+    return out
 
 
-@kernel
 def seeds_of(plan, cells, frame):
     """Return the known cells of a plan from the first one until it leaves them."""
-    found = [(0, 0)][:0]
-    for x, y in resampled(plan, frame[2]):
+    found = []
+    for x, y in resampled(plan, float(frame[2])):
         row, column = cell(x, y, cells, frame)
         if row >= 0 and cells[row, column] != 255:
             found.append((row, column))
-        elif len(found) > 0:
+        elif found:
             break
-    out = np.zeros((len(found), 2), dtype=np.int32)
-    for i, (row, column) in enumerate(found):
-        out[i, 0], out[i, 1] = row, column
-    return out
+    return np.array(found, dtype=np.int32).reshape(-1, 2)
 
 
 @kernel
@@ -160,13 +146,13 @@ def distances(seeds, cells):
     rows, columns = cells.shape
     out = np.full((rows, columns), rows * columns + 1, dtype=np.int32)
     marked = np.zeros((rows, columns), dtype=np.bool_)
-    queue = [(0, 0)][:0]
+    queue = [(-1, -1)]
     for i in range(len(seeds)):
         row, column = int(seeds[i, 0]), int(seeds[i, 1])
         out[row, column] = 0
         marked[row, column] = True
         queue.append((row, column))
-    at = 0
+    at = 1
     while at < len(queue):
         row, column = queue[at]
         at += 1
@@ -213,36 +199,33 @@ def line(a, b):
 
 
 @kernel
-def under(outline, scale, pose, cells, frame, inside):
+def under(x, y, yaw, outline, scale, cells, frame, inside):
     """Return the highest cost under the footprint and the centre, -1 when it cannot be there."""
-    row, column = cell(pose[0], pose[1], cells, frame)
+    row, column = cell(x, y, cells, frame)
     if row < 0:
         return -1
-    worst = int(cells[row, column])
+    centre, worst = int(cells[row, column]), 0
     if len(outline) < 3:
-        return worst if worst < 253 else -1
-    c, d = math.cos(pose[2]), math.sin(pose[2])
-    corners = [(0, 0)][:0]
+        return centre if centre < 253 else -1
+    c, d = math.cos(yaw), math.sin(yaw)
+    corners = [(-1, -1)]
     for k in range(len(outline)):
-        x, y = scale * outline[k, 0], scale * outline[k, 1]
-        at = cell(pose[0] + (x * c - y * d), pose[1] + (x * d + y * c), cells, frame)
+        u, v = scale * outline[k, 0], scale * outline[k, 1]
+        at = cell(x + (u * c - v * d), y + (u * d + v * c), cells, frame)
         if at[0] < 0:
             return -1
         corners.append(at)
-    touched = np.zeros(cells.shape, dtype=np.bool_)
-    for k in range(len(corners)):
-        for y, x in line(corners[k], corners[(k + 1) % len(corners)]):
-            touched[y, x] = True
-    for y in range(cells.shape[0]):
-        found = np.flatnonzero(touched[y])
-        if len(found) == 0:
-            continue
-        for x in range(found[0], found[-1] + 1):
-            if inside or touched[y, x]:
-                if cells[y, x] >= 254:
-                    return -1
-                worst = max(worst, int(cells[y, x]))
-    return worst
+    corners[0] = corners[-1]
+    first, last = np.full(len(cells), cells.size), np.full(len(cells), -1)
+    for k in range(len(outline)):
+        for i, j in line(corners[k], corners[k + 1]):
+            worst = max(worst, int(cells[i, j]))
+            first[i], last[i] = min(first[i], j), max(last[i], j)
+    if inside:
+        for i in range(len(cells)):
+            for j in range(first[i], last[i] + 1):
+                worst = max(worst, int(cells[i, j]))
+    return max(worst, centre) if worst < 254 else -1
 
 
 @kernel
@@ -263,8 +246,9 @@ def obstacle(points, velocity, outline, cells, frame, s):
         beyond = s.max_vel_trans - s.scaling_speed
         scale = s.max_scaling_factor * (speed - s.scaling_speed) / beyond + 1.0
     worst, total = 0.0, 0.0
-    for pose in points:
-        cost = under(outline, scale, pose, cells, frame, not s.perimeter_only)
+    for i in range(len(points)):
+        x, y, yaw = points[i, 0], points[i, 1], points[i, 2]
+        cost = under(x, y, yaw, outline, scale, cells, frame, not s.perimeter_only)
         if cost < 0:
             return -6.0
         worst = max(worst, float(cost))
@@ -276,10 +260,10 @@ def obstacle(points, velocity, outline, cells, frame, s):
 def on_grid(points, grid, cells, frame, shift, strict):
     """Return the distance at the last point, each of them ``shift`` ahead; negative: illegal."""
     value = 0.0
-    for pose in points:
-        x, y = pose[0], pose[1]
+    for i in range(len(points)):
+        x, y, yaw = points[i, 0], points[i, 1], points[i, 2]
         if shift != 0.0:
-            x, y = x + shift * math.cos(pose[2]), y + shift * math.sin(pose[2])
+            x, y = x + shift * math.cos(yaw), y + shift * math.sin(yaw)
         row, column = cell(x, y, cells, frame)
         if row < 0:
             return -4.0
@@ -291,44 +275,30 @@ def on_grid(points, grid, cells, frame, shift, strict):
     return value
 
 
-@kernel
 def costs(state, plan, front_end, aligned, s, cells, frame, outline, banned):
     """Return the cost of every sample, infinite where it is illegal."""
-    seeds = seeds_of(plan, cells, frame)
-    path = distances(seeds, cells)
-    goal = distances(seeds[-1:], cells)
-    front_plan = plan.copy()
-    front_plan[-1] = front_end
-    front = distances(seeds_of(front_plan, cells, frame)[-1:], cells)
-    distance = math.hypot(plan[-1, 0] - state[0], plan[-1, 1] - state[1])
-    samples = raw_samples(state, distance, s)
+    ahead = np.vstack([plan[:-1], front_end])
+    seeds, front = (seeds_of(points, cells, frame) for points in (plan, ahead))
+    grids = [distances(found, cells) for found in (seeds, seeds[-1:], front[-1:])]
+    samples = raw_samples(state, math.hypot(*(plan[-1] - state[:2]).tolist()), s)
+    return _costs(state, samples, *grids, aligned, s, cells, frame, outline, banned)
+
+
+@kernel
+def _costs(state, samples, path, goal, front, aligned, s, cells, frame, outline, banned):
+    grids, ahead = (front, path, path, goal), s.forward_point_distance
+    scales = (s.goal_scale, s.path_scale if aligned else 0.0, s.path_scale, s.goal_scale)
     out = np.full(len(samples), np.inf)
     for index in range(len(samples)):
         points, velocity = trajectory(state, samples[index], s)
-        if len(points) == 0 or oscillates(banned, velocity):
-            continue
-        terms = np.zeros(6)
-        scales = np.zeros(6)
-        scales[0], scales[1], scales[2] = s.occdist_scale, s.goal_scale, s.path_scale
-        scales[3], scales[4], scales[5] = s.path_scale, s.goal_scale, s.twirling_scale
-        if not aligned:
-            scales[2] = 0.0
-        if scales[0] != 0:
-            terms[0] = obstacle(points, velocity, outline, cells, frame, s)
-        if scales[1] != 0:
-            terms[1] = on_grid(points, front, cells, frame, s.forward_point_distance, False)
-        if scales[2] != 0:
-            terms[2] = on_grid(points, path, cells, frame, s.forward_point_distance, False)
-        if scales[3] != 0:
-            terms[3] = on_grid(points, path, cells, frame, 0.0, True)
-        if scales[4] != 0:
-            terms[4] = on_grid(points, goal, cells, frame, 0.0, True)
-        terms[5] = abs(velocity[2])
-        if terms.min() < 0.0:
-            continue
-        total = 0.0
-        for k in range(6):
-            if scales[k] != 0:
-                total += terms[k] * scales[k]
-        out[index] = total
+        legal, total = len(points) > 0 and not oscillates(banned, velocity), 0.0
+        if legal and s.occdist_scale != 0:
+            cost = obstacle(points, velocity, outline, cells, frame, s)
+            legal, total = cost >= 0.0, cost * s.occdist_scale
+        for k in range(4):
+            if legal and scales[k] != 0:
+                cost = on_grid(points, grids[k], cells, frame, 0.0 if k > 1 else ahead, k > 1)
+                legal, total = cost >= 0.0, total + cost * scales[k]
+        if legal:
+            out[index] = total + abs(velocity[2]) * s.twirling_scale
     return out

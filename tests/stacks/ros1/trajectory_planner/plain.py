@@ -95,9 +95,8 @@ class PlainPlanner:
             row, column = plain.cell(x, y, self.cells, self.frame)
             if row < 0:
                 return out
-            pose = np.array((x, y, yaw))
             cost = plain.under(
-                self.outline, 1.0, pose, self.cells, self.frame, not s.perimeter_only
+                x, y, yaw, self.outline, 1.0, self.cells, self.frame, not s.perimeter_only
             )
             if cost < 0:
                 return out

@@ -54,7 +54,8 @@ def near(plan, pose, reach):
     far = np.hypot(plan[:, 0] - pose.x, plan[:, 1] - pose.y) > reach
     first = int(np.argmin(far))
     beyond = np.flatnonzero(far[first:])
-    return plan[first : first + int(beyond[0]) + 1 if beyond.size else len(plan), :2]
+    last = first + int(beyond[0]) + 1 if beyond.size else len(plan)
+    return np.ascontiguousarray(plan[first:last, :2])
 
 
 @given(seed=st.integers(0, 2**32 - 1), variant=st.sampled_from(range(len(VARIANTS))))
