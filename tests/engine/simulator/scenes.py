@@ -1,11 +1,14 @@
 """Small hand-built worlds for the tests of the simulator."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 
 from daemon.simulator import World
+from grammars.model.behaviour import Walk
 from grammars.model.geometry import Pose2
+from grammars.model.movers import with_planar_chain
 from grammars.model.robot import Drive, Laser, Mount, OdometryNoise, Robot
 from grammars.model.scene import Doorway, Joint, Link, Scene, SceneObject, Solid
 
@@ -26,8 +29,24 @@ ROBOT = Robot(
 )  # fmt: skip
 
 
-def differential(timeout=0.0):
-    return replace(ROBOT, drive=replace(DRIVE, kind="differential", timeout=timeout))
+IMPOSED = replace(
+    ROBOT,
+    drive=Drive("omnidirectional", *[math.inf] * 8, 0.0, "imposed", 0.0098, 0.047),
+    odometry=OdometryNoise(1.0 / 0.051, 0.0, 0.0, 0.0, 0.051, "mean", "map"),
+)
+"""The robot of the published worlds: its velocity is imposed, and the ground takes its share."""
+FAR = Pose2(0.0, 50.0)
+LINE = Walk("visitor", ((-3.0, 0.0), (3.0, 0.0)), 0.8)
+ROUND = tuple((0.25 * math.cos(a), 0.25 * math.sin(a)) for a in np.linspace(0, 6, 12))
+
+
+def differential():
+    return replace(ROBOT, drive=replace(DRIVE, kind="differential"))
+
+
+def person(name="visitor", pose=FAR, ring=ROUND):
+    links, joints = with_planar_chain((Link("body", (ring,), 75.0, 0.0, 1.7),), (), "body")
+    return SceneObject(name, "person", pose, links, joints, (0.0, 0.0, 0.0))
 
 
 def door(
@@ -88,8 +107,10 @@ def world(
     start=Pose2(),  # noqa: B008
     behaviours=(),
     seed=7,
+    waypoints=(),
 ):
-    return World(scene(*parts), robot, start, behaviours, np.random.SeedSequence(seed))
+    seed = np.random.SeedSequence(seed)
+    return World(scene(*parts), robot, start, behaviours, seed, waypoints)
 
 
 def driven(command, ticks, *parts, **options):

@@ -18,8 +18,7 @@ from grammars.model.behaviour import (
 )
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.scene import Doorway
-from tests.engine.simulator.scenes import box, door, folding, sliding_door, wall, world
-from tests.engine.simulator.test_walkers import person
+from tests.engine.simulator.scenes import box, door, folding, person, sliding_door, wall, world
 
 TICKS = 160
 times = st.floats(0.0, TICKS / 100.0)

@@ -9,22 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.simulator._walkers import RouteFollower
-from grammars.model.behaviour import JointActs, LegBegins, Walk
-from grammars.model.geometry import Pose2, Twist2
+from grammars.model.behaviour import Walk
+from grammars.model.geometry import Pose2
 from grammars.model.kinematics import link_poses
-from grammars.model.movers import with_planar_chain
-from grammars.model.scene import Link, SceneObject
 from tests.engine.simulator.reference import true_ranges
-from tests.engine.simulator.scenes import box, door, driven, wall, world
-
-ROUND = tuple((0.25 * math.cos(a), 0.25 * math.sin(a)) for a in np.linspace(0, 6, 12))
-FAR = Pose2(0.0, 50.0, 0.0)
-LINE = Walk("visitor", ((-3.0, 0.0), (3.0, 0.0)), 0.8)
-
-
-def person(name="visitor", pose=FAR, ring=ROUND):
-    links, joints = with_planar_chain((Link("body", (ring,), 75.0, 0.0, 1.7),), (), "body")
-    return SceneObject(name, "person", pose, links, joints, (0.0, 0.0, 0.0))
+from tests.engine.simulator.scenes import FAR, LINE, box, person, wall, world
 
 
 def body_at(now, who):
@@ -103,46 +92,6 @@ def test_velocities_are_those_of_the_walk():
     assert now.joint_states()[1] == pytest.approx([0.8, 0.0, 0.0], abs=1e-9)
 
 
-def test_a_mover_pushes_the_robot_and_is_not_pushed():
-    who = person()
-    now = world(who, behaviours=(LINE,))
-    now.advance(600)
-    assert body_at(now, who).x == pytest.approx(-3 + trapezoid(6.0, 6.0, 0.8, 1.0), abs=1e-9)
-    assert now.pose().x > 0.5
-    assert {contact.second for contact in now.take_contacts()} == {"visitor.body"}
-
-
-def test_a_mover_stops_where_the_robot_cannot_make_way():
-    who = person()
-    now = world(who, wall("wall", 0.4, -2.0, 0.6, 2.0), behaviours=(LINE,))
-    now.advance(1500)
-    assert body_at(now, who).x < -0.5
-    assert abs(now.pose().x) < 0.1
-    assert "blocked by the robot" in [event.text for event in now.take_events()]
-
-
-def test_a_yielding_mover_brakes_and_walks_on_when_the_robot_is_gone():
-    who = person()
-    now = world(who, behaviours=(replace(LINE, yielding=1.0),))
-    now.advance(600)
-    gap = -0.35 - (body_at(now, who).x + 0.25)
-    assert 0.6 < gap < 1.0  # it brakes at 1 m with 1 m/s^2
-    assert now.take_contacts() == ()
-    now.command(Twist2(0.0, 1.0, 0.0))
-    now.advance(900)
-    assert body_at(now, who).x == pytest.approx(3.0, abs=1e-9)
-    texts = [event.text for event in now.take_events()]
-    assert texts == ["sets out", "yields to the robot", "walks on", "has arrived"]
-
-
-def test_nobody_yields_to_a_robot_behind_or_far_away():
-    who = person()
-    for start in (Pose2(-4.5, 0.0, 0.0), Pose2(0.0, 2.0, 0.0)):
-        now = world(who, start=start, behaviours=(replace(LINE, yielding=1.0),))
-        now.advance(1000)
-        assert body_at(now, who).x == pytest.approx(3.0, abs=1e-9)
-
-
 def test_the_laser_sees_a_mover_where_it_is():
     who = person(ring=box(-0.2, -0.2, 0.2, 0.2))
     now = world(who, wall("wall", 6.0, -9.0, 6.2, 9.0), behaviours=(replace(LINE, start=2.0),),
@@ -154,38 +103,3 @@ def test_the_laser_sees_a_mover_where_it_is():
     ranges = true_ranges(now)
     way = trapezoid(3.0, 6.0, 0.8, 1.0)
     assert ranges[middle] == pytest.approx(5.0 - 3.0 - 0.2 - 0.3 + way)
-
-
-def test_a_mover_without_a_walk_stands_like_a_wall():
-    who = person(pose=Pose2(1.0, 0.0, 0.0))
-    now = driven(Twist2(1.0, 0.0, 0.0), 300, who)
-    assert now.pose().x == pytest.approx(1.0 - 0.25 - 0.35, abs=0.02)
-    assert now.joint_positions().tolist() == [0.0, 0.0, 0.0]
-
-
-def test_a_mover_walks_through_doors():
-    now = world(person(), door(pose=Pose2(0.0, -0.5, 0.0)), start=FAR, behaviours=(LINE,))
-    now.advance(900)
-    assert now.joint_positions()[3] == 0.0
-
-
-def test_a_mover_sets_out_when_something_happens():
-    who = person()
-    walk = replace(LINE, event=LegBegins(2), start=0.5)
-    now = world(who, start=FAR, behaviours=(walk,))
-    now.progress(0, 0)
-    now.advance(200)
-    assert body_at(now, who).x == pytest.approx(-3.0)
-    now.progress(1, 1)
-    now.advance(200)
-    assert body_at(now, who).x == pytest.approx(-3 + trapezoid(1.5, 6.0, 0.8, 1.0), abs=1e-9)
-
-
-def test_one_mover_may_wait_for_another():
-    other = person("guest")
-    guest = Walk("guest", ((0.0, 4.0), (0.0, 8.0)), 1.0,
-                 event=JointActs(("visitor.x", "visitor.y"), "moves"), start=1.0)  # fmt: skip
-    now = world(person(), other, start=FAR, behaviours=(replace(LINE, start=1.0), guest))
-    now.advance(1000)
-    texts = [(e.source, e.text) for e in now.take_events() if e.text == "sets out"]
-    assert texts == [("visitor", "sets out"), ("guest", "sets out")]
