@@ -4,31 +4,14 @@ The command line of the format is a program in Go; these are its checks, by the 
 reader of streams, which also holds every checksum against the bytes.
 """
 
-from __future__ import annotations
-
 import itertools
 import zlib
 from collections import Counter
-from dataclasses import dataclass, field
+from types import SimpleNamespace
 
 from mcap import records
 from mcap.data_stream import RecordBuilder
 from mcap.stream_reader import StreamReader, breakup_chunk
-
-
-@dataclass
-class _File:
-    """What was met so far, up to the end of the data and in the summary."""
-
-    schemas: dict[int, records.Schema] = field(default_factory=dict)
-    channels: dict[int, records.Channel] = field(default_factory=dict)
-    counts: Counter[int] = field(default_factory=Counter)
-    chunks: dict[int, records.Chunk] = field(default_factory=dict)
-    lengths: dict[int, int] = field(default_factory=dict)
-    attachments: list[str] = field(default_factory=list)
-    metadata: list[str] = field(default_factory=list)
-    first: int = 1 << 64
-    last: int = 0
 
 
 def complaints(path):
@@ -37,7 +20,9 @@ def complaints(path):
 
 
 def _complaints(path):
-    found, summary, ended = _File(), [], False
+    found, summary, ended = SimpleNamespace(first=1 << 64, last=0, counts=Counter()), [], False
+    found.schemas, found.channels, found.chunks, found.lengths = {}, {}, {}, {}
+    found.attachments, found.metadata = [], []
     offsets = {}
     expected = set()
     data = path.read_bytes()

@@ -1,13 +1,13 @@
 """A small but complete run to record: every signal, values that only come back if they are kept."""
 
 import math
+from contextlib import contextmanager
 from dataclasses import fields, is_dataclass, replace
 
 import numpy as np
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from daemon.model.spec import MapSettings, OracleText, RunSpec, SutReference
 from daemon.model.sut import Cloud, CostmapPicture, Estimate, Odometry, Progress
 from daemon.trace import Trace, TraceWriter
 from grammars.model.geometry import Pose2, Twist2
@@ -15,6 +15,7 @@ from grammars.model.grid import OccupancyGrid
 from grammars.model.mission import Mission, Waypoint
 from grammars.model.robot import Drive, Laser, Mount, OdometryNoise, Robot
 from grammars.model.scene import Joint, Link, Scene, SceneObject, Solid
+from tests.make import make_spec
 
 RAYS = 90
 
@@ -62,21 +63,8 @@ def scene(doors=3):
 
 
 def specification(world, **changes):
-    spec = RunSpec(
-        campaign="demo",
-        scenario="S1",
-        sut=SutReference("pilot", "follower", {"gain": 1.5}),
-        repeat=3,
-        scene=world.digest,
-        robot=ROBOT,
-        mission=MISSION,
-        behaviours=(),
-        oracles=(OracleText("safe", "clearance > 0.1 m"),),
-        map=MapSettings(),
-        seed=7,
-        limit=60.0,
-    )
-    return replace(spec, **changes)
+    values = {"robot": ROBOT, "mission": MISSION, "seed": 7, "limit": 60.0} | changes
+    return replace(make_spec(3), scene=world.digest, **values)
 
 
 GRID = OccupancyGrid(0.05, -1.0, -2.0, np.arange(60, dtype=np.int8).reshape(6, 10))
@@ -147,6 +135,15 @@ def record_until(trace, seconds, joints):
     trace.contact(seconds, "robot", "door-0/leaf", (1.0, 2.0), (0.0, -1.0), 0.003)
     trace.contact(seconds, "robot", "hall-wall-0", (4.0, 5.0), (1.0, 0.0), 0.001)
     trace.contact(seconds, "robot", "door-0/leaf", (1.1, 2.1), (0.6, 0.8), 0.002)
+
+
+@contextmanager
+def writing(path, world=None, **changes):
+    """A writer of a recording at ``path``, closed at its limit."""
+    world = world or scene()
+    with TraceWriter(path, specification(world, **changes), world) as trace:
+        yield trace
+        trace.close("limit")
 
 
 def record(path, *, seconds=12.0, doors=3):

@@ -54,9 +54,8 @@ def test_a_look_in_between_sees_everything_until_then(tmp_path, at):
         track, whole = getattr(seen, name), getattr(end, name)
         assert track.time[-1] >= at - 0.55
         assert same(track.time, whole.time[: len(track.time)])
-        assert same(track.x if name != "command" else track.vx, (
-            whole.x if name != "command" else whole.vx
-        )[: len(track.time)])  # fmt: skip
+        values = "vx" if name == "command" else "x"
+        assert same(getattr(track, values), getattr(whole, values)[: len(track.time)])
     assert seen.events == end.events[: len(seen.events)]
     moment = seen.ground_truth.time
     for column in range(3):
@@ -68,8 +67,7 @@ def test_a_look_in_between_sees_everything_until_then(tmp_path, at):
 
 
 def test_what_another_has_written_there_is_refused(tmp_path):
-    world = scene()
-    with TraceWriter(tmp_path / "run.mcap", specification(world), world) as trace:
+    with TraceWriter(tmp_path / "run.mcap", specification(scene()), scene()) as trace:
         record_until(trace, 1.0, 3)
         (tmp_path / "run.mcap.partial").unlink()
         with pytest.raises(TraceError):

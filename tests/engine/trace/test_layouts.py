@@ -8,7 +8,7 @@ from hypothesis.extra.numpy import arrays
 
 from daemon.model import ros_messages as ros
 from daemon.model.sut import CostmapPicture
-from daemon.trace import encode_costmap, encode_path, encode_poses, layouts, messages
+from daemon.trace import encode_costmap, encode_path, layouts, messages
 from daemon.trace.layouts import HEADER, stamps
 from grammars.model.grid import OccupancyGrid
 from tests.engine.trace.recordings import ROBOT
@@ -66,19 +66,6 @@ def test_values_land_in_the_fields_they_are_named_after(name):
             np.testing.assert_array_equal(records[field], expected)
 
 
-def test_odometry_fields_are_read_back_by_rosbags():
-    layout = LAYOUTS["odometry"]
-    columns = {name: np.array([float(i)]) for i, name in enumerate(layout.names)}
-    row = layout.encode(1, np.array([12_500_000_000]), columns)[0]
-    message = ros.deserialize(row[HEADER.size :].tobytes(), "nav_msgs/msg/Odometry")
-    assert (message.header.stamp.sec, message.header.stamp.nanosec) == (12, 500_000_000)
-    assert (message.header.frame_id, message.child_frame_id) == ("odom", "base_link")
-    pose, twist = message.pose.pose, message.twist.twist
-    found = [pose.position.x, pose.position.y, pose.orientation.z, pose.orientation.w]
-    found += [twist.linear.x, twist.linear.y, twist.angular.z]
-    assert found == [float(columns[n][0]) for n in ("x", "y", "qz", "qw", "vx", "vy", "wz")]
-
-
 def test_covariances_lie_where_ros_expects_x_y_and_yaw():
     layout = LAYOUTS["estimate"]
     columns = {name: np.array([0.0]) for name in layout.names}
@@ -125,15 +112,6 @@ def test_a_path_is_what_rosbags_serializes(points, now):
     for header in (message.header, *(p.header for p in message.poses)):
         assert header.stamp.sec * 10**9 + header.stamp.nanosec == now
         assert header.frame_id == "map"
-
-
-@pytest.mark.parametrize("count", [0, 3])
-def test_particles_are_what_rosbags_serializes(count):
-    data = encode_poses(7, np.full((count, 3), (1.5, -0.5, 0.0)))
-    message = ros.deserialize(data, "geometry_msgs/msg/PoseArray")
-    assert ros.serialize(message, "geometry_msgs/msg/PoseArray") == data
-    assert (message.header.stamp.nanosec, message.header.frame_id) == (7, "map")
-    assert [(p.position.x, p.orientation.w) for p in message.poses] == [(1.5, 1.0)] * count
 
 
 @pytest.mark.parametrize("frame", ["map", "odom"])

@@ -10,13 +10,12 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from mcap.writer import CompressionType, IndexType
 
-from daemon.model.spec import ENGINE_VERSION, SutReference
+from daemon.model.spec import ENGINE_VERSION
 from daemon.model.sut import Cloud, Estimate, Odometry, Progress
 from daemon.trace import (
     JointSamples,
     MovingLinks,
     ProgressRecord,
-    TraceWriter,
     decode_path,
     encode_path,
     read_trace,
@@ -35,6 +34,7 @@ from tests.engine.trace.recordings import (
     scene,
     specification,
     twist_at,
+    writing,
 )
 
 RELAXED = settings(
@@ -110,19 +110,6 @@ def test_joint_states_left_out_are_given_back_by_interpolation(recorded):
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize(("parameters", "count"), [({}, 0), ({"repeatable": False}, 40)])
-def test_only_a_system_that_is_not_repeatable_leaves_latencies(tmp_path, parameters, count):
-    world, path = scene(), tmp_path / "run.mcap"
-    spec = specification(world, sut=SutReference("mine", "mine", parameters))
-    with TraceWriter(path, spec, world) as writer:
-        for step in range(40):
-            writer.ground_truth(step / 20, pose_at(step / 20), twist_at(step / 20))
-            writer.latency(step / 20, 0.01)
-        writer.close("limit")
-    trace = read_trace(path)
-    assert (trace.complete, len(trace.latency.time)) == (True, count)
-
-
 @given(st.lists(st.sampled_from([0.0, 0.5, 1.0]), min_size=1, max_size=120))
 def test_thinned_joint_states_interpolate_to_all_of_them(positions):
     samples = JointSamples(scene(1))
@@ -183,12 +170,9 @@ def test_progress_comes_back(tmp_path, progress):
 
 
 def written(folder, fill):
-    world = scene()
-    path = folder / "run.mcap"
-    with TraceWriter(path, specification(world), world) as writer:
+    with writing(folder / "run.mcap") as writer:
         fill(writer)
-        writer.close("limit")
-    return read_trace(path)
+    return read_trace(folder / "run.mcap")
 
 
 def drive(writer, times, x=0.0):

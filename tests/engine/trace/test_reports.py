@@ -15,8 +15,8 @@ from daemon.model.sut import (
     SpeedLimit,
     TreeChange,
 )
-from daemon.trace import TraceWriter, read_trace
-from tests.engine.trace.recordings import scene, specification
+from daemon.trace import read_trace
+from tests.engine.trace.recordings import writing
 
 COSTS = np.array([[0, 1, 129], [253, 254, 255]], np.uint8)
 LOG = BehaviorTreeLog(
@@ -37,14 +37,15 @@ COSTMAPS = (
 )
 
 
+def asked(names):
+    return SutReference("nav2", "ros2", {"repeatable": False, "record": list(names)})
+
+
 def record(path, reports, names, **changes):
     """Record ``reports`` of a system that is asked for those called ``names``."""
-    world = scene()
-    sut = SutReference("nav2", "ros2", {"repeatable": False, "record": list(names)})
-    with TraceWriter(path, specification(world, sut=sut, **changes), world) as trace:
+    with writing(path, sut=asked(names), **changes) as trace:
         for report in reports:
             trace.report(report)
-        trace.close("finished")
     return path
 
 
@@ -99,9 +100,7 @@ def test_the_log_is_what_rosbags_reads():
 
 
 def test_a_run_that_goes_on_is_judged_by_what_was_reported(tmp_path):
-    world = scene()
-    sut = SutReference("nav2", "ros2", {"repeatable": False, "record": list(REPORT_TOPICS)})
-    with TraceWriter(tmp_path / "run.mcap", specification(world, sut=sut), world) as trace:
+    with writing(tmp_path / "run.mcap", sut=asked(REPORT_TOPICS)) as trace:
         for count, report in enumerate(REPORTS, start=1):
             trace.report(report)
             assert trace.so_far().reports == REPORTS[:count]
