@@ -4,8 +4,7 @@ The parameters of the system under test say what to do: ``sleep`` [s], ``until``
 there is this file; ``{attempt}`` in its name is the attempt's number), ``outcome``, ``crash``
 (the attempt numbers that die by SIGKILL), ``kill`` (the ancestor that dies by SIGKILL: 0 is the
 guardian, 1 the zygote, 2 what started that), ``abort`` (say this and abort), ``raise``,
-``full`` (the disk quota is used up until there is this file; one beside it, that ends in
-``.times``, has a line for each time that this was found out),
+``full`` (the disk quota is used up until there is this file),
 ``allocate`` [MiB], ``log`` (a file that gets a line per execution), ``leaves`` (a file that gets
 the numbers of the processes that are left behind), ``prints`` [MiB], ``evidence`` (characters of
 it), ``verdicts`` (so many), ``size`` (of the trace, bytes at least), ``reads`` (a file attached,
@@ -54,8 +53,6 @@ def execute(
         sys.stdout.flush()
         os.abort()
     if "full" in asked and not Path(asked["full"]).exists():
-        with Path(f"{asked['full']}.times").open("a") as file:
-            file.write(f"{time.time()}\n")
         raise OSError(errno.EDQUOT, os.strerror(errno.EDQUOT))
     if "raise" in asked:
         raise RuntimeError(asked["raise"])

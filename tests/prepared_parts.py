@@ -18,6 +18,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -57,17 +58,22 @@ class PreparedProcess(_ForkedProcess):
     def __init__(self, ended):
         self._ended = ended
         self._code = None
+        self._taking = threading.Lock()
         self.pid = int(os.read(ended, _PID_BYTES))
 
     def _look(self, timeout):
         if self._code is None and select.select([self._ended], [], [], timeout)[0]:
-            # Nothing comes when who waited for it was killed with it.
-            self._code = int(os.read(self._ended, 20) or -signal.SIGKILL)
-            os.close(self._ended)
+            with self._taking:
+                if self._code is None:
+                    # Nothing comes when who waited for it was killed with it.
+                    self._code = int(os.read(self._ended, 20) or -signal.SIGKILL)
         return self._code
 
+    def __del__(self):
+        os.close(self._ended)
 
-def start_prepared(words, root, output):
+
+def start_prepared(words, root, output, stdin=None):
     """Run ``python -m WORDS`` in the folder ``root``; ``None`` where Python is set up otherwise."""
     environment = dict(os.environ)
     if _of_python(environment) != ENVIRONMENT:
@@ -75,9 +81,23 @@ def start_prepared(words, root, output):
     server = _server(root)
     ended, write_end = os.pipe()
     message = json.dumps([list(words), environment, _umask()]).encode()
-    socket.send_fds(server, [message], [write_end, output])
+    files = [write_end, output] if stdin is None else [write_end, output, stdin]
+    socket.send_fds(server, [message], files)
     os.close(write_end)
     return PreparedProcess(ended)
+
+
+def start_as_launched(command, root, *, stdin, stdout, stderr, start_new_session):
+    """What ``subprocess.Popen`` does for who launches a daemon, as a part that was forked."""
+    assert stdout == stderr
+    assert start_new_session
+    if stdin != subprocess.PIPE:
+        return start_prepared(command[4:], root, stdout.fileno(), stdin if stdin >= 0 else None)
+    reading, writing = os.pipe()
+    process = start_prepared(command[4:], root, stdout.fileno(), reading)
+    os.close(reading)
+    process.stdin = os.fdopen(writing, "wb", 0)
+    return process
 
 
 def _umask():
@@ -125,7 +145,7 @@ def _serve(asked):
     assert threads == 1, "what is forked from a process with threads may hang"
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)
     while True:
-        message, files, _, _ = socket.recv_fds(asked, _LARGEST, 2)
+        message, files, _, _ = socket.recv_fds(asked, _LARGEST, 3)
         if not message:
             return
         if os.fork() == 0:
@@ -136,12 +156,12 @@ def _serve(asked):
             os.close(file)
 
 
-def _start(words, environment, umask, ended, output):
+def _start(words, environment, umask, ended, output, stdin=None):
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     part = os.fork()
     if part:
         os.write(ended, f"{part:{_PID_BYTES}}".encode())
-        os.close(output)
+        os.closerange(output, (stdin or output) + 1)
         _, status = os.waitpid(part, 0)
         os.write(ended, f"{os.waitstatus_to_exitcode(status)}\n".encode())
         os._exit(0)
@@ -151,6 +171,9 @@ def _start(words, environment, umask, ended, output):
     os.dup2(output, sys.stdout.fileno())
     os.dup2(output, sys.stderr.fileno())
     os.close(output)
+    if stdin is not None:
+        os.dup2(stdin, 0)
+        os.close(stdin)
     _become(words, environment)
 
 

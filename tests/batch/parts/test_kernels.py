@@ -1,5 +1,7 @@
 """Machine code on disk: it is used again, and not when something compiled into it has changed."""
 
+import itertools
+import json
 import os
 import subprocess
 import sys
@@ -10,7 +12,7 @@ import pytest
 
 from daemon.model import kernels
 from daemon.model.kernels import cache_folder, compiling_ahead, kernel, machine_code
-from tests.parts import ROOT
+from tests.parts import ROOT, eventually
 
 CALLEE = """
 from daemon.model.kernels import kernel
@@ -53,22 +55,49 @@ print(total(4), len(total.stats.cache_hits))
 """
 
 
+FORKING = """
+import json, os, runpy, sys
+import numba
+from daemon.supervision import child
+
+for line in sys.stdin:
+    folder, output = json.loads(line)
+    if os.fork() == 0:
+        os.environ["NUMBA_CACHE_DIR"] = folder + "/cache"
+        sys.path.insert(0, folder)
+        with open(output + ".part", "w") as sys.stdout:
+            runpy.run_path(folder + "/program.py", run_name="__main__")
+        os.rename(output + ".part", output)
+        os._exit(0)
+"""
+
+
+@pytest.fixture(scope="module")
+def forking():
+    """A process with numba, which takes a second to load."""
+    command, pipes = [sys.executable, "-B", "-c", FORKING], {"stdin": subprocess.PIPE}
+    with subprocess.Popen(command, cwd=ROOT, text=True, **pipes) as process:
+        yield process.stdin
+        process.stdin.close()
+
+
 @pytest.fixture
-def start(tmp_path):
-    """Start a program that keeps machine code in a folder of its own."""
-    paths = os.pathsep.join([str(ROOT), str(tmp_path)])
-    environment = os.environ | {"PYTHONPATH": paths, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+def start(forking, tmp_path):
+    """Start a program that keeps machine code in a folder of its own; returns its output."""
+    numbers = itertools.count()
 
     def start(program=SLOW):
+        output = tmp_path / f"output-{next(numbers)}"
         (tmp_path / "program.py").write_text(program)
-        command = [sys.executable, "-B", str(tmp_path / "program.py")]
-        return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)
+        print(json.dumps([str(tmp_path), str(output)]), file=forking, flush=True)
+        return output
 
     return start
 
 
-def words_of(process):
-    return process.communicate(timeout=120)[0].split()
+def words_of(output):
+    eventually(output.exists)
+    return output.read_text().split()
 
 
 def test_a_kernel_is_compiled_anew_when_what_it_calls_or_a_constant_changed(start, tmp_path):

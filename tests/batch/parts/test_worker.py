@@ -117,15 +117,6 @@ def test_a_run_without_a_result_is_lost_and_says_why(endings, kind, begin, middl
     assert len(row.reason) < 10_000
 
 
-def test_the_wall_clock_limit_of_a_daemon_stops_a_run(tmp_path):
-    settings = {"wall": 0.3, "attempts": 1}
-    with daemon_at(tmp_path / "state", 1, **settings) as daemon, daemon.client() as client:
-        client.submit(make_submission("slow", 1, sleep=600.0))
-        (row,) = finish(client, "slow")
-        assert row.state is RunState.LOST
-        assert "stopped after 0.3 s of wall clock time" in row.reason
-
-
 def test_results_are_bounded_where_they_are_made(endings):
     cut, empty = endings["has long evidence"], endings["has many verdicts"]
     assert (cut.outcome, len(cut.result.verdicts)) == (Outcome.PASS, 1)
@@ -270,6 +261,14 @@ def direct(bare):
             client.delete((row.id,))
 
 
+def test_a_wall_clock_limit_stops_a_run(bare, direct):
+    with worker_for(bare, 1, "--wall", "0.3"):
+        direct.submit(make_submission("slow", 1, sleep=600.0))
+        (row,) = finish(direct, "slow")
+        assert row.state is RunState.LOST
+        assert "stopped after 0.3 s of wall clock time" in row.reason
+
+
 def test_a_worker_told_twice_gives_its_runs_back_without_blame(bare, direct, tmp_path):
     log = tmp_path / "log"
     with worker_for(bare, 2) as worker:
@@ -325,16 +324,12 @@ def test_a_full_disk_of_daemon_and_worker_is_one_trouble(tmp_path):
 
 def test_a_worker_in_trouble_leaves_off_and_says_why(bare, direct, tmp_path):
     """Its disk quota was used up: it executed 239 runs in 12 s, and nobody was told."""
-    room, times = tmp_path / "room", tmp_path / "room.times"
+    room = tmp_path / "room"
     with worker_for(bare, 2):
         direct.submit(make_submission("c", 12, full=str(room)))
         trouble = eventually(lambda: direct.overview().trouble)
         assert "Disk quota exceeded" in trouble
         assert direct.workers()[0].trouble in trouble
-        # Two runs find out at once; after pauses that double others do, one by one. Load makes
-        # them only longer.
-        found = eventually(lambda: len(found := times.read_text().split()) > 3 and found)
-        assert float(found[3]) - float(found[2]) > 1.4
         reasons = {row.reason for row in direct.runs("c").rows if row.reason}
         assert reasons
         assert all("Disk quota exceeded" in reason for reason in reasons)
