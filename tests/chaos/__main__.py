@@ -14,7 +14,6 @@ from pathlib import Path
 
 from daemon.batch.errors import DaemonError
 from tests.chaos.clock import clock
-from tests.chaos.cluster import cluster
 from tests.chaos.disk import full_disk
 from tests.chaos.network import network
 from tests.chaos.output import output
@@ -34,7 +33,6 @@ def _scenarios(options):
         "torn": lambda folder: torn(folder, seed=seed),
         "clock": lambda folder: clock(folder, seed=seed),
         "stacks": lambda folder: stacks(folder, seed=seed),
-        "cluster": lambda folder: cluster(folder, seed=seed),
         "network": network,
         "storm": lambda folder: storm(folder, seed=seed),
         "plugins": plugins,
