@@ -3,7 +3,6 @@
 import re
 from dataclasses import replace
 
-import html5lib
 import pytest
 
 from daemon.analysis.history import read_history
@@ -17,6 +16,7 @@ from daemon.model.spec import OracleText, SutReference, Timing
 from daemon.model.submission import CampaignOrigin
 from daemon.model.verdicts import Outcome
 from scenario_tui.cli import invoke
+from tests.analysis.page_text import text_of
 from tests.make import make_result, make_search, make_spec, submission_of
 from tests.people.cli.outputs import declared
 
@@ -102,37 +102,14 @@ def state(places, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
-def test_submissions_stand_in_their_order_with_their_results(history, reader):
-    assert [one.id for one in history.submissions] == ["demo-1", "demo-2", "demo-3"]
-    assert [one.as_expected for one in history.submissions] == [True, True, False]
+def test_an_oracle_of_a_submission_is_judged_as_its_campaign_says(history, reader):
     newest = history.submissions[-1]
-    assert (newest.runs, newest.unfinished, newest.cpu) == (10, 0, 15.0)
-    assert (newest.machines, newest.commit, newest.uncommitted) == (("bench",), "b" * 40, False)
     oracle = newest.oracles[0]
-    assert (oracle.cell, oracle.simulated, oracle.cpu) == (("S1", "pilot"), 20.0, 1.5)
-    assert (oracle.passed, oracle.n, oracle.worst, oracle.median) == (2, 5, -0.25, -0.25)
+    assert (newest.machines, newest.cpu) == (("bench",), 15.0)
+    assert (oracle.simulated, oracle.cpu, oracle.worst) == (20.0, 1.5, -0.25)
     records = reader.all_runs("demo-3", results=True)
     judged = assess(reader.declared("demo-3"), records).cells[0].oracles[0]
     assert (oracle.low, oracle.high, oracle.verdict) == (judged.low, judged.high, judged.word)
-
-
-def test_the_parts_of_a_submission_are_compared_with_the_one_before(history):
-    first, second, third = (one.changes for one in history.submissions)
-    assert first == ()
-    assert set(second) == {
-        f"commit {'a' * 12} → {'b' * 12} with uncommitted changes",
-        "system pilot: speed 1.0 → 1.5",
-        f'system pilot: label came ("{HOSTILE}")',
-    }
-    assert set(third) == {
-        "scenario S2 went",
-        "scenario S3 came",
-        "campaign file changed",
-        f"commit {'b' * 12} with uncommitted changes → {'b' * 12}",
-        "repeats 1 → 5",
-        "policy all → rate 0.9",
-        "scenario S1: oracle arrives within 10 s → within 8 s",
-    }
 
 
 @pytest.mark.parametrize(
@@ -148,14 +125,10 @@ def test_the_first_sentence_says_what_is_new(history, count, headline):
     assert replace(history, submissions=history.submissions[:count]).headline == headline
 
 
-def test_the_page_has_a_chart_for_each_cell_and_no_name_becomes_part_of_it(history):
+def test_the_page_tells_what_changed_and_no_name_becomes_part_of_it(history, golden):
     page = history_page(history)
-    html5lib.HTMLParser(strict=True).parse(page)
-    before = page[: page.rindex("<script>")]
-    assert before.count('<div class="chart"') == 3
-    assert f"{history.headline[1:]}." in before.replace("&gt;", ">")
+    golden("history.txt", text_of(page))
     assert HOSTILE not in page
-    assert "system pilot: speed 1.0 → 1.5" in before
     assert history_page(replace(history, submissions=history.submissions[:1]))
     # Times are drawn of every submission, also where oracles have other names.
     *older, newest = history.submissions

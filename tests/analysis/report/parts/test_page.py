@@ -8,7 +8,6 @@ from dataclasses import replace
 from hashlib import sha256
 from html import unescape
 
-import html5lib
 import pytest
 
 from daemon.analysis.report import (
@@ -21,10 +20,10 @@ from daemon.analysis.report import (
 )
 from daemon.judging.assessment import assess
 from daemon.model.assessments import ReferenceValue
-from daemon.model.spec import own_version
 from daemon.model.submission import CampaignOrigin
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from grammars.text.words import NOTHING
+from tests.analysis.page_text import parse, text_of, without_scripts, words
 from tests.analysis.report.recordings import (
     ABOUT,
     COMMAND,
@@ -38,21 +37,6 @@ from tests.analysis.report.recordings import (
 from tests.make import with_result
 
 HTML = "{http://www.w3.org/1999/xhtml}"
-LINES = {"h1", "h2", "h3", "p", "li", "dt", "dd", "figcaption", "summary", "caption", "pre"}
-
-
-def without_scripts(page):
-    """What a reader whose browser executes nothing is sent."""
-    return re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)
-
-
-def parse(page):
-    """The page as a browser would understand it; anything not well formed raises."""
-    return html5lib.HTMLParser(strict=True).parse(without_scripts(page))
-
-
-def words(element):
-    return " ".join(" ".join(element.itertext()).split())
 
 
 def elements(tree, name):
@@ -62,29 +46,6 @@ def elements(tree, name):
 def section(tree, name):
     (found,) = [e for e in tree.iter() if e.get("id") == name]
     return found
-
-
-def lines_of(element):
-    """What a reader sees, line by line; a picture by its name."""
-    tag = str(element.tag).rpartition("}")[2]
-    if tag in ("head", "style"):
-        return
-    if tag == "svg" or element.get("role") == "img":
-        yield f"[{element.get('aria-label')}]"
-    elif tag == "tr":
-        yield " | ".join(map(words, element))
-    elif tag in LINES:
-        yield words(element)
-    else:
-        yield (element.text or "").strip()
-        for child in element:
-            yield from lines_of(child)
-            yield (child.tail or "").strip()
-
-
-def text_of(page):
-    text = "\n".join(filter(None, lines_of(parse(page))))
-    return text.replace(own_version(), "VERSION") + "\n"
 
 
 @pytest.fixture(scope="module")
