@@ -19,6 +19,14 @@ from tests.engine.judging.records import cell, lost, measure, record, verdict
 from tests.engine.judging.traces import answers
 
 RATE = AssessmentRules(RepeatPolicy(5, "rate", 0.8))
+PLAIN = AssessmentRules()
+
+
+def expecting(wanted, policy=RepeatPolicy(), **changes):  # noqa: B008
+    base = Expectation("S1", "clear", (), wanted, "it is narrow")
+    return AssessmentRules(policy, expectations=(replace(base, **changes),))
+
+
 POLICIES = {
     "all": AssessmentRules(),
     "rate": RATE,
@@ -29,15 +37,12 @@ POLICIES = {
     "mean in four looks": AssessmentRules(
         RepeatPolicy(5, "mean", until_decided=True, at_most=30)
     ),
+    **{f"expects {wanted}": expecting(wanted) for wanted in ("pass", "fail", "mixed", "any")},
+    "rate of 50 %, expects pass": expecting("pass", RepeatPolicy(21, "rate", 0.5)),
+    "rate of 80 %, expects any": expecting("any", RATE.policy),
 }  # fmt: skip
 HERE = Path(__file__).parent
 ERROR = Verdict("clear", "always(...)", Outcome.ERROR, None, None, "m", Evidence())
-PLAIN = AssessmentRules()
-
-
-def expecting(wanted, **changes):
-    base = Expectation("S1", "clear", (), wanted, "known")
-    return AssessmentRules(expectations=(replace(base, **changes),))
 
 
 def repeats(line):
@@ -63,8 +68,21 @@ def repeats(line):
     return tuple(runs)
 
 
+def expectations(rules, found, runs):
+    """What came of an expectation: its status, the surprise, the marks of cell and runs."""
+    ((only,),) = (each.oracles for each in found.cells)
+    marks = find_marks(rules, found, runs)
+    signs = [f"{m.kind} {m.letter}" if m.kind else "-" for m in map(marks.mark, runs)]
+    cell = marks.mark_cells(found.cells)
+    yield f"{only.status}, marked {f'{cell.kind} {cell.letter} {cell.reason}'.strip() or '-'}"
+    yield f"runs {', '.join(signs)}"
+    for one in found.surprises:
+        yield f"surprise in {one.run}, {one.repeat}, {one.why}: {one.text}"
+
+
 def told(rules, line):
-    found = assess(rules, repeats(line))
+    runs = repeats(line)
+    found = assess(rules, runs)
     ((only,),) = (each.oracles for each in found.cells)
     counts = (only.passed, only.failed, only.inconclusive, only.errors, only.missing)
     names = ("passed", "failed", "open", "in error", "missing")
@@ -79,6 +97,10 @@ def told(rules, line):
     if only.worst is not None:
         seen = evidence_text(only.worst.verdict)
         parts.append(f"look at {only.worst.repeat}: {seen}".removesuffix(": "))
+    if undecided_cells(rules, runs):
+        parts.append("is repeated")
+    if rules.expectations:
+        parts += expectations(rules, found, runs)
     return "; ".join(parts)
 
 
@@ -96,44 +118,6 @@ def test_a_mean_that_is_looked_at_more_often_needs_more():
 
         assert (judged(1, 0.01), judged(1, -0.01)) == (Outcome.PASS, Outcome.INCONCLUSIVE)
         assert judged(-1, 0.01) is Outcome.FAIL
-
-
-@pytest.mark.parametrize(
-    ("wanted", "margins", "status", "code"),
-    [
-        ("pass", [1, 1], "met", 0),
-        ("pass", [1, -1], "contradicted", 1),
-        ("pass", [1, None], "open", 4),
-        ("fail", [-1, -1], "met", 0),
-        ("fail", [-1, 1], "contradicted", 1),
-        ("fail", [-1, None], "open", 4),
-        ("mixed", [-1, 1], "met", 0),
-        ("mixed", [-1, -1], "met", 0),
-        ("mixed", [1, 1], "contradicted", 1),
-        ("mixed", [1, None], "open", 4),
-        ("any", [1, None], "met", 0),
-        ("any", [-1, -1], "met", 0),
-    ],
-)
-def test_an_unmet_expectation_is_red_in_both_directions(wanted, margins, status, code):
-    result = assess(expecting(wanted), cell(margins))
-    assert result.cells[0].oracles[0].status == status
-    assert result.exit_code == code
-    assert bool(result.surprises) is (code == 1)
-
-
-@pytest.mark.parametrize(
-    ("wanted", "margins", "run", "text"),
-    [
-        ("pass", [0.1, -0.012], 1, "−0.012 m  at 41.3 s  door-17  (1 of 2 fail)"),
-        ("pass", [-0.1, -0.012], 0, "−0.1 m  at 41.3 s  door-17"),
-        ("mixed", [0.1, 0.2], 0, "passes 2 of 2, expected mixed"),
-    ],
-)
-def test_a_surprise_says_where_to_look(wanted, margins, run, text):
-    (surprise,) = assess(expecting(wanted), cell(margins)).surprises
-    assert (surprise.run, surprise.repeat, surprise.why) == (f"c.S1-a2s-{run}", run, "known")
-    assert surprise.text == f"a2s S1 clear  {text}"
 
 
 @pytest.mark.parametrize(
@@ -242,21 +226,6 @@ def test_only_runs_that_have_a_value_are_measured():
     assert (only_one.unit, only_one.values) == ("1", (7.0,))
 
 
-def test_only_cells_that_more_repeats_can_decide_are_repeated():
-    assert RepeatPolicy(5, "rate", 0.8, until_decided=True, at_most=30).looks == (5, 10, 20, 30)
-    other = cell([0.1] * 3, scenario="S2")
-    for rules, runs, expected in (
-        (RATE, cell([0.1] * 5), ["S1"]),
-        (RATE, cell([0.1] * 14), []),
-        (RATE, (*cell([0.1] * 4), lost(4)), []),
-        (RATE, cell([0.1] * 4 + [None]), []),
-        (RATE, (*cell([0.1] * 14), *other), ["S2"]),
-        (PLAIN, cell([0.1, -0.1]), []),
-        (replace(expecting("any"), policy=RATE.policy), cell([0.1] * 5), []),
-    ):
-        assert undecided_cells(rules, runs) == tuple((name, "a2s") for name in expected)
-
-
 margins = st.lists(st.one_of(st.none(), st.floats(-1, 1)), min_size=1, max_size=8)
 policies = st.sampled_from([RepeatPolicy(), RepeatPolicy(5, "rate", 0.5), RepeatPolicy(5, "mean")])
 
@@ -280,38 +249,13 @@ def test_a_better_margin_never_turns_a_pass_into_a_failure(found, policy):
     assert policy.rule == "mean" or before is not Outcome.PASS or after is Outcome.PASS
 
 
-KNOWN, NEWS = Mark("known", "a", "it is narrow"), Mark("news", "!", "expected pass")
-
-
-def marks_of(runs, wanted="pass", policy="all"):
-    """The marks of the cell and of each of its runs."""
-    declared = AssessmentRules(
-        RepeatPolicy(len(runs), policy, 0.5),
-        expectations=(Expectation("S1", "clear", (), wanted, "it is narrow"),),
-    )
-    assessment = assess(declared, runs)
-    found = find_marks(declared, assessment, runs)
-    return found.mark_cells(assessment.cells[:1]), [found.mark(run) for run in runs]
-
-
-def test_news_are_marked_with_a_sign_and_known_failures_with_a_letter():
-    assert marks_of(cell([0.1, -0.1])) == (NEWS, [Mark(), NEWS])
-    for wanted in ("fail", "mixed", "any"):
-        assert marks_of(cell([-0.1, -0.2]), wanted) == (KNOWN, [KNOWN, KNOWN])
-    assert marks_of(cell([0.1, 0.1]), "any") == (Mark(), [Mark(), Mark()])
-
-
-def test_what_passes_although_it_should_fail_is_news():
-    whole, (known, news) = marks_of(cell([-0.1, 0.1]), "fail")
-    assert (whole.kind, known, news.kind) == ("news", KNOWN, "news")
-
-
-def test_failures_within_the_rate_are_not_news():
-    assert marks_of(cell([0.1] * 20 + [-0.1]), policy="rate")[1][-1] == Mark()
-    assert marks_of(cell([-0.1] * 20), policy="rate")[1][0].kind == "news"
-
-
 def test_one_failure_that_is_not_known_makes_the_run_news():
-    run = record(0, verdict(-0.1), verdict(-0.1, oracle="reached"))
-    whole, (mark,) = marks_of([run], "fail")
-    assert mark == whole == Mark("news", "!a", "expected pass")
+    rules, run = expecting("fail"), record(0, verdict(-0.1), verdict(-0.1, oracle="reached"))
+    assessment = assess(rules, [run])
+    marks, news = find_marks(rules, assessment, [run]), Mark("news", "!a", "expected pass")
+    assert marks.mark_cells(assessment.cells[:1]) == marks.mark(run) == news
+
+
+def test_only_cells_that_more_repeats_can_decide_are_repeated():
+    other = cell([0.1] * 3, scenario="S2")
+    assert undecided_cells(RATE, (*cell([0.1] * 14), *other)) == (("S2", "a2s"),)

@@ -6,19 +6,14 @@ from pathlib import Path
 import numpy as np
 
 from daemon.judging.oracles import judge
-from daemon.model.spec import MapSettings, OracleText, RunSpec, SutReference
+from daemon.model.spec import OracleText, SutReference
 from daemon.model.sut import BehaviorTreeLog, TreeChange
-from daemon.trace import (
-    CommandTrack,
-    JointTrack,
-    MotionTrack,
-    PoseTrack,
-    Trace,
-)
+from daemon.trace import CommandTrack, JointTrack, MotionTrack, PoseTrack, Trace
 from grammars.model.geometry import Pose2
 from grammars.model.mission import Mission, Waypoint
 from grammars.model.robot import Drive, Laser, Mount, OdometryNoise, Robot
 from grammars.model.scene import Joint, Link, Scene, SceneObject, Solid
+from tests.make import make_spec
 
 ROBOT = Robot(
     name="base",
@@ -109,20 +104,9 @@ def make_trace(
     Unless there is another ``goal`` the mission asks for nothing but to stay.
     """
     time = motion.time
-    spec = RunSpec(
-        campaign="c",
-        scenario="S",
-        sut=SutReference("pilot", "pilot", {}),
-        repeat=1,
-        scene=scene.digest,
-        robot=robot,
-        mission=goal or mission((float(motion.x[0]), float(motion.y[0]))),
-        behaviours=(),
-        oracles=(),
-        map=MapSettings(),
-        seed=1,
-        limit=limit,
-    )
+    goal = goal or mission((float(motion.x[0]), float(motion.y[0])))
+    values = {"robot": robot, "mission": goal, "oracles": (), "limit": limit}
+    spec = replace(make_spec(1), scene=scene.digest, **values)
     names = scene.joint_names
     initial = np.array([p for item in scene.objects for p in item.initial])
     if joints is None:
