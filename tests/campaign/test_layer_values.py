@@ -1,13 +1,16 @@
 """Values beside the names of layers, in every slot of a scenario; scenarios on their own."""
 
-import math
 import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
+import yaml
 
 from daemon.campaign import LayerLibrary, campaign_text, expand, load_campaign, with_overrides
+from grammars.text import codec
 from tests.campaign.loaded import cells, digests, runs
+from tests.stacks.cases import cases, written
 
 
 @pytest.fixture
@@ -25,65 +28,52 @@ def cell(path):
     return cells(path)["changed"]
 
 
-def test_keys_of_a_mission_and_its_waypoints_by_their_names(demo, changed):
-    values = {"start": {"y": "10 cm"}, "waypoints.kitchen.x": 0.3}
-    found = cells(changed(mission={"courier": values}))
-    mission = found["changed"].mission
-    assert (mission.start.y, mission.waypoints[0].x) == (0.1, 0.3)
-    assert mission.waypoints[1:] == found["plain"].mission.waypoints[1:]
-    # A waypoint without an id has its number.
-    (demo / "short.mission.yaml").write_text("waypoints: [{x: 0.2, y: 0.1}, {x: 0.5, y: 0.0}]\n")
-    short = cell(changed(mission={"short": {"waypoints.waypoint-2.yaw": "90 deg"}})).mission
-    assert [w.yaw for w in short.waypoints] == [None, math.pi / 2]
-    # A place that is visited twice moves as one.
-    text = "waypoints: [{id: a, x: 0.2, y: 0}, {id: b, x: 0.5, y: 0}, {id: a, x: 0.2, y: 0}]\n"
-    (demo / "round.mission.yaml").write_text(text)
-    twice = cell(changed(mission={"round": {"waypoints.a.x": 0.3}})).mission
-    assert [w.x for w in twice.waypoints] == [0.3, 0.5, 0.3]
+FILES = {
+    "short.mission.yaml": "waypoints: [{x: 0.2, y: 0.1}, {x: 0.5, y: 0.0}]\n",
+    "round.mission.yaml": (
+        "waypoints: [{id: a, x: 0.2, y: 0}, {id: b, x: 0.5, y: 0}, {id: a, x: 0.2, y: 0}]\n"
+    ),
+    "mine.yaml": "sut: mine\nkind: pilot\nparameters: {max_speed: 0.2, max_turn: 0.8}\n",
+    "two.scenery": "import doors\ngroup both: kitchen_door, bedroom_door\n",
+}
+VALUES = Path(__file__).with_name("values.txt")
 
 
-def test_keys_of_a_robot_and_its_lasers_by_their_names(changed):
-    values = {"laser.noise": "2 cm", "drive.max_vx": "0.6 m/s"}
-    robot = cell(changed(robot={"courier": values})).robot
-    assert (robot.laser.noise, robot.drive.max_vx) == (0.02, 0.6)
-    robot = cell(changed(robot={"shuttle": {"lasers.rear.noise": "5 cm"}})).robot
-    assert {laser.name: laser.noise for laser in robot.lasers}["rear"] == 0.05
-    assert len({laser.noise for laser in robot.lasers}) == 2
+def leaves(plain, at=()):
+    """Return a nested value as lines; items of lists have the names that they say."""
+    if not isinstance(plain, dict | list) or not plain:
+        return {f"{'.'.join(at)}: {plain}"}
+    items = plain.items() if isinstance(plain, dict) else enumerate(plain)
+    return {line for key, one in items for line in leaves(one, (*at, str(key)))}
 
 
-def test_parameters_of_a_system_in_its_own_units_or_with_one(demo, changed):
-    (sut,) = cell(changed(sut={"pilot": {"max_speed": "0.4 m/s", "patience": 30}})).suts
-    assert sut.parameters == {"max_speed": 0.4, "patience": 30}
-    text = "sut: mine\nkind: pilot\nparameters: {max_speed: 0.2, max_turn: 0.8}\n"
-    (demo / "mine.yaml").write_text(text)
-    (tuned,) = cell(changed(sut=[{"mine": {"max_speed": 0.3}}])).suts
-    assert (tuned.name, tuned.parameters) == ("mine", {"max_speed": 0.3, "max_turn": 0.8})
+def described(found):
+    """Return mission, robot and systems of a cell as lines."""
+    parts = {"mission": found.mission, "robot": found.robot, "sut": found.suts[0]}
+    return leaves({name: codec.to_plain(part) for name, part in parts.items()})
 
 
-@pytest.mark.parametrize(
-    "values",
-    [
-        {"move_base/local_costmap/inflation_radius": "30 cm"},
-        {"move_base.local_costmap.inflation_radius": "30 cm"},
-        {"move_base": {"local_costmap/inflation_radius": "30 cm"}},
-    ],
-)
-def test_nested_parameters_of_a_ros_stack_by_either_spelling(changed, values):
-    (sut,) = cell(changed(sut=[{"a2s": values}])).suts
-    (other,) = cell(changed(sut="a2s")).suts
-    costmap, plain = (s.parameters["move_base"]["local_costmap"] for s in (sut, other))
-    assert costmap == plain | {"inflation_radius": 0.3} != plain
+def test_values_reach_what_they_name(demo, changed, golden):
+    """``values.txt``: slots of a scenario, and what differs from the slots before without values.
+
+    Waypoints and lasers go by their names, parameters by either spelling, quantities by their own
+    unit or by one that is written.
+    """
+    for name, text in FILES.items():
+        (demo / name).write_text(text.replace("import doors", (demo / "doors.scenery").read_text()))
+    told, plain = [], set()
+    for name, _ in cases(VALUES):
+        found = described(cell(changed(**yaml.safe_load(name))))
+        lines = [f"- {one}" for one in plain - found] + [f"+ {one}" for one in found - plain]
+        if "{" not in name[1:-1]:
+            plain, lines = found, []
+        told += written((name, []), sorted(lines, key=lambda line: (line[2:], line)))
+    golden(VALUES.name, "\n".join(told) + "\n")
 
 
-def test_groups_of_objects_and_values_at_the_top(demo, changed, campaign):
-    doors = (demo / "doors.scenery").read_text()
-    (demo / "two.scenery").write_text(f"{doors}\ngroup both: kitchen_door, bedroom_door\n")
-    layers = cell(changed(objects={"two": {"both": "kitchen_door"}})).layers
-    assert "both" in {group.name for layer in layers for group in layer.groups}
-    path = campaign(
-        robot={"courier": {"mass": "40 kg"}}, matrix={"sut": {"pilot": {"max_speed": 0.3}}}
-    )
-    (found,) = load_campaign(path).cells
+def test_values_at_the_top(campaign):
+    suts = {"sut": {"pilot": {"max_speed": 0.3}}}
+    (found,) = load_campaign(campaign(robot={"courier": {"mass": "40 kg"}}, matrix=suts)).cells
     assert (found.robot.mass, found.suts[0].parameters) == (40.0, {"max_speed": 0.3})
 
 

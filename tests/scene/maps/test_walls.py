@@ -21,6 +21,7 @@ from grammars.scenery.composition import compile_scene, static_segments
 from grammars.text import codec
 from grammars.text.diagnostics import InputError
 from grammars.text.documents import parse_yaml, read_model
+from scenario_tui.library.checking import check_file
 from templates.occupancy import occupancy_grid
 from templates.tasks import inset_contour
 
@@ -203,6 +204,12 @@ def test_campaigns_take_a_layer_for_a_floor_plan(demo, campaign):
         load_campaign(write(("wrong", "hat")))
     with pytest.raises(InputError, match=r"hut\.walls\.yaml has no variables"):
         load_campaign(write(("wrong", {"hut": {"width": "1 m"}})))
+
+
+def test_check_says_what_a_layer_holds(tmp_path):
+    (tmp_path / "hut.walls.yaml").write_text(HUT)
+    about, found = check_file(tmp_path / "hut.walls.yaml")
+    assert (about, found) == ("walls layer with 2 spaces, 2 walls, 1 entryway", ())
 
 
 def test_a_layer_is_read_and_written(plan, tmp_path, golden):
