@@ -43,10 +43,7 @@ def start(temporary):
         stack.release()
 
 
-# It honours what it is told.
-
-
-ENGINE = """#!{python}
+ENGINE = """#!{python} -IS
 import json, os, signal, subprocess, sys
 here = {folder!r}
 with open(here + "/calls", "a") as calls:

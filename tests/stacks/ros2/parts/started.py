@@ -15,7 +15,7 @@ PYTHON = sys.executable
 def program(folder, text, name="program.py"):
     path = folder / name
     path.write_text(text)
-    return f"{PYTHON} {path}"
+    return f"{PYTHON} -IS {path}"
 
 
 def relay_file(folder, text="import time\nprint('here')\ntime.sleep(600)\n"):

@@ -62,43 +62,34 @@ def test_what_is_ours_alone_is_taken_out_of_the_environment(tmp_path):
     ours = tmp_path / "ours"
     (ours / "bin").mkdir(parents=True)
     (tmp_path / "link").symlink_to(ours)
-    kept = {
-        "PYTHONPATH": "/opt/ros/jazzy/lib/python3.12/site-packages",
-        "MKL_NUM_THREADS": "6",
-        "ROS_DISTRO": "jazzy",
-    }
-    dropped = {
-        "VIRTUAL_ENV": str(ours),
-        "VIRTUAL_ENV_PROMPT": "ours",
-        "PYTHONSAFEPATH": "1",
-        "PYTHONHOME": "/nowhere",
-        "SCENARIO_STATE": "/somewhere",
-        "SCENARIO_NONCE": "x",
-        "OMP_NUM_THREADS": "1",
-    }
+    packages = "/opt/ros/jazzy/lib/python3.12/site-packages"
+    kept = {"PYTHONPATH": packages, "MKL_NUM_THREADS": "6", "ROS_DISTRO": "jazzy"}
+    names = ("VIRTUAL_ENV_PROMPT", "PYTHONSAFEPATH", "PYTHONHOME", "SCENARIO_STATE",
+             "SCENARIO_NONCE")  # fmt: skip
+    dropped = dict.fromkeys(names, "x") | {"VIRTUAL_ENV": str(ours), "OMP_NUM_THREADS": "1"}
     path = f"{ours}/bin:/usr/local/bin:{tmp_path}/link/bin:/usr/bin"
     found = without_ours(kept | dropped | {"PATH": path}, prefix=str(ours), base_prefix="/usr")
     assert found == kept | {"PATH": "/usr/local/bin:/usr/bin"}
-
-
-def test_another_virtual_environment_and_its_programs_stay():
+    # Another virtual environment and its programs stay.
     environ = {"PATH": "/theirs/bin:/usr/bin", "VIRTUAL_ENV": "/theirs"}
-    assert without_ours(environ, prefix="/ours", base_prefix="/usr") == environ
-    assert without_ours(environ, prefix="/theirs", base_prefix="/theirs") == environ
+    for prefix, base in (("/ours", "/usr"), ("/theirs", "/theirs")):
+        assert without_ours(environ, prefix=prefix, base_prefix=base) == environ
 
 
 @pytest.mark.parametrize("shell", ["bash", "sh"])
 def test_setup_files_are_sourced_in_order_and_what_is_set_wins(tmp_path, shell):
-    first, second = tmp_path / "first of two.sh", tmp_path / "second.sh"
+    """Also one below the home of who starts it; what one has set of its shell is over then."""
+    (tmp_path / "my ws").mkdir()
+    first, second = tmp_path / "my ws" / "first.sh", tmp_path / "second of two.sh"
     first.write_text("export ORDER=1 ONLY=first HOME=/wrong ROS_DOMAIN_ID=7; set -e\n")
     second.write_text("export ORDER=${ORDER}2 RMW=theirs SCENARIO_STACK=theirs\n")
     script = environment_script(
-        (str(first), str(second)),
+        ("~/my ws/first.sh", str(second)),
         {"RMW": 'it\'s "$HOME"\n`id`', "ROS_LOG_DIR": "/chosen"},
         {"HOME": "/own", "ROS_LOG_DIR": "/own/log"},
         {"ROS_DOMAIN_ID": "42", "SCENARIO_STACK": "token"},
     )
-    found = environment(f"{script}\nfalse", shell)  # set -e of a setup file is over
+    found = environment(f"{script}\nfalse", shell, HOME=str(tmp_path))
     expected = {
         "ORDER": "12",
         "ONLY": "first",
@@ -110,14 +101,6 @@ def test_setup_files_are_sourced_in_order_and_what_is_set_wins(tmp_path, shell):
     }
     assert expected.items() <= found.items()
     assert "scenario_setup" not in found
-
-
-def test_a_setup_file_may_lie_below_the_users_home(tmp_path):
-    (tmp_path / "my ws").mkdir()
-    (tmp_path / "my ws" / "setup.bash").write_text("export FOUND=yes\n")
-    script = environment_script(("~/my ws/setup.bash",), {}, {"HOME": "/own"}, {})
-    found = environment(script, HOME=str(tmp_path))
-    assert (found["FOUND"], found["HOME"]) == ("yes", "/own")
 
 
 @pytest.mark.parametrize(
@@ -139,30 +122,25 @@ def test_a_setup_file_that_fails_is_named(tmp_path, content, words):
 
 
 @pytest.mark.parametrize(
-    ("distribution", "said", "unsaid"),
+    ("setup", "variables", "said"),
     [
-        ("humble", "ROS_LOCALHOST_ONLY=1", "ROS_AUTOMATIC_DISCOVERY_RANGE"),
-        ("jazzy", "ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST", "ROS_LOCALHOST_ONLY"),
-        ("", "ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST", "ROS_LOCALHOST_ONLY"),
+        ("export ROS_DISTRO=humble", {}, {"ROS_LOCALHOST_ONLY": "1"}),
+        ("export ROS_DISTRO=jazzy", {}, {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}),
+        ("true", {}, {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}),
+        *(("true", {"ROS_AUTOMATIC_DISCOVERY_RANGE": own}, {"ROS_AUTOMATIC_DISCOVERY_RANGE": own})
+          for own in ("SUBNET", "OFF")),
     ],
-)
-def test_discovery_stays_on_the_machine(tmp_path, distribution, said, unsaid):
+)  # fmt: skip
+def test_discovery_stays_on_the_machine_unless_the_sut_file_says_otherwise(
+    tmp_path, setup, variables, said
+):
     """In the words of the distribution, which is known once setup files have been sourced."""
-    setup = tmp_path / "setup.sh"
-    setup.write_text(f"export ROS_DISTRO={distribution}\n" if distribution else "true\n")
-    script = environment_script((str(setup),), {}, {}, {})
+    file = tmp_path / "setup.sh"
+    file.write_text(f"{setup}\n")
+    script = environment_script((str(file),), variables, {}, {})
     inherited = {"ROS_LOCALHOST_ONLY": "0", "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
     found = environment(script, **inherited)
-    name, _, value = said.partition("=")
-    assert found[name] == value
-    assert unsaid not in found
-
-
-def test_a_range_of_discovery_in_the_sut_file_stays():
-    script = environment_script((), {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}, {}, {})
-    found = environment(script, ROS_LOCALHOST_ONLY="1")
-    assert found["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "SUBNET"
-    assert "ROS_LOCALHOST_ONLY" not in found
+    assert {name: found[name] for name in inherited if name in found} == said
 
 
 def test_packages_of_the_users_home_stay_in_sight(tmp_path):
@@ -176,17 +154,13 @@ def test_packages_of_the_users_home_stay_in_sight(tmp_path):
         assert Path(found[name]).is_dir()
 
 
-def test_the_runtime_folder_is_private(temporary):
+def test_the_runtime_folder_is_private_and_paths_of_sockets_short(temporary, monkeypatch):
     found = runtime_folder()
     assert found.is_relative_to(temporary)
     assert found.stat().st_mode & 0o777 == 0o700
     found.chmod(0o755)
     assert runtime_folder().stat().st_mode & 0o777 == 0o700
-
-
-def test_paths_of_sockets_are_short_enough(tmp_path, monkeypatch):
-    long = tmp_path / ("x" * 90)
-    long.mkdir()
+    (long := temporary / ("x" * 90)).mkdir()
     monkeypatch.setattr("tempfile.tempdir", str(long))
     assert len(os.fsencode(runtime_folder())) < 60
 
