@@ -1,10 +1,6 @@
-"""Missions as goals: what is sent when, and what results mean."""
+"""Missions as goals: what is sent when, and what results mean; ``missions.txt`` has it."""
 
-import math
-
-import pytest
-
-from daemon.model.sut import Progress, SutFailure
+from daemon.model.sut import SutFailure
 from daemon.stacks.ros2.link import GoalUpdate
 from daemon.stacks.ros2.mission import GoalSequence
 from grammars.model.geometry import Pose2
@@ -16,102 +12,72 @@ MISSION = Mission(
     Pose2(0.0, 0.0, 0.0),
     (Waypoint("desk", 2.0, 0.0, 1.0), Waypoint("door", 2.0, 3.0), Waypoint("home", 0.0, 3.0, 0.5)),
 )
+SEND = "send the next goal"
 
 
-def begun(mode):
+def ends(goal, state="succeeded", *more, **values):
+    return GoalUpdate(goal, state, *more, **values)
+
+
+def feedback(**values):
+    return GoalUpdate(0, "feedback", **values)
+
+
+BEGUN = [SEND, ends(0, "accepted")]
+TIMED_OUT = (
+    'Timed out while waiting for action server to acknowledge goal request for "follow_path"'
+)
+CONVERSATIONS = {
+    "each is sent when the one before is reached; any heading is that of the way there": (
+        "waypoints",
+        [*BEGUN, SEND, ends(0), SEND, ends(1, "accepted"), ends(1), SEND, ends(2, "accepted"),
+         ends(2), SEND]),
+    "all in one, counted by the current one; not backwards, nor to the end before the result": (
+        "follow",
+        [*BEGUN, *(feedback(current_waypoint=n) for n in (1, 0, 3, 9)), ends(0)]),
+    "all in one, counted by those that remain": (
+        "through",
+        [*BEGUN, *(feedback(number_of_poses_remaining=n) for n in (2, 3, 0)),
+         feedback(current_waypoint=9), ends(0)]),
+    "a waypoint was missed": (
+        "follow", [*BEGUN, ends(0, missed_waypoints=(1,))]),
+    "aborted": ("waypoints", [*BEGUN, ends(0, "aborted", 105, "no valid path")]),
+    "aborted after a lost acknowledgement, which is the machine's doing": (
+        "waypoints", [*BEGUN, TIMED_OUT, ends(0, "aborted")]),
+    "rejected": ("waypoints", [SEND, ends(0, "rejected")]),
+    "unanswered": ("waypoints", [SEND, ends(0, "unanswered")]),
+    "what comes of a goal that is over": (
+        "waypoints", [*BEGUN, ends(0), SEND, ends(0, "aborted")]),
+    "recoveries are told as their number grows": (
+        "waypoints", [*BEGUN, *(feedback(number_of_recoveries=n) for n in (0, 1, 1, 2))]),
+}  # fmt: skip
+
+
+def conversation(mode, steps):
+    """Yield what is sent and told, and how far it is, after each step."""
     link = PretendedLink()
     goals = GoalSequence(MISSION, mode, link, "map")
-    goals.send_next(5)
-    goals.take(GoalUpdate(0, "accepted"))
-    return goals, link
+    for time, step in enumerate(steps):
+        yield f"{step if isinstance(step, str) else f'goal {step.goal} {step.state}'}"
+        sent = len(link.goals)
+        try:
+            said = goals.take(step) if isinstance(step, GoalUpdate) else ()
+        except SutFailure as failure:
+            yield f"=> failure: {failure}"
+            return
+        if step == SEND:
+            goals.send_next(time)
+        elif isinstance(step, str):
+            goals.hear_log(step)
+        yield from (f"=> sent {goal}" for goal in link.goals[sent:])
+        yield from (f"=> {event.level}: {event.text}" for event in said)
+        state = goals.progress
+        is_active = "active" if goals.active else "no goal"
+        yield f"=> {state.reached} reached, {state.current} {state.state}, {is_active}"
 
 
-def test_waypoints_are_sent_one_by_one_each_when_the_one_before_is_reached():
-    goals, link = begun("waypoints")
-    goals.send_next(6)
-    assert link.goals == [(0, ((2.0, 0.0, 1.0),), "map", 5)]
-    assert goals.active
-    goals.take(GoalUpdate(0, "succeeded"))
-    assert goals.progress == Progress(1, 1, "active")
-    assert not goals.active
-    goals.send_next(7)
-    # Any heading will do there: the one of the way there is asked for.
-    assert link.goals[1] == (1, ((2.0, 3.0, math.pi / 2),), "map", 7)
-    goals.take(GoalUpdate(1, "accepted"))
-    goals.take(GoalUpdate(1, "succeeded"))
-    goals.send_next(8)
-    goals.take(GoalUpdate(2, "accepted"))
-    goals.take(GoalUpdate(2, "succeeded"))
-    assert goals.progress == Progress(3, 3, "succeeded")
-    goals.send_next(9)
-    assert len(link.goals) == 3
-
-
-@pytest.mark.parametrize("mode", ["follow", "through"])
-def test_all_waypoints_in_one_goal_progress_by_feedback_and_end_by_the_result(mode):
-    goals, link = begun(mode)
-    assert [len(poses) for _, poses, _, _ in link.goals] == [3]
-    told = {"current_waypoint": 1} if mode == "follow" else {"number_of_poses_remaining": 2}
-    goals.take(GoalUpdate(0, "feedback", **told))
-    assert goals.progress == Progress(1, 1, "active")
-    # Not backwards, and not to the end before the result says so.
-    for value in (0, 3):
-        name = next(iter(told))
-        goals.take(GoalUpdate(0, "feedback", **{name: value}))
-    goals.take(GoalUpdate(0, "feedback", current_waypoint=9))
-    assert goals.progress.state == "active"
-    assert goals.progress.reached < 3
-    goals.take(GoalUpdate(0, "succeeded"))
-    assert goals.progress == Progress(3, 3, "succeeded")
-
-
-@pytest.mark.parametrize(
-    ("mode", "update", "words", "progress"),
-    [
-        ("follow", GoalUpdate(0, "succeeded", missed_waypoints=(1,)), "door",
-         Progress(1, 1, "aborted")),
-        ("waypoints", GoalUpdate(0, "aborted", 105, "no valid path"),
-         "goal desk aborted, error code 105: no valid path", Progress(0, 0, "aborted")),
-    ],
-)  # fmt: skip
-def test_what_is_the_robots_failure_is_told(mode, update, words, progress):
-    goals, _ = begun(mode)
-    (said,) = goals.take(update)
-    assert words in said.text
-    assert said.level == "error"
-    assert goals.progress == progress
-
-
-def test_an_abort_after_a_lost_acknowledgement_is_the_machines():
-    goals, _ = begun("waypoints")
-    goals.hear_log(
-        'Timed out while waiting for action server to acknowledge goal request for "follow_path"'
-    )
-    with pytest.raises(SutFailure, match="default_server_timeout"):
-        goals.take(GoalUpdate(0, "aborted"))
-
-
-@pytest.mark.parametrize(
-    ("state", "words"), [("rejected", "rejected the goal desk"), ("unanswered", "did not answer")]
-)
-def test_a_goal_that_is_not_taken_is_no_failure_of_the_robot(state, words):
-    link = PretendedLink()
-    goals = GoalSequence(MISSION, "waypoints", link, "map")
-    goals.send_next(0)
-    with pytest.raises(SutFailure, match=words):
-        goals.take(GoalUpdate(0, state))
-
-
-def test_what_comes_of_a_goal_that_is_over_changes_nothing():
-    goals, _ = begun("waypoints")
-    goals.take(GoalUpdate(0, "succeeded"))
-    goals.send_next(1)
-    assert goals.take(GoalUpdate(0, "aborted")) == ()
-    assert goals.progress == Progress(1, 1, "active")
-
-
-def test_recoveries_are_told_as_their_number_grows():
-    goals, _ = begun("waypoints")
-    counts = (0, 1, 1, 2)
-    said = [goals.take(GoalUpdate(0, "feedback", number_of_recoveries=n)) for n in counts]
-    assert [len(lines) for lines in said] == [0, 1, 0, 1]
+def test_goals_and_what_comes_of_them(golden):
+    lines = []
+    for name, (mode, steps) in CONVERSATIONS.items():
+        lines += [f"--- {name} ({mode})", *conversation(mode, steps)]
+    golden("missions.txt", "\n".join(lines) + "\n")
