@@ -4,7 +4,7 @@ import numpy as np
 
 from daemon.model import ros_messages as ros
 from daemon.model.sut import Briefing, LaserScan, Observation, Odometry
-from daemon.stacks.ros2 import bring_up, sensors
+from daemon.stacks.ros2 import bring_up, inspection, sensors, stack
 from daemon.stacks.ros2.causes import ALARMS
 from daemon.stacks.ros2.link import (
     CycleAnswer,
@@ -127,20 +127,35 @@ class PretendedProcess:
         self.released += 1
 
 
+class HurriedClock:
+    """A wall clock that nobody waits for: sleeping turns it, and so does each look at it."""
+
+    _now = 0.0
+
+    def monotonic(self):
+        self.sleep(0.001)
+        return self._now
+
+    def sleep(self, seconds):
+        self._now += seconds
+
+
 class Machine:
     """What is found, or started, when a run asks for its stack: one after the other."""
 
     def __init__(self, folder, monkeypatch):
         self._folder, self._stacks, self._next = folder, [], 0
-        monkeypatch.setattr(bring_up, "_EXIT_CODE_LIMIT", 0.0)
+        clock = HurriedClock()
+        for module in (bring_up, inspection, stack):
+            monkeypatch.setattr(module, "wall_clock", clock)
         monkeypatch.setattr(bring_up, "StackProcess", self._process)
         monkeypatch.setattr(bring_up.RelayLink, "listen", self._listen)
 
-    def will_have(self, stack=None):
+    def will_have(self, link=None):
         """Return the link of the next stack, and its processes."""
         place = self._folder / f"stack-{len(self._stacks)}"
         place.mkdir()
-        self._stacks.append((stack or PretendedLink(), PretendedProcess(place)))
+        self._stacks.append((link or PretendedLink(), PretendedProcess(place)))
         return self._stacks[-1]
 
     def _process(self, *_, **__):

@@ -121,14 +121,6 @@ def died(process, code=-11):
     return DEATH.format(process, code, process)
 
 
-def coming_up_in_vain(machine, *printed, **keys):
-    """Make a stack whose amcl never becomes active; it has printed these lines."""
-    stack, process = machine.will_have()
-    stack.states["/amcl"] = "inactive"
-    process.printed = list(printed)
-    return process, coming_up(**keys)
-
-
 LIBRARY = "[bt_navigator-3] [ERROR] [1.0] [bt_navigator]: Could not load library: x.so"
 TYPE = (
     "[controller_server-3] [ERROR] [17.2] []: Original error: parameter 'controller_frequency' has "
@@ -210,10 +202,19 @@ def test_a_failure_has_its_cause_and_all_that_was_said(tmp_path, monkeypatch, go
     golden("failures.txt", "\n".join(lines) + "\n")
 
 
+def failing(machine, code):
+    """Let the next stack be one whose amcl dies before it becomes active."""
+    stack, process = machine.will_have()
+    stack.states["/amcl"] = "inactive"
+    process.printed = [died("amcl", code)]
+    return process
+
+
 def test_a_start_that_failed_is_told_and_followed_by_another(machine):
-    first, (attempt, waiting) = coming_up_in_vain(machine, died("amcl"), attempts=2)
+    first = failing(machine, -11)
     first.outputs = lambda: {"stack.txt": b"first"}
     second, _ = machine.will_have()
+    attempt, waiting = coming_up(attempts=2)
     list(waiting)
     assert attempt.ready_session().link is second
     assert first.released == 1
@@ -226,16 +227,16 @@ def test_a_start_that_failed_is_told_and_followed_by_another(machine):
 
 
 def test_the_last_start_fails_as_the_only_one_does(machine):
-    coming_up_in_vain(machine, died("amcl", 1))
-    _, (attempt, waiting) = coming_up_in_vain(machine, died("amcl", 2), attempts=2)
+    for code in (1, 2):
+        failing(machine, code)
+    attempt, waiting = coming_up(attempts=2)
     with pytest.raises(SutFailure, match="exit code 2"):
         list(waiting)
     assert [event.text[:22] for event in attempt.events] == ["the first start failed"]
 
 
-def test_launch_may_say_a_little_later_how_a_process_ended(machine, monkeypatch):
+def test_launch_may_say_a_little_later_how_a_process_ended(machine):
     system, _, process = driving(machine)
-    monkeypatch.setattr(bring_up, "_EXIT_CODE_LIMIT", 60.0)
     process.dead = "amcl"
     alarms = iter([[]])
     process.alarms = lambda: next(alarms, [died("amcl")])
@@ -270,21 +271,15 @@ def test_a_node_may_answer_late_on_a_loaded_machine(machine, monkeypatch):
         update(system)
 
 
-def out_of_sight(machine):
+@pytest.mark.parametrize("stays", [False, True])
+def test_a_node_may_be_out_of_sight_for_a_moment_also_when_a_run_ends(machine, monkeypatch, stays):
     system, stack, _ = driving(machine)
     for inactive in ({"/amcl": ""}, {}, {"/amcl": "not answering"}):
         stack.answer = replace(stack.answer, inactive=inactive)
         update(system)
-    return system, stack
-
-
-def test_a_node_may_be_out_of_sight_for_a_moment_also_when_a_run_ends(machine):
-    system, _ = out_of_sight(machine)
-    system.finish()
-
-
-def test_a_node_that_stays_out_of_sight_when_a_run_ends_is_an_error(machine, monkeypatch):
-    system, stack = out_of_sight(machine)
+    if not stays:
+        system.finish()
+        return
     monkeypatch.setattr(ros2_stack, "_PATIENCE", {})
     stack.states["/amcl"] = "not answering"
     with pytest.raises(SutFailure, match=r"amcl did not answer any more at 12\.4 s"):
