@@ -109,10 +109,10 @@ def order(options):
 class Part:
     """A daemon or worker process of this test."""
 
-    def __init__(self, command, log, *options, module="daemon", through=(), cold=False):
+    def __init__(self, command, log, *options, module="daemon", through=()):
         self._command = [*through, sys.executable, "-m", module, command, order(options)]
         self._log = log
-        self._prepared = _in_test() and not through and not cold
+        self._prepared = _in_test() and not through
         self.process = self._start()
 
     def _start(self):
@@ -163,11 +163,11 @@ class DaemonPart(Part):
     def __init__(self, state, slots, **settings):
         self.state = state
         self.endpoint = str(settings.pop("listen", "")) or free_endpoint()
-        how = {"module": settings.pop("module", "daemon"), "cold": settings.pop("cold", False)}
+        module = settings.pop("module", "daemon")
         options = ["--state", str(state), "--listen", self.endpoint, "--slots", str(slots)]
         for name, value in settings.items():
             options += [f"--{name}", str(value)]
-        super().__init__("serve", state.parent / f"{state.name}.log", *options, **how)
+        super().__init__("serve", state.parent / f"{state.name}.log", *options, module=module)
 
     def journal(self):
         log = self.state / "daemon.log"  # there from the first line on
@@ -211,8 +211,7 @@ def end(processes):
 def daemon_at(state, slots=0, **settings):
     """A daemon for the block; nothing of it is left afterwards.
 
-    ``settings`` are options of ``serve``; ``module`` is run instead of ``daemon``. A ``cold`` one
-    is not forked from a process that has loaded everything: it imports what it needs itself.
+    ``settings`` are options of ``serve``; ``module`` is run instead of ``daemon``.
     A lease outlasts the test: on a busy machine a worker may be late to renew it. What a worker
     says when it renews, that it is in trouble for example, it says after a third of a lease.
     """

@@ -147,13 +147,6 @@ def test_leading_margins_survive_what_is_cut(much):
     assert codec.from_json(RunResult, codec.to_json(bound)) == bound
 
 
-def test_too_many_verdicts_are_left_out_and_counted():
-    bound = bound_result(replace(RESULT, verdicts=RESULT.verdicts * 5000, leads=LEADS * 5000))
-    assert len(codec.to_json(bound)) <= LARGEST_RESULT
-    assert (bound.outcome, bound.verdicts) == (Outcome.FAIL, ())
-    assert "5000 verdicts were left out" in bound.note
-
-
 # --- live: what is told of runs that go on can be drawn, whoever has sent it
 
 SNAPSHOT = LiveSnapshot(

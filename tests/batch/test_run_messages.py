@@ -143,13 +143,6 @@ def test_a_run_ends_when_nothing_of_it_is_left(wires, execution):
     assert execution.waitables == ()
 
 
-def test_a_run_that_was_killed_says_by_what(wires, execution):
-    wires[1].send(STARTED)
-    wires[1].send(ENDED + b"-9")
-    execution.listen()
-    assert execution.end.why == "the run's process was killed by SIGKILL"
-
-
 def test_a_run_that_never_started_is_not_blamed(wires, execution):
     wires[1].close()
     execution.listen()

@@ -15,7 +15,7 @@ from daemon.campaign import expand, load_campaign
 from daemon.model.messages import LARGEST_SUBMISSION
 from daemon.model.search import MOST_PROPOSALS, SearchSubmission
 from daemon.model.spec import SutReference
-from daemon.model.submission import CampaignOrigin, CellRun, Submission
+from daemon.model.submission import MOST_RUNS, CampaignOrigin, CellRun, Submission
 from grammars.text import codec
 from tests.make import make_extension, make_search, make_spec, make_submission, submission_of
 
@@ -45,6 +45,13 @@ def test_all_that_is_wrong_is_said_up_to_ten_times(places):
     first, *_, last = refusal(twice, places).splitlines()
     assert first.startswith("S1/pilot/0 is there twice")
     assert last == "and 10 more"
+
+
+def test_a_campaign_of_too_many_runs_is_to_be_split(places):
+    one = make_submission("c", 1)
+    words = refusal(replace(one, runs=one.runs * (MOST_RUNS + 1)), places)
+    assert f"has {MOST_RUNS + 1} runs" in words
+    assert f"may have {MOST_RUNS}: split its scenarios" in words
 
 
 @pytest.mark.parametrize("name", ["../up", "a b", "", "x" * 200])

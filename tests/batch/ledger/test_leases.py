@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from daemon.batch.errors import OtherLedger, Refused
 from daemon.batch.ledger import LedgerWriter, connect
-from daemon.batch.ledger.transitions import MOST_LAPSES
 from daemon.batch.paths import StatePaths
 from daemon.model.messages import LedgerAnswer, SteerRequest
 from daemon.model.run_state import RunState
@@ -93,18 +92,6 @@ def test_a_run_that_was_given_back_stands_behind_the_others(ledger, blame):
     ledger.release(first, "no disk", blame=blame)
     assert ledger.rows("c")[0].reason == "no disk"
     assert ledger.leased() == ["c.1", "c.2", "c.0"]
-
-
-def test_a_run_that_takes_its_workers_with_it_is_given_up(ledger):
-    ledger.submit("c", 3)
-    ledger.lease(2)
-    for _ in range(MOST_LAPSES):
-        (grant,) = ledger.lease(1)
-        assert grant.run == "c.2"
-        ledger.release(grant, "its worker died", died=True, worker="v")
-    row = ledger.rows("c")[2]
-    assert (row.state, row.attempt) == (RunState.LOST, MOST_LAPSES)
-    assert row.reason.startswith("20 workers in a row died with it or fell silent")
 
 
 def test_a_campaign_that_lacks_its_scene_waits_for_it_and_others_go_on_at_once(ledger):

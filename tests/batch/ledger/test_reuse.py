@@ -184,20 +184,6 @@ def test_a_run_that_the_wall_clock_ended_says_nothing_about_others(ledger, order
     assert ledger.submit("third", 1).cached == 1
 
 
-@pytest.mark.parametrize("order", [(stopped, make_result), (make_result, stopped)])
-def test_nor_about_another_attempt_at_the_same_run(ledger, order):
-    ledger.submit("first", 1)
-    (grant,) = ledger.lease()
-    ledger.lapse()
-    (again,) = ledger.lease(worker="b")
-    answers = [
-        ledger.complete(one, make(one.spec))
-        for one, make in zip((grant, again), order, strict=True)
-    ]
-    assert answers == [LedgerAnswer.RECORDED, LedgerAnswer.REDUNDANT]
-    assert ledger.happened("alarm") == []
-
-
 # --- systems that are not repeatable
 
 
@@ -231,15 +217,6 @@ def test_executed_again_on_request_it_has_the_new_result(ledger):
     assert (external_run.outcome, external_run.nondeterministic) == (Outcome.PASS, False)
     assert (other.outcome, other.nondeterministic) == (Outcome.ERROR, True)
     assert ledger.row("first").passed == 1
-
-
-def test_what_the_wall_clock_ended_may_come_out_otherwise_on_request(ledger):
-    ledger.submit("first", *specs(1))
-    ledger.work(stopped)
-    assert ledger.retry("first", "error") == 1
-    ledger.work()
-    (row,) = ledger.rows("first")
-    assert (row.outcome, row.nondeterministic) == (Outcome.PASS, False)
 
 
 # --- repeats in reserve

@@ -1,7 +1,6 @@
 """A live world: by the clock, obeying, without any promise but that nobody waits."""
 
 import math
-import threading
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +15,7 @@ from daemon.run import SceneMismatchError, execute
 from daemon.stacks.registry import make_sut
 from daemon.trace.messages import KINDS
 from grammars.model.geometry import Twist2
-from tests.batch.live.worlds import DEADLINE, HandClock, Kept, demo_spec, demo_submission, go
+from tests.batch.live.worlds import HandClock, Kept, demo_spec, demo_submission, go
 
 
 @pytest.fixture(scope="module")
@@ -212,23 +211,6 @@ def test_a_system_that_crashes_is_told_of_and_the_world_goes_on(demo):
     simulation.command(Twist2(0.0, 0.0, 0.3), "a test")
     go(simulation, clock, 0.3)
     assert simulation.status.driver == "a test"
-
-
-def test_in_a_thread_it_runs_until_the_context_is_left(demo):
-    spec, scene = demo_spec(demo)
-    simulation = LiveSimulation(spec, scene, speed=1000.0)
-    reached = threading.Event()
-
-    class Waits(Kept):
-        def send(self, topic, now, payload):
-            if now > 2_000_000_000:
-                reached.set()
-
-    simulation.add_outlet(Waits())
-    with simulation.running() as thread:
-        assert reached.wait(DEADLINE)
-    assert not thread.is_alive()
-    assert thread.failure is None
 
 
 def test_what_it_refuses(demo):

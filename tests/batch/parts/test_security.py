@@ -3,7 +3,6 @@
 import shutil
 import socket
 import ssl
-import stat
 import subprocess
 import tarfile
 from contextlib import closing, contextmanager
@@ -310,13 +309,6 @@ def test_a_remote_worker_executes_runs_over_tls(daemon, keys, tmp_path):
     with worker_for(daemon, 2, "--keys", str(there)), owner(daemon) as mine:
         mine.submit(make_submission("remote", 4))
         eventually(lambda: mine.campaign("remote").done == 4)
-
-
-def test_the_owner_needs_no_key_on_the_daemons_machine(daemon):
-    with owner(daemon) as mine:
-        assert mine.overview().state == str(daemon.state)
-    folder = StatePaths(daemon.state).socket.parent
-    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
 
 
 def test_no_file_of_the_daemon_has_a_secret(daemon, keys):

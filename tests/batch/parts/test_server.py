@@ -23,7 +23,6 @@ from daemon.batch.operation import examine
 from daemon.batch.paths import Endpoint, StatePaths
 from daemon.model.messages import ASK, OWNER
 from daemon.model.spec import ENGINE_VERSION
-from daemon.model.submission import MOST_RUNS
 from grammars.text import codec
 from tests.chaos.disk import fill, may_mount, small_disk
 from tests.chaos.light import LightWorker
@@ -63,14 +62,6 @@ def test_a_submission_is_in_the_ledger_when_the_receipt_comes(client):
     assert client.scene(SCENE.digest) == SCENE
     with pytest.raises(Refused):
         client.scene("0" * 64)
-
-
-def test_a_campaign_of_too_many_runs_is_to_be_split(client):
-    submission = make_submission("split", 1)
-    words = f"has {MOST_RUNS + 1} runs, .* may have {MOST_RUNS}: split its scenarios"
-    with pytest.raises(Refused, match=words):
-        client.submit(replace(submission, runs=submission.runs * (MOST_RUNS + 1)))
-    assert client.campaign("split") is None
 
 
 def test_strange_traffic_and_requests_that_nobody_waits_for_do_no_harm(shared, client):

@@ -5,9 +5,7 @@ Such a worker is one whose ``--state`` is a folder of its own.
 
 import hashlib
 import json
-import random
 import signal
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -16,14 +14,12 @@ from daemon.batch.errors import Refused, TraceUnavailable
 from daemon.batch.paths import StatePaths
 from daemon.batch.stores import TraceReference, copy_trace, local_copy, trace_reference
 from daemon.model import verbs
-from daemon.model.attachments import attach_files, user_files_folder
 from daemon.model.messages import FilePart, GetRequest
 from daemon.model.run_state import RunState
-from daemon.model.spec import SutReference
 from grammars.text.files import matching_paths
 from tests.batch.parts.test_survival import check_ledger
 from tests.chaos.links import relay
-from tests.make import make_spec, make_submission, submission_of
+from tests.make import make_submission
 from tests.parts import daemon_at, eventually, finished, worker_for
 
 LARGE = 12 * 2**20
@@ -190,24 +186,3 @@ def test_traces_go_into_a_store_and_the_ledger_knows_where_each_lies(tmp_path):
 
 
 # --- inputs
-
-
-def test_files_travel_to_workers_and_into_the_process_of_the_run(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    model = random.Random(3).randbytes(1_500_000)
-    (tmp_path / "policy.onnx").write_bytes(model)
-    files = attach_files({"model": tmp_path / "policy.onnx"})
-    digest = files["model"]
-    sut = SutReference("m", "learned", {"reads": "model"}, files)
-    with daemon_at(tmp_path / "state") as daemon, daemon.client() as client:
-        client.submit(submission_of("c", *(replace(make_spec(i), sut=sut) for i in range(2))))
-        assert (daemon.state / "files" / digest).read_bytes() == model
-        # The worker has another user's cache: what it needs it has from the daemon.
-        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "other"))
-        with worker_for(daemon, 1, "--state", str(tmp_path / "elsewhere")):
-            eventually(lambda: finished(client, 2))
-        (own,) = (tmp_path / "elsewhere" / "work").iterdir()
-        assert [path.name for path in (own / "files").iterdir()] == [digest]
-        for run in ("c.0", "c.1"):
-            assert whole(client, run).read_bytes().endswith(digest.encode())
-        assert not user_files_folder().exists()
