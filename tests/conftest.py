@@ -67,16 +67,15 @@ def pytest_sessionfinish():
 _read_once = functools.lru_cache(maxsize=256)(Language._tree)
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _texts_are_read_once(request):
-    """Read the same text of a language once, but where reading it is what is tested.
+@pytest.fixture(scope="session", autouse=True)
+def _texts_are_read_once():
+    """Read the same text of a language once.
 
     Nobody changes a tree, and reading the campaigns that ship again and again took two fifths of
     the time of the tests that load them.
     """
     with pytest.MonkeyPatch.context() as patch:
-        if "languages" not in request.path.parts or request.path.parent.name == "errors":
-            patch.setattr(Language, "_tree", lambda language, text: _read_once(language, text))
+        patch.setattr(Language, "_tree", lambda language, text: _read_once(language, text))
         yield
 
 

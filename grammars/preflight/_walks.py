@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
+import itertools
 import math
 from typing import Final
 
 import numpy as np
 import shapely
 from shapely.geometry import LineString
+from shapely.geometry.base import BaseGeometry
 
 from grammars.model.behaviour import Walk
 from grammars.model.free_space import hulls_between, moving_links, swept_pieces
 from grammars.model.geometry import Pose2
 from grammars.model.movers import CORNER, PLANAR_JOINTS, Route, is_mover
-from grammars.model.scene import SceneObject
+from grammars.model.scene import Link, SceneObject
 from grammars.preflight._checked import CheckedScene, Footprint
 from grammars.preflight._parts import check_inside, check_starts
 from grammars.text.diagnostics import did_you_mean
 
 _ROUTE_STEP: Final = 0.1
+_STRAIGHT: Final = 1e-9
 _TURN_STEPS: Final = 46
 """Placements of a mover that turns round: 4 degrees apart, as leaves are swept."""
 
@@ -102,19 +106,28 @@ def _walked(checked: CheckedScene, body: SceneObject, walk: Walk) -> list[Footpr
         body, pose=Pose2(), initial=(*(0.0 for _ in PLANAR_JOINTS), *body.initial[3:])
     )
     starts = dict(zip((joint.name for joint in body.joints), at_home.initial, strict=True))
-    ranges = {
-        name: (min(starts[name], low), max(starts[name], high))
+    ranges = tuple(
+        (name, min(starts[name], low), max(starts[name], high))
         for name, (low, high) in checked.ranges.get(body.name, {}).items()
         if name in starts
-    }
-    poses = _walked_poses(walk)
-    walked = []
-    for link in moving_links(body):
-        # The pieces are convex, as the hulls between two poses take them to be.
-        rings = map(shapely.get_coordinates, swept_pieces(at_home, link, ranges))
-        hulls = [hull for ring in rings for hull in hulls_between(poses, ring[:-1].tolist())]
-        walked.append(Footprint(body, link, shapely.union_all(hulls), jointed=True))
-    return walked
+    )
+    return [
+        Footprint(body, link, _walked_area(at_home, link, ranges, walk), jointed=True)
+        for link in moving_links(body)
+    ]
+
+
+# A search is checked at many points, and most of them change no walk.
+@functools.lru_cache(maxsize=64)
+def _walked_area(
+    at_home: SceneObject, link: Link, ranges: tuple[tuple[str, float, float], ...], walk: Walk
+) -> BaseGeometry:
+    poses = _without_straight(_walked_poses(walk))
+    # The pieces are convex, as the hulls between two poses take them to be.
+    pieces = swept_pieces(at_home, link, {name: (low, high) for name, low, high in ranges})
+    rings = map(shapely.get_coordinates, pieces)
+    hulls = [hull for ring in rings for hull in hulls_between(poses, ring[:-1].tolist())]
+    return shapely.union_all(hulls)
 
 
 def _walked_poses(walk: Walk) -> list[Pose2]:
@@ -135,3 +148,18 @@ def _walked_poses(walk: Walk) -> list[Pose2]:
         *back,
         *(first @ turn for turn in reversed(turns)),
     ]
+
+
+def _without_straight(poses: list[Pose2]) -> list[Pose2]:
+    """Leave out the poses within straight ways without a turn: the hull of both ends covers them.
+
+    Building the union of many hulls takes most of the time of these checks.
+    """
+    turning = [poses[0]]
+    for pose, following in itertools.pairwise(poses[1:]):
+        way, step = turning[-1].inverse() @ pose, pose.inverse() @ following
+        is_straight = abs(way.x * step.y - way.y * step.x) <= _STRAIGHT
+        goes_on = way.x * step.x + way.y * step.y >= 0.0
+        if not (is_straight and goes_on and way.yaw == step.yaw == 0.0):
+            turning.append(pose)
+    return [*turning, poses[-1]]

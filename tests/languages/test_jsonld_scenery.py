@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grammars.floorplan import load_floorplan
@@ -206,6 +206,7 @@ SENTENCES = re.split(r"\n(?! )", f"anna{SAID}".strip())
 SPACES = st.sampled_from([" ", "\n", "  \n\t", " // 2 m (\n "])
 
 
+@settings(max_examples=settings().max_examples // 5)
 @given(st.lists(st.sampled_from(SENTENCES), unique=True), SPACES, st.sampled_from(["2 m", "90 cm"]))
 def test_a_layer_comes_back_however_its_sentences_are_written(sentences, space, near):
     sentences = ["door is a hinged_door at hall", "parameter near = 1 m", *sentences]

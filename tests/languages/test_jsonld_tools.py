@@ -1,11 +1,13 @@
 """What we write is read by published tools: PyLD with its defaults, rdflib, scenery_builder."""
 
+import functools
 import json
 import math
 import warnings
 
 import numpy as np
 import pytest
+from pyld import jsonld
 from rdflib import RDF, Graph, Literal, URIRef
 
 from grammars.floorplan import load_floorplan, parse_floorplan
@@ -61,9 +63,14 @@ def local_context(address, options=None):
     }
 
 
+@functools.cache
+def published(name):
+    """Return what PyLD reads of one of the documents."""
+    return by_pyld(DOCUMENTS[name])
+
+
 def by_pyld(data):
     """Return what PyLD reads by its default limits, contexts from here instead of the network."""
-    jsonld = pytest.importorskip("pyld").jsonld
     options = {"format": "application/n-quads", "documentLoader": local_context}
     return Graph().parse(data=jsonld.to_rdf(data, options), format="nt")
 
@@ -115,12 +122,12 @@ def test_pyld_reads_by_its_defaults_what_we_write(name):
     data = DOCUMENTS[name]
     if isinstance(data["@context"], list):
         assert sum(isinstance(part, str) for part in data["@context"]) <= LIMIT
-    assert facts(by_pyld(data)) == facts(by_us(data))
+    assert facts(published(name)) == facts(by_us(data))
 
 
 @pytest.mark.parametrize("name", ["coordinate", "plan", "objects", "scene", "layer"])
 def test_rdflib_loses_nothing_of_what_we_write(name):
-    assert facts(by_rdflib(DOCUMENTS[name])) == facts(by_pyld(DOCUMENTS[name]))
+    assert facts(by_rdflib(DOCUMENTS[name])) == facts(published(name))
 
 
 def world_corners(plan):
@@ -140,7 +147,6 @@ def world_corners(plan):
 
 def compact(graph, plan):
     """Return the graph of a plan as one document, in the way ``transform`` writes it."""
-    jsonld = pytest.importorskip("pyld").jsonld
     names = ("coordinates", "structural-entities", "spatial-relations")
     contexts_of_plans = [
         {plan: f"{contexts.PLANS}{plan}/"},
@@ -158,7 +164,7 @@ def compact(graph, plan):
 def test_a_plan_that_scenery_builder_made_compact_is_read(tmp_path):
     """One file, its identifiers with the name of the plan in front, and in an order of its own."""
     file = tmp_path / "floorplan.fpm.json"
-    file.write_text(json.dumps(compact(by_pyld(DOCUMENTS["plan"]), PLAN.name)))
+    file.write_text(json.dumps(compact(published("plan"), PLAN.name)))
     back = load_floorplan_jsonld(file)
     assert back.warnings == ()
     corners, expected = world_corners(back), world_corners(PLAN)
@@ -247,7 +253,7 @@ def test_poses_walked_by_their_names_lead_to_the_world(text):
 
 def test_objects_have_their_pose_in_the_world():
     """From rooms that are placed by a wall at their side, scenery_builder loses the way to it."""
-    graph = by_pyld(DOCUMENTS["objects"])
+    graph = published("objects")
     poses = {}
     for instance, _, frame in graph.triples((None, URIRef(OBJ["frame"]), None)):
         pose = graph.value(predicate=URIRef(REL["of"]), object=frame)
@@ -278,7 +284,7 @@ def test_bodies_have_what_a_model_for_gazebo_is_made_of():
     bodies = [node for node in nodes if "SimplicialComplex" in node["@type"]]
     assert bodies
     assert all(body["simplices"][0] in frames for body in bodies)
-    graph = by_pyld(DOCUMENTS["objects"])
+    graph = published("objects")
     for _, _, link in graph.triples((None, URIRef(OBJ["object-links"]), None)):
         view = graph.value(predicate=URIRef(GZB["gz-link"]), object=link)
         inertia = graph.value(view, URIRef(GZB["inertia"]))
@@ -290,7 +296,7 @@ def test_bodies_have_what_a_model_for_gazebo_is_made_of():
 
 def test_identifiers_carry_the_words_published_tools_look_for():
     """Prefixes of four letters, ``pose`` in poses, the kind in frames of openings."""
-    graph = by_pyld(DOCUMENTS["plan"]) + by_pyld(DOCUMENTS["objects"])
+    graph = published("plan") + published("objects")
     poses = set(graph.objects(None, URIRef(COORD["of-pose"])))
     assert poses
     assert all("pose" in str(pose) for pose in poses)

@@ -1,5 +1,6 @@
 """Mutations of a text: words, lines and bytes that are dropped, doubled, swapped or replaced."""
 
+import functools
 import json
 import re
 
@@ -37,9 +38,17 @@ def _words(rng, data, other):
     """Replace a word by one of its sort, from this text or another."""
     words = _WORDS.findall(data) or [b""]
     at = rng.randrange(len(words))
-    pool = [word for word in _WORDS.findall(other) if _sort(word) == _sort(words[at])]
-    words[at] = rng.choice(pool or _STRAYS)
+    pool = _words_by_sort(other).get(_sort(words[at]), _STRAYS)
+    words[at] = rng.choice(pool)
     return b"".join(words)
+
+
+@functools.lru_cache(maxsize=64)
+def _words_by_sort(data):
+    words = {}
+    for word in _WORDS.findall(data):
+        words.setdefault(_sort(word), []).append(word)
+    return words
 
 
 def _sort(word):

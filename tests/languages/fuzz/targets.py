@@ -11,12 +11,7 @@ from daemon.campaign import examine, expand
 from daemon.search.composition import search_case
 from daemon.search.preparation import check_search
 from grammars.floorplan import load_floorplan, parse_floorplan
-from grammars.jsonld import (
-    load_floorplan_jsonld,
-    load_scenery_jsonld,
-    scene_document,
-    scenery_document,
-)
+from grammars.jsonld import load_floorplan_jsonld, scene_document, scenery_document
 from grammars.model.map_files import pack_map, read_map
 from grammars.scenery import load_scenery
 from grammars.text import codec
@@ -121,11 +116,6 @@ def _checked(*names):
 _CAMPAIGNS = ("campaign.yaml", "varied.yaml")
 
 
-def _plan_graph(folder):
-    _told(check_file(folder / "plan.jsonld")[1])
-    load_floorplan_jsonld(folder / "plan.jsonld")
-
-
 def _earlier_plan(folder):
     load_floorplan_jsonld(folder / "earlier")
 
@@ -136,11 +126,6 @@ def _variants(folder):
         for variant in sample(variation, 2, seed=7, tries=8, check=0.2, method=method):
             assert parse_floorplan(variant.text) == variant.plan
             assert all(-1e7 < value.number < 1e7 for value in variant.values)
-
-
-def _object_graph(folder):
-    _told(check_file(folder / "objects.jsonld")[1])
-    load_scenery_jsonld(folder / "objects.jsonld", [])
 
 
 def _map(folder):
@@ -171,8 +156,8 @@ TARGETS = (
     Target("parameters", "params.yaml", _parameters),
     Target("map", "room.yaml", _map),
     Target("image", "room.pgm", _map),
-    Target("plan-graph", "plan.jsonld", _plan_graph),
+    Target("plan-graph", "plan.jsonld", _checked("plan.jsonld")),
     Target("earlier-numbers", "earlier/coordinate.json", _earlier_plan),
     Target("earlier-plan", "earlier/floorplan.json", _earlier_plan),
-    Target("object-graph", "objects.jsonld", _object_graph),
+    Target("object-graph", "objects.jsonld", _checked("objects.jsonld")),
 )

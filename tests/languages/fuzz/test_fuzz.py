@@ -3,14 +3,14 @@
 import random
 
 import pytest
+from hypothesis import settings
 
 from tests.languages.fuzz.mutation import mutated
 from tests.languages.fuzz.targets import CORPUS, TARGETS, answer, prepare
 
-NUMBER = 15
-"""Inputs of each language: a campaign takes some hundredths of a second."""
-CHEAP = {"variants": 30, "varied-plan": 30, "map": 100, "image": 100, "launch": 200}
-CHEAP |= {"scenery": 60, "sut": 60, "parameters": 60}
+TIMES = {"launch": 4, "map": 4, "image": 4, "parameters": 2, "sut": 2, "varied": 1, "walls": 1}
+TIMES |= {"plan-graph": 0.25, "object-graph": 0.25, "earlier-plan": 0.25}
+"""Inputs for each example of a property: a campaign takes some hundredths of a second, 0.4."""
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +22,7 @@ def folder(tmp_path_factory):
 def test_mutated_files_are_taken_or_refused_with_a_place(folder, target):
     sound = (folder / target.file).read_bytes()
     assert answer(target, folder, sound)
-    for index in range(CHEAP.get(target.name, NUMBER)):
+    for index in range(int(settings().max_examples * TIMES.get(target.name, 0.4))):
         rng = random.Random(f"short {target.name} {index}")
         answer(target, folder, mutated(rng, [sound], rng.choice((1, 2, 4))))
     for found in sorted((CORPUS / target.name).glob("*")):
