@@ -8,7 +8,7 @@ import pytest
 from daemon.model.search import SPACE_FILLING
 from daemon.search import nearest, point_runner, program, shrinking
 from daemon.search.methods import COVARIANCE_FROM
-from daemon.search.program import ERRORS_IN_A_ROW, SearchStoppedError, run_search
+from daemon.search.program import SearchStoppedError, run_search
 from tests.analysis.search.searches import LocalRuns, PretendedCase
 from tests.analysis.search.tasks import make_task, ranged
 from tests.parts import ROOT
@@ -23,9 +23,9 @@ def late_kitchen(point, repeat):
     return 0.1 if kitchen < 5.5 else 6.0 - kitchen
 
 
-def search(*parameters, margin=late_kitchen, slots=2, **changes):
+def search(*parameters, margin=late_kitchen, slots=2, refuses=lambda point: False, **changes):
     """Search from the beginning to the end; return the runs and the answer."""
-    case = PretendedCase(make_task(*parameters, **changes), margin)
+    case = PretendedCase(make_task(*parameters, **changes), margin, refuses)
     runs = case.runs(slots)
     return runs, run_search(case, runs)
 
@@ -39,12 +39,78 @@ def comment_of(answer):
     return " ".join(line.removeprefix("# ") for line in lines if not line.startswith("scenarios"))
 
 
-def test_the_scenario_as_written_comes_first_and_the_budget_ends_the_search():
-    runs, answer = search(*BOTH, runs=12, confirm=0, then=())
-    assert (answer.ended, answer.explored, len(runs.proposals)) == ("budget", 12, 12)
-    assert runs.proposals[0].values == (5.0, 5.0)
-    assert answer.space_filling == 11, "the scenario as written was not drawn"
-    assert answer.failed > answer.repeated == 0, "nobody asked for repeats"
+def noisy(point, repeat):
+    """Noise moves the edge by up to 1 s; the run that is searched has the lowest one."""
+    return 6.0 + 0.2 * repeat - float(point[0])
+
+
+def lucky(point, repeat):
+    return 0.1 if repeat else 6.0 - float(point[0])
+
+
+FEW = {"confirm": 0, "then": ()}
+SEARCHES = {
+    "the budget ends it, and nobody asked for repeats": (BOTH, {"runs": 12} | FEW),
+    "it settles": ((KITCHEN,), {"stop": "settled", "window": 4, "margin": lambda p, r: 0.1}),
+    "errors in a row end it": ((KITCHEN,), {"window": 1, "margin": lambda p, r: None}),
+    "errors between other runs are none in a row": (
+        (KITCHEN,),
+        {"runs": 12, "window": 1, "margin": lambda p, r: None if 100 * p[0] % 2 < 1 else 0.1},
+    ),
+    "the space is exhausted": ((replace(KITCHEN, low=4.98, high=5.02),), {}),
+    "it stops at the first failure and takes in those that are out": (
+        (KITCHEN,),
+        {"stop": "failures", "failures": 1, "window": 4} | FEW,
+    ),
+    "points that make no run are no errors": (
+        (KITCHEN,),
+        {"runs": 30, "then": (), "refuses": lambda point: point[0] < 4.0},
+    ),
+    "a scenario that fails as written is its own nearest failure": (
+        BOTH,
+        {"runs": 20, "margin": lambda p, r: -0.25},
+    ),
+    "of a system that is not repeatable the median of three counts": (
+        (KITCHEN,),
+        {"margin": lambda p, r: (-1.0, 0.2, 0.3)[r % 3], "runs": 12, "repeatable": False},
+    ),
+    "so it does on the way to the nearest failure": ((KITCHEN,), {"runs": 60, "repeatable": False}),
+    "a failure holds that three of five repeats have": (BOTH, {"runs": 20, "margin": noisy}),
+    "noise beyond these changes nothing": (BOTH, {"runs": 20, "margin": noisy, "confirm": 9}),
+    "no failure holds": (BOTH, {"runs": 20, "margin": lucky}),
+    "of no failure that is repeated once either": (
+        BOTH,
+        {"runs": 20, "margin": lucky, "confirm": 1},
+    ),
+}
+
+
+def journal(runs, answer):
+    """What a search did and what it says, line by line."""
+    repeats = {}
+    for proposal in runs.proposals:
+        repeats.setdefault(proposal.phase, []).append(proposal.repeat)
+    for phase, made in repeats.items():
+        yield f"{phase}: {len(made)} runs, repeats {sorted(set(made))}"
+    near = answer.nearest
+    if near is not None:
+        passes = near.passes and near.passes.point
+        holds = f"fails in {near.confirmed.failed} of {near.confirmed.runs}"
+        yield f"nearest {near.result.point} {holds}, passes {passes}"
+    names = ["explored", "failed", "errors", "refused", "space_filling", "repeated", "holding"]
+    yield f"{answer.ended}: " + ", ".join(f"{name} {getattr(answer, name)}" for name in names)
+    yield from answer.sentences
+    told = comment_of(answer)
+    yield f"found: {'as told first' if answer.sentences[0] in told else told}"
+
+
+def test_searches_from_beginning_to_end(golden):
+    lines = []
+    for name, (parameters, changes) in SEARCHES.items():
+        runs, answer = search(*parameters, **({"runs": 500} | changes))
+        assert runs.proposals[0].values == tuple(p.written for p in parameters)
+        lines += [f"--- {name}", *journal(runs, answer)]
+    golden("searches.txt", "\n".join([*lines, ""]))
 
 
 @pytest.mark.parametrize("method", ["halton", "random", "auto"])
@@ -82,73 +148,10 @@ def test_the_same_search_again_executes_nothing():
     assert repeated == replace(answer, executed=0, reused=len(runs.results))
 
 
-@pytest.mark.parametrize(
-    ("changes", "margin", "ended", "explored"),
-    [
-        # The first, twenty as good, and those that were out.
-        ({"stop": "settled", "window": 4}, lambda point, repeat: 0.1, "settled", 1 + 20 + 3),
-        ({"window": 1}, lambda point, repeat: None, "errors", ERRORS_IN_A_ROW),
-        # Errors between other runs are none in a row.
-        (
-            {"runs": 12, "window": 1},
-            lambda p, repeat: None if 100 * p[0] % 2 < 1 else 0.1,
-            "budget",
-            12,
-        ),
-        ({"parameters": (replace(KITCHEN, low=4.98, high=5.02),)}, late_kitchen, "exhausted", 5),
-    ],
-)
-def test_a_search_ends_before_its_budget(changes, margin, ended, explored):
-    case = PretendedCase(replace(make_task(KITCHEN, runs=500), **changes), margin)
-    answer = run_search(case, case.runs())
-    assert (answer.ended, answer.explored) == (ended, explored)
-
-
-def test_it_stops_at_the_first_failure_and_takes_in_those_that_are_out():
-    more = {"stop": "failures", "failures": 1, "window": 4, "then": (), "confirm": 0}
-    _, answer = search(KITCHEN, runs=500, **more)
-    assert (answer.ended, answer.explored) == ("failures", answer.first.number + 4)
-
-
 def test_runs_that_leave_no_result_are_errors():
     case = PretendedCase(make_task(KITCHEN, window=1), late_kitchen)
     answer = run_search(case, LocalRuns(lambda candidates: [None for _ in candidates]))
     assert (answer.ended, answer.errors, answer.space_filling) == ("errors", 5, 0)
-
-
-def test_points_that_make_no_run_are_told_and_are_no_errors():
-    task = make_task(KITCHEN, runs=30, then=())
-    case = PretendedCase(task, late_kitchen, lambda point: point[0] < 4.0)
-    runs = case.runs()
-    answer = run_search(case, runs)
-    assert (answer.ended, answer.errors, answer.explored) == ("budget", 0, 30)
-    assert answer.refused > 3
-    assert len([p for p in runs.proposals if p.phase == "explore"]) == 30 - answer.refused
-    sentence = f"{answer.refused} points could not be composed: no run was made of them"
-    assert sentence in answer.sentences
-
-
-def test_a_scenario_that_fails_as_written_is_its_own_nearest_failure():
-    _, answer = search(*BOTH, margin=lambda point, repeat: -0.25)
-    assert answer.nearest.result.point == (5.0, 5.0)
-    assert answer.nearest.confirmed == answer.confirmed
-    assert answer.sentences[0] == (
-        "keeps-clear fails in 5 of 5 repeats as written (margin −0.25 m near door)"
-    )
-
-
-def test_of_a_system_that_is_not_repeatable_the_median_of_three_counts():
-    def noisy(point, repeat):
-        return (-1.0, 0.2, 0.3)[repeat % 3]
-
-    runs, answer = search(KITCHEN, margin=noisy, runs=12, repeatable=False)
-    assert (answer.explored, len(runs.proposals)) == (4, 12), "three of each point"
-    assert (answer.failed, answer.best.value.margin) == (0, 0.2)
-    runs, answer = search(KITCHEN, runs=60, repeatable=False)
-    assert answer.nearest.result.point == (6.01,)
-    near = [p.repeat for p in runs.proposals if p.phase == "nearest"]
-    assert near == [0, 1, 2] * (len(near) // 3)
-    assert {p.repeat for p in runs.proposals if p.phase == "confirm"} == {3, 4, 5, 6, 7}
 
 
 class Limited(LocalRuns):
@@ -198,30 +201,6 @@ def test_a_search_that_went_down_after_its_time_issues_the_same_runs_again():
     early = Clocked(case.execute)
     early.before = first.proposals[:9]
     assert run_search(case, early).explored == 9
-
-
-@pytest.mark.parametrize("confirm", [5, 9])
-def test_noise_beyond_the_repeats_that_say_what_holds_is_told_and_changes_nothing(confirm):
-    def noisy(point, repeat):
-        # Noise moves the edge by up to 1 s; the run that is searched has the lowest one.
-        return 6.0 + 0.2 * repeat - float(point[0])
-
-    nearest = search(*BOTH, margin=noisy, confirm=confirm)[1].nearest
-    assert nearest.result.point == (6.61, 5.0), "three of five"
-    assert (nearest.confirmed.failed, nearest.confirmed.runs) == (3, confirm)
-
-
-@pytest.mark.parametrize("confirm", [5, 1])
-def test_where_no_failure_holds_the_first_one_is_told_as_not_reproduced(confirm):
-    def lucky(point, repeat):
-        return 0.1 if repeat else 6.0 - float(point[0])
-
-    _, answer = search(*BOTH, margin=lucky, confirm=confirm)
-    assert answer.nearest is None
-    assert answer.told_failure == answer.first
-    assert answer.sentences[0].endswith(": not reproduced")
-    assert answer.repeated > answer.holding == 0
-    assert answer.sentences[0] in comment_of(answer)
 
 
 PAGE = " ".join((ROOT / "docs" / "search.md").read_text("utf-8").split())
