@@ -119,61 +119,62 @@ def hasty(demo):
     return write(demo, pilot="hasty")
 
 
-def words_of(story):
-    """How the run ends without each layer."""
-    return {str(one.element): one.word for one in story.layers}
+def without_a_door(sut):
+    """Fails that system when its kitchen door shuts, or when nothing holds it open."""
 
-
-def test_the_layer_the_door_and_the_waypoint_are_found(file, monkeypatch):
-    pretended = pretend(monkeypatch, failing_if(shuts))
-    story = explain(file, "")
-    assert words_of(story) == {"doors": "unresolved", "doors_in_your_face": "pass"}
-    assert story.objects == ("kitchen_door",)
-    assert story.waypoints == ("bedroom",)
-    assert story.behaviours == ("kitchen_door.hinge",)
-    assert (story.minimal, story.stopped) == (True, "")
-    assert dict(story.before) == {"object": 6, "waypoint": 4, "behaviour": 5, "parameter": 0}
-    digests = {spec.digest for spec in pretended.specs}
-    assert len(digests) == len(pretended.specs) < 40, "no run is executed twice"
-
-
-@pytest.mark.parametrize("sut", ["pilot", "hasty"])
-def test_the_reason_stays_the_same_on_the_way(demo, hasty, monkeypatch, sut):
     def rule(candidate):
-        """Fails a hasty robot whose kitchen door shuts, or that nothing holds open."""
         ways = {b.joint: b for b in candidate.spec.behaviours}
         door = any(thing.name == "kitchen_door" for thing in candidate.scene.objects)
-        shuts = isinstance(ways.get("kitchen_door.hinge"), Trigger | None)
-        return (
-            Outcome.FAIL
-            if door and shuts and fast(candidate.spec) == (sut == "hasty")
-            else Outcome.PASS
-        )
+        shut = isinstance(ways.get("kitchen_door.hinge"), Trigger | None)
+        fails = door and shut and fast(candidate.spec) == (sut == "hasty")
+        return Outcome.FAIL if fails else Outcome.PASS
 
-    pretend(monkeypatch, rule)
-    story = explain(write(demo, pilot=sut), sut)
-    assert story.behaviours == ("kitchen_door.hinge",), "without, the door would be shut"
-    expected = {"doors": "unresolved", "doors_open": "fail", "doors_in_your_face": "pass"}
-    assert words_of(story) == expected | ({"max_speed: 0.7": "pass"} if sut == "hasty" else {})
+    return rule
 
 
-def test_a_run_that_fails_without_any_layer_needs_one_waypoint(file, monkeypatch):
-    pretend(monkeypatch, lambda _: Outcome.FAIL)
-    story = explain(file)
-    assert (story.layers, story.objects, len(story.waypoints)) == ((), (), 1)
-    assert story.minimal
+def fast_and_near(spec):
+    return fast(spec) and any(isinstance(b, Trigger) and b.distance == 1.0 for b in spec.behaviours)
 
 
-def test_overrides_and_parameters_are_suspects_too(hasty, monkeypatch):
-    def fails(spec):
-        near = any(isinstance(b, Trigger) and b.distance == 1.0 for b in spec.behaviours)
-        return near and fast(spec)
+FAILS = {"rule": lambda _: Outcome.FAIL}
+SHUTS = {"rule": failing_if(shuts)}
+STORIES = {
+    "the kitchen door shuts on the way to the bedroom": ("pilot", SHUTS),
+    "the reason stays the same on the way": ("pilot", {"rule": without_a_door("pilot")}),
+    "so it does for a hasty robot": ("hasty", {"rule": without_a_door("hasty")}),
+    "everything fails": ("pilot", FAILS),
+    "the oracle can be chosen": ("pilot", FAILS | {"oracle": "no-contact"}),
+    "overrides and parameters are suspects too": ("hasty", {"rule": failing_if(fast_and_near)}),
+    "a fast robot alone": ("hasty", {"rule": failing_if(fast)}),
+    "the budget is spent": ("pilot", SHUTS | {"budget": 12}),
+    "interrupted": ("pilot", SHUTS | {"interrupt_after": 14}),
+}
 
-    pretend(monkeypatch, failing_if(fails))
-    story = explain(hasty, "hasty")
-    names = {"doors", "doors_in_your_face", "doors_in_your_face: near 1 m", "max_speed: 0.7"}
-    assert set(words_of(story)) == names
-    assert story.parameters == ("max_speed: 0.7",)
+
+def told(folder, monkeypatch, sut, rule, interrupt_after=10**9, **more):
+    """The story of a failure, line by line, with the number of runs that it took."""
+    pretended = pretend(monkeypatch, rule)
+    pretended.interrupt_after = interrupt_after
+    story = explain(write(folder, pilot=sut), sut, **more)
+    assert len({spec.digest for spec in pretended.specs}) == len(pretended.specs)
+    yield f"{story.verdict.oracle} fails, {len(pretended.specs)} runs; {story.stopped}"
+    yield from story_lines(story, "pilot")
+
+
+def test_stories_of_failures(demo, monkeypatch, golden):
+    (demo / "hasty.yaml").write_text(HASTY)
+    lines = []
+    for name, (sut, how) in STORIES.items():
+        lines += [f"--- {name}", *told(demo, monkeypatch, sut, **how)]
+    golden("stories.txt", "\n".join([*lines, ""]))
+
+
+def test_nothing_is_told_of_a_failure_that_was_not_seen(file, monkeypatch):
+    pretend(monkeypatch, SHUTS["rule"]).interrupt_after = 0
+    with pytest.raises(BudgetSpentError):
+        explain(file, budget=0)
+    with pytest.raises(KeyboardInterrupt):
+        explain(file)
 
 
 def test_a_parameter_is_called_by_its_setting_whatever_its_name_says(hasty, monkeypatch):
@@ -187,40 +188,12 @@ def test_a_parameter_is_called_by_its_setting_whatever_its_name_says(hasty, monk
     assert lines[-1] == "  parameters max_speed (of 2)"
 
 
-def test_the_oracle_can_be_chosen(file, monkeypatch):
-    pretend(monkeypatch, lambda _: Outcome.FAIL)
-    assert explain(file).verdict.oracle == "reached"
-    assert explain(file, oracle="no-contact").verdict.oracle == "no-contact"
-
-
 @pytest.mark.parametrize("outcome", [Outcome.PASS, Outcome.ERROR, Outcome.INCONCLUSIVE])
 def test_a_run_that_does_not_fail_is_not_to_blame(file, monkeypatch, outcome):
     pretended = pretend(monkeypatch, lambda _: outcome)
     with pytest.raises(NoFailureError, match=f"does not fail: reached {outcome}"):
         explain(file)
     assert len(pretended.specs) == 1
-
-
-def test_a_spent_budget_keeps_the_smallest_failure_so_far(file, monkeypatch):
-    pretended = pretend(monkeypatch, failing_if(shuts))
-    story = explain(file, budget=12)
-    assert len(pretended.specs) <= 12
-    assert "budget of 12 runs" in story.stopped
-    assert not story.minimal
-    assert "kitchen_door" in story.objects
-    assert len(story.objects) < 6
-    with pytest.raises(BudgetSpentError):
-        explain(file, budget=0)
-
-
-def test_an_interrupt_keeps_the_smallest_failure_so_far(file, monkeypatch):
-    pretend(monkeypatch, failing_if(shuts)).interrupt_after = 14
-    story = explain(file)
-    assert (story.stopped, story.minimal) == ("interrupted", False)
-    assert "kitchen_door" in story.objects
-    pretend(monkeypatch, failing_if(shuts)).interrupt_after = 0
-    with pytest.raises(KeyboardInterrupt):
-        explain(file)
 
 
 @pytest.mark.parametrize(
