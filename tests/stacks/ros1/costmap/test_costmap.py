@@ -1,4 +1,4 @@
-"""Costs of published robots, footprints, windows, quirks, and costmaps that are refused."""
+"""Footprints, readers and layers of costmaps, and costmaps that are refused."""
 
 import math
 from dataclasses import replace
@@ -20,7 +20,6 @@ from daemon.stacks.ros1.costmap.costmap import Costmap
 from daemon.stacks.ros1.quirks import FAST
 from grammars.model.geometry import Pose2
 from grammars.model.grid import OccupancyGrid
-from tests.stacks.ros1.costmap.pictures import build
 
 A2S = ((-0.08, -0.075), (-0.08, 0.075), (0.105, 0.075), (0.105, -0.075))
 DIFF = ((-0.35, -0.233), (-0.35, 0.233), (0.35, 0.233), (0.35, -0.233))
@@ -50,27 +49,6 @@ def looking(away):
     """One ray along x from (1.025, 1.025)."""
     ranges = np.array([away], dtype=np.float32)
     return SensedScan(Pose2(1.025, 1.025), ranges, np.zeros(1), 0.05, 5.6)
-
-
-@pytest.mark.parametrize(
-    ("footprint", "radius", "scaling", "costs"),
-    [
-        (A2S, 0.5, 3.0, {0.0: 254, 0.05: 253, 0.5: 72, 0.55: 0}),
-        (DIFF, 0.5, 3.0, {0.2: 253, 0.25: 246, 0.5: 116, 0.55: 0}),
-        (DIFF, 0.55, 5.0, {0.55: 54, 0.6: 0}),
-        (OMNI, 0.55, 3.0, {0.55: 96}),
-        (OMNI, 0.5, 1.0, {0.5: 192}),
-    ],
-)
-def test_costs_fall_with_the_distance_from_a_wall(footprint, radius, scaling, costs):
-    cells = np.zeros((60, 200))
-    cells[:, 100] = 100
-    parameters = inflated(inflation_radius=radius, cost_scaling_factor=scaling)
-    grid = made(replace(parameters, footprint=footprint), cells).grid
-    for away, cost in costs.items():
-        for x in (5.025 + away, 5.025 - away):
-            column, row = grid.cell(x, 1.5)
-            assert grid.cells[row, column] == cost
 
 
 def test_each_reader_learns_tightly_what_changed():
@@ -154,33 +132,6 @@ def test_a_radius_stands_for_sixteen_corners():
     corners = LayeredCostmap(robot_radius=0.3, footprint_padding=0.0).padded_footprint()
     assert corners.shape == (16, 2)
     assert radii(corners) == pytest.approx((0.3 * math.cos(math.pi / 16), 0.3))
-
-
-# Rolling windows, followed on paper through LayeredCostmap::updateMap, getSizeInMetersX and
-# Costmap2D::updateOrigin. The window aims at having the robot in the middle of what the original
-# takes for its size, which is half a cell too little: (columns - 0.5) cells, here 5.5 by 3.5. It
-# moves by (int)((aim - origin) / resolution) cells.
-@pytest.mark.parametrize(
-    ("aim", "moved"),
-    [
-        ((0.99, -0.99), (0, 0)),
-        ((1.0, -1.0), (1, -1)),
-        ((1.99, -1.99), (1, -1)),
-        ((2.7, 0.3), (2, 0)),
-        ((-0.3, -2.7), (0, -2)),
-        ((7.5, 0.0), (7, 0)),
-        ((-300.25, 4000.75), (-300, 4000)),
-    ],
-)
-@pytest.mark.parametrize("origin", [(0.0, 0.0), (-8.0, 4.0)])
-def test_the_window_moves_by_whole_cells_cut_off_toward_zero(aim, moved, origin):
-    costmap = build(6, 4, rolling=True, origin=origin)
-    costmap.update(Pose2(origin[0] + aim[0] + 2.75, origin[1] + aim[1] + 1.75))
-    assert (costmap.grid.x, costmap.grid.y) == (origin[0] + moved[0], origin[1] + moved[1])
-
-
-# Costs in the order of the original's queue (inflation_queue_order), for a robot so small that only
-# its middle counts.
 
 
 @pytest.mark.parametrize("in_order", [False, True])

@@ -1,6 +1,6 @@
 """The costmap leaves the same cells as the plain update cycle, whatever happens."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -14,12 +14,12 @@ from daemon.stacks.ros1.costmap import (
     ObstacleLayer,
     SensedScan,
     StaticLayer,
+    VoxelLayer,
 )
 from daemon.stacks.ros1.costmap.costmap import Costmap
 from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2
 from grammars.model.grid import OccupancyGrid
-from tests.stacks.ros1.costmap.pictures import with_voxels
 from tests.stacks.ros1.costmap.plain import PlainCostmap
 
 ROWS, COLUMNS = 22, 30
@@ -93,7 +93,9 @@ def random_obstacles(rng, name, methods):
         combination_method=int(rng.choice(methods)),
         track_unknown_space=bool(rng.random() < 0.4),
     )
-    return with_voxels(layer, **column) if rng.random() < 0.4 else layer
+    if rng.random() < 0.4:
+        layer = VoxelLayer(**{f.name: getattr(layer, f.name) for f in fields(layer)}, **column)
+    return layer
 
 
 def random_inflation(rng, name="inflation"):
