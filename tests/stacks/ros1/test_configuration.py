@@ -19,7 +19,6 @@ from hypothesis import strategies as st
 from daemon.stacks.findings import FindingCollector, ParameterError
 from daemon.stacks.ros1.configuration import RosParameters, read_ros
 from daemon.stacks.ros1.costmap.reading import CostmapContext, CostmapReader
-from daemon.stacks.ros1.quirks import FAST, FIXED
 from tests.stacks.cases import cases, written
 from tests.stacks.ros1.sections import said, shown
 
@@ -59,8 +58,8 @@ def summary(tree):
         read = read_ros(tree)
     except ParameterError as error:
         return [], said(error.problems, error.findings)
-    known = {FAST: "fast", FIXED: "fixed"}
-    lines = [f"quirks: {known[read.quirks]}", f"heard: {read.topics.heard(('',))}"]
+    lines = [f"quirks: {line}" for line in shown(read.quirks)]
+    lines += [f"heard: {read.topics.heard(tuple(read.topics.by_laser) or ('',))}"]
     for name, reset in read.resets.items():
         lines += [f"{name}: {line}" for line in shown(reset)]
     for each in fields(RosParameters):
