@@ -1,194 +1,110 @@
-"""What the controller does with plans, goals, blocked ways and obstacles."""
+"""The fast search commands what the plain one does, to the last bit, cycle after cycle."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.quirks import FAST, FIXED
-from daemon.stacks.ros1.trajectory_planner import (
-    TrajectoryPlannerParameters,
-)
+from daemon.stacks.ros1.trajectory_planner import TrajectoryPlannerParameters
 from daemon.stacks.ros1.trajectory_planner._parameters import slowest_turn_at_goal, strafe_speeds
 from daemon.stacks.ros1.trajectory_planner._rollout import count_points, normalize_angle
-from daemon.stacks.ros1.trajectory_planner._search import (
-    velocity_window,
-)
-from daemon.stacks.ros1.trajectory_planner._settings import (
-    longest_trajectory,
-    settings_of,
-)
+from daemon.stacks.ros1.trajectory_planner._search import velocity_window
+from daemon.stacks.ros1.trajectory_planner._settings import longest_trajectory, settings_of
 from daemon.stacks.ros1.trajectory_planner.controller import TrajectoryPlanner
 from grammars.model.geometry import Pose2, Twist2, wrap_angle
-from tests.stacks.ros1.trajectory_planner import plain
-from tests.stacks.ros1.trajectory_planner.helpers import (
-    ROBOTS,
-    costs_around,
-    rectangle,
-    straight,
+from tests.stacks.ros1.dwa.helpers import LARGE, SMALL, blobs
+from tests.stacks.ros1.trajectory_planner.helpers import ROBOTS, costs_around, drive, straight
+from tests.stacks.ros1.trajectory_planner.plain import PlainPlanner, between
+
+FEW = TrajectoryPlannerParameters(
+    vx_samples=3, vtheta_samples=6, sim_time=1.2, sim_granularity=0.05, xy_goal_tolerance=0.0,
+    angular_sim_granularity=0.08, controller_frequency=10.0, prune_plan=False,
+)  # fmt: skip
+VARIANTS = (
+    FEW,
+    replace(FEW, dwa=True, acc_lim_x=1.0, acc_lim_theta=2.0),
+    replace(FEW, holonomic_robot=False, occdist_scale=0.1, meter_scoring=True),
+    replace(FEW, heading_scoring=True, heading_scoring_timestep=0.6),
+    replace(FEW, heading_scoring=True, meter_scoring=True, occdist_scale=0.5, dwa=True),
+    replace(FEW, y_vels="-0.3, -0.1, 0.1, 0.3", oscillation_reset_dist=0.4, acc_lim_y=0.8),
+    replace(FEW, max_vel_theta=0.0, min_vel_theta=0.0, oscillation_reset_dist=0.4),
+    replace(FEW, path_distance_bias=0.0, goal_distance_bias=0.0, occdist_scale=0.0),
+    replace(FEW, min_vel_x=0.2, escape_vel=-0.3, escape_reset_theta=0.1),
+    replace(FEW, heading_lookahead=1.4, min_in_place_vel_theta=0.9),
 )
 
-HUSKY = ROBOTS["husky"].parameters
-OUTLINE = rectangle(-0.3, 0.3, 0.2)
+
+def winding(rng, start):
+    """Return a plan from about ``start``."""
+    heading = start.yaw + rng.normal(0.0, 0.9) + np.cumsum(rng.normal(0.0, 0.08, 60))
+    step = 0.04 if rng.random() < 0.8 else 0.12
+    way = np.cumsum(step * np.column_stack([np.cos(heading), np.sin(heading)]), axis=0)
+    plan = way[: int(rng.integers(2, 60))] + np.array((start.x, start.y)) + rng.normal(0, 0.05, 2)
+    return np.column_stack([plan, np.zeros(len(plan))])
 
 
-def controller(parameters=HUSKY, quirks=FAST):
-    return TrajectoryPlanner(parameters, quirks, OUTLINE, 0.2)
+def near(plan, pose, reach):
+    """Return the points of a plan from the first near one to the first that is not any more."""
+    far = np.hypot(plan[:, 0] - pose.x, plan[:, 1] - pose.y) > reach
+    first = int(np.argmin(far))
+    beyond = np.flatnonzero(far[first:])
+    last = first + int(beyond[0]) + 1 if beyond.size else len(plan)
+    return np.ascontiguousarray(plan[first:last, :2])
 
 
-def around(pose=Pose2(), *boxes):  # noqa: B008
-    return costs_around(pose, 80, 0.05, *boxes)
+@given(seed=st.integers(0, 2**32 - 1), variant=st.sampled_from(range(len(VARIANTS))))
+def test_fast_and_plain_command_the_same(seed, variant):
+    rng = np.random.default_rng(seed)
+    parameters, quirks = VARIANTS[variant], FAST if rng.random() < 0.7 else FIXED
+    outline = (SMALL, 2.0 * SMALL, LARGE, SMALL[:2])[int(rng.integers(4))]
+    pose = Pose2(*rng.uniform(-80, 80, 2).tolist(), float(rng.uniform(-3, 3)))
+    cells = 60 if rng.random() < 0.7 else 70
+    local = costs_around(pose, cells, 0.05)
+    local.cells[:] = blobs(rng, (cells, cells), int(rng.integers(0, 9)), 0.002)
+    local.x, local.y = local.x + rng.uniform(-0.2, 0.2), local.y + rng.uniform(-0.2, 0.2)
+    fast = TrajectoryPlanner(parameters, quirks, outline, 0.1)
+    s = settings_of(parameters, quirks, 0.05, 0.1)
+    plain = PlainPlanner(s, strafe_speeds(parameters), outline)
+    plain.reset_after = parameters.oscillation_reset_dist
+    plain.escape_after = parameters.escape_reset_dist
+    plain.escape_turn = parameters.escape_reset_theta
+    plan = winding(rng, pose)
+    fast.set_plan(plan)
+    twist = Twist2(float(rng.uniform(-0.1, 0.5)), 0.0, float(rng.normal(0.0, 0.5)))
+    for _ in range(4):
+        state = np.array(
+            (pose.x, pose.y, pose.yaw, twist.vx, twist.vy, twist.wz), dtype=np.float32
+        ).astype(np.float64)
+        answer = fast.command(pose, twist, Pose2(), local)
+        expected = plain.best(state, near(plan, pose, cells * 0.025), local)
+        assert answer.ok == (expected.cost >= 0.0)
+        if answer.ok:
+            assert (answer.twist.vx, answer.twist.vy, answer.twist.wz) == expected.velocity
+            points = np.array(expected.points).reshape(-1, 3)
+            np.testing.assert_array_equal(answer.local_plan, points[:, :2])
+        twist = answer.twist
+        pose = pose @ Pose2(0.2 * twist.vx, 0.2 * twist.vy, 0.2 * twist.wz)
 
 
-def first(
-    planner,
-    twist=Twist2(),  # noqa: B008
-    *boxes,
-    yaw=0.0,
-):
-    pose = Pose2(yaw=yaw)
-    return planner.command(pose, twist, Pose2(), around(pose, *boxes))
+SLALOM = ((1.2, -0.9, 1.5, -0.3),)
 
 
-def test_the_period_is_that_of_move_base_unless_it_has_one_of_its_own():
-    planner = controller(replace(HUSKY, controller_frequency=None))
-    planner.set_plan(straight(1.5))
-    assert first(planner).twist.vx == 0.5
-    planner = controller(replace(HUSKY, controller_frequency=-1.0))
-    planner.set_plan(straight(1.5))
-    assert first(planner).twist.vx == 0.125
-
-
-def test_the_plan_is_taken_through_the_correction_of_the_map():
-    correction, twist = Pose2(5.0, -3.0, 0.7), Twist2(0.2, 0.0, 0.1)
-    here, moved = controller(), controller()
-    here.set_plan(straight(1.5))
-    points = [correction @ Pose2(x, y, yaw) for x, y, yaw in straight(1.5).tolist()]
-    moved.set_plan(np.array([(p.x, p.y, p.yaw) for p in points]))
-    pose = Pose2(0.003, 0.004, 0.1)
-    expected = here.command(pose, twist, Pose2(), around())
-    assert moved.command(pose, twist, correction, around()).twist == expected.twist
-
-
-def test_no_command_without_a_plan_nearby():
-    planner = controller()
-    assert not first(planner).ok
-    planner.set_plan(straight(1.5) + np.array((9.0, 9.0, 0.0)))
-    assert not first(planner).ok
-    assert first(planner).twist == Twist2()
-
-
-def at_goal(
-    yaw_error,
-    twist=Twist2(),  # noqa: B008
-    parameters=HUSKY,
-    quirks=FAST,
-    *boxes,
-):
-    planner, pose = controller(parameters, quirks), Pose2(0.9, 0.0, -yaw_error)
-    planner.set_plan(straight(1.0))
-    answer = planner.command(pose, twist, Pose2(), around(pose, *boxes))
-    assert answer.local_plan.shape == (0, 2)
-    return planner, answer
-
-
-def test_within_tolerance_it_stands_and_the_goal_is_reached():
-    planner, answer = at_goal(0.09, Twist2(0.3, 0.0, 0.2))
-    assert (answer.ok, answer.twist) == (True, Twist2())
-    assert planner.goal_reached(Pose2(), Twist2(), Pose2())
-    planner.set_plan(straight(1.0))
-    assert not planner.goal_reached(Pose2(0.9), Twist2(), Pose2())
-
-
-SLOW = replace(HUSKY, acc_lim_theta=0.1, min_in_place_vel_theta=0.1)
-QUICK = replace(HUSKY, acc_lim_theta=20.0)
-LIMITED = replace(QUICK, max_vel_theta=0.5, min_vel_theta=-0.3)
-
-
-@pytest.mark.parametrize(
-    ("error", "wz", "parameters", "quirks", "expected"),
-    [
-        # Within its acceleration, and so that it can stop.
-        (2.0, 0.0, HUSKY, FAST, 0.2),
-        (-0.2, 0.01, SLOW, FAST, -0.1),
-        (-0.2, 0.01, SLOW, FIXED, -0.015),
-        (0.5, 0.0, QUICK, FAST, 0.5),
-        (2.0, 0.0, QUICK, FAST, 1.0),
-        # With a limit of its own.
-        (2.0, 0.0, LIMITED, FAST, 1.0),
-        (2.0, 0.0, replace(LIMITED, max_rotational_vel=0.7), FAST, 0.7),
-        (2.0, 0.0, LIMITED, FIXED, 0.5),
-        (-2.0, 0.0, LIMITED, FIXED, -0.3),
-    ],
-)
-def test_the_speed_of_a_turn_at_the_goal(error, wz, parameters, quirks, expected):
-    twist = at_goal(error, Twist2(0.0, 0.0, wz), parameters, quirks)[1].twist
-    assert (twist.vx, twist.vy, twist.wz) == (0.0, 0.0, pytest.approx(expected))
-
-
-def test_it_slows_down_before_it_turns():
-    planner, answer = at_goal(1.0, Twist2(0.3, 0.02, -0.4))
-    twist = answer.twist
-    assert answer.ok
-    assert (twist.vx, twist.vy, twist.wz) == pytest.approx((0.175, 0.0, -0.24))
-    assert not planner.goal_reached(Pose2(), Twist2(), Pose2())
-
-
-def test_once_turning_it_goes_on_turning_though_it_moves():
-    planner, _ = at_goal(2.0)
-    answer = planner.command(Pose2(0.9, 0.0, -1.9), Twist2(0.0, 0.0, 0.2), Pose2(), around())
-    assert answer.twist.wz == pytest.approx(0.36)
-
-
-def test_a_turn_in_collision_is_refused():
-    _, answer = at_goal(2.0, Twist2(), HUSKY, FAST, (0.5, -1.0, 1.5, 1.0))
-    assert (answer.ok, answer.twist) == (False, Twist2())
-
-
-@pytest.mark.parametrize("latch", [False, True])
-def test_a_latched_goal_is_only_turned_to_until_the_next_plan(latch):
-    planner, _ = at_goal(2.0, Twist2(), replace(HUSKY, latch_xy_goal_tolerance=latch))
-    off = Pose2(0.5, 0.0, -2.0)
-    answer = planner.command(off, Twist2(), Pose2(), around(off))
-    assert (len(answer.local_plan) == 0) is latch
-    planner.set_plan(straight(1.0))
-    assert len(planner.command(off, Twist2(), Pose2(), around(off)).local_plan) > 0
-
-
-def test_the_goal_it_turns_at_is_the_end_of_the_window():
-    planner = controller()
-    planner.set_plan(straight(4.0, end=1.0))
-    # A window of half a metre either way ends beside the robot, where the plan looks ahead.
-    near = costs_around(Pose2(0.0), 6, 0.05)
-    answer = planner.command(Pose2(0.05), Twist2(), Pose2(), near)
-    assert (answer.ok, answer.twist) == (True, Twist2())
-    assert planner.goal_reached(Pose2(), Twist2(), Pose2())
-
-
-@pytest.mark.parametrize("prune", [False, True])
-def test_pruning_forgets_the_plan_behind_the_robot(prune):
-    plan = np.concatenate([straight(2.5), straight(2.5)[::-1]])
-    planner = controller(replace(HUSKY, prune_plan=prune))
-    planner.set_plan(plan)
-    pose = Pose2(1.5)
-    planner.command(pose, Twist2(), Pose2(), around(pose))
-    assert planner._plan.forgotten == (11 if prune else 0)
-
-
-def test_a_costmap_of_another_shape_is_taken():
-    planner = controller()
-    planner.set_plan(straight(1.5))
-    for cells in (80, 60, 100):
-        local = costs_around(Pose2(), cells, 0.05)
-        assert planner.command(Pose2(), Twist2(), Pose2(), local).twist.vx == 0.125
-    other = CostGrid(0.05, local.x, local.y, local.cells.copy())
-    other.cells[:] = 254
-    assert planner.command(Pose2(), Twist2(), Pose2(), other).twist.vx <= 0.0
+@pytest.mark.parametrize("name", list(ROBOTS))
+def test_commands_are_those_of_the_original(name):
+    robot = ROBOTS[name]
+    period = 1.0 / robot.frequency
+    planner = TrajectoryPlanner(robot.parameters, FAST, robot.outline, period)
+    planner.set_plan(straight(3.0, end=1.0))
+    answers = [answer for _, answer in drive(planner, robot, Pose2(yaw=0.6), 10, *SLALOM)]
+    assert all(answer.ok and answer.twist.vy == 0.0 for answer in answers)
+    got = [(answer.twist.vx, answer.twist.wz) for answer in answers]
+    np.testing.assert_allclose(got, robot.measured, atol=2e-9)
 
 
 DEFAULT = TrajectoryPlannerParameters()
-HUSKY = ROBOTS["husky"].parameters
 
 
 def settings(parameters=DEFAULT):
@@ -230,4 +146,4 @@ def test_no_trajectory_is_longer_than_there_is_room():
 def test_angles_are_wrapped_as_others_do_but_for_rounding():
     for angle in np.linspace(-9.0, 9.0, 181).tolist():
         assert normalize_angle(angle) == pytest.approx(wrap_angle(angle), abs=1e-14)
-        assert normalize_angle(angle) == plain.between(0.0, angle)
+        assert normalize_angle(angle) == between(0.0, angle)
