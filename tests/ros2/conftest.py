@@ -3,29 +3,12 @@
 Without the environments (`make test-ros2` makes them) such tests are skipped and say so.
 """
 
-from __future__ import annotations
-
 import os
-from dataclasses import dataclass
-from pathlib import Path
 
 import pytest
 
 from daemon.stacks.ros2.isolation import lock_domain
 from tests.ros2.environment import DISTRIBUTIONS, environment_python
-
-
-@dataclass(frozen=True)
-class Ros2Environment:
-    """A ROS 2 that tests may start processes in."""
-
-    distribution: str
-    python: Path
-
-    @property
-    def prefix(self):
-        """Where it is installed: `share/<package>` and the like."""
-        return self.python.parents[1]
 
 
 def pytest_generate_tests(metafunc):
@@ -36,19 +19,14 @@ def pytest_generate_tests(metafunc):
 
 
 @pytest.fixture(scope="session")
-def ros2_environment(distribution):
+def ros2_python(distribution):
     python = environment_python(distribution)
     if python is None:
         pytest.skip(
             f"no ROS 2 environment for {distribution}, or an outdated one: `make test-ros2`, or"
             f" `python -m tests.ros2.environment {distribution}`"
         )
-    return Ros2Environment(distribution, python)
-
-
-@pytest.fixture(scope="session")
-def ros2_python(ros2_environment):
-    return ros2_environment.python
+    return python
 
 
 @pytest.fixture

@@ -3,7 +3,6 @@
 import json
 import math
 import threading
-import time
 from collections import deque
 
 from geometry_msgs.msg import (
@@ -62,7 +61,6 @@ class LocatedNode(StandinNode):
 
     def __init__(self, name, options):
         super().__init__(name, options)
-        self._body = options.footprint or BASE
         self.odometry = deque(maxlen=50)
         self.correction = None
         self.is_located = threading.Event()
@@ -71,7 +69,7 @@ class LocatedNode(StandinNode):
     def _on_transforms(self, message):
         for each in message.transforms:
             link = (each.header.frame_id, each.child_frame_id)
-            if link == (ODOM, self._body):
+            if link == (ODOM, BASE):
                 stamp = nanoseconds(each.header.stamp)
                 self.odometry.append((stamp, from_transform(each.transform)))
                 self.on_odometry()
@@ -100,13 +98,6 @@ class Localization(LocatedNode):
         self.create_subscription(
             PoseWithCovarianceStamped, "initialpose", self._on_initial_pose, 10
         )
-        if options.footprint:
-            # robot_state_publisher does this, of a fixed joint.
-            fixed = TransformStamped(child_frame_id=BASE)
-            fixed.header.frame_id = options.footprint
-            fill_transform(fixed.transform, (0.0, 0.0, 0.0))
-            self._fixed = self.create_publisher(TFMessage, "/tf_static", LATCHED)
-            self._fixed.publish(TFMessage(transforms=[fixed]))
 
     def _on_initial_pose(self, message):
         pose = from_pose(message.pose.pose)
@@ -185,7 +176,6 @@ class ControllerServer(LocatedNode):
         self._begin = 0
         self._speed = 0.0
         self._arrived = self._done = False
-        self._cycles = 0
         self._ticks = deque()
         kind = TwistStamped if self._stamped else Twist
         self._commands = self.create_publisher(kind, "cmd_vel", 10)
@@ -211,9 +201,6 @@ class ControllerServer(LocatedNode):
         pose = self.pose(now - _LAG)
         if self._goal is None or now < self._begin or pose is None or not self.is_active:
             return
-        self._cycles += 1
-        if self.options.has("late") and self._cycles % self.options.every == 0:
-            time.sleep(self.options.seconds)
         x, y, _ = compose(inverse(pose), self._goal)
         speed, turn_rate = self._follow(now, math.hypot(x, y), math.atan2(y, x), pose[2])
         self._publish(now, speed, turn_rate)

@@ -23,7 +23,7 @@ class StandinNode(LifecycleNodeMixin, Node):
         LifecycleNodeMixin.__init__(self, callback_group=ReentrantCallbackGroup())
         self.options = options
         self._alarm = None
-        if any(options.has(fault, name) for fault in ("dies", "hangs", "deactivates")):
+        if any(options.has(fault, name) for fault in ("dies", "deactivates")):
             self.create_subscription(Path, "plan", self._on_plan, 10)
 
     @property
@@ -56,10 +56,7 @@ class StandinNode(LifecycleNodeMixin, Node):
         if self.options.has("dies", name):
             self.options.end_process()
         self.get_logger().warning(FAULT_BEGINS)
-        if self.options.has("deactivates", name):
-            self.trigger_deactivate()
-        if self.options.has("hangs", name):
-            threading.Event().wait()
+        self.trigger_deactivate()
 
 
 class LifecycleManager(Node):

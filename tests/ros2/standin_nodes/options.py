@@ -19,12 +19,10 @@ class Options:
     """Nodes, files and the faults of a stand-in; times in s. Faults are
 
     dies            `node` ends with `exit_code`, or by `signal`, `after` seconds of the first goal
-    hangs           `node` answers nobody any more then; its process stays
     deactivates     `node` becomes inactive then
     goal-aborted    the goal is aborted then, with `error_code` and `error_msg`
     no-server       the action servers vanish then
     goal-rejected   every goal is rejected
-    late            controller: sleeps `seconds` of wall time in every `every`-th cycle
     wrong-frame     amcl calls the map frame `world` in what it publishes to tf
     dies-at-start   `node` ends as with `dies` while it is configured
     late-response   `node` answers a transition only when the manager has given it up
@@ -32,13 +30,9 @@ class Options:
 
     nodes: str = ",".join((*NODES, MANAGER))
     map: str = ""
-    footprint: str = ""
-    """Frame of the robot in tf, when it is not base_link, which then hangs below it."""
-
     fault: str = ""
     node: str = "controller_server"
     after: float = 1.0
-    every: int = 10
     seconds: float = 2.0
     exit_code: int = 3
     signal: int = 0
