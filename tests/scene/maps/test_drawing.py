@@ -71,19 +71,13 @@ def bounds(ring):
 
 def areas(grid, kind=FREE):
     """Return the extents of connected cells of a kind on a map, exact to two cells of 2 cm."""
-    pieces = ndimage.find_objects(ndimage.label(grid.cells == kind)[0])
+    cell, x, y = grid.resolution, grid.x, grid.y
     return [
         pytest.approx(
-            tuple(
-                start + cell * grid.resolution
-                for cell, start in (
-                    *((columns.start, grid.x), (rows.start, grid.y)),
-                    *((columns.stop, grid.x), (rows.stop, grid.y)),
-                )
-            ),
+            (x + at.start * cell, y + up.start * cell, x + at.stop * cell, y + up.stop * cell),
             abs=0.04,
         )
-        for rows, columns in pieces
+        for up, at in ndimage.find_objects(ndimage.label(grid.cells == kind)[0])
     ]
 
 

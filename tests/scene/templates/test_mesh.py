@@ -37,17 +37,6 @@ def surface(mesh):
     return trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
 
 
-def inside(mesh, point):
-    """Sum up solid angles (van Oosterom and Strackee 1983): a full turn inside, none outside."""
-    a, b, c = np.moveaxis(mesh.vertices[mesh.faces] - point, 1, 0)
-    la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
-    over = np.einsum("ij,ij->i", a, np.cross(b, c))
-    dots = (a * b).sum(1) * lc + (b * c).sum(1) * la + (c * a).sum(1) * lb
-    turns = float(np.arctan2(over, la * lb * lc + dots).sum() / (2.0 * math.pi))
-    assert turns == pytest.approx(round(turns), abs=1e-6)
-    return round(turns) == 1
-
-
 def scene_of(*solids):
     named = (Solid(f"s{i}", "wall", ring, a, b) for i, (ring, a, b) in enumerate(solids))
     return Scene("solids", (), (), tuple(named))
@@ -62,13 +51,6 @@ def test_walls_are_one_closed_body_with_outward_faces(yaw):
     assert body.is_winding_consistent
     assert mesh.volume == pytest.approx(volume(scene), rel=1e-6)
     assert body.volume == pytest.approx(mesh.volume, rel=1e-9)
-
-
-def test_a_doorway_is_open_and_a_lintel_lies_over_it():
-    mesh = wall_mesh(two_rooms().solids)
-    assert not inside(mesh, (2.1, 1.0, 1.0))
-    assert inside(mesh, (2.1, 1.0, 2.2))
-    assert inside(mesh, (2.1, 0.25, 1.0))
 
 
 def test_blocks_that_touch_stay_a_manifold_without_useless_faces():

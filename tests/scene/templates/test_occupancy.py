@@ -97,16 +97,6 @@ def test_maps_of_two_rooms(golden):
     golden("maps.txt", text)
 
 
-@given(st.floats(0.0, 3.0), st.floats(0.001, 0.05))
-def test_a_thin_leaf_is_an_unbroken_line(angle, thickness):
-    scene = two_rooms(objects=(door(thickness),))
-    grid = occupancy_grid(scene, laser_height=0.3, joints={"door.hinge": angle})
-    direction = math.pi / 2 + angle
-    for step in np.linspace(0.01, 0.99, 200):
-        point = (2.1 + step * math.cos(direction), 0.5 + step * math.sin(direction))
-        assert at(grid, point) == OCCUPIED
-
-
 @given(
     st.sampled_from(["outline", "touch"]),
     st.floats(-math.pi, math.pi) | st.sampled_from([0.0, math.radians(35), -math.pi / 2]),
@@ -150,36 +140,6 @@ def test_a_shut_door_closes_its_doorway_without_a_gap(
     drawn = occupancy_grid(scene, rule=rule, joints={}, **keywords)
     assert at(drawn, here) == at(drawn, there) == FREE
     assert not flooded(drawn, here)[cell(drawn, there)]
-
-
-@pytest.mark.parametrize("yaw", [0.0, math.radians(35), -1.0, 2.5])
-def test_a_wall_is_drawn_as_if_it_had_no_doorways(yaw):
-    def drawn(*pieces, doorways):
-        scene = Scene(
-            "wall",
-            (Region("hall", box(-3.0, -3.0, 3.0, 3.0)),),
-            (Doorway("d", pose, pose.apply_ring(opening), 1.0, 0.0, 2.0),)[:doorways],
-            tuple(wall(pose.apply_ring(r), low, high) for r, low, high in pieces),
-        )
-        return occupancy_grid(scene, laser_height=0.3)
-
-    pose = Pose2(0.317, -0.123, yaw)
-    opening = box(-0.5, -0.1, 0.5, 0.1)
-    sides = [(box(-2.0, -0.1, -0.5, 0.1), 0.0, 2.5), (box(0.5, -0.1, 2.0, 0.1), 0.0, 2.5)]
-    whole = drawn((box(-2.0, -0.1, 2.0, 0.1), 0.0, 2.5), doorways=0).cells == OCCUPIED
-    cut = drawn(*sides, (opening, 2.0, 2.5), doorways=1).cells == OCCUPIED
-    # Nothing that the whole wall does not have, and of that nothing but the doorway is missing.
-    assert not (cut & ~whole).any()
-    beside = box(-0.65, -0.3, 0.65, 0.3)
-    missing = whole & ~cut
-    rows, columns = np.nonzero(missing)
-    centres = shapely.points(-4.25 + (columns + 0.5) * 0.05, -4.25 + (rows + 0.5) * 0.05)
-    assert missing.any()
-    assert shapely.contains(shapely.Polygon(pose.apply_ring(beside)), centres).all()
-    # A window is nothing that is freed: the wall beside it is drawn as it stands.
-    window = drawn(*sides, (opening, 1.0, 2.5), doorways=0)
-    assert at(window, pose.apply((0.0, 0.0))) == FREE
-    assert at(window, pose.apply((1.0, 0.0))) == OCCUPIED
 
 
 @given(
