@@ -12,11 +12,9 @@ from mcap.reader import make_reader
 
 from daemon.campaign import examine
 from daemon.model.rehearsal import kernel_list, short_run
-from daemon.model.spec import SutReference
 from daemon.model.sut import CostmapPicture, Decision, Estimate, Progress
 from daemon.model.verdicts import Outcome, Verdict
 from daemon.run import SceneMismatchError
-from daemon.run_loop import RunLoop
 from daemon.trace import TraceWriter, read_trace
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.kinematics import link_poses
@@ -253,18 +251,10 @@ class Listener:
         return Decision(None, Progress(0, 0, "active"))
 
 
-def listen(path, spec, scene):
-    """Stand still for two seconds; return the scans as they came and as they were recorded."""
-    spec = replace(spec, sut=SutReference("idle", "idle", {}), limit=2.0)
-    listener = Listener()
-    with TraceWriter(path, spec, scene) as trace:
-        end = RunLoop(spec, scene, trace, sut=listener).run()
-        trace.close(end.ended, end.note)
-    return listener.scans, read_trace(path, scans=True)
-
-
-def test_each_laser_has_its_own_rate_and_they_come_in_order(two_lasers, tmp_path):
-    heard, trace = listen(tmp_path / "run.mcap", two_lasers.spec(), two_lasers.scene)
+def test_each_laser_has_its_own_rate_and_they_come_in_order(two_lasers, tmp_path, plug):
+    heard = plug(Listener()).scans
+    two_lasers.execute(two_lasers.spec(kind="plugged", limit=2.0), tmp_path / "run.mcap")
+    trace = read_trace(tmp_path / "run.mcap", scans=True)
     front, rear = trace.scans
     np.testing.assert_allclose(front.time, np.arange(21) / 10)
     np.testing.assert_allclose(rear.time, np.ceil(np.arange(17) * 12.5 - 1e-9) / 100)
@@ -274,16 +264,6 @@ def test_each_laser_has_its_own_rate_and_they_come_in_order(two_lasers, tmp_path
     for track in trace.scans:
         came = [s.ranges for s in heard if s.laser == track.laser]
         np.testing.assert_array_equal(track.ranges, came)
-
-
-def test_one_laser_more_changes_nothing_for_the_first(two_lasers, tmp_path):
-    spec = two_lasers.spec()
-    alone = replace(spec, robot=replace(spec.robot, other_lasers=()))
-    _, both = listen(tmp_path / "both.mcap", spec, two_lasers.scene)
-    _, one = listen(tmp_path / "one.mcap", alone, two_lasers.scene)
-    np.testing.assert_array_equal(both.scans[0].ranges, one.scans[0].ranges)
-    np.testing.assert_array_equal(both.joints.position, one.joints.position)
-    np.testing.assert_array_equal(both.odometry.x, one.odometry.x)
 
 
 def test_the_pilot_drives_a_robot_with_two_lasers(two_lasers, tmp_path):

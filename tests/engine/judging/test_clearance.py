@@ -24,7 +24,6 @@ from tests.engine.judging.traces import (
     make_trace,
     still,
     times,
-    verdict,
     wall,
 )
 
@@ -118,18 +117,6 @@ def test_what_the_robot_passes_under_or_over_is_no_obstacle():
 def swinging(time, angle):
     position = angle.reshape(-1, 1)
     return JointTrack(CORRIDOR.joint_names, time, position, np.zeros_like(position))
-
-
-def test_a_door_is_where_its_joint_was_recorded():
-    time = times(1.0)
-    angle = np.where(time < 0.5, 0.0, -math.pi / 2)
-    still_here = still(time)
-    trace = make_trace(replace(still_here, x=still_here.x + 8.0), joints=swinging(time, angle))
-    found = verdict(trace, "min(clearance(0.1 m, 0.05 m)) >= 0.2 m")
-    assert found.outcome == "fail"
-    assert found.evidence.object == "door-17.leaf"
-    assert found.evidence.value == pytest.approx(0.1 - 0.05)
-    assert found.evidence.time == pytest.approx(0.5)
 
 
 def test_a_moment_of_a_long_way_is_judged_as_that_moment_alone():

@@ -12,7 +12,6 @@ from daemon.judging.statistics import (
     at_most,
     chance_correlation,
     cliffs_delta,
-    cut_percentage,
     effect_magnitude,
     holm_adjusted,
     mean_difference,
@@ -41,12 +40,6 @@ def stats():
     return stats
 
 
-def test_a_lower_bound_never_says_more_than_was_shown():
-    assert cut_percentage(at_least(2, 2)) == "22.3 %"  # 0.22361
-    assert cut_percentage(0.549) == "54.9 %"
-    assert cut_percentage(0.8) == "80 %"
-
-
 @given(counts, st.sampled_from([0.8, 0.95, 0.99]))
 def test_the_interval_of_a_rate_is_that_of_clopper_and_pearson(stats, count, level):
     passed, n = count
@@ -55,14 +48,7 @@ def test_the_interval_of_a_rate_is_that_of_clopper_and_pearson(stats, count, lev
     low = stats.binomtest(passed, n, alternative="greater").proportion_ci(level, method="exact").low
     assert at_least(passed, n, level) == pytest.approx(low, abs=1e-9)
     assert at_most(n - passed, n, level) == pytest.approx(1.0 - low, abs=1e-9)
-
-
-def test_bounds_are_those_of_published_tables():
-    """Clopper and Pearson for 8 of 10; Student's t for 10 degrees of freedom, two-sided 95 %."""
-    assert proportion_interval(8, 10) == pytest.approx((0.443905, 0.974789), abs=1e-6)
-    assert at_least(1_000_000, 1_000_000) == pytest.approx(0.05**1e-6, abs=1e-13)
-    assert mean_interval([float(n) for n in range(11)]).high == pytest.approx(5 + 2.228139)
-    assert runs_needed(5, 5, 0.8) == 9
+    assert at_least(10**6, 10**6) == pytest.approx(0.05**1e-6, abs=1e-13)
 
 
 def test_no_runs_show_nothing_and_no_number_of_runs_shows_certainty():

@@ -26,34 +26,25 @@ def steps(path, *, turn_at=1e9, moved_at=1e9, silent_at=None, until=25.0):
     return path
 
 
+@pytest.mark.parametrize(
+    ("changes", "topic", "time"),
+    [
+        *(({"turn_at": t, "moved_at": t + 1.0}, "/cmd_vel", t) for t in (0.0, 3.5, 12.0)),
+        ({"silent_at": 70}, "/cmd_vel", 3.5),
+        # Of one instant the cause.
+        ({"turn_at": 2.0, "moved_at": 2.0}, "/ground_truth", 2.0),
+        ({"until": 20.0}, "/ground_truth", 20.0),
+    ],
+)
+def test_the_first_message_that_differs_or_is_missing_is_named(tmp_path, changes, topic, time):
+    one, other = steps(tmp_path / "a.mcap"), steps(tmp_path / "b.mcap", **changes)
+    for found in (first_difference(one, other), first_difference(other, one)):
+        assert (found.topic, found.time) == (topic, pytest.approx(time))
+        assert str(found) == f"on {topic} at {time:.2f} s"
+
+
 def test_the_same_bytes_do_not_part(tmp_path):
     assert first_difference(steps(tmp_path / "a.mcap"), steps(tmp_path / "b.mcap")) is None
-
-
-@pytest.mark.parametrize("moment", [0.0, 3.5, 12.0])
-def test_the_first_message_that_differs_is_named(tmp_path, moment):
-    one = steps(tmp_path / "a.mcap")
-    found = first_difference(one, steps(tmp_path / "b.mcap", turn_at=moment, moved_at=moment + 1.0))
-    assert (found.topic, found.time) == ("/cmd_vel", pytest.approx(moment))
-    assert str(found) == f"on /cmd_vel at {moment:.2f} s"
-
-
-def test_a_message_that_one_lacks_parts_them_where_it_was(tmp_path):
-    one, other = steps(tmp_path / "a.mcap"), steps(tmp_path / "b.mcap", silent_at=70)
-    for found in (first_difference(one, other), first_difference(other, one)):
-        assert (found.topic, found.time) == ("/cmd_vel", pytest.approx(3.5))
-
-
-def test_of_one_instant_the_cause_is_named(tmp_path):
-    one = steps(tmp_path / "a.mcap")
-    found = first_difference(steps(tmp_path / "b.mcap", turn_at=2.0, moved_at=2.0), one)
-    assert (found.topic, found.time) == ("/ground_truth", pytest.approx(2.0))
-
-
-def test_one_that_goes_on_parts_where_the_other_ends(tmp_path):
-    one, other = steps(tmp_path / "a.mcap"), steps(tmp_path / "b.mcap", until=20.0)
-    for found in (first_difference(one, other), first_difference(other, one)):
-        assert found.time == pytest.approx(20.0)
 
 
 def test_what_differs_besides_the_messages_is_named(tmp_path):
