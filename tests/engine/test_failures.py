@@ -4,6 +4,7 @@ A stack that gives up or does nothing has failed; one that crashed, left or hung
 """
 
 import math
+import re
 import signal
 import sys
 from dataclasses import replace
@@ -17,12 +18,13 @@ from daemon.judging.run_log import ended_run_log
 from daemon.model import deadline
 from daemon.model.deadline import OutOfTime, interruptible, wall_clock_limit
 from daemon.model.spec import RunResult
-from daemon.model.sut import Decision, Estimate, Progress, SutEvent, SutFailure
+from daemon.model.sut import Estimate, SutEvent
 from daemon.model.verdicts import Outcome
 from daemon.trace import read_outputs, read_trace
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.mission import Waypoint
 from grammars.text import codec
+from tests.engine.systems import System, later
 from tests.plugins import MODULE, install_plugins, place_of
 
 OUTSIDE = (Waypoint("outside", 100.0, 100.0),)
@@ -70,33 +72,64 @@ def passes_while(monkeypatch):
     return limit_by
 
 
-@pytest.mark.parametrize(
-    ("kind", "parameters", "goals", "ended", "why"),
-    [
-        ("idle", {}, (), "limit", "every command was zero"),
-        ("plain", {}, (), "limit", "no command was given"),
-        (
-            "gives-up", {}, (), "finished",
-            "every command was zero, the mission was given up at 0.00 s",
-        ),
-        (
-            "says-done", {}, (), "finished",
-            "every command was zero, the mission was called done at 0.00 s",
-        ),
-        ("pilot", {}, OUTSIDE, "finished", "every command was zero, the mission was given up at"),
-    ],
-    ids=["idle", "never commands", "gives up at once", "claims success", "pilot"],
-)  # fmt: skip
-def test_a_robot_that_never_moved_has_failed(executed, kind, parameters, goals, ended, why):
-    """The mission has failed and the rest is judged, now and when it is judged again."""
-    result, trace = executed(kind, parameters, goals=goals)
-    verdicts = {verdict.oracle: verdict for verdict in result.verdicts}
-    assert (result.ended, result.outcome) == (ended, Outcome.FAIL)
-    assert verdicts["reached"].outcome is Outcome.FAIL
-    assert f"the robot never moved: {why}" in verdicts["reached"].evidence.note
-    assert verdicts["no-contact"].outcome is Outcome.PASS
-    assert oracles.trace_problems(trace) == ()
-    assert oracles.judge(trace, trace.spec.oracles) == result.verdicts
+def answers(answer):
+    return System(answer=later(answer))
+
+
+LOST = Estimate(1.0, Pose2(math.nan, 0.0, 0.0), np.eye(3))
+WAITS = (
+    "starting my-nav2:\n 3 of 8 nodes active",
+    # What a program printed may be no text: bytes that are no UTF-8, sequences for terminals.
+    "waiting for \udcff\x1b[31mplanner",
+    "x" * 100_000,
+)
+EVENTS = (SutEvent("out of memory", "error", "planner"), SutEvent("bye"))
+SYSTEMS = {
+    **{kind: kind for kind in ("idle", "plain", "gives-up", "says-done", "leaves")},
+    "pilot to a waypoint outside": "pilot",
+    "command that is no number": answers(lambda right: replace(right, command=Twist2(math.nan))),
+    "estimate that is no number": answers(lambda right: replace(right, estimate=LOST)),
+    "no decision": answers(lambda _: None),
+    "exception": answers(lambda _: {}["no map"]),
+    "waits, then answers": System(WAITS),
+    "repeatable, tells latencies": System(),
+    "last lines that are no text": System(("starting",), "exit code 3\n  Segmentation \udcfffault"),
+    "what was said before": System(("starting",), "it ended with exit code 9", EVENTS),
+}
+
+
+def told(result, trace, seen):
+    yield f"{result.ended}, {result.outcome.value}{', stopped' * result.stopped}: {result.note!r}"
+    yield from (
+        f"{one.oracle}: {one.outcome.value} {one.evidence.note}".rstrip() for one in result.verdicts
+    )
+    yield from (
+        f"waits {one.waiting[:60]!r}, {len(one.waiting)} characters" for one in seen if one.waiting
+    )
+    yield from (f"{e.time:g} s {e.level} {e.source}: {e.text!r}" for e in trace.events)
+    latencies = trace.latency.seconds.tolist()
+    yield f"{trace.valid_until:g} s, {len(latencies)} latencies {sorted(set(latencies))}"
+    yield from (f"doubted: {problem}" for problem in oracles.trace_problems(trace))
+    yield f"log ends {ended_run_log(trace)[-1].text!r}, outputs {read_outputs(trace.path)}"
+
+
+def test_each_system_comes_to_what_stands_below_it(executed, plug, golden):
+    """Now and when it is judged again; what is told of it can be sent."""
+    lines = []
+    for name, system in SYSTEMS.items():
+        kind, parameters, seen = system, {}, []
+        if not isinstance(system, str):
+            plug(system)
+            kind, parameters = "plugged", {"repeatable": name.startswith("repeatable")}
+        goals = OUTSIDE if "outside" in name else ()
+        result, trace = executed(kind, parameters, goals=goals, limit=2.0, on_progress=seen.append)
+        for one in seen:
+            codec.to_json(one)
+        assert codec.from_json(RunResult, codec.to_json(result)) == result
+        assert trace.complete
+        assert oracles.judge(trace, trace.spec.oracles) == result.verdicts
+        lines += [f"== {name}", *(re.sub(r"py:\d+", "py:…", t) for t in told(result, trace, seen))]
+    golden("failures.txt", "\n".join([*lines, ""]))
 
 
 def hangs_in_update(frame):
@@ -105,13 +138,6 @@ def hangs_in_update(frame):
 
 def assert_crashed(result):
     assert (result.ended, result.outcome) == ("crashed", Outcome.ERROR)
-
-
-def test_leaving_the_interpreter_is_a_crash(executed):
-    result, _ = executed("leaves")
-    assert_crashed(result)
-    assert f"the system under test crashed: SystemExit: 3 ({MODULE}.py:" in result.note
-    assert not result.stopped
 
 
 def test_an_endless_update_is_ended_by_the_wall_clock_and_says_where(executed, passes_while):
@@ -180,134 +206,15 @@ def test_the_timer_of_others_goes_on():
         signal.signal(signal.SIGALRM, before)
 
 
-class System:
-    """A system of the test, perhaps an external one: it waits for what is said, then answers.
-
-    From second 1 on an answer is what ``answer`` makes of the right one.
-    """
-
-    period = 0.1
-    needs_ground_truth = False
-
-    def __init__(self, waiting=(), failure="", events=(), answer=lambda decision: decision):
-        self._waiting, self._failure, self._events = waiting, failure, events
-        self._answer = answer
-
-    def start(self, briefing):
-        """Nothing to prepare."""
-
-    def bring_up(self, first):
-        yield from self._waiting
-        if self._failure:
-            raise SutFailure(self._failure, events=self._events)
-
-    def update(self, observation):
-        estimate = Estimate(observation.time, Pose2(), np.eye(3))
-        right = Decision(Twist2(0.2), Progress(0, 0, "active"), estimate, latency=0.012)
-        return right if observation.time < 1.0 else self._answer(right)
-
-    def finish(self):
-        """Fine."""
-
-    def close(self):
-        """Nothing to end."""
-
-    def outputs(self):
-        return {"stack.txt": b"up\xff\n"}
-
-
-LOST = Estimate(1.0, Pose2(math.nan, 0.0, 0.0), np.eye(3))
-
-
-@pytest.mark.parametrize(
-    ("answer", "words"),
-    [
-        (lambda right: replace(right, command=Twist2(math.nan)), "finite"),
-        (
-            lambda right: replace(right, estimate=LOST),
-            "its estimate has values that are not finite",
-        ),
-        (lambda _: None, "update() must return a Decision, not NoneType"),
-        (lambda _: {}["no map"], "KeyError: 'no map'"),
-    ],
-    ids=["nonsense", "lost", "silent", "raises"],
-)
-def test_nonsense_is_an_error_of_the_system_under_test(executed, plug, answer, words):
-    plug(System(answer=answer))
-    result, trace = executed("plugged", limit=60.0)
-    assert_crashed(result)
-    assert words in result.note
-    assert any(words in event.text for event in trace.events)
-
-
-def brought_up(runs, path, repeatable=False, limit=1.0, **options):
-    spec = runs.spec(kind="plugged", parameters={"repeatable": repeatable}, limit=limit)
-    seen = []
-    return runs.execute(spec, path, on_progress=seen.append, **options), seen
-
-
-def test_what_is_waited_for_is_one_line_that_can_be_sent(runs, plug, tmp_path):
-    said = (
-        "starting my-nav2:\n 3 of 8 nodes active",
-        # What a program printed may be no text: bytes that are no UTF-8, sequences for terminals.
-        "waiting for \udcff\x1b[31mplanner",
-        "x" * 100_000,
-    )
-    plug(System(said))
-    result, seen = brought_up(runs, tmp_path / "run.mcap")
-    assert result.ended == "limit"
-    waited = [one for one in seen if one.waiting]
-    assert [one.waiting for one in waited] == [
-        "starting my-nav2: 3 of 8 nodes active",
-        "waiting for \ufffd\ufffd[31mplanner",
-        "x" * 120,
-    ]
-    assert {one.time for one in waited} == {0.0}
-    assert [one.waiting for one in seen[3:]] == [""] * (len(seen) - 3)
-    for one in seen:
-        codec.to_json(one)
-    assert read_trace(tmp_path / "run.mcap").latency.seconds.tolist() == [0.012] * 11
-    assert read_outputs(tmp_path / "run.mcap") == {"stack.txt": "up\N{REPLACEMENT CHARACTER}\n"}
-
-
-def test_a_repeatable_system_that_tells_its_latency_leaves_a_whole_trace(runs, plug, tmp_path):
-    plug(System())
-    result, _ = brought_up(runs, tmp_path / "run.mcap", repeatable=True, limit=12.0)
-    trace = read_trace(tmp_path / "run.mcap")
-    assert (trace.complete, len(trace.latency.time)) == (True, 0)
-    assert trace.ground_truth.time[-1] == 12.0
-    assert result.ended == "limit"
-
-
-def test_last_lines_that_are_no_text_still_make_a_result(runs, plug, tmp_path):
-    plug(System(("starting",), "it ended with exit code 3\n  Segmentation \udcfffault"))
-    result, _ = brought_up(runs, tmp_path / "run.mcap")
-    assert_crashed(result)
-    assert result.note == "it ended with exit code 3\n  Segmentation \\udcfffault"
-    assert codec.from_json(RunResult, codec.to_json(result)).note == result.note
-
-
-def test_what_a_system_said_before_it_failed_is_in_the_log(runs, plug, tmp_path):
-    events = (SutEvent("out of memory", "error", "planner"), SutEvent("bye"))
-    plug(System(("starting",), "it ended with exit code 9", events))
-    brought_up(runs, tmp_path / "run.mcap")
-    trace = read_trace(tmp_path / "run.mcap")
-    assert [(e.source, e.text, e.level) for e in trace.events] == [
-        ("planner", "out of memory", "error"),
-        ("sut", "bye", "info"),
-        ("sut", "it ended with exit code 9", "error"),
-    ]
-    said = [line.text for line in ended_run_log(trace)]
-    assert said[-1] == "crashed"
-    assert said.count("it ended with exit code 9") == 1
-
-
 @pytest.mark.parametrize("failure", ["", "it ended with exit code 3"])
 def test_it_is_judged_from_its_bring_up_to_however_it_ends(runs, plug, tmp_path, failure):
     plug(System(("starting", "3 of 8"), failure))
     told = []
     watching = SimpleNamespace(wanted=lambda: "everything", tell=told.append)
-    result, _ = brought_up(runs, tmp_path / "run.mcap", judgements=watching)
+    spec = runs.spec(kind="plugged", parameters={"repeatable": False}, limit=1.0)
+    result = runs.execute(
+        spec, tmp_path / "run.mcap", on_progress=lambda _: None, judgements=watching
+    )
     assert (told[0].time, told[0].doors, told[0].reached) == (0.0, (), ())
     assert told[-1].verdicts == result.verdicts
     assert result.ended == ("crashed" if failure else "limit")

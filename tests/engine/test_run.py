@@ -12,45 +12,29 @@ from mcap.reader import make_reader
 
 from daemon.campaign import examine
 from daemon.model.rehearsal import kernel_list, short_run
-from daemon.model.sut import CostmapPicture, Decision, Estimate, Progress
+from daemon.model.sut import CostmapPicture, Progress
 from daemon.model.verdicts import Outcome, Verdict
 from daemon.run import SceneMismatchError
 from daemon.trace import TraceWriter, read_trace
-from grammars.model.geometry import Pose2, Twist2
 from grammars.model.kinematics import link_poses
 from grammars.model.robot_files import load_robot
 from grammars.text import codec
 from grammars.text.diagnostics import Severity
 from templates.occupancy import occupancy_grid
 from tests.engine.conftest import Runs
+from tests.engine.systems import System, later
 from tests.engine.trace.mcap_checks import complaints
 
 
-class Drives:
-    """Drives straight on until its mission is over; may show all that can be shown."""
-
-    period = 0.1
-    needs_ground_truth = False
-
-    def __init__(self, finish_at=1e9, shows=False):
-        self._finish_at, self._shows = finish_at, shows
-
-    def start(self, briefing):
-        """Nothing to prepare."""
-
-    def update(self, observation):
-        state = "succeeded" if observation.time >= self._finish_at else "active"
-        estimate = Estimate(observation.time, Pose2(), np.eye(3))
-        decision = Decision(Twist2(0.2, 0.0, 0.0), Progress(0, 0, state), estimate)
-        if not self._shows:
-            return decision
-        cells = np.zeros((4, 5), np.uint8)
-        picture = CostmapPicture(observation.time, "odom", 0.05, 0.0, 0.0, cells)
-        return replace(decision, particles=np.zeros((3, 3)), costmap=picture)
+def showing(decision):
+    """The decision with all that can be shown."""
+    cells = np.zeros((4, 5), np.uint8)
+    picture = CostmapPicture(decision.estimate.time, "odom", 0.05, 0.0, 0.0, cells)
+    return replace(decision, particles=np.zeros((3, 3)), costmap=picture)
 
 
 def test_what_a_system_under_test_shows_is_recorded(runs, tmp_path, plug):
-    plug(Drives(shows=True))
+    plug(System(answer=showing))
     path = tmp_path / "run.mcap"
     runs.execute(runs.spec(kind="plugged", limit=3.0), path)
     with path.open("rb") as stream:
@@ -63,7 +47,7 @@ def test_what_a_system_under_test_shows_is_recorded(runs, tmp_path, plug):
 
 
 def test_odometry_of_an_exact_period_keeps_its_stamps(runs, tmp_path, campaigns, plug):
-    plug(Drives())
+    plug(System())
     robot = load_robot(campaigns / "robots" / "robile-planar-move.yaml")
     runs.execute(runs.spec(kind="plugged", robot=robot, limit=5.0), tmp_path / "run.mcap")
     trace = read_trace(tmp_path / "run.mcap")
@@ -150,7 +134,8 @@ def test_a_run_that_reaches_its_limit_ends_complete_and_tells_its_progress(runs,
 
 
 def test_a_run_ends_when_the_mission_is_over(runs, tmp_path, plug):
-    plug(Drives(finish_at=1.5))
+    done = Progress(0, 0, "succeeded")
+    plug(System(answer=later(lambda right: replace(right, progress=done), 1.5)))
     result = runs.execute(runs.spec(kind="plugged", limit=60.0), tmp_path / "run.mcap")
     assert result.ended == "finished"
     assert result.timing.simulated == pytest.approx(1.5, abs=0.1)
@@ -233,22 +218,18 @@ def two_lasers(campaigns):
     return Runs(campaigns / "two_lasers" / "campaign.yaml")
 
 
-class Listener:
-    """Stands still and keeps the scans it gets."""
+class Listener(System):
+    """Keeps the scans it gets."""
 
     period = 0.05
-    needs_ground_truth = False
 
     def __init__(self):
+        super().__init__()
         self.scans = []
 
-    def start(self, briefing):
-        """Nothing to prepare."""
-
     def update(self, observation):
-        """Take what is new."""
         self.scans += observation.scans
-        return Decision(None, Progress(0, 0, "active"))
+        return super().update(observation)
 
 
 def test_each_laser_has_its_own_rate_and_they_come_in_order(two_lasers, tmp_path, plug):
