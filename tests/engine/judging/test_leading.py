@@ -35,7 +35,6 @@ from tests.engine.judging.traces import (
     mission,
     times,
     track,
-    verdict,
 )
 
 ROOT = Path(__file__).parents[3]
@@ -99,21 +98,6 @@ def passing(gap, depth=None, *, footprint=ROBOT.footprint, yaw=0.0):
         goal=AROUND,
         progress=(ProgressRecord(0.0, 0, 0, "active"),),
     )
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "always(clearance >= 5 cm)",
-        "max(speed) <= 1 m/s",
-        "final(elapsed) <= 20 s",
-        "time(pose.x < 3 m) <= 20 s",
-        "always(speed <= 1 m/s and speed >= 0.1 m/s)",
-    ],
-)
-def test_the_margin_of_a_quantity_is_the_verdicts_own(text):
-    trace = passing(0.02)
-    assert lead(trace, text).margin == verdict(trace, text).margin
 
 
 def to(end, **fields):

@@ -104,21 +104,6 @@ def test_the_velocity_of_what_slides_on_a_turning_leaf_is_its_own():
     assert slid > 0.1
 
 
-def test_sleeping_doors_do_not_change_the_outcome():
-    def drive(sleep):
-        simulated = world(door("d", Pose2(2.5, 0.5, math.pi), friction=0.5))
-        simulated._space.sleep_time_threshold = sleep
-        simulated.command(Twist2(0.5, 0.0, 0.0))
-        simulated.advance(900)
-        return simulated.pose(), simulated.joint_positions().tolist()
-
-    (pose, positions), (other_pose, other_positions) = drive(0.5), drive(math.inf)
-    assert (pose.x, pose.y, pose.yaw) == pytest.approx(
-        (other_pose.x, other_pose.y, other_pose.yaw), abs=1e-3
-    )
-    assert positions == pytest.approx(other_positions, abs=1e-2)
-
-
 coordinates = st.floats(-5.0, 5.0).map(lambda v: round(v, 6))
 poses = st.builds(Pose2, coordinates, coordinates, st.floats(-3.0, 3.0))
 WAY = box(2.9, 0.5, 3.1, 1.5)
