@@ -10,7 +10,6 @@ from tests.benchmarks.measurement import (
     Reference,
     at_least,
     at_most,
-    beside_yardstick,
     in_turns,
 )
 from tests.benchmarks.printing import print_goals
@@ -56,17 +55,6 @@ def test_one_that_fails_says_how_and_does_not_hide_the_others(capsys, monkeypatc
     lines = [" ".join(line.split()) for line in out.splitlines()]
     assert "S1 130 x real time 1.30 x then (100)" in lines
     assert "good: S1 >= 120 x real time 130 x real time 1.30 x then yes" in lines
-
-
-@pytest.mark.parametrize("unit", ["CPU s", "ms", "/s", "MB"])
-def test_a_measurement_without_a_reference_is_held_against_the_yardstick(unit):
-    ratio = beside_yardstick(Measurement("alone", 3.0, unit), 0.1).ratio
-    expected = {"CPU s": 30.0, "ms": 0.03, "/s": 0.3}.get(unit)
-    assert ratio == pytest.approx(expected) if expected else 0.0 < ratio < 1.0
-
-
-def test_a_reference_is_kept():
-    assert beside_yardstick(SPEED, 0.1) is SPEED
 
 
 def test_works_take_turns_every_other_round_backwards():

@@ -7,9 +7,9 @@ The reference is a point of the even sequence, which looks at no result, in the 
 import math
 import statistics
 
-from daemon.model.search import ANY, SearchParameter, SearchTask
 from daemon.search.methods import SearchMethod
 from daemon.search.space import SearchSpace
+from tests.analysis.search.tasks import make_task, ranged
 from tests.benchmarks.measurement import Measurement, Reference, at_most, microseconds
 
 SIZES = (60, 500, 2000)
@@ -20,11 +20,9 @@ GOAL = at_most(50.0)
 
 def task(method, runs):
     """Return a search of twelve times of doors, or of two for the boundary."""
-    parameters = tuple(
-        SearchParameter(f"p{k}", "behaviours", 0, f"p{k}", "s", 5.0, 7.0, 0.01, written=6.0)
-        for k in range(2 if method == "boundary" else 12)
-    )
-    return SearchTask("s", "scenario", "", ANY, (), parameters, runs=runs, method=method)
+    count = 2 if method == "boundary" else 12
+    parameters = (ranged(f"p{k}", 5.0, 7.0, written=6.0) for k in range(count))
+    return make_task(*parameters, method=method, runs=runs)
 
 
 def margin(point):
