@@ -131,16 +131,6 @@ def test_every_variant_of_a_plan_is_a_world(copied, tmp_path):
     assert "flat.variation" in (worlds[0] / f"{worlds[0].name}.prov.ttl").read_text()
 
 
-def test_a_composable_plan_gives_the_same_walls(campaigns, tmp_path):
-    plan, mesh = campaigns / "demo" / "flat.fpm", "mesh/flat.stl"
-    assert invoke(["export", str(plan), "jsonld", "mesh", "-o", str(tmp_path)]) == 0
-    # The folder of published files is the same plan.
-    again, folder = tmp_path / "again", str(tmp_path / "jsonld")
-    assert invoke(["export", folder, "mesh", "prov", "-o", str(again)]) == 0
-    assert (again / mesh).stat().st_size == (tmp_path / mesh).stat().st_size
-    assert "skeleton.json" in (again / "flat.prov.ttl").read_text()
-
-
 def test_waypoints_are_chosen_on_the_command_line(campaigns, tmp_path):
     plan = campaigns / "demo" / "flat.fpm"
     how = ["--distance", "0.4", "--first", "1", "--closed", "--backward", "--yaw", "path"]

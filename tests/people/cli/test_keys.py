@@ -48,25 +48,6 @@ def test_the_next_step_is_one_that_works(scenario, tmp_path, monkeypatch):
     assert (tmp_path / "worker.tar").exists()
 
 
-def test_nothing_that_is_there_is_overwritten(scenario, folder, tmp_path):
-    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-    assert "has keys already" in scenario("keys", "init").err
-    assert "choose another name" in scenario("keys", "issue", "daemon", "", "--host", "x").err
-    assert scenario("keys", "bundle", "viewer", "-o", str(tmp_path / "v.tar")).code == 0
-    again = scenario("keys", "bundle", "viewer", "-o", str(tmp_path / "v.tar"))
-    assert again.code == 2
-    assert "is there already" in again.err
-    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
-
-
-def test_wrong_words_are_refused(scenario, folder):
-    said = scenario("keys", "issue", "admin", "me").err
-    assert "'admin' is not one of 'viewer', 'operator', 'worker', 'daemon'" in said
-    assert "is no name of a key" in scenario("keys", "issue", "viewer", "../me").err
-    assert 'there is no key "nobody"' in scenario("keys", "revoke", "nobody").err
-    assert 'there is no key "nobody"' in scenario("keys", "bundle", "nobody", "-o", "x").err
-
-
 def test_the_documentation_says_what_each_role_may_do():
     expected = []
     for name, verb in VERBS.items():

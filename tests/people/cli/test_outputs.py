@@ -2,7 +2,6 @@
 
 import json
 import re
-import shutil
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -63,12 +62,6 @@ def test_numbers_that_json_has_not_are_null(capsys):
     assert body == {"schema": "scenario/margins/1", "least": [None, 1.5], "named": {"a": None}}
 
 
-def test_exporting_lists_its_files(scenario, tmp_path):
-    plan = Path(command_line.__file__).parents[2] / "campaigns" / "demo" / "flat.fpm"
-    body = declared(scenario("export", str(plan), "map", "-o", str(tmp_path), "--json").out)
-    assert {Path(file).parent for file in body["files"]} == {tmp_path}
-
-
 def test_the_table_of_exit_codes_is_true():
     told = {int(number.strip("`")): word.lower() for number, word, *_ in _rows("Exit codes")}
     assert told == {code.value: code.name.lower().replace("_", " ") for code in ExitCode}
@@ -93,31 +86,6 @@ def test_piped_output_is_as_wide_as_it_is_told(scenario, monkeypatch):
     assert max(map(len, listed)) <= 60
 
 
-def test_a_schema_is_printed(capsys):
-    assert command_line.invoke(["schema", "robot"]) == 0
-    schema = json.loads(capsys.readouterr().out)
-    assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
-    assert "footprint" in schema["required"]
-
-
-def test_all_schemas_are_written(tmp_path, capsys):
-    assert command_line.invoke(["schema", "--out", str(tmp_path / "new")]) == 0
-    written = [Path(line) for line in capsys.readouterr().out.splitlines()]
-    assert sorted(written) == sorted((tmp_path / "new").iterdir())
-    kinds = ("campaign", "mission", "oracles", "robot", "sut", "walls")
-    assert sorted(path.name for path in written) == [f"{kind}.schema.json" for kind in kinds]
-    assert command_line.invoke(["schema", "sut", "-o", str(tmp_path)]) == 0
-    assert (tmp_path / "sut.schema.json").is_file()
-
-
-def test_the_extension_is_written(tmp_path, capsys):
-    assert command_line.invoke(["schema", "--vscode", str(tmp_path)]) == 0
-    path = Path(capsys.readouterr().out.strip())
-    with zipfile.ZipFile(path) as archive:
-        assert "extension/schemas/campaign.schema.json" in archive.namelist()
-        assert archive.testzip() is None
-
-
 def test_check_tells_editors_where_and_what(tmp_path, capsys):
     broken = tmp_path / "round.mission.yaml"
     broken.write_text("mission: round\nwaypoint:\n  - {x: 1, y: 2 deg}\n")
@@ -131,34 +99,39 @@ def test_check_tells_editors_where_and_what(tmp_path, capsys):
     assert (unknown["severity"], unknown["hint"]) == ("error", 'did you mean "waypoints"?')
 
 
-def test_check_reads_variations(campaigns, tmp_path, capsys):
-    assert command_line.invoke(["check", str(campaigns / "demo" / "flat.variation")]) == 0
-    assert "variation of flat" in capsys.readouterr().err
-    shutil.copy(campaigns / "demo" / "flat.fpm", tmp_path)
-    broken = tmp_path / "flat.variation"
-    broken.write_text('import "flat.fpm"\nkitchn: { shape.width: uniform(3 .. 4) }\n')
-    assert command_line.invoke(["check", str(broken)]) == 2
-    assert f"{broken}:2:1: error: " in (said := capsys.readouterr().err)
-    assert "kitchen" in said
+def test_schemas_and_the_extension_are_written(scenario, tmp_path):
+    folder = tmp_path / "new"
+    written = scenario("schema", "--out", str(folder)).out.splitlines()
+    kinds = ("campaign", "mission", "oracles", "robot", "sut", "walls")
+    assert sorted(written) == [f"{folder / kind}.schema.json" for kind in kinds]
+    schema = (folder / "robot.schema.json").read_text()
+    assert scenario("schema", "robot").out == schema
+    assert json.loads(schema)["$schema"] == "https://json-schema.org/draft/2020-12/schema"
+    with zipfile.ZipFile(scenario("schema", "--vscode", str(tmp_path)).out.strip()) as archive:
+        assert "extension/schemas/campaign.schema.json" in archive.namelist()
+        assert archive.testzip() is None
 
 
-def test_the_unit_of_a_worker_says_what_was_asked(scenario, tmp_path):
-    scheduler = ("--dask", "tls://host:8786")
-    limits = ("--nice", "5", "--wall", "10min", "--memory", "1GiB", "--state", str(tmp_path))
-    unit = scenario("worker", "--print-unit", *scheduler, *limits).out
-    assert '"--dask" "tls://host:8786"' in unit
-    assert '"--nice" "5" "--wall" "10min" "--memory" "1GiB"' in unit
-    assert "\nNice=5\n" in unit
-
-
-def test_units_name_everything_by_absolute_paths(scenario, tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("words", "settings"),
+    [
+        ("daemon --state mine --slots 2", '"daemon" "--state" "{0}/mine" "--slots" "2"\n'),
+        (
+            "daemon --listen tls/[::]:7447 --keys k --state k",
+            '"--keys" "{0}/k" "--state" "{0}/k" "--listen" "tls/[::]:7447"\n',
+        ),
+        ("worker --state here", '"worker" "--state" "{0}/here"\n'),
+        ("worker --connect tcp/far:7447", '"worker" "--connect" "tcp/far:7447"\n'),
+        (
+            "worker --dask tls://host:8786 --nice 5 --wall 10min --memory 1GiB",
+            '"--dask" "tls://host:8786" "--nice" "5" "--wall" "10min" "--memory" "1GiB"\n',
+        ),
+    ],
+)
+def test_units_say_what_was_asked_by_absolute_paths(
+    words, settings, scenario, tmp_path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
-    unit = scenario("daemon", "--print-unit", "--state", "my state", "--slots", "2").out
-    assert f'"daemon" "--state" "{tmp_path}/my state" "--slots" "2"' in unit
-    wide = scenario("daemon", "--print-unit", "--listen", "tls/[::]:7447", "--keys", "k").out
-    assert f'"--keys" "{tmp_path}/k"' in wide
-    assert '"--listen" "tls/[::]:7447"' in wide
-    assert scenario("worker", "--print-unit", "--state", "here").out.count(f"{tmp_path}/here") == 1
-    far = scenario("worker", "--print-unit", "--connect", "tcp/far:7447").out
-    assert '"--connect" "tcp/far:7447"\n' in far
-    assert "--state" not in far
+    unit = scenario(*words.split(), "--print-unit").out
+    assert settings.format(tmp_path) in unit
+    assert ("\nNice=5\n" in unit) == ("--nice" in words)

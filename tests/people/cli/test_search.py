@@ -1,11 +1,9 @@
 """Searching from the command line: what is handed over, watched, told and written."""
 
-import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from xml.etree import ElementTree
 
 import pytest
 import typer
@@ -15,13 +13,13 @@ from rich.live import Live
 from daemon.campaign import expand, load_campaign
 from daemon.model.search import SearchSubmission
 from daemon.search.preparation import PreparedSearch
-from scenario_tui.cli import command_line, invoke, search
+from scenario_tui.cli import command_line, search
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.search import _read_changes, copy_campaign, search_code
 from scenario_tui.library import watching
 from scenario_tui.library.submission import searches_text
 from scenario_tui.library.watching import ProgressDisplay, WatchedSearch
-from scenario_tui.text.search_text import GAZEBO_KINDS, search_line
+from scenario_tui.text.search_text import search_line
 from tests.people.cli.outputs import declared
 from tests.people.fake_search import (
     MARGINS,
@@ -225,57 +223,15 @@ def test_submitting_a_campaign_says_which_searches_it_has(scenario, fake, campai
     assert searches_text(file, ()) == ""
 
 
-FOUND = """\
-# Found by the search doors-in-time: kitchen_opens 8.54 s.
-campaign: demo
-seed: 7
-repeats: 1
-limit: 3 min
-robot: courier
-oracles: navigation
-matrix: {sut: [pilot]}
-scenarios:
-  doors-in-time.4:
-    floorplan: flat
-    objects: doors
-    behaviours: doors_moving
-    mission: courier
-    oracles: [keeps-clear]
-"""
-
-
-@pytest.fixture
-def folder(tmp_path, campaigns):
+def test_a_copied_campaign_means_the_same_runs_without_any_file_around_it(place):
+    above = place / "shared.mission.yaml"
+    above.write_bytes((place / "demo" / "courier.mission.yaml").read_bytes())
+    file = place / "demo" / "own.yaml"
+    text = (place / "demo" / "campaign.yaml").read_text().partition("search:")[0]
+    file.write_text(text.replace("mission: courier", "mission: ../shared.mission.yaml"))
+    digests = expand(load_campaign(file)).digests
+    copied = copy_campaign(file, place / "handed on")
     for name in ("demo", "robots", "suts"):
-        shutil.copytree(campaigns / name, tmp_path / name)
-    return tmp_path / "demo"
-
-
-def test_the_found_scenario_is_a_campaign_and_a_world_in_gazebo(folder):
-    file = folder / "doors-in-time.found.yaml"
-    file.write_text(FOUND)
-    (run,) = expand(load_campaign(file)).specs
-    assert run.label == "doors-in-time.4/pilot/0"
-    gazebo = folder / "gazebo"
-    assert invoke(["export", str(file), *GAZEBO_KINDS, "-o", str(gazebo)]) == 0
-    worlds = [path for path in gazebo.rglob("*") if path.suffix in (".sdf", ".world")]
-    assert worlds
-    assert all(ElementTree.parse(path).getroot().tag == "sdf" for path in worlds)
-    # The map server of a launch file dies without its file.
-    launch = next(path for path in gazebo.rglob("*.launch*")).read_text(encoding="utf-8")
-    (named,) = re.findall(r'default="[^"/]*\)/(maps/[^"]*)"', launch)
-    assert list(gazebo.rglob(named))
-
-
-def test_a_copied_campaign_means_the_same_runs_without_any_file_around_it(folder, tmp_path):
-    above = tmp_path / "shared.mission.yaml"
-    above.write_bytes((folder / "courier.mission.yaml").read_bytes())
-    file = folder / "own.yaml"
-    file.write_text(FOUND.replace("mission: courier", "mission: ../shared.mission.yaml"))
-    (run,) = expand(load_campaign(file)).specs
-    copied = copy_campaign(file, tmp_path / "handed on")
-    for name in ("demo", "robots", "suts"):
-        shutil.rmtree(tmp_path / name)
+        shutil.rmtree(place / name)
     above.unlink()
-    (again,) = expand(load_campaign(copied / "own.yaml")).specs
-    assert again.digest == run.digest
+    assert expand(load_campaign(copied / "own.yaml")).digests == digests

@@ -128,16 +128,3 @@ def test_before_running_a_campaign_file_is_enough(campaigns, capsys):
     assert out.startswith("15 runs, as planned")
     assert "hinged 15, sliding 15" in out
     assert "driven on" not in out
-
-
-def test_afterwards_traces_tell(traces, capsys):
-    assert invoke(["coverage", str(traces), "--json"]) == 0
-    body = declared(capsys.readouterr().out)
-    assert body["recorded"] == 2
-    assert [door["door"] for door in body["doors"]] == ["door-0"]
-    (traces / "c.mcap").write_bytes(b"junk")
-    assert invoke(["coverage", str(traces)]) == 3
-    said = capsys.readouterr()
-    assert "2 runs, by their traces" in said.out
-    assert "door-0" in said.out
-    assert "c.mcap: error:" in said.err
