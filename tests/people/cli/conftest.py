@@ -44,9 +44,10 @@ def transcript(scenario, golden, request, fake, tmp_path, monkeypatch):
         return "\n".join((f"$ {line}", *map(settled, (*printed, *code)), ""))
 
     def settled(text):
-        """Leave out what is another on each machine, and how large pages are."""
+        """Leave out what is another on each machine, how large pages are and how long it took."""
         for folder, name in ((tmp_path, "HERE"), (state_paths().state, "STATE")):
             text = text.replace(str(folder), name)
+        text = re.sub(r"runs, \d+ s;", "runs, TIME;", text)
         return re.sub(r"\([0-9.]+ [kM]?B\)", "(SIZE)", text).rstrip()
 
     def compare(name):

@@ -135,7 +135,8 @@ def test_help_keeps_its_colours(place):
 def test_neither_do_the_files_of_a_report(place):
     page, junit = (place.folder / "out" / f"report.{ending}" for ending in ("html", "xml"))
     page.parent.mkdir(exist_ok=True)
-    code, _ = place.type("report", "traces", "-o", str(page), "--junit", str(junit))
+    words = ("traces", "-o", str(page), "--junit", str(junit), "-j", "1")
+    code, _ = place.type("report", *words)
     assert code == 0
     ElementTree.parse(junit)
     for file in (page, junit):
