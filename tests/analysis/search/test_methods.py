@@ -86,6 +86,9 @@ NEAREST = {
         (A, B), lambda p: p[1] >= 5.5 or late(p), [(6.2, 5.1), (5.1, 9.0)], (5.0, 5.5), {}),
     "one large change is nearer than two small ones": (
         (A, B), lambda p: p[0] >= 9.0 or min(p) >= 5.3, [(5.4, 5.4), (9.5, 5.0)], (9.0, 5.0), {}),
+    "one small change is nearer than two large ones": (
+        (A, B), lambda p: p[0] >= 5.5 or (p[0] <= 3.0 and p[1] >= 8.0), [(5.6, 5.0), (2.0, 9.0)],
+        (5.5, 5.0), {}),
     "a solid failure farther away is told instead of one by chance": (
         (A, B), lambda p: late(p) or by_chance(p), [(5.0, 5.1), (7.0, 5.1)], (6.0, 5.0),
         {"chance": by_chance}),
