@@ -35,7 +35,7 @@ IMPOSED = replace(
     odometry=OdometryNoise(1.0 / 0.051, 0.0, 0.0, 0.0, 0.051, "mean", "map"),
 )
 """The robot of the published worlds: its velocity is imposed, and the ground takes its share."""
-FAR = Pose2(0.0, 50.0)
+ORIGIN, FAR = Pose2(), Pose2(0.0, 50.0)
 LINE = Walk("visitor", ((-3.0, 0.0), (3.0, 0.0)), 0.8)
 ROUND = tuple((0.25 * math.cos(a), 0.25 * math.sin(a)) for a in np.linspace(0, 6, 12))
 
@@ -49,40 +49,23 @@ def person(name="visitor", pose=FAR, ring=ROUND):
     return SceneObject(name, "person", pose, links, joints, (0.0, 0.0, 0.0))
 
 
-def door(
-    name="door",
-    pose=Pose2(),  # noqa: B008
-    initial=0.0,
-    *,
-    frozen=False,
-    doorway="",
-    friction=0.0,
-    stiffness=0.0,
-    damping=0.0,
-    mass=10.0,
-):
+def door(name="door", pose=ORIGIN, initial=0.0, *, mass=10.0, frozen=False, doorway="", **hinge):
     """A hinged door: post at the origin, closed leaf along +y, opens towards -x, 0 to 2 rad."""
     post = Link("post", (box(-0.025, -0.025, 0.025, 0.025),), 100.0, 0.0, 2.0)
     leaf = Link("leaf", (box(-0.025, 0.035, 0.025, 0.965),), mass, 0.0, 2.0)
-    hinge = Joint(
-        "hinge", "revolute", "post", "leaf", (-0.025, 0.025), (0.0, 0.0), 0.0, 2.0,
-        friction, stiffness, damping,
-    )  # fmt: skip
-    return SceneObject(name, "door", pose, (post, leaf), (hinge,), (initial,), frozen, doorway)
+    joint = Joint(
+        "hinge", "revolute", "post", "leaf", (-0.025, 0.025), (0.0, 0.0), 0.0, 2.0, **hinge
+    )
+    return SceneObject(name, "door", pose, (post, leaf), (joint,), (initial,), frozen, doorway)
 
 
-def sliding_door(
-    name="slider",
-    pose=Pose2(),  # noqa: B008
-    initial=0.0,
-    friction=0.0,
-):
+def sliding_door(name="slider", pose=ORIGIN, initial=0.0, **rail):
     """A panel closed along +y from 0 to 1, which slides towards +y, 0 to 1 m."""
     panel = Link("panel", (box(-0.025, 0.0, 0.025, 1.0),), 10.0, 0.0, 2.0)
-    rail = Joint(
-        "rail", "prismatic", "world", "panel", (0.0, 0.0), (0.0, 1.0), 0.0, 1.0, friction
+    joint = Joint(
+        "rail", "prismatic", "world", "panel", (0.0, 0.0), (0.0, 1.0), 0.0, 1.0, **rail
     )  # fmt: skip
-    return SceneObject(name, "slider", pose, (panel,), (rail,), (initial,))
+    return SceneObject(name, "slider", pose, (panel,), (joint,), (initial,))
 
 
 def folding(name, pose):
@@ -101,14 +84,7 @@ def scene(*parts):
     return Scene("test", (), doorways, solids, objects)
 
 
-def world(
-    *parts,
-    robot=ROBOT,
-    start=Pose2(),  # noqa: B008
-    behaviours=(),
-    seed=7,
-    waypoints=(),
-):
+def world(*parts, robot=ROBOT, start=ORIGIN, behaviours=(), seed=7, waypoints=()):
     seed = np.random.SeedSequence(seed)
     return World(scene(*parts), robot, start, behaviours, seed, waypoints)
 

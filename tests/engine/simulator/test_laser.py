@@ -18,7 +18,7 @@ from tests.engine.simulator.reference import (
     true_ranges,
     world_segments,
 )
-from tests.engine.simulator.scenes import LASER, ROBOT, box, door, sliding_door, wall, world
+from tests.engine.simulator.scenes import LASER, ORIGIN, ROBOT, box, door, sliding_door, wall, world
 
 ROOM = (
     wall("south", -5.0, -4.0, 5.0, -3.8),
@@ -32,7 +32,7 @@ ROOM = (
 )
 
 
-def room(laser, start=Pose2(), seed=7):  # noqa: B008
+def room(laser, start=ORIGIN, seed=7):
     return world(*ROOM, robot=replace(ROBOT, laser=laser), start=start, seed=seed)
 
 
@@ -174,7 +174,7 @@ REAR = replace(
 )
 
 
-def with_lasers(*lasers, start=Pose2()):  # noqa: B008
+def with_lasers(*lasers, start=ORIGIN):
     robot = replace(ROBOT, laser=lasers[0], other_lasers=lasers[1:])
     return world(*ROOM, robot=robot, start=start)
 

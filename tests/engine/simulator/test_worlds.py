@@ -36,6 +36,7 @@ from tests.engine.simulator.scenes import (
     FAR,
     IMPOSED,
     LINE,
+    ORIGIN,
     ROBOT,
     box,
     differential,
@@ -53,7 +54,8 @@ WALL = wall("wall", 2.0, -5.0, 2.2, 5.0)
 AHEAD = Pose2(1.0, 0.5, math.pi)
 """Of a closed door across the robot's way that opens away from it."""
 AWAY, OTHER = Pose2(5.0, 5.0), Pose2(0.0, -6.0)
-BESIDE = Pose2(0.9, 0.0)
+BESIDE, ASIDE = Pose2(0.9, 0.0), Pose2(0.0, -0.2)
+JUMP = Jump()
 SLOW = replace(DRIVE, timeout=0.5, kind="differential")
 IDEAL = replace(DRIVE, max_ax=INF, max_ay=INF, max_az=INF, max_force=INF, max_torque=INF)
 BOUND = replace(IMPOSED.drive, max_vx=0.5, timeout=0.1, friction_loss=0.0, kind="differential")
@@ -72,13 +74,13 @@ def moved(part, motion, *points, joint="d.hinge", **options):
     return world(part, behaviours=(frames(motion, *points, joint=joint),), **options)
 
 
-def near(motion=Jump(), **options):  # noqa: B008
+def near(motion=JUMP, **options):
     """A trigger of the door, that of a robot that comes nearer than 1.3 m."""
     values = {"start": 0.0, "end": 1.4, "distance": 1.3} | options
     return Trigger("d.hinge", motion=motion, **values)
 
 
-def approach(behaviour, start=Pose2(0.0, -0.2)):  # noqa: B008
+def approach(behaviour, start=ASIDE):
     """A robot beside a door at x = 3 whose leaf stands away from the robot's way."""
     way = Doorway("way", Pose2(3.0), box(2.9, 0.5, 3.1, 1.5), 1.0, 0.0, 2.0)
     leaf = door("d", Pose2(3.0, 0.5), doorway="way")
@@ -115,7 +117,7 @@ def walking(*parts, at=FAR, **changes):
     return world(person(), *parts, start=at, behaviours=(replace(LINE, **changes),))
 
 
-def light(behaviour, start=Pose2(-10.0), pose=Pose2(), opening=0.0, **other):  # noqa: B008
+def light(behaviour, start=FAR, pose=ORIGIN, opening=0.0, **other):
     """A door of the published worlds: a kilogram on a frictionless hinge."""
     leaf = door("d", pose, opening, mass=1.0, **other)
     behaviours = () if behaviour is None else (behaviour,)
