@@ -3,23 +3,24 @@
 import errno
 import hashlib
 import json
-import shutil
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from daemon.campaign import examine
 from daemon.model.rehearsal import kernel_list, short_run
 from daemon.model.sut import CostmapPicture, Progress
 from daemon.model.verdicts import Outcome, Verdict
 from daemon.run import SceneMismatchError
 from daemon.trace import TraceWriter, read_trace
+from grammars.floorplan import load_floorplan
+from grammars.model.behaviour import Jump, Reaction, WaypointReached
 from grammars.model.kinematics import link_poses
 from grammars.model.robot_files import load_robot
+from grammars.scenery import load_scenery
+from grammars.scenery.composition import compile_scene, resolve_behaviours
 from grammars.text import codec
-from grammars.text.diagnostics import Severity
 from templates.occupancy import occupancy_grid
 from tests.engine.conftest import Runs
 from tests.engine.systems import System, later
@@ -147,42 +148,30 @@ def test_a_scene_that_is_not_the_specified_one_is_refused(runs, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-# People in the demo flat: nothing special on the way.
-
-CROWDED = """
-  crowded-house:
-    like: open-house
-    objects: [doors, people]
-    behaviours: [doors_open, surprise]
-"""
-SURPRISE = """
-bedroom_door goes from open to closed when waypoint living-room is reached, after 1 s
-"""
+# Somebody at home in the demo flat.
 
 
 @pytest.fixture(scope="module")
 def crowd(campaigns, tmp_path_factory):
-    """The runs of a house with a visitor, and the trace of one of them."""
-    folder = tmp_path_factory.mktemp("crowd")
-    shutil.copytree(campaigns, folder / "campaigns")
-    file = folder / "campaigns" / "demo" / "campaign.yaml"
-    text = file.read_text(encoding="utf-8")
-    file.write_text(text.replace("\nexpect:", f"{CROWDED}\nexpect:"), encoding="utf-8")
-    (file.parent / "surprise.scenery").write_text(SURPRISE, encoding="utf-8")
-    _, findings = examine(file)
-    found = [d for d in findings if "people.scenery" in d.where.file]
-    assert [str(d) for d in found if d.severity is Severity.ERROR] == []
-    runs = Runs(file)
-    spec = runs.spec("crowded-house", limit=36.0)  # the door reacts at 33.85 s
-    runs.scene = next(s for s in runs.submission.scenes if s.digest == spec.scene)
-    runs.execute(spec, folder / "run.mcap")
-    return runs, read_trace(folder / "run.mcap")
+    """The scene of a house with a visitor, and the trace of a run while a door reacts."""
+    folder = campaigns / "demo"
+    layers = [load_scenery(folder / f"{name}.scenery") for name in ("doors", "people")]
+    home = Runs(folder / "campaign.yaml")
+    home.scene = compile_scene(load_floorplan(folder / "flat.fpm"), layers)
+    seed = np.random.SeedSequence(1)
+    walks = resolve_behaviours(home.scene, layers, seed=seed, limit=36.0).behaviours
+    spec = home.spec("open-house", scene=home.scene.digest, limit=36.0)
+    shut = Reaction("bedroom_door.hinge", -1.6, 0.0, WaypointReached("living-room"), Jump(), 1.0)
+    held = [each for each in spec.behaviours if each.joint != shut.joint]
+    path = tmp_path_factory.mktemp("crowd") / "run.mcap"
+    home.execute(replace(spec, behaviours=(*held, *walks, shut)), path)
+    return home.scene, read_trace(path)
 
 
 def test_the_visitor_walks_in_the_trace_and_makes_way_for_the_robot(crowd):
-    runs, trace = crowd
-    visitor = next(o for o in runs.scene.objects if o.name == "visitor")
-    first = runs.scene.joint_names.index("visitor.x")
+    scene, trace = crowd
+    visitor = next(o for o in scene.objects if o.name == "visitor")
+    first = scene.joint_names.index("visitor.x")
     states = trace.joints.position[:, first : first + 3]
     for row in (0, 40, len(states) // 2):
         pose = link_poses(visitor, states[row].tolist())["body"]
@@ -202,7 +191,7 @@ def test_a_door_reacts_to_the_mission(crowd):
 
 
 def test_the_map_of_a_crowded_house_shows_no_people(crowd):
-    scene = crowd[0].scene
+    scene, _ = crowd
     alone = replace(scene, objects=tuple(o for o in scene.objects if o.name != "visitor"))
     crowded, empty = (
         occupancy_grid(each, laser_height=0.3, joints={}).cells for each in (scene, alone)
