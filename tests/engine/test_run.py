@@ -1,18 +1,29 @@
 """One run, end to end, with real parts: scene, simulator, system under test, trace, oracles."""
 
+import contextlib
 import errno
+import gc
 import hashlib
 import json
+import weakref
 from dataclasses import replace
 
 import numpy as np
+import pymunk
 import pytest
 from mcap.reader import make_reader
 
+from daemon import run
+from daemon.model.attachments import SutMissing
 from daemon.model.rehearsal import kernel_list, short_run
 from daemon.model.sut import CostmapPicture, Progress
 from daemon.model.verdicts import Outcome, Verdict
 from daemon.run import SceneMismatchError
+from daemon.run_loop import RunLoop
+from daemon.simulator import World
+from daemon.stacks.calls import make_in_time
+from daemon.stacks.ros1.costmap.costmap import Costmap
+from daemon.stacks.ros1.navfn.planner import Navfn
 from daemon.trace import TraceWriter, read_trace
 from grammars.floorplan import load_floorplan
 from grammars.model.behaviour import Jump, Reaction, WaypointReached
@@ -265,3 +276,48 @@ def test_what_lives_elsewhere_is_left_out_of_the_short_run(runs):
     assert short_run(outside).sut.kind == "idle"
     assert short_run(demo).sut == demo.sut
     assert short_run(demo).limit < demo.limit
+
+
+@pytest.fixture
+def made(monkeypatch):
+    """All that is made of the types that hold much memory, while only runs collect garbage."""
+    found = []
+
+    def noting(init):
+        def note(self, *args, **kwargs):
+            init(self, *args, **kwargs)
+            found.append(weakref.ref(self))
+
+        return note
+
+    stacks = [type(make_in_time(kind, {})) for kind in ("ros", "pilot")]
+    types = [RunLoop, World, pymunk.Space, TraceWriter, Costmap, Navfn, *stacks]
+    for kind in types:
+        monkeypatch.setattr(kind, "__init__", noting(kind.__init__))
+    gc.collect()
+    gc.disable()
+    yield found
+    gc.enable()
+
+
+def left(made):
+    return {type(thing) for each in made if (thing := each()) is not None}
+
+
+@pytest.mark.parametrize("kind", ["ros", "pilot"])
+def test_what_drove_is_gone_before_its_trace_is_judged(kind, runs, tmp_path, made, monkeypatch):
+    kept = []
+    monkeypatch.setattr(run, "judge", lambda *_: kept.append(left(made)) or ())
+    runs.execute(runs.spec("rude-house", kind, limit=0.5), tmp_path / "run.mcap")
+    assert kept == [{TraceWriter}]
+    assert left(made) == set()
+
+
+def test_an_exception_before_anything_drives_leaves_its_run_to_the_next_collection(
+    runs, tmp_path, made
+):
+    with contextlib.suppress(SutMissing):
+        runs.execute(runs.spec("rude-house", "no such system"), tmp_path / "run.mcap")
+    gc.collect()
+    assert made
+    assert left(made) == set()
