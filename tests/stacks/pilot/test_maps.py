@@ -77,10 +77,6 @@ def a_planner(walls):
     return Planner(map_field(draw(walls, SIZE)), LETHAL, PREFERRED, tolerance=0.15)
 
 
-def length(path):
-    return path.spacing * (len(path.points) - 1)
-
-
 def test_a_path_leads_through_the_middle_of_the_doorway():
     planner = a_planner(ONE_DOORWAY)
     path = planner.plan((1.0, 4.0), (8.0, 4.0))
@@ -92,29 +88,26 @@ def test_a_path_leads_through_the_middle_of_the_doorway():
     assert planner.field.clearance[rows, columns].min() >= LETHAL
 
 
-def test_there_is_no_path_through_walls_or_the_unknown():
-    planner = a_planner([*OUTER, (4.4, 0, 4.6, 5)])
-    assert planner.plan((1.0, 1.0), (8.0, 1.0)) is None
-    assert planner.plan((1.0, 1.0), (-0.1, 1.0)) is None
-    assert planner.plan((1.0, 1.0), (99.0, 1.0)) is None
+@pytest.mark.parametrize(
+    ("wall", "start", "goal"),
+    [
+        ((4.4, 0, 4.6, 5), (1.0, 1.0), (8.0, 1.0)),  # through a wall,
+        ((4.4, 0, 4.6, 5), (1.0, 1.0), (-0.1, 1.0)),  # the unknown,
+        ((4.4, 0, 4.6, 5), (1.0, 1.0), (99.0, 1.0)),  # off the map,
+        ((0, 0, 9, 0.2), (4.0, 2.5), (8.75, 2.5)),  # into one, beyond the tolerance,
+        ((4.4, 0, 4.5, 5), (4.2, 2.5), (4.8, 2.5)),  # nor to get out of a tight spot.
+    ],
+)
+def test_no_path_leads_through_walls_or_the_unknown(wall, start, goal):
+    assert a_planner([*OUTER, wall]).plan(start, goal) is None
 
 
-def test_a_goal_too_close_to_a_wall_is_approached_within_tolerance():
+def test_robots_and_goals_too_close_to_a_wall_are_moved_away_from_it():
     planner = a_planner(OUTER)
-    path = planner.plan((4.0, 2.5), (8.6, 2.5))
-    end = path.points[-1]
+    end = planner.plan((4.0, 2.5), (8.6, 2.5)).points[-1]
     assert math.hypot(end[0] - 8.6, end[1] - 2.5) <= 0.15
-    assert planner.plan((4.0, 2.5), (8.75, 2.5)) is None
-
-
-def test_a_robot_too_close_to_a_wall_finds_its_way_out():
-    path = a_planner(OUTER).plan((0.35, 2.5), (4.0, 2.5))
-    assert length(path) == pytest.approx(3.65, abs=0.1)
-
-
-def test_getting_out_of_a_tight_spot_never_leads_through_a_wall():
-    planner = a_planner([*OUTER, (4.4, 0, 4.5, 5)])
-    assert planner.plan((4.2, 2.5), (4.8, 2.5)) is None
+    path = planner.plan((0.35, 2.5), (4.0, 2.5))
+    assert path.spacing * (len(path.points) - 1) == pytest.approx(3.65, abs=0.1)
 
 
 def brute_force(solid):
@@ -145,11 +138,7 @@ def test_the_surface_lies_on_the_edge_of_the_painted_wall():
     row, column = field.cell(0.975, 1.0)
     assert field.surface[row, column] == pytest.approx(0.025)
     assert field.surface[row, column + 1] == pytest.approx(-0.025)
-
-
-def test_unknown_cells_leave_no_clearance_but_are_no_surface():
-    grid = draw([(1.0, 0.0, 1.2, 2.0)], (2.0, 2.0))
-    field = map_field(grid)
+    # Unknown cells leave no clearance but are no surface.
     row, column = field.cell(-0.025, 1.0)
     assert field.clearance[row, column] == 0.0
     assert field.surface[row, column] > 0.9

@@ -20,6 +20,7 @@ from daemon.stacks.ros1.move_base._parameters import RecoveryBehavior
 from daemon.stacks.ros1.move_base.recoveries import make_recoveries, turn_is_free
 from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2, Twist2
+from tests.stacks.ros1.costmap.plain import line
 
 RING = np.array([(-0.36, -0.24), (0.36, -0.24), (0.36, 0.24), (-0.36, 0.24)])
 
@@ -130,31 +131,15 @@ def test_the_turn_is_refused_where_it_would_collide(quirks, command):
 def plain_turn_is_free(grid, ring, pose, angle, by):
     turned = 0.0
     while turned < angle:
-        corners = Pose2(pose.x, pose.y, pose.yaw + turned).apply_ring(
-            tuple((float(x), float(y)) for x, y in ring)
-        )
+        corners = Pose2(pose.x, pose.y, pose.yaw + turned).apply_ring(ring.tolist())
         cells = [grid.cell(x, y) for x, y in corners]
         if any(cell is None for cell in cells):
             return False
         for a, b in zip(cells, cells[1:] + cells[:1], strict=True):
-            assert b is not None
-            if any(grid.cells[y, x] >= LETHAL for x, y in plain_line(a, b)):
+            if any(grid.cells[y, x] >= LETHAL for x, y in line(*a, *b)):
                 return False
         turned += by
     return True
-
-
-def plain_line(a, b):
-    """Cells of a line: the long axis cell by cell, the short one rounded half up."""
-    dx, dy = b[0] - a[0], b[1] - a[1]
-    long = max(abs(dx), abs(dy))
-    cells = []
-    for k in range(long + 1):
-        steps = [(abs(d) * k + long // 2) // long if long else 0 for d in (dx, dy)]
-        cells.append(
-            (a[0] + int(math.copysign(steps[0], dx)), a[1] + int(math.copysign(steps[1], dy)))
-        )
-    return cells
 
 
 @given(
