@@ -1,17 +1,15 @@
 """Published configurations, small worlds and drives through them."""
 
-from __future__ import annotations
-
 import math
-from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import yaml
 
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.trajectory_planner import TrajectoryPlannerParameters
-from grammars.model.geometry import Floats, Pose2, Twist2
+from grammars.model.geometry import Pose2, Twist2
 
 
 def rectangle(back, front, side):
@@ -23,27 +21,13 @@ def circle(radius):
     return radius * np.column_stack([np.cos(angles), np.sin(angles)])
 
 
-@dataclass(frozen=True)
-class Robot:
-    """Parameters of TrajectoryPlannerROS, padded footprint, control rate and costmap of a robot,
-    and commands of the original."""
-
-    parameters: TrajectoryPlannerParameters
-    outline: Floats
-    frequency: float
-    cells: int
-    resolution: float
-    measured: list[list[float]]
-
-
 def read_robot(given):
+    """Return parameters of TrajectoryPlannerROS, padded footprint, control rate and costmap of a
+    robot, and commands of the original."""
     parameters = TrajectoryPlannerParameters(**given["parameters"])
     ((shape, size),) = given["footprint"].items()
     outline = circle(size) if shape == "circle" else rectangle(*size)
-    return Robot(
-        parameters, outline, given["frequency"], given["cells"], given["resolution"],
-        given["measured"],
-    )  # fmt: skip
+    return SimpleNamespace(**given | {"parameters": parameters, "outline": outline})
 
 
 FILE = Path(__file__).with_name("robots.yaml")
