@@ -1,7 +1,8 @@
 """A whole tree of ROS parameters: defaults, what is inherited, who hears, what cannot drive.
 
 ``configuration.txt``: changes to a sound tree, ``null`` takes a name out, and what is then read
-otherwise than of the sound tree, with all that is said. ``costmaps.txt``: costmaps as people write
+otherwise than of the sound tree, with all that is said, also for a robot whose lasers stand 0.2 m
+high. ``costmaps.txt``: costmaps as people write
 them, with and without ``plugins``, and the layers move_base would make of them; in brackets stand
 what is written above a costmap, the frames of amcl, the maps that are published, the topics of
 lasers, and whether it is the costmap that stops the robot. ``pytest --update`` adds what is read
@@ -9,7 +10,7 @@ to new cases.
 """
 
 from copy import deepcopy
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import yaml
@@ -19,11 +20,15 @@ from hypothesis import strategies as st
 from daemon.stacks.findings import FindingCollector, ParameterError
 from daemon.stacks.ros1.configuration import RosParameters, read_ros
 from daemon.stacks.ros1.costmap.reading import CostmapContext, CostmapReader
+from daemon.stacks.ros1.wiring import advise_for_robot
+from grammars.model.robot import Laser, Mount
 from tests.stacks.cases import cases, written
+from tests.stacks.ros1.scenes import ROBOT
 from tests.stacks.ros1.sections import said, shown
 
 CONFIGURATION = Path(__file__).with_name("configuration.txt")
 COSTMAPS = Path(__file__).with_name("costmaps.txt")
+LASER = Laser(Mount(0.0), 0.2, -1.5, 1.5, 181, 0.05, 10.0, 10.0, 0.0, 0.0)
 SOUND = yaml.safe_load("""
 move_base:
   base_local_planner: dwa_local_planner/DWAPlannerROS
@@ -59,7 +64,8 @@ def summary(tree):
     except ParameterError as error:
         return [], said(error.problems, error.findings)
     lines = [f"quirks: {line}" for line in shown(read.quirks)]
-    lines += [f"heard: {read.topics.heard(tuple(read.topics.by_laser) or ('',))}"]
+    names = read.topics.lasers()
+    lines += [f"heard: {read.topics.heard(names)}"]
     for name, reset in read.resets.items():
         lines += [f"{name}: {line}" for line in shown(reset)]
     for each in fields(RosParameters):
@@ -67,7 +73,10 @@ def summary(tree):
             value = getattr(read, each.name)
             found = [str(value)] if each.name == "topics" else shown(value)
             lines += [f"{each.name}: {line}" for line in found]
-    return lines, said((), read.findings)
+    front, *others = (replace(LASER, name=name) for name in names)
+    robot = replace(ROBOT, laser=front, other_lasers=tuple(others))
+    advice = advise_for_robot(read.topics, (read.global_costmap, read.local_costmap), robot)
+    return lines, said((), read.findings) + [f"advice {finding}" for finding in advice]
 
 
 def test_trees_are_read_as_they_are_written(golden):
