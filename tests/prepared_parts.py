@@ -19,6 +19,7 @@ import socket
 import subprocess
 import sys
 import threading
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -138,8 +139,14 @@ def _serve(asked):
     import daemon.batch.server
     import daemon.batch.worker  # noqa: F401
     from daemon.batch.zygote import _load
+    from daemon.model.verbs import VERBS
+    from grammars.text import codec
 
     _load("tests.fake_run:execute")
+    for verb in VERBS.values():
+        codec.warm_up(verb.request, verb.answer)
+        with suppress(ValueError):  # the validator is built
+            codec.from_json(verb.request, b"", exactly=True)
     del sys.modules["daemon.batch.zygote"]  # it is run as a program
     threads = len(list(Path("/proc/self/task").iterdir()))
     assert threads == 1, "what is forked from a process with threads may hang"

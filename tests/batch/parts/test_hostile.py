@@ -151,10 +151,9 @@ def test_a_hundred_megabytes_are_refused_with_a_reason(target, verb):
 
 
 WRONG = (
-    None, True, -1, 0.5, 1e300, 2**63, 2**64, 10**400, "", "\x00", UP, "%2e%2e%2f", "a/b",
-    "x" * 9000, "' OR 1=1 --", "*", "**", "camp.0\n", "ＣＡＭＰ", "$(reboot)", "\ud800", "~", "-1",
-    "/etc/passwd", "..", ".", "camp/../..", "camp\x00", "C:\\x", "file:///x",
-    [], [[]], {}, {"id": 1}, [None] * 100, [UP],
+    None, True, -1, 0.5, 1e300, 2**64, 10**400, "", "\x00", UP, "a/b", "x" * 9000, "*",
+    "camp.0\n", "ＣＡＭＰ", "\ud800", "/etc/passwd", "..", "camp\x00",
+    [], {}, {"id": 1}, [None] * 100, [UP],
 )  # fmt: skip
 """Values for a field that wants something else."""
 
