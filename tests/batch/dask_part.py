@@ -2,8 +2,7 @@
 
 ``python -m tests.batch.dask_part scheduler PORT KIND FOLDER`` or ``... worker ADDRESS KIND
 FOLDER THREADS ...``, one process for each number of threads. Of kind ``other`` they have another
-version of ours, of kind ``lacking`` none. A scheduler of kind ``patient`` begins a task anew when
-its worker dies, as Dask does by default.
+version of ours, of kind ``lacking`` none.
 """
 
 import asyncio
@@ -38,10 +37,7 @@ async def serve(what, where, threads):
 def main(what, where, kind, folder, *threads):
     disguise(kind)
     # The first worker's death is one death: with more than one chance a test would take long.
-    failures = 3 if kind == "patient" else 0
-    dask.config.set(
-        {"temporary-directory": folder, "distributed.scheduler.allowed-failures": failures}
-    )
+    dask.config.set({"temporary-directory": folder, "distributed.scheduler.allowed-failures": 0})
     for number in threads[1:]:
         if os.fork() == 0:
             asyncio.run(serve(what, where, int(number)))

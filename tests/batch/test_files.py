@@ -105,11 +105,6 @@ def test_files_are_bounded(here, monkeypatch):
             attach_files(files)
 
 
-def test_a_parameter_of_that_name_is_left_alone():
-    parameters = {"files": {"a": "b"}}
-    assert SutReference("mine", "learned", parameters).local_parameters == parameters
-
-
 def test_a_file_that_is_not_here_is_nothing_to_blame_a_run_for(here):
     sut = SutReference("mine", "learned", {}, {"model": "0" * 64})
     with pytest.raises(SutMissing, match='the file "model" of the system under test is not here'):

@@ -1,6 +1,5 @@
 """Parts of files at the daemon, without a bus: in order, damaged, hostile, stale, too many."""
 
-import errno
 import hashlib
 import os
 import random
@@ -109,16 +108,6 @@ def test_a_trace_arrives_in_parts_and_gets_its_name_with_the_result(site):
     assert site.incoming() == []
 
 
-def test_another_daemon_goes_on_where_the_first_one_was(site):
-    site.take(0, TRACE[:400])
-    site.begin_again()
-    assert site.take(0, b"") == 400
-    assert site.take(400, TRACE[400:]) == 1000
-    site.begin_again()
-    assert site.take(0, b"") == 1000
-    assert site.complete(site.completion()) is LedgerAnswer.RECORDED
-
-
 def complete_without_commit(site):
     with site.book.transaction():
         site.settle(site.completion())
@@ -144,18 +133,6 @@ def test_the_name_of_a_trace_is_on_the_disk_before_its_result(site, monkeypatch)
     site.take(0, TRACE)
     assert site.complete(site.completion()) is LedgerAnswer.RECORDED
     assert synced == {"c": RunState.RUNNING, "traces": RunState.RUNNING}
-
-
-def test_no_result_is_recorded_whose_trace_may_not_be_on_the_disk(site, monkeypatch):
-    def fail(_):
-        raise OSError(errno.EIO, "Input/output error")
-
-    monkeypatch.setattr("daemon.batch.ledger._writer.sync_directory", fail)
-    site.take(0, TRACE)
-    with pytest.raises(Unavailable, match="Input/output error"):
-        site.complete(site.completion())
-    monkeypatch.undo()
-    assert site.complete(site.completion()) is LedgerAnswer.RECORDED
 
 
 def test_of_two_workers_on_this_file_system_the_first_result_keeps_its_trace(site):

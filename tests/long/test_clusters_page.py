@@ -6,7 +6,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
 import yaml
 
 from tests.parts import ROOT, daemon_at, end, eventually, family
@@ -19,14 +18,6 @@ SCENARIO = Path(sys.executable).with_name("scenario")
 def block(kind):
     (text,) = (text for found, text in BLOCKS if found == kind)
     return text
-
-
-@pytest.mark.parametrize("kind", ["sh", "bash", "console"])
-def test_shell_is_shell(kind):
-    text = "\n".join(text for found, text in BLOCKS if found == kind)
-    text = re.sub(r"^\w*\$ ", "", text, flags=re.MULTILINE)
-    done = subprocess.run(["bash", "-n"], input=text, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_the_deployment_starts_a_worker_with_options_there_are(tmp_path):

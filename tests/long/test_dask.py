@@ -13,7 +13,7 @@ from daemon.model.submission import Submission
 from daemon.run import execute
 from tests.batch.dask_harness import begun, dask_in, gateway, gateway_for
 from tests.make import make_spec, make_submission, submission_of
-from tests.parts import alive, daemon_at, eventually, executions
+from tests.parts import alive, daemon_at, eventually
 from tests.turned_clock import TURNED, end_leases
 
 
@@ -51,21 +51,6 @@ def test_limits_are_kept_where_it_executes(dask, daemon, client):
         assert "MemoryError" in reasons[0]
         assert "stopped after 3 s of wall clock time" in reasons[1]
         client.cancel("c")
-
-
-def test_a_run_is_begun_anew_when_its_worker_dies(tmp_path, daemon, client):
-    log, gate = tmp_path / "log", tmp_path / "gate"
-    with dask_in(tmp_path / "dask", kind="patient") as dask, gateway_for(dask, daemon):
-        (victim,) = dask.start_workers(1)
-        client.submit(make_submission("c", 1, until=str(gate), log=str(log)))
-        running = eventually(lambda: begun(log, 1))
-        dask.start_workers(1)
-        victim.kill()
-        eventually(lambda: not alive(running))
-        eventually(lambda: executions(log, 2))
-        gate.touch()
-        (row,) = finish(client)
-        assert (row.state, row.attempt) == (RunState.DONE, 1)
 
 
 def test_a_dead_gateway_leaves_nothing_running_in_the_cluster(dask, daemon, client, tmp_path):

@@ -60,14 +60,6 @@ def test_unfinished_campaigns_keep_theirs_and_those_they_took_results_from(store
     assert store.traces() == {"a": 3, "new": 1, "old": 1}
 
 
-def test_results_stay_and_say_that_the_trace_is_gone(store):
-    sweep(store, newest=0)
-    row, record = store.rows("a")[0], store.rows("a", results=True)[0]
-    assert (row.state, row.outcome, row.trace) == ("done", "pass", "")
-    assert row.reason == record.note == "its trace is gone"
-    assert record.verdicts
-
-
 def test_a_campaign_that_starts_again_meanwhile_keeps_its_traces(store, monkeypatch):
     choose = RetentionPolicy.choose
 

@@ -8,7 +8,6 @@ import pytest
 pytest.importorskip("foxglove")
 pytest.importorskip("websockets")
 
-from daemon.campaign import expand, load_campaign
 from daemon.live.foxglove_server import FoxgloveServer, OutletError, read_twist
 from daemon.live.simulation import LiveSimulation
 from daemon.model import ros_messages as ros
@@ -57,18 +56,6 @@ def test_the_topics_of_a_trace_are_there(client):
             assert channel["schema"] == ros.schema(topic.kind)
     assert set(client.info["capabilities"]) >= {"clientPublish", "time", "services"}
     assert "busy-house" in client.info["name"]
-
-
-def test_each_laser_has_a_topic(campaigns):
-    two = expand(load_campaign(campaigns / "two_lasers" / "campaign.yaml"))
-    simulation = LiveSimulation(*demo_spec(two), speed=2.0)
-    with served(simulation) as server, foxglove_client(server.port) as client:
-        scans = {name for name in client.channels if name.startswith("/scan")}
-        assert scans == {"/scan_front", "/scan_rear"}
-        client.subscribe("/scan_rear")
-        client.until(lambda: len(client.heard("/scan_rear")) > 3)
-        frames = {scan.header.frame_id for scan in client.heard("/scan_rear")}
-        assert frames == {"laser_rear"}
 
 
 def test_what_is_heard_is_the_world(server, client):

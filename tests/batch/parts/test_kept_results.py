@@ -5,7 +5,6 @@ The workers are as on another machine: their folder is not the daemon's, results
 
 import random
 import signal
-import subprocess
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -16,7 +15,6 @@ from daemon.model.run_state import RunState
 from daemon.model.spec import SutReference
 from daemon.model.verbs import COMPLETE, GET, LEASE, PUT, RELEASE, RENEW
 from grammars.text.files import matching_paths
-from tests.chaos.disk import may_mount
 from tests.chaos.links import slow_line
 from tests.make import make_spec, make_submission, submission_of
 from tests.parts import daemon_at, eventually, executions, finished, free_endpoint, worker_for
@@ -176,32 +174,6 @@ def test_a_large_result_passes_a_slow_line(tmp_path):
         assert len(client.run(row.id).row.result.verdicts[0].evidence.note) == 230_000
         # The worker has its acknowledgement.
         eventually(lambda: not spooled(tmp_path))
-
-
-@contextmanager
-def read_only(folder):
-    subprocess.run(["mount", "--bind", str(folder), str(folder)], check=True)
-    try:
-        subprocess.run(["mount", "-o", "remount,ro,bind", str(folder)], check=True)
-        yield
-    finally:
-        subprocess.run(["umount", "-l", str(folder)], check=True)
-
-
-@pytest.mark.skipif(not may_mount(), reason="mounting needs root")
-def test_a_spool_that_becomes_read_only_ends_no_worker(tmp_path):
-    log, gate = tmp_path / "log", tmp_path / "gate"
-    with daemon_and_worker(tmp_path, attempts=1) as (_, client, worker):
-        client.submit(make_submission("c", 4, until=str(gate), log=str(log)))
-        eventually(lambda: executions(log, 2))
-        (spool,) = (tmp_path / "elsewhere" / "work").glob("*/spool")
-        with read_only(spool):
-            gate.touch()
-            eventually(lambda: "Read-only file system" in str(client.overview().troubles))
-        eventually(lambda: finished(client, 4))
-        assert {row.state for row in client.runs("c").rows} == {RunState.DONE}
-        assert worker.process.poll() is None, worker.output
-        eventually(lambda: not client.overview().troubles)
 
 
 # --- another ledger answers at the daemon's address: what belongs to the first one waits for it

@@ -15,7 +15,7 @@ from daemon.model.status import LiveSnapshot
 from daemon.model.verbs import OVERVIEW
 from grammars.model.geometry import Pose2
 from grammars.text import codec
-from tests.parts import daemon_at, eventually
+from tests.parts import eventually
 
 RUN = "c.0"
 POINTS = tuple(range(-430, 430))
@@ -41,19 +41,6 @@ class Told:
             self.judged = pack_judgement(LiveJudgement(RUN, time, (), (), (), (), LOG))
 
 
-@pytest.fixture(scope="module")
-def daemon(tmp_path_factory):
-    with daemon_at(tmp_path_factory.mktemp("daemon") / "state") as part:
-        part.client().close()
-        yield part
-
-
-@pytest.fixture
-def client(daemon):
-    with daemon.client() as connected:
-        yield connected
-
-
 @pytest.fixture
 def clock(monkeypatch):
     now = SimpleNamespace(time=1000.0)
@@ -71,10 +58,10 @@ def publish_seconds(publisher, told, clock, seconds):
         bus.ask(publisher.session, "the daemon", OVERVIEW, Empty(), 30.0)
 
 
-def test_nothing_is_wanted_of_a_run_and_nothing_sent_while_nobody_listens(daemon, client, clock):
+def test_nothing_is_wanted_of_a_run_and_nothing_sent_while_nobody_listens(shared, client, clock):
     told = Told()
     heard = []
-    with bus.open_client(daemon.endpoint) as session:
+    with bus.open_client(shared.endpoint) as session:
         publisher = LivePublisher(session, "worker-1", OWNER)
         publish_seconds(publisher, told, clock, 2)
         assert told.wanted == []
@@ -84,14 +71,14 @@ def test_nothing_is_wanted_of_a_run_and_nothing_sent_while_nobody_listens(daemon
         assert (told.wanted, heard) == ([], [])
 
 
-def test_who_watches_a_run_is_sent_no_more_than_the_line_takes(daemon, client, clock):
+def test_who_watches_a_run_is_sent_no_more_than_the_line_takes(shared, client, clock):
     told = Told()
     sizes = {}
     judged = []
     seconds = 20
     with (
-        bus.open_client(daemon.endpoint) as session,
-        bus.open_client(daemon.endpoint) as line,
+        bus.open_client(shared.endpoint) as session,
+        bus.open_client(shared.endpoint) as line,
         client.watch(RUN, lambda _: None, judged.append),
     ):
 
@@ -122,11 +109,11 @@ def test_who_watches_a_run_is_sent_no_more_than_the_line_takes(daemon, client, c
     assert max(sizes[f"{LIVE}/owner/worker-1"]) < 300
 
 
-def test_what_a_run_says_that_is_no_snapshot_does_not_stop_its_worker(daemon, client, clock):
+def test_what_a_run_says_that_is_no_snapshot_does_not_stop_its_worker(shared, client, clock):
     told = Told()
     seen = []
     with (
-        bus.open_client(daemon.endpoint) as session,
+        bus.open_client(shared.endpoint) as session,
         client.events(lambda _: None, seen.append),
         client.watch(RUN, lambda _: None),
     ):

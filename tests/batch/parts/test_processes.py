@@ -64,12 +64,6 @@ def test_nothing_outlives_a_run_however_it_ends(tmp_path):
             assert words in row.reason
 
 
-@pytest.fixture(scope="module")
-def daemon(tmp_path_factory):
-    with daemon_at(tmp_path_factory.mktemp("trees") / "state") as part:
-        yield part
-
-
 def kill_zygote(worker, client):
     (server,) = [one for one in psutil.Process(worker.pid).children() if one.children()]
     server.kill()
@@ -86,9 +80,9 @@ def kill_zygote(worker, client):
     ],
     ids=["cancelled", "worker quits", "worker is killed", "zygote is killed"],
 )
-def test_nothing_outlives_a_run_that_something_above_it_ends(daemon, tmp_path, end):
+def test_nothing_outlives_a_run_that_something_above_it_ends(shared, client, tmp_path, end):
     file = tmp_path / "left"
-    with worker_for(daemon, 1, "--step-back", "3") as worker, daemon.client() as client:
+    with worker_for(shared, 1, "--step-back", "3") as worker:
         client.submit(make_submission("c", 1, leaves=str(file), sleep=600.0))
         begun = eventually(lambda: left_behind(file, 2))
         autogroup = Path(f"/proc/{worker.pid}/autogroup")

@@ -31,19 +31,6 @@ from tests.parts import Part, daemon_at, eventually
 from tests.turned_clock import TURNED, add_time
 
 
-@pytest.fixture(scope="module")
-def shared(tmp_path_factory):
-    with daemon_at(tmp_path_factory.mktemp("server") / "state") as part:
-        part.client().close()  # it is up: some tests ask past the client
-        yield part
-
-
-@pytest.fixture
-def client(shared):
-    with shared.client() as connected:
-        yield connected
-
-
 def test_the_daemon_listens_once_and_on_loopback_only(shared, client):
     sockets = psutil.Process(shared.pid).net_connections("inet")
     listening = [s for s in sockets if s.status == psutil.CONN_LISTEN]

@@ -23,9 +23,10 @@ from daemon.model.status import Preparation, PreparationPhase
 from daemon.run import execute
 from grammars.text import codec
 from tests.make import SCENE, make_result, make_spec, submission_of
-from tests.parts import EXECUTOR, ROOT, alive, daemon_at, eventually
+from tests.parts import EXECUTOR, ROOT, alive, eventually
 
 SHORT = replace(make_spec(), limit=0.5, oracles=())
+LIMITS = RunLimits(nice=0)
 
 
 @pytest.fixture
@@ -41,16 +42,16 @@ def attempt_in(folder, spec, **more):
 
 def prepare(pool, spec, scene, look=lambda: None):
     """Wait until a run can be started."""
-    while not pool.prepare(spec, scene, RunLimits()):
+    while not pool.prepare(spec, scene, LIMITS):
         wait(pool.waitables)
         pool.listen()
         look()
 
 
-def run(pool, folder, spec, scene, **more):
+def run(pool, folder, spec, scene, limits=LIMITS, **more):
     """Have a run executed; returns its attempt and why it ended badly."""
     attempt = attempt_in(folder / "attempt-1", spec, **more)
-    execution = pool.start(attempt, scene, RunLimits())
+    execution = pool.start(attempt, scene, limits)
     while execution.end is None:
         wait(execution.waitables)
         execution.listen()
@@ -119,7 +120,7 @@ def test_a_run_is_nice_and_leaves_leading_margins_where_its_lease_asks_for_them(
     spec, log = make_spec(log=str(tmp_path / "log")), tmp_path / "log"
     prepare(pool, spec, scene)
     for leads, margins in ((False, []), (True, [0.5])):
-        attempt, why = run(pool, tmp_path / f"{leads}", spec, scene, leads=leads)
+        attempt, why = run(pool, tmp_path / f"{leads}", spec, scene, RunLimits(), leads=leads)
         assert [lead.margin for lead in attempt.result().leads] == margins, why
     assert [line.split()[2] for line in log.read_text().splitlines()] == ["10", "10"]
 
@@ -160,8 +161,8 @@ def begin(pool, folder, scene):
     """Have a run begin that lasts, and leaves processes behind."""
     folder.mkdir()
     spec, file = make_spec(leaves=str(folder / "left"), sleep=600.0), folder / "left"
-    eventually(lambda: pool.listen() or pool.prepare(spec, scene, RunLimits()))
-    execution = pool.start(attempt_in(folder / "attempt-1", spec), scene, RunLimits())
+    eventually(lambda: pool.listen() or pool.prepare(spec, scene, LIMITS))
+    execution = pool.start(attempt_in(folder / "attempt-1", spec), scene, LIMITS)
     numbers = eventually(lambda: file.exists() and len(n := file.read_text().split()) == 2 and n)
     return execution, [psutil.Process(int(number)) for number in numbers]
 
@@ -261,16 +262,17 @@ class Compiling:
 
 @pytest.mark.parametrize(("kinds", "started"), [("ros pilot", ["c.1"]), ("ros ros ros", [])])
 def test_runs_that_wait_for_kernels_have_their_slots_and_keep_no_other_waiting(
-    tmp_path, monkeypatch, kinds, started
+    shared, client, monkeypatch, kinds, started
 ):
     specs = [
         replace(make_spec(n), sut=SutReference(kind, kind, {}))
         for n, kind in enumerate(kinds.split())
     ]
-    with daemon_at(tmp_path / "state") as daemon, daemon.client() as client:
-        backend = Compiling(client, alone=not started)
-        monkeypatch.setattr(_work, "_open_backend", lambda *_: backend)
-        client.submit(submission_of("c", *specs))
-        work(daemon.endpoint, slots=2, executor=EXECUTOR)
+    backend = Compiling(client, alone=not started)
+    monkeypatch.setattr(_work, "_open_backend", lambda *_: backend)
+    client.submit(submission_of("c", *specs))
+    work(shared.endpoint, slots=2, executor=EXECUTOR)
+    client.cancel("c")
+    client.delete(("c",))
     assert backend.started == started
     assert started or backend.busy == 2
