@@ -1,7 +1,5 @@
 """Every artefact of a campaign beside the runs it has: what is exported is what is run."""
 
-from __future__ import annotations
-
 import json
 import math
 import shutil
@@ -11,7 +9,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-import yaml
 from mcap.reader import make_reader
 from rdflib import Graph, Namespace
 from rdflib.namespace import RDF
@@ -201,21 +198,6 @@ def test_launch_files_start_the_robot_where_the_run_does(worlds):
             for item in root.findall("rosparam"):
                 task = (item.get("file") or "").split("root)/")[-1]
                 assert task == f"tasks/era/mission/{spec.mission.name}_task.yaml"
-
-
-def test_tasks_are_the_missions_of_the_runs(worlds):
-    for world in worlds:
-        mission = world.runs[0].mission
-        file = f"mission/{mission.name}"
-        now = yaml.safe_load((world.folder / "tasks" / f"{file}_route.yaml").read_text())
-        era = yaml.safe_load((world.folder / "tasks/era" / f"{file}_task.yaml").read_text())
-        for found, digits in ((now["task"][0]["waypoints"], 6), (era["waypoints"], 2)):
-            assert [stop["id"] for stop in found] == [w.id for w in mission.waypoints]
-            for stop, waypoint in zip(found, mission.waypoints, strict=True):
-                place = (stop["x"], stop["y"])
-                assert place == pytest.approx((waypoint.x, waypoint.y), abs=0.51 * 10**-digits)
-                if waypoint.yaw is not None:
-                    assert stop["yaw"] == pytest.approx(waypoint.yaw, abs=1e-4)
 
 
 def test_worlds_of_gazebo_hold_what_the_run_holds(worlds):

@@ -35,3 +35,9 @@ def test_processes_of_xdist_share_one_daemon(run, house):
     result.assert_outcomes(passed=2, xfailed=1, failed=1)
     log = house[0] / ".pytest_cache" / "d" / "scenario" / "daemon.log"
     assert log.read_text().count('"started"') == 1
+
+
+def test_without_a_cache_runs_are_kept_with_temporary_files(run):
+    result = run("-p", "no:cacheprovider", "-k", "moving and arrives", FILE)
+    result.assert_outcomes(failed=1, deselected=3)
+    result.stdout.fnmatch_lines(["replay:  scenario replay *scenario/traces/house-*.mcap"])

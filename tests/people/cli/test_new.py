@@ -42,12 +42,6 @@ def test_what_it_writes_can_be_typed_and_broken(scenario, here, transcript):
     assert not (here / "none").exists()
 
 
-def test_paths_are_plain_in_json(scenario, here):
-    answer = json.loads(scenario("new", "a b/mine", "--json").out)
-    assert answer["campaign"] == "a b/mine/campaign.yaml"
-    assert all((here / file).is_file() for file in answer["files"])
-
-
 def test_it_begins_with_a_building_that_is_there(scenario, here, campaigns):
     (here / "barn.fpm").write_text(PLAN)
     shutil.copy(campaigns / "demo" / "flat.fpm", here / "flat.fpm")

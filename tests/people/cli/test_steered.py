@@ -24,13 +24,6 @@ def _no_waiting(monkeypatch):
     monkeypatch.setattr(watching, "INTERVAL", 0.001)
 
 
-def test_scripts_are_told_how_all_campaigns_stand(scenario):
-    said = scenario("status", "--json")
-    body = json.loads(said.out)
-    assert (body["overview"]["failed"], body["workers"][0]["host"], said.err) == (2, "bench", "")
-    assert [row["id"] for row in body["campaigns"]] == [CAMPAIGN, OLD]
-
-
 def test_scripts_are_told_every_run_of_the_newest_campaign(scenario):
     body = json.loads(scenario("results", "--json").out)
     assert (body["campaign"]["id"], len(body["runs"])) == (CAMPAIGN, 10)
@@ -178,15 +171,6 @@ def two(fake):
     fake.rows = (*spread_rows(CAMPAIGN, 0.2), *spread_rows(OLD))
     fake.declares = AssessmentRules(RepeatPolicy(5))
     return fake
-
-
-def test_files_of_results_are_as_good_as_campaigns(scenario, two, tmp_path):
-    path = tmp_path / "before.json"
-    path.write_text(scenario("results", OLD, "--json").out)
-    two.empty = True
-    found = json.loads(scenario("compare", str(path), str(path), "--json").out)
-    assert found["regressed"] is False
-    assert [s["mean"] for s in found["comparison"]["shifts"]] == [0.0] * 4
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"schema": "scenario/status/1"}', "{}"])

@@ -42,37 +42,11 @@ def test_results_are_kept_by_the_daemon(finished, place):
     assert status["overview"]["done"] == 2
 
 
-def test_a_run_is_shown_its_log_told_and_its_campaign_waited_for(finished, place):
-    shown = call_here("show", "demo.0", state=finished, cwd=place)
-    assert (shown.returncode, shown.stderr) == (0, "")
-    assert "scenario show demo-" in shown.stdout
-    told = declared(
-        call_here("show", "demo.0", "--log", "--json", state=finished, cwd=place).stdout
-    )
-    assert [step["state"] for step in told["steps"]] == ["running", "done"]
-    assert told["recorded"][-1]["source"] == "run"
-    assert call_here("wait", "demo", state=finished, cwd=place).returncode == 1
-
-
 def test_a_trace_is_marked_by_the_ledger_that_keeps_it(finished, place):
     trace = min((finished / "traces").rglob("*.mcap"))
     assert "✗ fail !" in call_here("show", str(trace), state=place / "other", cwd=place).stdout
     (copy := place / "copy.mcap").write_bytes(trace.read_bytes())
     assert "✗ fail  " in call_here("show", str(copy), state=finished, cwd=place).stdout
-
-
-def test_runs_are_judged_again_by_other_oracles(finished, place):
-    # The first one, whether or not another test has submitted more.
-    campaign = min((finished / "traces").iterdir(), key=lambda path: path.stat().st_mtime).name
-    layer = place / "hasty.oracles.yaml"
-    layer.write_text("reached: eventually within 1 s (mission.reached >= 1)\n")
-    done = call_here(
-        "judge", campaign, "--oracles", str(layer), "--json", state=finished, cwd=place
-    )
-    assert done.returncode == 1, done.stderr
-    for judged in declared(done.stdout)["traces"]:
-        assert (judged["origin"], judged["outcome"]) == ("ledger", "fail")
-        assert judged["changes"][0]["oracle"] == "reached"
 
 
 def test_submitting_again_runs_nothing_twice(finished, place):

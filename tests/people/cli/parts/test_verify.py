@@ -36,14 +36,6 @@ def test_the_spread_of_an_external_system_is_told(tmp_path, capsys, erratic):
     assert {"duration", "path driven", "far"} <= {line.split("  ")[0] for line in out.splitlines()}
 
 
-def test_scripts_get_everything(tmp_path, capsys, erratic):
-    path, _ = recorded(tmp_path, sut=EXTERNAL)
-    assert invoke(["verify", str(path), "-n", "1", "--json"]) == 0
-    (run,) = declared(capsys.readouterr().out)["runs"]
-    assert (run["repeatable"], len(run["executions"])) == (False, 1)
-    assert sum(run["outcomes"].values()) == 2
-
-
 def test_a_system_that_is_not_here_is_infrastructure(tmp_path, capsys, erratic, monkeypatch):
     path, _ = recorded(tmp_path, sut=EXTERNAL)
     monkeypatch.setattr(registry, "installed", lambda group: {})

@@ -226,12 +226,6 @@ def test_nothing_is_left_of_a_session_that_is_killed(run, house, tmp_path):
     eventually(lambda: not alive(members))
 
 
-def test_without_a_cache_runs_are_kept_with_temporary_files(run):
-    result = run("-p", "no:cacheprovider", "-k", "moving and arrives", FILE)
-    result.assert_outcomes(failed=1, deselected=3)
-    result.stdout.fnmatch_lines(["replay:  scenario replay *scenario/traces/house-*.mcap"])
-
-
 def test_a_test_asks_for_the_runs_of_a_scenario(run, house, tmp_path):
     test = tmp_path / "test_house.py"
     test.write_text(

@@ -116,13 +116,6 @@ def test_the_folder_has_the_same_results(results, place, monkeypatch):
     assert len(again.unexpected) == len(results.unexpected)
 
 
-def test_what_is_not_there_is_refused(tmp_path):
-    with pytest.raises(st.DaemonError, match="nowhere"):
-        st.results("nowhere", state=tmp_path)
-    with pytest.raises(st.InputError, match=r"none\.json"):
-        st.results(tmp_path / "none.json")
-
-
 def test_results_are_a_table_and_notebooks_show_what_the_terminal_says(results, campaign):
     assert results.to_arrow().num_rows == sum(len(run.verdicts) for run in results.runs)
     assert results.__arrow_c_stream__() is not None
