@@ -9,12 +9,16 @@ import pytest
 from textual._compositor import Compositor
 from textual.css.model import RuleSet
 from textual.css.stylesheet import Stylesheet
+from textual.message_pump import MessagePump
 
 from scenario_tui import source
 from scenario_tui.cli import invoke
 from tests.people.cli.outputs import declared
 from tests.people.fake import FakeDaemon
 from tests.people.idle import wait_for_idle
+
+_FRAME, _NEVER = 0.05, 1e6
+"""Seconds between two frames of ours at least (textual's own are shorter), and a long time."""
 
 
 class Said(NamedTuple):
@@ -64,6 +68,20 @@ def _styles_are_read_once():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Stylesheet, "_parse_rules", parse_rules)
         yield
+
+
+@pytest.fixture(autouse=True)
+def _nothing_happens_by_itself(monkeypatch):
+    """Keep timers that repeat from ticking: a test looks, and has time pass, when it wants to.
+
+    A slow machine spent most of the time of the dashboard's tests on looks that nobody asked for.
+    """
+    start = MessagePump.set_interval
+
+    def set_interval(pump, interval, *what, **how):
+        return start(pump, max(interval, _NEVER) if interval >= _FRAME else interval, *what, **how)
+
+    monkeypatch.setattr(MessagePump, "set_interval", set_interval)
 
 
 @pytest.fixture(autouse=True)

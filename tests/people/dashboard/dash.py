@@ -19,7 +19,6 @@ from scenario_tui.dashboard.campaign_assessor import CampaignAssessor
 from scenario_tui.dashboard.commands import CommandAnswer
 from scenario_tui.dashboard.feed import Feed
 from scenario_tui.dashboard.live_tracks import Tracks
-from scenario_tui.dashboard.widgets.top_view import TopView
 from tests.parts import DEADLINE
 from tests.people.idle import until_idle
 
@@ -47,7 +46,10 @@ class InlineFeed(Feed):
     def take_news(self):
         try:
             self.step(self.fake)
-            if self.assess(self.fake):
+            while self.assess(self.fake):
+                self._wake.set()
+            if self._wake.is_set():
+                self._wake.clear()
                 self.step(self.fake)
         except DaemonError as error:
             self._lose(error)
@@ -164,6 +166,7 @@ class Dash:
     def __init__(self, app, fake=None):
         self.app, self.fake = app, fake
         self.pilot, self._task, self._leave = None, None, asyncio.Event()
+        self._seen = None
 
     async def begin(self, size, settled=True):
         """Run the app, in a task of its own: its test and the end of a fixture are two others."""
@@ -196,8 +199,14 @@ class Dash:
 
     @property
     def strips(self):
-        """The lines of the screen with their styles."""
-        return list(self.screen._compositor.render_strips())
+        """The lines of the screen with their styles; drawn once until its app can do something."""
+        if self._seen is None or self._seen[0] is not self.screen:
+            self._seen = self.screen, list(self.screen._compositor.render_strips())
+            asyncio.get_running_loop().call_soon(self._forget)
+        return self._seen[1]
+
+    def _forget(self):
+        self._seen = None
 
     @property
     def lines(self):
@@ -209,18 +218,8 @@ class Dash:
         return "\n".join(self.lines)
 
     @property
-    def words(self):
-        """The text of the screen, with a blank for every line break and gap."""
-        return " ".join(self.text.split())
-
-    @property
     def notices(self):
         return "\n".join(notice.message for notice in self.app._notifications)
-
-    @property
-    def map(self):
-        """What the map shows."""
-        return self.one(TopView)._view
 
     def one(self, *which):
         """Return the only widget of a kind, or with an id, on the screen in front."""

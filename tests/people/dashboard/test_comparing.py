@@ -9,16 +9,13 @@ from daemon.judging.signals import RunSignal
 from daemon.model.live_judgement import DoorMotion
 from daemon.model.spec import SutReference
 from daemon.model.verdicts import Evidence, Outcome, Verdict
-from scenario_tui.dashboard.playback import open_playback
 from scenario_tui.dashboard.run_timeline import RunTimeline, common_clock, shift_to_clock
-from scenario_tui.dashboard.screens.compare import CompareScreen
-from scenario_tui.dashboard.screens.standalone import StandaloneApp
 from scenario_tui.text.comparison_text import (
     margin_change,
     pair_verdicts,
     spec_differences,
 )
-from tests.people.recorded import HIT, make_run, record_run
+from tests.people.recorded import make_run
 
 
 def timeline(end, reached):
@@ -98,38 +95,3 @@ def test_differences_are_short_but_never_look_the_same(first, second, shown):
     a, b = (replace(spec, sut=SutReference("it", "it", {"p": value})) for value in (first, second))
     (found,) = spec_differences(a, b)
     assert found[1:] == shown
-
-
-@pytest.fixture(scope="module")
-def both(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("traces")
-    first = open_playback(record_run(folder / "first.mcap"))
-    second = open_playback(record_run(folder / "second.mcap"), ())
-    return first, second
-
-
-def opened(both):
-    return StandaloneApp(CompareScreen(*both, clock=lambda: 0.0))
-
-
-async def test_both_runs_have_one_clock(dashboard, both):
-    dash = await dashboard(opened(both), (140, 40))
-    assert dash.text.count("8.0 s  1/3 wp") == 2  # what decided the first
-    assert "◆ waypoint" in dash.text
-    await dash.press("n")
-    assert dash.text.count(f"{HIT} s  1/3 wp") == 2
-    for words in ("loc.error", "≠", "by simulated time"):
-        assert words in dash.text
-    await dash.press("t")
-    assert "by waypoints done" in dash.text
-    assert f"{HIT} s of 10.0 s" in dash.text
-    await dash.press("w", "end")
-    assert dash.screen.first is both[1]
-    await dash.press("q")
-    assert dash.app._exit
-
-
-async def test_a_tiny_terminal_is_no_trouble(dashboard, both):
-    dash = await dashboard(opened(both), (20, 6))
-    await dash.press("tab", "tab", "tab", "z", "n", "t")
-    assert "6.0 s" in dash.text

@@ -1,17 +1,16 @@
 """The user's settings: what they change, and what is said of wrong ones."""
 
 import pytest
-from textual.widgets._footer import FooterKey
 
 from grammars.text.diagnostics import InputError
-from scenario_tui.dashboard.config import Config, read_config
+from scenario_tui.dashboard.config import read_config
 from scenario_tui.dashboard.key_bindings import (
     check_config,
     classes_with_bindings,
     list_key_bindings,
 )
 from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
-from scenario_tui.dashboard.screens.help import our_bindings
+from scenario_tui.dashboard.screens.help import Help, our_bindings
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
 from tests.people.dashboard.searching import SearchingDaemon
 from tests.people.fake import OLD, FakeDaemon
@@ -158,80 +157,37 @@ async def test_footers_fit_and_help_tells_the_rest(dashboard, fake, keys):
     dash = await dashboard(fake)
     for key in keys:
         await dash.press(key)
-        assert dash.one("Footer").virtual_size.width <= 80
         listed = {one.binding.description for one in our_bindings(dash.screen)}
-        footer = {one.description for one in dash.screen.query(FooterKey) if not one.disabled}
+        bound = dash.screen.active_bindings.values()
+        footer = [one.binding.description for one in bound if one.binding.show and one.enabled]
         assert footer
-        assert footer <= listed
+        assert set(footer) <= listed
+        assert all(f" {name}" in dash.lines[-1] for name in footer)
 
 
-async def test_the_key_of_the_help_comes_first_where_there_is_less_room(dashboard):
-    dash = await dashboard(size=(60, 20))
-    for keys in ((), ("enter",), ("enter",), ("m",)):
-        await dash.press(*keys)
-        assert dash.lines[-1].strip().startswith("? Help  "), keys
-
-
-async def test_help_lists_the_keys_the_user_has_that_do_something_here(dashboard):
-    config = Config(keys={"retry": "ctrl+t"})
-    dash = await dashboard(size=(100, 80), config=config)
-    for keys, present, absent in (
-        ((), {"Cancel", "Pause", "Retry"}, {"Delete", "Resume", "Back"}),
-        (("down",), {"Delete", "Retry"}, {"Cancel", "Pause", "Priority"}),
-        (("3",), {"Back", "Quit"}, {"Retry", "Matrix"}),
-    ):
-        await dash.press(*keys)
-        names = {one.binding.description for one in our_bindings(dash.screen)}
-        assert present <= names
-        assert not absent & names
-    await dash.press("1", "question_mark")
-    assert "^t  Retry: Queue lost, failed or all runs again" in dash.text
-
-
-async def test_keys_that_become_grey_keep_their_widgets(dashboard, fake):
+async def test_keys_can_be_clicked_on_unless_they_are_grey(dashboard, fake):
     fake.acknowledge(OLD)
     dash = await dashboard()
     footer = dash.one(KeyFooter)
-    await dash.until(lambda: footer.query(FooterKey))
-    keys = list(footer.query(FooterKey))
+
+    def at(name):
+        return dash.lines[-1].index(name), 0
 
     def grey():
-        return {key.description for key in keys if key.has_class("-disabled")}
+        colours = {one.text.strip(): one.style.color for one in dash.strips[-1]}
+        return {name for name in colours if name[1:] and colours[name] != colours["Help"]}
 
-    assert "Acknowledge" not in grey()
+    assert grey() == set()
+    await dash.pilot.hover(footer, at("Acknowledge"))
+    assert "known" in str(footer.tooltip)
     await dash.press("j")
-    await dash.until(lambda: "Acknowledge" in grey())
-    assert list(footer.query(FooterKey)) == keys
-    await dash.press("k")
-    await dash.until(lambda: "Acknowledge" not in grey())
-
-
-async def test_keys_that_come_back_while_the_line_is_made_are_shown(dashboard, monkeypatch):
-    absent = set()
-    check, make_anew = CampaignsScreen.check_action, KeyFooter.recompose
-
-    async def recompose(self):
-        absent.add("matrix")  # after the line was told of its keys, before it is made of them
-        await make_anew(self)
-
-    dash = await dashboard(FakeDaemon())
-    screen = dash.screen
-    monkeypatch.setattr(
-        CampaignsScreen,
-        "check_action",
-        lambda it, action, given: action not in absent and check(it, action, given),
-    )
-    with monkeypatch.context() as meanwhile:
-        meanwhile.setattr(KeyFooter, "recompose", recompose)
-        absent.add("steer")
-        screen.refresh_bindings()
+    assert grey() == {"Acknowledge"}
+    for name in ("Acknowledge", "Help"):
+        assert isinstance(dash.screen, CampaignsScreen)
+        await dash.pilot.click(footer, at(name))
         await dash.settle()
-    assert "Matrix" not in dash.lines[-1]
-    absent.remove("matrix")
-    screen.refresh_bindings()
-    await dash.settle()
-    assert "Matrix" in dash.lines[-1]
-    assert "Cancel" not in dash.lines[-1]
+    assert isinstance(dash.screen, Help)
+    assert fake.told("acknowledge") == [(OLD,)]
 
 
 def test_doctor_says_which_settings_are_used(scenario, written, monkeypatch, tmp_path):

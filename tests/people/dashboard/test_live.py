@@ -53,6 +53,7 @@ async def test_what_there_is_to_see(dashboard, shown, size):
     assert "◆" in "\n".join(lines)
     assert "Foxglove ws://127.0.0.1:8765" in "\n".join(lines[-4:])
     assert size[0] < 80 or "q Quit" in dash.lines[-1]
+    assert "Copy" not in dash.lines[-1]  # there is nothing to type
 
 
 async def test_keys_for_time(dashboard, shown):
@@ -130,12 +131,6 @@ async def test_the_line_to_type_can_be_copied(dashboard, campaigns):
     await dash.press("escape", "z", "H", "F", "z", "q")
     await dash.leave()
     assert shown.simulation.watched is False
-
-
-async def test_without_a_line_to_type_there_is_nothing_to_copy(dashboard, shown):
-    dash = await dashboard(shown.app)
-    await dash.press("y")
-    assert "Copy" not in dash.lines[-1]
 
 
 def test_a_tap_drives_for_a_moment_and_stops():

@@ -1,96 +1,18 @@
 """The matrix of a campaign: the dashboard judges as the command line does."""
 
-import re
 from dataclasses import replace
 
 import pytest
 
 from daemon.analysis.results import read_results
-from daemon.model.run_state import RunState
-from daemon.model.verdicts import Outcome
 from scenario_tui.dashboard.campaign_assessor import CampaignAssessor
-from scenario_tui.dashboard.screens.matrix import MatrixScreen
-from scenario_tui.dashboard.screens.runs import RunsScreen
-from scenario_tui.dashboard.widgets.cell_table import CellTable
-from tests.people.dashboard.daemons import judged_campaign, judged_rows
+from tests.people.dashboard.daemons import judged_campaign
 from tests.people.fake import CAMPAIGN, OLD
 
 
 @pytest.fixture
 def judged():
     return judged_campaign()
-
-
-def runs_of(scenario, sut):
-    found = (row for row in judged_rows() if (row.scenario, row.sut) == (scenario, sut))
-    return tuple(row.id for row in found)
-
-
-async def test_the_cell_under_the_cursor_is_told_oracle_by_oracle(dashboard, judged):
-    dash = await dashboard(judged)
-    await dash.press("m", "j")
-    assert "✗ fail  no-contact  as expected (fail)" in dash.text
-    assert "known: violated at the closed door" in dash.text
-
-
-async def test_n_goes_to_what_is_not_as_expected_and_enter_lists_its_runs(dashboard, judged):
-    dash = await dashboard(judged)
-    await dash.press("m", "n")
-    assert dash.one(CellTable).cell.runs == runs_of("S2", "a2s")
-    await dash.press("enter")
-    assert isinstance(dash.screen, RunsScreen)
-    assert f"campaigns › {CAMPAIGN} › S2/a2s  1-3 of 3" in dash.text
-    assert "S2/a2s/1" in dash.text
-    assert "S2/pilot" not in dash.text
-    await dash.press("escape", "a")
-    assert "1-18 of 18" in dash.text
-    await dash.press("m")
-    assert isinstance(dash.screen, MatrixScreen)
-
-
-async def test_the_matrix_changes_while_runs_finish_and_the_cursor_stays(dashboard, judged):
-    dash = await dashboard(judged)
-    await dash.press("m", "j", "l")
-    rows = list(judged.rows)
-    rows[14] = replace(rows[14], state=RunState.DONE, outcome=Outcome.FAIL, margin=-2.0,
-                       oracle="no-contact", unit="m")  # fmt: skip
-    judged.rows = tuple(rows)
-    await dash.settle()
-    assert "▃▃✗ b fail 2/3" in dash.text
-    assert dash.one(CellTable).cell.runs == runs_of("S2", "a2s")
-
-
-async def test_three_systems_fit_without_scrolling_or_cut_numbers(dashboard, judged):
-    others = [row for row in judged.rows if row.sut == "a2s"]
-    more = (replace(row, sut="a-planner-with-a-long-name") for row in others)
-    rows = (*judged.rows, *more)
-    judged.rows = tuple(replace(row, id=f"{CAMPAIGN}.{i}", index=i) for i, row in enumerate(rows))
-    dash = await dashboard(judged)
-    await dash.press("m")
-    for width in (80, 120):
-        await dash.resize(width, 40)
-        table = dash.one(CellTable)
-        assert len(table.columns) == 3
-        assert table.max_scroll_x == 0
-        numbers = re.findall(r"[−+]\d[\d.]* m\b", "\n".join(dash.lines[2:13]))
-        assert numbers.count("−0.0312 m") >= 3
-        assert "+0.2 m" in numbers
-        assert "…" not in "\n".join(dash.lines[3:12])
-
-
-async def test_a_campaign_with_nothing_unexpected_says_so(dashboard, judged):
-    dash = await dashboard(judged)
-    await dash.press("j", "m", "n")
-    assert f"campaigns › {OLD} › matrix  ✓ as expected" in dash.text
-    assert "▂▂▂▂ pass 4/4" in dash.text
-    assert "no cell is unexpected" in dash.notices
-
-
-async def test_a_campaign_without_runs_says_so(dashboard, judged):
-    judged.rows = ()
-    dash = await dashboard(judged)
-    await dash.press("m")
-    assert "This campaign has no runs" in dash.text
 
 
 def judged_at(fake, took, moments, about):

@@ -9,10 +9,6 @@ import pytest
 from daemon.model.search import OracleScale
 from daemon.model.status import ChangeEvent
 from daemon.model.trials import read_trial
-from scenario_tui.dashboard.screens.matrix import MatrixScreen
-from scenario_tui.dashboard.screens.run import RunScreen
-from scenario_tui.dashboard.screens.runs import RunsScreen
-from scenario_tui.dashboard.screens.search import SearchScreen
 from scenario_tui.dashboard.searches import KnownSearches, SearchTrials, TrialReader
 from scenario_tui.dashboard.widgets.search_curve import (
     SearchGraph,
@@ -23,7 +19,6 @@ from scenario_tui.terminal.capabilities import TerminalLimits
 from scenario_tui.text.search_text import parameters_text, range_bar
 from tests.people.dashboard.dash import make_dashboard
 from tests.people.dashboard.searching import (
-    NEAREST,
     SEARCH,
     TASK,
     WRITTEN,
@@ -34,104 +29,10 @@ from tests.people.dashboard.searching import (
 )
 from tests.people.fake import CAMPAIGN
 
-WIDE = (120, 40)
-
 
 def search_runs(rows, state="running", **changes):
     row = make_search(rows, state, **changes)
     return SearchTrials(row, tuple(read_trial(row.task, one) for one in rows))
-
-
-async def test_the_list_says_what_a_search_does_and_what_it_found(dashboard):
-    fake = SearchingDaemon.running()
-    dash = await dashboard(fake, WIDE)
-    assert " 38/60 " in dash.text
-    fake.found = SearchingDaemon.finished().found
-    fake.proposed = SearchingDaemon.finished().proposed
-    await dash.settle()
-    text = dash.text
-    assert "✗ found −0.0468 m" in text
-    assert "no-contact fails with" in text
-    assert "scenario search" in text
-
-
-async def test_nothing_is_expected_of_a_search_and_it_has_no_matrix(dashboard):
-    fake = SearchingDaemon.finished()
-    dash = await dashboard(fake, WIDE)
-    assert SEARCH not in dash.app.known.conclusions
-    assert CAMPAIGN in dash.app.known.conclusions
-    await dash.press("m")
-    assert not isinstance(dash.screen, MatrixScreen)
-    assert "nothing was expected of its runs" in dash.text
-
-
-async def test_every_part_is_seen_in_a_small_terminal(dashboard):
-    dash = await dashboard(SearchingDaemon.finished(), (40, 10))
-    await dash.press("enter")
-    seen = ""
-    for _ in SearchScreen.VIEWS:
-        seen += dash.text + "\n"
-        await dash.press("tab")
-    for words in ("best", "≠ ", "doors-in-time", "No trace", "0 ┈"):
-        assert words in seen, words
-    assert all(len(line) <= 40 for line in seen.split("\n"))
-
-
-async def test_an_id_keeps_its_ends_by_which_it_is_told_apart(dashboard):
-    dash = await dashboard(SearchingDaemon.finished())
-    for width in (60, 120):
-        await dash.resize(width, 24)
-        assert re.search(rf" {SEARCH[:5]}\S*{SEARCH[-5:]} ", dash.text)
-        assert "✗ found −0.0468 m" in dash.text
-    await dash.press("2", "G")
-    assert f" {CAMPAIGN} " in dash.text
-
-
-async def test_the_run_in_front_is_the_one_of_parameters_and_keys(dashboard):
-    dash = await dashboard(SearchingDaemon.finished(), WIDE)
-    await dash.press("enter", "n", "n", "x")
-    assert f"scenario verify {NEAREST.id}" in dash.app.clipboard
-    await dash.press("y")
-    assert dash.app.clipboard == f"scenario show {NEAREST.id}"
-    await dash.press("N", "enter")
-    assert isinstance(dash.screen, RunScreen)
-    assert f"{SEARCH} › doors-in-time.34/pilot/0" in dash.text
-    await dash.press("escape", "a")
-    assert isinstance(dash.screen, RunsScreen)
-    assert f"campaigns › {SEARCH}" in dash.text
-    await dash.choose_from_palette(SEARCH, f"go to campaign {SEARCH}")
-    assert isinstance(dash.screen, SearchScreen)
-
-
-async def test_it_is_live(dashboard):
-    fake = SearchingDaemon.running(20)
-    dash = await dashboard(fake, WIDE)
-    await dash.press("enter")
-    assert "▶ 20/60 explore  0 fail" in dash.text
-    assert "first failure" not in dash.text
-    fake.go_on(38)
-    await dash.settle()
-    assert "▶ 38/60 explore  3 fail  best −0.0468 m" in dash.text
-    assert "first failure" in dash.text
-    fake.found = (replace(fake.found[0], phase="nearest"),)
-    fake.go_on(60)
-    await dash.settle()
-    assert "nearest" in dash.text
-
-
-async def test_a_search_before_its_first_result_and_one_that_could_not_go_on(dashboard):
-    fake = SearchingDaemon(found=(make_search((), "running"),))
-    dash = await dashboard(fake, WIDE)
-    await dash.press("enter")
-    assert "▶ 0/60 explore  0 fail" in dash.text
-    await dash.press("x")
-    assert "No run of this search has a result yet" in dash.text
-    await dash.press("escape")
-    why = "campaign.yaml:3: there is no layer doors_moving"
-    fake.found = (make_search((), "failed", note=why),)
-    await dash.settle()
-    assert why in dash.text
-    assert "it could not go on" in dash.text
 
 
 async def test_without_colours_and_in_ascii_it_says_the_same(dashboard):

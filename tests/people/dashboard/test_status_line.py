@@ -2,8 +2,6 @@
 
 from dataclasses import replace
 
-import pytest
-
 from daemon.model.status import Preparation, PreparationPhase, Trouble, TroubleCause
 from scenario_tui.dashboard.state import Known
 from scenario_tui.dashboard.widgets.status_line import status_text
@@ -110,9 +108,9 @@ def test_failures_are_red_as_long_as_they_may_be_news():
     assert style(conclusions=fine) == KNOWN
 
 
-@pytest.mark.parametrize("width", range(1, 200))
-def test_it_never_runs_over(width):
-    for overview in (SMALL, LARGE, HALTED):
-        assert len(line(width, overview=overview)) <= width
-    for problem in ("no daemon answers at tcp/127.0.0.1:7447: start one", "keys: unreadable"):
-        assert len(line(width, connected=False, problem=problem, refused=True)) <= width
+def test_it_never_runs_over():
+    problem = "no daemon answers at tcp/127.0.0.1:7447: start one"
+    refused = {"connected": False, "problem": "keys: unreadable", "refused": True}
+    states = [{"overview": found} for found in (SMALL, LARGE, HALTED)]
+    for known in (*states, GONE, {"connected": False, "problem": problem}, refused):
+        assert all(len(line(width, **known)) <= width for width in range(1, 200))

@@ -6,7 +6,7 @@ import threading
 from pathlib import Path
 
 import pytest
-from textual.widgets import Input, OptionList, Static
+from textual.widgets import Input, Static
 
 from scenario_tui.campaign_files import find_files, fuzzy_matches, is_campaign
 from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
@@ -14,6 +14,7 @@ from scenario_tui.dashboard.screens.submit import SubmitScreen
 from scenario_tui.dashboard.widgets.tables import KeyedTable
 from scenario_tui.library.submission import SubmissionPlan, Workload, check_file, plan_text
 from tests.people.dashboard.dash import InlineChildren
+from tests.people.dashboard.journeys import clicked, follow
 
 DEMO = Path(__file__).parents[3] / "campaigns"
 
@@ -112,25 +113,6 @@ def test_a_plan_says_what_is_cached_and_how_long_the_rest_takes(plan, fresh, sai
     assert plan_text(plan, 2, fresh=fresh) == f"3 cells × 5 repeats = 15 runs{said}"
 
 
-async def test_what_is_wrong_is_said_with_its_line_and_not_submitted(dashboard, fake, folder):
-    dash = await dashboard(fake)
-    await opened_at(dash, "broken")
-    await dash.until(lambda: "✗" in about(dash))
-    assert "broken.yaml:2:1: error:" in about(dash)
-    assert "scenarios" in about(dash)
-    await dash.press("enter")
-    await dash.until(lambda: "not submitted: " in dash.notices)
-    assert isinstance(dash.screen, SubmitScreen)
-    (folder / "broken.yaml").write_text("campaign: broken\nsenarios: {}\n")
-    await dash.press("enter")
-    await dash.until(lambda: "senarios" in about(dash))
-    await dash.press("escape")
-    assert dash.one(Input).value == ""
-    await dash.press("escape")
-    assert isinstance(dash.screen, CampaignsScreen)
-    assert not fake.told("submit")
-
-
 async def test_a_submission_that_the_daemon_did_not_take_stays_with_its_reason(
     dashboard, fake, folder
 ):
@@ -165,45 +147,31 @@ async def test_who_leaves_is_told_of_a_submission_that_was_cut_off(
     assert "cut off" not in dash.app.farewell()
 
 
-async def test_a_name_typed_before_the_files_are_listed_chooses_ones_own_file(
-    dashboard, fake, folder
+def misspelt(dash):
+    Path("broken.yaml").write_text("campaign: broken\nsenarios: {}\n")
+
+
+def remembered(dash):
+    dash.app.remember(Path("broken.yaml").resolve(), "")
+
+
+JOURNEYS = {
+    "wrong": ["s", "b r o k e n", "enter", ("another mistake", misspelt), "enter", "escape escape"],
+    "typed-before": ["!s d e m o"],  # the demo that ships fits as well
+    "last-first": ["s", "escape", ("broken.yaml is submitted", remembered), "s"],
+    "clicked": ["s", clicked("broken.yaml")],
+}
+
+
+@pytest.mark.parametrize("name", [*JOURNEYS, "of-somebody-new"])
+async def test_files_are_offered_and_checked_as_they_were(
+    dashboard, golden, folder, monkeypatch, name
 ):
-    dash = await dashboard(fake)
-    # The demo that ships fits as well.
-    await dash.press("s", *"demo")
-    await dash.until(lambda: "scenario submit" in about(dash) and "✓" in about(dash))
-    files = dash.one(OptionList)
-    assert (files.highlighted, files.option_count) == (0, 2)
-    assert "scenario submit demo/campaign.yaml" in about(dash)
-
-
-async def test_somebody_new_is_offered_the_demo(dashboard, fake, folder, monkeypatch):
-    monkeypatch.chdir(folder / "robots")
-    dash = await dashboard(fake)
-    await dash.press("s")
-    await dash.until(lambda: "✓" in about(dash))
-    assert dash.lines[3].strip() == "the demo that comes with scenario"
-    assert "3 scenarios, 15 runs" in about(dash)
-
-
-async def test_what_was_submitted_last_is_offered_first_among_ones_own(dashboard, fake, folder):
-    dash = await dashboard(fake)
-    for first in (["demo/campaign.yaml", "broken.yaml"], ["broken.yaml", "demo/campaign.yaml"]):
-        await dash.press("s")
-        await dash.until(lambda: "broken.yaml" in dash.lines[4] + dash.lines[3])
-        assert [line.strip() for line in dash.lines[3:5]] == first
-        assert f"scenario submit {first[0]}" in about(dash)
-        await dash.press("escape")
-        dash.app.remember(folder / "broken.yaml", "")
-
-
-async def test_a_click_chooses_a_file(dashboard, fake, folder):
-    dash = await dashboard(fake)
-    await dash.press("s")
-    await dash.until(lambda: "broken.yaml" in dash.lines[4])
-    await dash.pilot.click(offset=(5, 4))
-    await dash.until(lambda: "✗" in about(dash))
-    assert not dash.notices
+    if name not in JOURNEYS:
+        monkeypatch.chdir(folder / "robots")
+    # As wide as the path of any folder: it is not cut anywhere.
+    text = await follow(await dashboard(size=(200, 24)), JOURNEYS.get(name, ["s"]))
+    golden(f"journeys/submission-{name}.txt", text.replace(str(folder), "HERE"))
 
 
 def test_campaigns_near_are_found_those_changed_last_first(folder):

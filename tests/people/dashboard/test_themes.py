@@ -169,3 +169,17 @@ async def test_a_bright_theme_darkens_the_words(dashboard):
     used = {style.color.get_truecolor() for style in styles if style.color is not None}
     assert not used & set(PALE.values())
     assert darken(Color(*PALE["bad"])).rich_color.get_truecolor() in used
+
+
+@pytest.mark.parametrize(
+    ("name", "behind", "keys"),
+    [("runs", FakeDaemon, "enter j j j j j"), ("matrix", judged_campaign, "m n")],
+)
+async def test_words_have_their_colours(dashboard, golden, name, behind, keys):
+    dash = await dashboard(behind())
+    await dash.press(*keys.split())
+    lines = [
+        "".join(f"{segment.style}: {segment.text}\n" for segment in strip if segment.text.strip())
+        for strip in dash.strips
+    ]
+    golden(f"screens/{name}-colours.txt", "\n".join(lines))

@@ -17,7 +17,7 @@ from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
 from scenario_tui.dashboard.screens.submit import SubmitScreen
 from tests.make import make_submission
 from tests.parts import daemon_at
-from tests.people.dashboard.dash import eventually
+from tests.people.dashboard.dash import InlineChildren, eventually
 from tests.people.recorded import record_run
 
 CAMPAIGNS = Path(__file__).parents[4] / "campaigns"
@@ -51,12 +51,13 @@ async def test_a_campaign_is_steered_to_its_end(tmp_path):
             await eventually(lambda: row().passed == 6)
 
 
-async def test_a_campaign_chosen_by_its_name_is_executed(tmp_path, monkeypatch):
+async def test_a_campaign_chosen_by_its_name_is_submitted(tmp_path, monkeypatch):
     for name in ("demo", "robots", "suts"):
         shutil.copytree(CAMPAIGNS / name, tmp_path / "work" / name)
     monkeypatch.chdir(tmp_path / "work")
-    with daemon_at(tmp_path / "state", slots=1) as part, part.client() as client:
-        app = Dashboard(Feed(lambda: Client.open(part.endpoint)))
+    with daemon_at(tmp_path / "state") as part, part.client() as client:
+        feed = Feed(lambda: Client.open(part.endpoint))
+        app = Dashboard(feed, child_processes=InlineChildren())
         async with app.run_test(size=(80, 24)) as pilot:
             await eventually(lambda: app.known.connected)
             await pilot.press("s")

@@ -1,0 +1,263 @@
+"""Ways through campaigns, runs, matrix, searches and workers: ``journeys/NAME.txt`` tells each."""
+
+from dataclasses import replace
+from functools import partial
+
+import pytest
+
+from daemon.batch.errors import Refused
+from daemon.model.run_state import RunState
+from daemon.model.verdicts import Outcome
+from scenario_tui.dashboard.config import Config
+from scenario_tui.dashboard.screens.runs import RunsScreen
+from tests.people.dashboard.daemons import judged_campaign
+from tests.people.dashboard.journeys import Journey, clicked, follow, has, resized
+from tests.people.dashboard.searching import SearchingDaemon, make_search
+from tests.people.fake import (
+    CAMPAIGN,
+    NOW,
+    Entered,
+    FakeDaemon,
+    make_live,
+    make_row,
+    make_rows,
+)
+
+WIDE = (120, 40)
+STEERED = ["P", "c y", "r f", "P", "y"]
+ANEW = has(rows=lambda _: make_rows())
+FAILS = {"state": RunState.DONE, "outcome": Outcome.FAIL, "oracle": "no-contact", "unit": "m"}
+VERDICTS = ("fail", "error", "lost", "inconclusive", "running", "queued", "pass", "local")
+
+
+def typed(text):
+    """Filter a table by a text: all of its letters are there at once."""
+    return f"!slash {' '.join(text)}"
+
+
+def changed(index, **values):
+    """The rows of the campaign where one is another."""
+    return lambda dash: tuple(
+        replace(row, **values) if row.index == index else row for row in dash.fake.rows
+    )
+
+
+def waiting():
+    return FakeDaemon((make_row(0, state=RunState.QUEUED, outcome=None, oracle="", margin=None),))
+
+
+def away():
+    return FakeDaemon(live=(make_live(7, 300.0),), away=True)
+
+
+def nobody():
+    return FakeDaemon(empty=True, rows=())
+
+
+def compared_before():
+    """There is an earlier campaign of the same name, in which half of the runs failed."""
+    rows = tuple(
+        make_row(i, id=f"nightly-0.{i}", campaign="nightly-0", outcome=outcome)
+        for i, outcome in enumerate((Outcome.PASS, Outcome.FAIL) * 2)
+    )
+    return FakeDaemon(more=(Entered("nightly-0", "nightly", rows, NOW - 2e5),))
+
+
+def thousands():
+    rows = ((f"c{n}-00000000", make_row(0, id=f"c{n}-00000000.0")) for n in range(600))
+    return FakeDaemon(more=tuple(
+        Entered(name, name, (replace(row, campaign=name),), NOW) for name, row in rows
+    ))  # fmt: skip
+
+
+def three_systems():
+    fake = judged_campaign()
+    more = (replace(row, sut="a-planner-with-a-long-name") for row in fake.rows if row.sut == "a2s")
+    rows = enumerate((*fake.rows, *more))
+    fake.rows = tuple(replace(row, id=f"{CAMPAIGN}.{i}", index=i) for i, row in rows)
+    return fake
+
+
+def long_names():
+    names = {"scenario": "busy-house-with-many-doors", "sut": "pilot-b"}
+    return FakeDaemon(tuple(make_row(i, repeat=i, **names) for i in range(4)))
+
+
+def busy(count):
+    """Runs under way whose worst margin goes down with their number."""
+    rows = make_rows()
+    running = [
+        replace(rows[7], id=f"{CAMPAIGN}.{7 + i}", index=7 + i, repeat=i) for i in range(count)
+    ]
+    lives = (make_live(row.index, 300.0) for row in running)
+    live = tuple(
+        replace(one, snapshot=replace(
+            one.snapshot, margin=0.5 - row.index / 20, unit="m", oracle="clear"
+        ))
+        for one, row in zip(lives, running, strict=True)
+    )  # fmt: skip
+    return FakeDaemon((*rows[:5], *running), live=live)
+
+
+def begun():
+    return SearchingDaemon(found=(make_search((), "running"),))
+
+
+def crowded():
+    words = f"worker spare-1: {'the zygote says a lot, ' * 8}and so it ends"
+    trouble = "the disk of /state is full: runs wait until 32 MiB are free"
+    return FakeDaemon(trouble=trouble, troubles=(words,))
+
+
+def refuse(_):
+    raise Refused("the daemon's answer is not understood, versions differ? rate: missing")
+
+
+LONG = "a-campaign-whose-name-goes-on-and-on-0123456789-0123456789-0123456789"
+STATES = {
+    "usual": {},
+    "gone": {"reachable": False},
+    "stuck": {"trouble": "the disk of /state is full: runs wait until 32 MiB are free"},
+    "named": {
+        "rows": tuple(
+            replace(row, scenario="走廊情景" * 3, sut=LONG, oracle=LONG, repeat=row.index)
+            for row in make_rows()
+        )
+    },
+}
+
+
+def in_state(state):
+    return FakeDaemon(live=(make_live(7, 60.0),), **STATES[state])
+
+
+def goes_on(settled, **changes):
+    """More runs of the search are over."""
+
+    def go(dash):
+        dash.fake.found = (replace(dash.fake.found[0], **changes),)
+        dash.fake.go_on(settled)
+
+    return f"{settled} runs are over", go
+
+
+BROKEN = make_search((), "failed", note="campaign.yaml:3: there is no layer doors_moving")
+JOURNEYS = {
+    "steered": Journey([*STEERED, "m", *STEERED, "escape enter", *STEERED, "enter", *STEERED]),
+    "paused": Journey(["P", "r", "f", "P"]),
+    "deleted": Journey(["down", "D", "y"]),
+    "priority": Journey(
+        ["number_sign", "home ctrl+k x enter", "home ctrl+k 1 0 0 1 enter",
+         "home ctrl+k minus 5", "enter"], size=(120, 24),
+    ),
+    "retried": Journey(["r", "e", "j", "a"]),
+    "clicked": Journey(["c", clicked("y yes")]),
+    "refused-finished": Journey(["down", "P", "7 j y", "c", "7 j y", "number_sign", "7 j y"]),
+    "refused-waiting": Journey(["r", "7 j y", "D", "7 j y"], waiting),
+    "refused-empty": Journey(
+        ["P", "7", "c", "j", "r", "y", "number_sign", "7", "o", "j", "m", "y", "2", "3",
+         resized(40, 10), "1"], nobody
+    ),
+    "refused-unreachable": Journey(
+        [has(reachable=False), "P", "7 j y", "c", "7", "r", "j", "number_sign", "y", "s", "7",
+         has(reachable=True)],
+    ),
+    "refused-elsewhere": Journey(["o", "7 j y"]),
+    "refused-read-only": Journey(
+        ["P", "7 j y", "c", "7", "r", "j", "A", "y", "D", "7", "o", "j", "s", "y", "number_sign",
+         "7"], config=Config(read_only=True),
+    ),
+    "typed-ahead": Journey(
+        ["!c y", ANEW, "!c n P", ANEW, "!r f", ANEW, "!r j enter", ANEW,
+         "!number_sign ctrl+u 7 enter", "!enter r f"],
+    ),
+    "typed-ahead-for-nothing": Journey(
+        ["!c y", "!number_sign 7 enter", "!r j enter"], config=Config(read_only=True)
+    ),
+    "typed-ahead-name": Journey(["!s 1 q 3 s"], size=(200, 24)),
+    "typed-ahead-filter": Journey(["!slash n i g h enter m"]),
+    "places": Journey(["enter", "enter", "escape", "escape", "escape", "2", "3", "enter", "1"]),
+    "filter-typed": Journey(["slash n i", "g h", "enter", "escape"]),
+    "filter-letters": Journey([typed("qc/2s"), "escape", "enter", typed("qc/2s"), "escape"]),
+    "filter-words": Journey(
+        ["enter", *(step for word in VERDICTS for step in (typed(word), "escape"))]
+    ),
+    "workers": Journey(["3", "i", typed("pilot")]),
+    "sorted": Journey([">", "i", "<", "enter", ">", ">", "i", *[">"] * (len(RunsScreen.SORTS) - 2),
+                       "<"]),
+    "back": Journey(
+        ["2", typed("fail"), "enter", ">", ">", "i", "down", "1", "2", typed("S2/"), "enter", "1",
+         "2", "1", "enter"],
+    ),
+    "pages": Journey(
+        ["enter", "G", "k", "g"],
+        lambda: FakeDaemon(tuple(make_row(i, repeat=i) for i in range(250))), (80, 12),
+    ),
+    "rows-before": Journey(["enter > > down", has(rows=changed(7, margin=-9.0, **FAILS))]),
+    "long-names": Journey(
+        ["2", *(resized(width, 12) for width in (92, 108, 120))], long_names, (80, 12)
+    ),
+    "copied": Journey(["y", "enter down y", "enter y", "escape m y", "3 y"]),
+    "beside": Journey(["j"], compared_before, WIDE),
+    "wide": Journey(["enter", "2", "3"], away, WIDE),
+    "help": Journey(
+        ["question_mark", "escape down question_mark", "escape enter question_mark",
+         "escape 3 question_mark"],
+        size=(100, 70), config=Config(keys={"retry": "ctrl+t"}),
+    ),
+    "grown-old": Journey(
+        [has(reachable=False, now=NOW + 75.0), has(reachable=True)],
+    ),
+    "little-room": Journey([resized(80, 24)], size=(80, 15)),
+    "comes-back": Journey([has(reachable=True)], lambda: FakeDaemon(reachable=False)),
+    "thousands": Journey([], thousands),
+    **{
+        f"smallest-{state}": Journey(
+            ["enter", "G enter", "1 m", "2", "3", resized(20, 5)],
+            partial(in_state, state), (40, 10),
+        )
+        for state in STATES
+    },
+    "not-understood": Journey(["3", has(before=lambda _: refuse), has(before=None)]),
+    "never-understood": Journey([], lambda: FakeDaemon(before=refuse)),
+    "troubles": Journey(["3"], crowded),
+    "matrix": Journey(
+        ["m", "j", "n", "enter", "escape a", "m", "j l",
+         has(rows=changed(14, margin=-2.0, **FAILS)), resized(120, 40), "1 j m n"],
+        judged_campaign,
+    ),
+    "matrix-of-three": Journey(["m", resized(120, 20)], three_systems, (80, 20)),
+    "matrix-of-nothing": Journey([has(rows=()), "m"], judged_campaign),
+    "running": Journey(["!tab j enter", "escape"], lambda: busy(3)),
+    "running-many": Journey([], lambda: busy(20)),
+    "running-no-more": Journey(
+        ["enter", "escape tab", has(rows=tuple(make_row(i) for i in range(8)))], lambda: busy(1)
+    ),
+    "search-on-its-way": Journey(
+        ["enter", goes_on(38), goes_on(60, phase="nearest")],
+        lambda: SearchingDaemon.running(20), WIDE,
+    ),
+    "search": Journey(
+        ["m", "escape", "enter n n x", "y", "N", "enter", "escape a"],
+        SearchingDaemon.finished, WIDE,
+    ),
+    "search-parts": Journey(["enter", "tab", "tab"], SearchingDaemon.finished),
+    "search-list": Journey([resized(60, 24), resized(120, 24), "2 G"], SearchingDaemon.finished),
+    "search-in-little-room": Journey(
+        ["enter", "tab", "tab", "tab"], SearchingDaemon.finished, (40, 10)
+    ),
+    "search-begun-and-broken": Journey(
+        ["enter", "x", "escape", has(found=(BROKEN,))], begun, WIDE
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", JOURNEYS)
+async def test_a_way_through_the_dashboard_is_as_it_was(
+    dashboard, golden, tmp_path, monkeypatch, name
+):
+    monkeypatch.chdir(tmp_path)
+    way = JOURNEYS[name]
+    dash = await dashboard(way.daemon(), way.size, config=way.config)
+    text = await follow(dash, way.steps)
+    golden(f"journeys/{name}.txt", text.replace(str(tmp_path), "HERE"))
