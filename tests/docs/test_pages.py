@@ -11,8 +11,6 @@ import pytest
 import yaml
 
 import scenario_tui
-from grammars.floorplan import load_floorplan
-from grammars.scenery import load_scenery
 from scenario_tui.cli.commands import COMMANDS, load_command
 from tests.docs.markdown import DOCS, ROOT, blocks, broken, links, pages
 
@@ -21,7 +19,6 @@ _BLOCK = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
 _INLINE = re.compile(r"`([^`\n]+)`")
 _COMMAND = re.compile(r"(?:^\s*|[$>] ?|&& |run: |- )scenario ([a-z]+\b.*)")
 _ROOMS = ("campaigns", "daemon", "docs", "grammars", "scenario_tui", "templates", "tests")
-_NO_NAMES = {("docs/languages/floorplan.md", "door-1")}
 """What a page says is no name."""
 
 
@@ -89,25 +86,6 @@ def test_the_options_of_commands_exist():
     assert not wrong
 
 
-def test_options_of_the_help_stand_behind_the_command_they_are_of():
-    """Every option named alone is one of some command."""
-    known = {"--help"}
-    for name in COMMANDS:
-        found = load_command(name)
-        for command in (found, *getattr(found, "commands", {}).values()):
-            for parameter in command.params:
-                known |= {*parameter.opts, *parameter.secondary_opts}
-    pages = {"docs/command-line.md", "docs/operation.md", "docs/reports.md", "docs/replay.md"}
-    named = {
-        option
-        for line in CODE
-        if line.page in pages and line.text.startswith("--")
-        for option in re.findall(r"--[a-z][a-z0-9-]+", line.text)
-    }
-    assert len(named) > 15
-    assert named <= known
-
-
 def test_files_that_pages_name_ship():
     missing = set()
     for line in CODE:
@@ -119,51 +97,6 @@ def test_files_that_pages_name_ship():
             if not (ROOT / word.rstrip("./")).exists():
                 missing.add((line.page, word))
     assert not missing
-
-
-@pytest.fixture(scope="module")
-def building():
-    """The ids of building C: its spaces, entryways and doors."""
-    folder = ROOT / "campaigns" / "ortega2024"
-    plan = load_floorplan(folder / "building_c.fpm")
-    doors = load_scenery(folder / "doors.scenery")
-    return frozenset(
-        {space.name for space in plan.spaces}
-        | {opening.name for opening in plan.openings}
-        | {placed.name for placed in doors.instances}
-    )
-
-
-def test_numbered_doors_are_those_of_the_building(building):
-    named = {
-        (str(page.relative_to(ROOT)), name)
-        for page in (*PAGES, *ROOT.glob("scenario_tui/**/*.py"), *ROOT.glob("grammars/oracle/*.py"))
-        for name in re.findall(r"\bdoor[_-]\d+\b(?!-)", page.read_text("utf-8"))
-    }
-    assert named
-    assert {(page, name) for page, name in named if name not in building} == _NO_NAMES
-
-
-def test_every_row_of_a_table_is_one_line():
-    cut = []
-    for page in PAGES:
-        text = _BLOCK.sub("", page.read_text("utf-8"))
-        rows = [line for line in text.splitlines() if line.startswith("|")]
-        cut += [(page.name, row) for row in rows if not row.rstrip().endswith("|")]
-    assert not cut
-
-
-def test_keys_that_are_said_to_copy_do_so():
-    table = (ROOT / "docs" / "dashboard.md").read_text("utf-8")
-    rows = [line for line in table.splitlines() if line.startswith("| `") and "opy" in line]
-    keys = {key for row in rows for key in _INLINE.findall(row.split("|")[1])}
-    said = [
-        (page.name, key)
-        for page in PAGES
-        for key in re.findall(r"`(.)` copies", page.read_text("utf-8"))
-    ]
-    assert len(said) > 2, "the pages are not read as they are written"
-    assert [one for one in said if one[1] not in keys] == []
 
 
 def _yaml(text):

@@ -66,10 +66,6 @@ def test_yaml_that_no_file_of_ours_holds_is_refused_at_its_place(text, message):
     assert message in str(caught.value)
 
 
-def test_words_stay_words_as_yaml_1_2_has_it():
-    assert parse_yaml("on: yes\nno: off\n", "h.yaml").data == {"on": "yes", "no": "off"}
-
-
 def test_files_that_cannot_be_read_are_refused_with_their_neighbours(tmp_path):
     (tmp_path / "campaign.yaml").write_text("a: 1")
     with pytest.raises(InputError, match='did you mean "campaign.yaml"'):

@@ -65,14 +65,6 @@ def test_a_wall_is_a_trapezoid_in_its_own_frame(ring, thickness, pose):
         assert (outer_start[1], outer_end[1]) == pytest.approx((thickness, thickness))
 
 
-@given(convex_rings(), THICKNESS, poses)
-def test_a_plan_moves_rigidly_with_its_anchor(ring, thickness, pose):
-    still, moved = one_room(ring, thickness, Pose2()), one_room(ring, thickness, pose)
-    for before, after in zip(still.walls, moved.walls, strict=True):
-        expected = np.array(pose.apply_ring(before.footprint))
-        assert np.allclose(after.footprint, expected, atol=1e-9)
-
-
 def matrix(x, y, yaw):
     c, s = math.cos(yaw), math.sin(yaw)
     return np.array([[c, -s, x], [s, c, y], [0.0, 0.0, 1.0]])
@@ -116,24 +108,6 @@ def test_a_placement_is_the_product_of_its_transforms(first, second, pose, offse
         @ np.linalg.inv(wall_matrix(second[0], second[1], second[3]))
     )
     assert np.allclose(matrix(frame.x, frame.y, frame.yaw), expected, atol=1e-9)
-
-
-@given(LENGTHS, LENGTHS, THICKNESS, THICKNESS, OFFSETS, st.integers(0, 3), st.integers(0, 3))
-def test_spaced_rooms_touch_and_never_overlap(width, length, thin, thick, x, one, other):
-    room = " Space {}: shape: Rectangle width={}, length={} location: {} walls: thickness: {}"
-    facing = f"wrt: a.walls[{one}] of: this.walls[{other}] spaced translation: x: {x!r}"
-    plan = parse_floorplan(
-        "Floor plan: p Defaults: walls: height: 2 m"
-        + room.format("a", width, length, "wrt: world of: this", thin)
-        + room.format("b", length, 3, facing, thick)
-    )
-    a, b = (
-        shapely.union_all([shapely.Polygon(w.footprint) for w in space.walls])
-        for space in plan.spaces
-    )
-    assert a.intersection(b).area < 1e-6
-    relative = plan.spaces[0].walls[one].frame.inverse() @ plan.spaces[1].walls[other].frame
-    assert (relative.x, relative.y) == pytest.approx((x, thin + thick), abs=1e-9)
 
 
 @given(st.lists(st.tuples(st.integers(0, 4), st.integers(0, 4)), min_size=1, max_size=8))

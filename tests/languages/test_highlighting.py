@@ -153,13 +153,6 @@ def test_every_keyword_of_a_language_is_coloured(language):
         assert token.has(*COLOURED), token
 
 
-def test_the_words_of_a_grammar_are_read_without_its_comments():
-    rules = literals("grammars.oracle", "oracle.tx")
-    assert rules["TemporalOperator"] == ("always", "never", "eventually")
-    assert "p95" in rules["StatisticOperator"]
-    assert all("0.35" not in word for words in rules.values() for word in words)
-
-
 PLACES = {
     "fpm": "var a = 3 {}",
     "scenery": "parameter a = 3 {}",
@@ -209,14 +202,6 @@ def test_oracle_lines_are_coloured_inside_yaml(campaigns):
             embedded = [t for t in tokens(line, "oracles.injection") if t.has("meta.embedded")]
             assert "".join(t.text for t in embedded) == line.partition(": ")[2]
             assert embedded[0].has("keyword.control.temporal", "support")
-
-
-def test_oracles_are_not_looked_for_inside_oracles():
-    # Without its own scope left out, the injection matches again where it began, for ever.
-    selector = grammar("oracles.injection")["injectionSelector"]
-    assert selector.startswith("L:source.yaml")
-    for left_out in ("comment", "string", "meta.embedded.inline.oracle"):
-        assert f" - {left_out}" in selector
 
 
 def test_scopes_end_with_their_language():

@@ -12,7 +12,6 @@ from rdflib import RDF, Graph, Literal, URIRef
 
 from grammars.floorplan import load_floorplan, parse_floorplan
 from grammars.jsonld import (
-    load_floorplan_jsonld,
     objects_document,
     plan_documents,
     scene_document,
@@ -22,7 +21,6 @@ from grammars.jsonld import vocabulary as contexts
 from grammars.jsonld._expand import expand_text
 from grammars.jsonld.rdf import graph_of
 from grammars.jsonld.vocabulary import COORD, DYN, GZB, OBJ, REL
-from grammars.scenery.composition import compile_scene
 from tests.languages.plans import HERE, layer, model_text, two_rooms
 from tests.languages.test_jsonld_plans import ODD
 
@@ -145,34 +143,6 @@ def world_corners(plan):
     return corners
 
 
-def compact(graph, plan):
-    """Return the graph of a plan as one document, in the way ``transform`` writes it."""
-    names = ("coordinates", "structural-entities", "spatial-relations")
-    contexts_of_plans = [
-        {plan: f"{contexts.PLANS}{plan}/"},
-        contexts.rob2b("qudt.json").replace("https:", "http:"),
-        *(contexts.rob2b(f"geometry/{name}.json") for name in names),
-        contexts.secoro("geometry/coordinates.json"),
-        contexts.secoro("geometry/polytope.json"),
-        contexts.secoro("floorplan/floorplan.json"),
-    ]
-    expanded = jsonld.from_rdf(graph.serialize(format="nt"), {"format": "application/n-quads"})
-    options = {"documentLoader": local_context}
-    return jsonld.compact(expanded, {"@context": contexts_of_plans}, options)
-
-
-def test_a_plan_that_scenery_builder_made_compact_is_read(tmp_path):
-    """One file, its identifiers with the name of the plan in front, and in an order of its own."""
-    file = tmp_path / "floorplan.fpm.json"
-    file.write_text(json.dumps(compact(published("plan"), PLAN.name)))
-    back = load_floorplan_jsonld(file)
-    assert back.warnings == ()
-    corners, expected = world_corners(back), world_corners(PLAN)
-    assert corners.keys() == expected.keys()
-    for name, corner in expected.items():
-        assert corners[name] == pytest.approx(corner, abs=1e-9), name
-
-
 def numbers(graph, node, *names):
     return [float(str(graph.value(node, URIRef(COORD[name])) or 0)) for name in names]
 
@@ -249,22 +219,6 @@ def test_poses_walked_by_their_names_lead_to_the_world(text):
     assert expected.keys() <= points.keys()
     for name, corner in expected.items():
         assert points[name] == pytest.approx(corner, abs=1e-9), name
-
-
-def test_objects_have_their_pose_in_the_world():
-    """From rooms that are placed by a wall at their side, scenery_builder loses the way to it."""
-    graph = published("objects")
-    poses = {}
-    for instance, _, frame in graph.triples((None, URIRef(OBJ["frame"]), None)):
-        pose = graph.value(predicate=URIRef(REL["of"]), object=frame)
-        assert str(graph.value(pose, URIRef(REL["with-respect-to"]))).endswith("/world-frame")
-        node = graph.value(predicate=URIRef(COORD["of-pose"]), object=pose)
-        poses[str(instance).rpartition(":")[2]] = numbers(graph, node, "x", "y", "alpha")
-    objects = compile_scene(PLAN, [OBJECTS]).objects
-    assert poses.keys() == {each.name for each in objects}
-    for each in objects:
-        expected = (each.pose.x, each.pose.y, each.pose.yaw)
-        assert poses[each.name] == pytest.approx(expected, abs=1e-8)
 
 
 def test_near_faces_are_level_to_the_last_digit(campaigns):

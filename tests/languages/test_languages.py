@@ -15,7 +15,7 @@ from grammars.text.expression_check import read_predicate
 from grammars.text.parsing import load_metamodel
 from grammars.text.quantity import read_quantity
 from grammars.text.units import LENGTH, SI_UNITS, UNIT_WORDS, read_unit
-from grammars.variation import parse_variation, sample
+from grammars.variation import parse_variation
 
 SPELLED = ("N m", "N*m/rad", "m/s^2", "m / s", "°/s", "m²", "deg/deg^0.5", "kN m s/rad", "cm/min")
 UNITS = [*UNIT_WORDS, *SPELLED, *(unit for unit in SI_UNITS.values() if unit != "1")]
@@ -88,18 +88,6 @@ def test_a_plan_is_measured_in_any_unit_of_its_dimension(unit):
     plan = parse_floorplan(PLAN.replace("{unit}", "m").replace("of: this", f"of: this {place}"))
     frame = plan.spaces[0].frame
     assert (frame.x if dimension == LENGTH else frame.yaw) == pytest.approx(0.5)
-
-
-def test_draws_in_centimetres_arrive_in_the_plan(tmp_path):
-    (tmp_path / "flat.fpm").write_text(PLAN.replace("{unit}", "m"), "utf-8")
-    text = 'import "flat.fpm"\nlet wide = uniform([70 cm])\n'
-    text += "depth: uniform(80 cm .. 90 cm)\nhall: { shape.width: 2 * wide }\n"
-    (variant,) = sample(parse_variation(text, "flat.variation", tmp_path), 1, seed=3)
-    depth, hall = variant.values[1], variant.plan.spaces[0]
-    assert 80 <= depth.number <= 90
-    assert f"var depth = {depth.number} cm" in variant.text
-    assert "width=1.4 m" in variant.text
-    assert hall.outline[0][0] == pytest.approx(-0.7)
 
 
 GRAMMARS = sorted(Path(grammars.__path__[0]).glob("*/*.tx"))

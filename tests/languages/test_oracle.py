@@ -1,6 +1,7 @@
 """Oracles: what is read of each, and binding to a scene, whose doors and movers they speak of."""
 
 import dataclasses
+import re
 from dataclasses import replace
 
 import pytest
@@ -18,7 +19,6 @@ from grammars.oracle import (
     compared_limits,
     load_oracles,
     margin_kind,
-    object_signals,
     parse_oracle,
 )
 from grammars.text.diagnostics import InputError, Where
@@ -166,26 +166,6 @@ def findings(text, mission=SOMEWHERE, scene=SCENE):
     return [str(d) for d in check_references(oracle, scene, mission)]
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "door-17.angle",
-        "door-17.hinge.angle",
-        "door-17.distance",
-        "gate.left.position",
-        "gate.right.distance",
-    ],
-)
-def test_joints_have_signals(name):
-    assert name in object_signals(SCENE)
-    assert findings(f"max({name})") == []
-
-
-@pytest.mark.parametrize("name", ["door-17", "door-17.leaf", "gate", "wall-3"])
-def test_clearance_and_contact_can_be_about_one_thing(name):
-    assert findings(f"never(contact({name}) or clearance({name}) < 1 m)") == []
-
-
 PLACES = replace(
     SCENE,
     regions=(Region("kitchen", ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))),),
@@ -193,22 +173,27 @@ PLACES = replace(
 )
 
 
-@pytest.mark.parametrize("name", ["door-17", "door-17.leaf", "gate", "wall-3", "kitchen", "way"])
-def test_the_robot_can_be_related_to_things_and_places(name):
-    assert findings(f"max(distance(robot, {name}))", scene=PLACES) == []
-    inside = findings(f"never(in(robot, {name}))", scene=PLACES)
-    assert bool(inside) is (name not in ("kitchen", "way"))
-
-
 LINKS, JOINTS = with_planar_chain((leaf("body"),), (), "body")
-VISITED = replace(
-    SCENE, objects=(SceneObject("visitor", "person", Pose2(), LINKS, JOINTS, (0.0,) * 3),)
-)
+VISITOR = SceneObject("visitor", "person", Pose2(), LINKS, JOINTS, (0.0,) * 3)
+EVERYTHING = replace(PLACES, objects=(*PLACES.objects, VISITOR))
+SIGNALS_OF_THINGS = """\
+door-17.angle; door-17.hinge.angle; door-17.distance; gate.left.position; gate.right.distance
+clearance(door-17); clearance(door-17.leaf); clearance(gate); clearance(wall-3)
+distance(robot, door-17); distance(robot, door-17.leaf); distance(robot, gate)
+distance(robot, wall-3); distance(robot, kitchen); distance(robot, way)
+visitor.x.position + visitor.y.position; visitor.yaw.angle"""
 
 
-def test_where_a_mover_is_has_a_name():
-    assert findings("max(visitor.x.position + visitor.y.position)", scene=VISITED) == []
-    assert findings("max(visitor.yaw.angle)", scene=VISITED) == []
+@pytest.mark.parametrize("signal", re.split("; |\n", SIGNALS_OF_THINGS))
+def test_things_have_signals(signal):
+    assert findings(f"max({signal})", scene=EVERYTHING) == []
+
+
+@pytest.mark.parametrize("name", ["door-17", "door-17.leaf", "gate", "wall-3", "kitchen", "way"])
+def test_the_robot_is_in_places_and_in_contact_with_things(name):
+    is_place = name in ("kitchen", "way")
+    assert bool(findings(f"never(in(robot, {name}))", scene=EVERYTHING)) is not is_place
+    assert bool(findings(f"never(contact({name}))", scene=EVERYTHING)) is is_place
 
 
 def limits(text, *, mirrored):

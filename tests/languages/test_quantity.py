@@ -9,12 +9,7 @@ from hypothesis import strategies as st
 
 from grammars.editor import QUANTITY_EXAMPLES, quantity_pattern
 from grammars.text.diagnostics import InputError, Where
-from grammars.text.quantity import (
-    parse_quantity,
-    read_as,
-    read_quantity,
-    unit_of,
-)
+from grammars.text.quantity import parse_quantity, read_as, read_quantity, unit_of
 from grammars.text.units import DIMENSIONS, LENGTH, SPEED, TIME, from_si, read_unit, to_si
 from tests.languages.plans import HERE
 
@@ -43,21 +38,10 @@ def test_quantities_are_read_into_si_units(text, value, dimension):
     assert quantity.unit == unit_of(dimension)
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "",
-        "m",
-        "1.2.3 m",
-        "1 parsec",
-        "3 m s",
-        "1 m^9^9^9",
-        "1e999 m",
-        "nan m",
-        "import os",
-        "1 m; 2 m",
-    ],
-)
+REFUSED = "|m|1.2.3 m|1 parsec|3 m s|1 m^9^9^9|1e999 m|nan m|import os|1 m; 2 m"
+
+
+@pytest.mark.parametrize("text", REFUSED.split("|"))
 def test_anything_else_is_refused_with_words(text):
     with pytest.raises(ValueError, match=r"\w+"):
         read_quantity(text)

@@ -102,13 +102,6 @@ def test_the_robot_the_paper_simulated_has_no_limits(campaigns):
     assert codec.from_json(Robot, codec.to_json(robot)) == robot
 
 
-def test_the_robot_of_the_paper_has_its_published_size(campaigns):
-    robot = load_robot(campaigns / "robots" / "robile.yaml")
-    xs, ys = zip(*robot.footprint, strict=True)
-    assert max(xs) - min(xs) == pytest.approx(0.699)
-    assert max(ys) - min(ys) == pytest.approx(0.466)
-
-
 def test_a_mission_reads_task_files_of_navigation_stacks(tmp_path):
     text = "waypoints:\n  - {id: a, x: 1, y: 2, yaw: 0.5, z: 0}\n  - {x: 3.5, y: -1}\n"
     mission, _ = load_mission(write(tmp_path, text))

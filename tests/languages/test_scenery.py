@@ -70,12 +70,6 @@ def test_line_breaks_and_comments_carry_no_meaning():
     )
 
 
-def test_a_share_in_percent_is_the_number_one_would_write():
-    for share, value in (("35 %", 0.35), ("7 %", 0.07)):
-        text = f"d toggles between a and b every 3 s with probability {share}"
-        assert parse_scenery(text, "d.scenery").sentences[0].probability == value
-
-
 def test_plural_and_singular_mean_the_same():
     one, other = parse_scenery("every door stays open all door stay open", "s").sentences
     assert one == other

@@ -153,12 +153,6 @@ def test_a_requirement_is_judged_on_the_sampled_plan(tmp_path, text):
     assert reasons[-1] == f"test.variation:3:1: rejected 3 times: require {text}"
 
 
-def test_a_requirement_sees_what_was_drawn(tmp_path):
-    assert one_variant(tmp_path, "room: {shape.length: uniform([3])} require room.area == 9 m^2")
-    with pytest.raises(InputError, match="rejected"):
-        one_variant(tmp_path, "gap: uniform([1.2]) require door.width < 1 m", tries=2)
-
-
 def test_what_nothing_fulfils_is_told_with_what_rejected_how_often(tmp_path):
     statements = """gap: uniform(0.5 .. 1.5)
 require gap > 1 m

@@ -163,10 +163,3 @@ def test_what_is_not_written_can_be_asked_about(tmp_path, statement):
     target, path = re.match(r"([\w.]+): \{([\w.]+)", statement).groups()
     written = re.search(r"[\d.]+", UNWRITTEN[statement])[0]
     one_variant(tmp_path, f"gap: uniform([1.0]) require {target}.{path} == {written}")
-
-
-def test_a_thickness_of_one_space_is_its_own(tmp_path):
-    variant = one_variant(tmp_path, "hall: {defaults.wall.thickness: uniform([0.35])}")
-    assert "        walls: thickness: 0.35 m\n        features:" in variant.text
-    thickness = {w.space: w.thickness for w in variant.plan.walls}
-    assert thickness == {"hall": 0.35, "room": 0.3, "closet": 0.2}

@@ -11,9 +11,7 @@ from hypothesis import strategies as st
 
 from grammars.text import yaml_composer
 from grammars.text.diagnostics import InputError, Where
-from grammars.text.documents import (
-    parse_yaml,
-)
+from grammars.text.documents import parse_yaml
 from grammars.text.yaml_text import comment_text, yaml_text
 from tests.parts import ROOT
 
@@ -55,21 +53,6 @@ def test_both_parsers_agree(text):
     assert outcome(text) == with_own_parser(text)
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "a: 1 # tab\there",
-        "a: 'x' # C:\\dir",
-        "a: 1\r\nb: [2,\r\n 3]\r\n",
-        '{"a": "x\\/y"}',
-        "%YAML 1.2\n---\na: 1",
-    ],
-)
-def test_a_sign_in_a_comment_or_quotes_changes_nothing(text):
-    assert outcome(text) == with_own_parser(text)
-    assert parse_yaml(text, "x.yaml").data
-
-
 @pytest.mark.parametrize("text", ["a: {b: 1", "a: 1\nb: [", "a: 'x", "a: {b: 1\n"])
 def test_a_text_that_ends_too_early_is_refused_where_it_ends(text):
     with pytest.raises(InputError) as caught:
@@ -77,12 +60,6 @@ def test_a_text_that_ends_too_early_is_refused_where_it_ends(text):
     (problem,) = caught.value.findings
     last = text.split("\n")[-1]
     assert problem.where == Where("x.yaml", text.count("\n") + 1, len(last) + 1)
-
-
-@pytest.mark.parametrize("text", ["a: x\u2028y", "a: 'x\u2028y'", "a: x\x85y", "a:\tx"])
-def test_a_long_file_means_what_a_short_one_means(text):
-    long = text + "\n" + "# a comment of forty signs, and no more\n" * 8000
-    assert outcome(long) == outcome(text)
 
 
 SPECIFIED = (
@@ -138,22 +115,8 @@ def test_what_steers_a_terminal_is_spelt_out():
 
 
 TEXT = st.text(st.characters(codec="utf-8", exclude_categories=["Cc", "Cs"]), max_size=12)
-WORDS = st.sampled_from(
-    [
-        "yes",
-        "null",
-        "1.5",
-        "1e3",
-        "0x1f",
-        "60 deg/s",
-        "-0.2 m",
-        "a b",
-        "~",
-        "../a.fpm",
-        "S3.1",
-        ".5",
-    ]
-)
+WORDS = "yes|null|1.5|1e3|0x1f|60 deg/s|-0.2 m|a b|~|../a.fpm|S3.1|.5"
+WORDS = st.sampled_from(WORDS.split("|"))
 SCALARS = st.none() | st.booleans() | st.integers(-(10**9), 10**9) | TEXT | WORDS
 FLOATS = st.floats(allow_nan=False, allow_infinity=False, min_value=-1e9, max_value=1e9)
 KEYS = (TEXT | WORDS).filter(bool)

@@ -184,13 +184,6 @@ def test_published_plans_are_drawn_as_they_were_drawn(
     assert differing <= most * np.count_nonzero(theirs)
 
 
-def test_building_c_lies_where_its_published_map_lies(reference_data):
-    plan = load_floorplan(reference_data / "floorplans" / "brsu_building_c_with_doorways.fpm")
-    grid = occupancy_grid(compile_scene(plan, []), laser_height=0.7)
-    assert (grid.x, grid.y) == pytest.approx((-24.8019555, -19.0063712), abs=1e-6)
-    assert grid.cells.shape == (1734, 1699)
-
-
 def places(path):
     waypoints = yaml.safe_load(path.read_text())["waypoints"]
     return [(w["x"], w["y"]) for w in waypoints]

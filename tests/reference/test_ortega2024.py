@@ -5,14 +5,12 @@ import math
 from pathlib import Path
 
 import pytest
-from shapely.geometry import Polygon
 
 from campaigns.studies.published_worlds import fits
 from daemon.campaign import load_campaign
 from grammars.floorplan import load_floorplan
 from grammars.model.behaviour import Hold, Jump, KeyFrame, KeyFrames, Spring, Trigger
 from grammars.model.grid import OCCUPIED
-from grammars.model.kinematics import link_poses
 from grammars.model.mission_files import load_mission
 from grammars.scenery.composition import compile_scene
 from templates.occupancy import occupancy_grid
@@ -176,39 +174,6 @@ def test_the_swinging_variant_is_s3_4_with_other_leaves(campaign, folder):
         for door in ("door_12", "door_17")
     }
     assert doors_of(variant, "swinging") == doors | leaves
-
-
-def leaf(door, angle):
-    shape = next(link for link in door.links if link.name == "leaf")
-    return Polygon(link_poses(door, [angle])["leaf"].apply_ring(shape.polygons[0]))
-
-
-def test_shut_doors_of_scenario_1_stand_in_the_place_of_those_of_the_others(campaign):
-    first, others = (cell(campaign, name).scene.objects for name in ("S1", "S3.1"))
-    doors = [(a, b) for a, b in zip(first, others, strict=False) if a.joints]
-    assert [a.name for a, _ in doors] == [b.name for _, b in doors]
-    for one, other in doors:
-        # They differ by the width of the post.
-        assert leaf(one, 0.0).symmetric_difference(leaf(other, 0.0)).area < 0.01
-
-
-def test_doors_fill_their_doorways_and_open_into_their_rooms(recomposed):
-    scene = cell(recomposed, "S1").scene
-    rooms = dict.fromkeys(range(1, 12), "left_long_corridor")
-    rooms |= {12: "classroom_c069", 13: "classroom_c069"}
-    rooms |= {
-        14: "classroom_c022",
-        15: "classroom_c022",
-        16: "classroom_c025",
-        17: "classroom_c025",
-    }
-    outlines = {region.name: Polygon(region.outline) for region in scene.regions}
-    doorways = {doorway.name: Polygon(doorway.footprint) for doorway in scene.doorways}
-    assert [door.name for door in scene.objects] == [f"door_{number}" for number in rooms]
-    for door, room in zip(scene.objects, rooms.values(), strict=True):
-        assert outlines[room].covers(leaf(door, 1.4).centroid)
-        covered = doorways[door.doorway].intersection(leaf(door, 0.0))
-        assert covered.area == pytest.approx(0.93 * 0.05, rel=1e-6)
 
 
 def test_doors_of_the_recomposed_scenarios_are_shut_random_or_open_but_two(recomposed):
