@@ -1,5 +1,6 @@
 """Small floor plans and layers that several tests use."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,12 @@ HERE = Path(__file__).parent
 def model_text(name):
     """Return the text of a file in ``models``, behind an empty line."""
     return "\n" + (HERE / "models" / name).read_text("utf-8")
+
+
+def answers(name, describe):
+    """Return a table with what ``describe`` says today of the text before each arrow."""
+    text = (HERE / name).read_text("utf-8")
+    return re.sub(r"^(.+) => .*$", lambda row: f"{row[1]} => {describe(row[1])}", text, flags=re.M)
 
 
 DOOR = model_text("door.scenery")

@@ -23,6 +23,7 @@ from grammars.text.expressions import (
     walk,
 )
 from grammars.text.units import to_si
+from tests.languages.plans import answers
 
 UNITS = {
     "doors.closes": "s",
@@ -32,6 +33,7 @@ UNITS = {
     "swing": "deg",
     "turn": "rad",
     "count": "",
+    "zero": "",
 }
 HERE = Where("campaign.yaml", 9, 17)
 
@@ -41,34 +43,24 @@ def read(text, units=UNITS):
 
 
 def holds(text, units=UNITS, **values):
-    values = {name.replace("__", "."): value for name, value in values.items()}
     actual = evaluate(read(text, units), lambda n: to_si(values[n.name], units[n.name]))
     return None if math.isnan(actual) else bool(actual)
 
 
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("doors.closes < doors.opens", True),
-        ("doors.opens > doors.closes + 1 s", False),
-        ("doors.closes + 1 s <= doors.opens", True),
-        ("-doors.closes+0.5min>=-doors.opens", True),
-        ("doors.opens.late - doors.closes - 1 s > -50 s", False),
-        ("swing <= turn", False),
-        ("count + count < 5", True),
-        ("2 * (doors.closes - 1 s) == doors.opens * 2 - 4 s", True),
-        ("count / 4 + count * 2 != 4.5", False),
-        ("abs(doors.opens.late - doors.closes) > 50 s", True),
-        ("min(count, 3) == 2 and max(count, 3, 1) == 3", True),
-        ("not (count < 1 or swing > 2 rad)", True),
-        ("count < 1 or count > 1 and not swing > 2 rad", True),
-    ],
-)
-def test_values_are_compared_in_si_units(text, expected):
-    values = {"doors.closes": 59.0, "doors.opens": 1.0, "count": 2.0}
-    values |= {"doors.opens.late": 8.0, "swing": 90.0, "turn": 1.57}
-    actual = evaluate(read(text), lambda n: to_si(values[n.name], UNITS[n.name]))
-    assert actual == (1.0 if expected else 0.0)
+VALUES = {"doors.closes": 59.0, "doors.opens": 1.0, "doors.opens.late": 8.0, "swing": 90.0}
+VALUES |= {"turn": 1.57, "count": 2.0, "zero": 0.0}
+
+
+def meaning(text):
+    """Return whether a predicate holds; it is unknown after a division by zero."""
+    try:
+        return {True: "holds", False: "fails", None: "unknown"}[holds(text, **VALUES)]
+    except InputError as error:
+        return " | ".join(finding.message for finding in error.findings)
+
+
+def test_values_are_compared_in_si_units(golden):
+    golden("tables/predicates.txt", answers("tables/predicates.txt", meaning))
 
 
 def test_what_is_equal_up_to_rounding_is_equal():
@@ -78,33 +70,11 @@ def test_what_is_equal_up_to_rounding_is_equal():
     assert not holds("a + b != 3e8 s", units, a=1e8, b=2e8 + 1e-6)
 
 
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("1 / count < 1", None),
-        ("1 / count != 1", None),
-        ("not 1 / count < 1", None),
-        ("1 / count < 1 and count > 1", False),
-        ("1 / count < 1 and count < 1", None),
-        ("1 / count < 1 or count < 1", True),
-        ("min(1 / count, 3) < 4", None),
-        ("max(3, 1 / count) > 2", None),
-    ],
-)
-def test_what_is_divided_by_zero_is_unknown_unless_the_rest_decides(text, expected):
-    assert holds(text, count=0.0) is expected
-
-
 def test_a_name_with_slashes_is_known_in_quotes_alone():
     units = {"sut.planner/speed": "m/s"}
     assert holds('"sut.planner/speed" < 0.5 m/s', units, **{"sut.planner/speed": 0.4})
     with pytest.raises(InputError, match='write it in quotes: "sut.planner/speed"'):
         read("sut.planner/speed < 0.5 m/s", units)
-
-
-def test_numbers_that_no_float_holds_are_refused():
-    with pytest.raises(InputError, match="is too large"):
-        read("count < 1.7976931348623157e308")
 
 
 def test_a_predicate_has_a_thousand_characters_at_most():
@@ -129,18 +99,6 @@ def test_a_sum_of_a_thousand_terms_is_one_more_expression():
 def test_monsters_are_refused(text):
     with pytest.raises(InputError, match="nested too deeply"):
         read(text)
-
-
-def test_everything_wrong_is_told_at_once_in_the_order_written():
-    with pytest.raises(InputError) as refused:
-        read("doors.close + clsoed < doors.opens + 3 m and count")
-    assert {finding.where for finding in refused.value.findings} == {HERE}
-    assert [f.message.rpartition('": ')[2] for f in refused.value.findings] == [
-        '"doors.close" is not varied here: vary it, or write its value',
-        '"clsoed" is not varied here: vary it, or write its value',
-        "adds s and m",
-        "this is a quantity [1], not something true or false",
-    ]
 
 
 NAMES = st.sampled_from(["a", "b.c", "door-17", "two words"]).map(Name)
