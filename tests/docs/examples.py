@@ -22,27 +22,17 @@ import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import yaml
+
 from grammars.text.diagnostics import Severity
 from scenario_tui.library.checking import check_file
 from tests.docs import ebnf, tables
 from tests.docs.markdown import ROOT, Block, blocks
 
 KINDS = ("fpm", "scenery", "variation", "campaign", "robot", "mission", "oracles", "sut", "walls")
-_ENDINGS = {
-    "fpm": ".fpm",
-    "scenery": ".scenery",
-    "variation": ".variation",
-    "campaign": ".yaml",
-    "robot": ".yaml",
-    "mission": ".mission.yaml",
-    "oracles": ".oracles.yaml",
-    "sut": ".yaml",
-    "walls": ".walls.yaml",
-}
 _LANGUAGES = {"fpm": "floorplan", "scenery": "scenery", "variation": "variation"}
 _WHOLE = ("scenery", "variation", "mission", "oracles", "walls")
 """Kinds of which a block is never a part of an earlier one."""
-_UNNAMED = "example"
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,10 +104,10 @@ def try_example(page, example):
 def said_of(page, example):
     """Write an example to the folder of its page; return all that is said of it."""
     text = _whole(page, example)
-    name = example.name or f"{_UNNAMED}{_ENDINGS[example.kind]}"
+    name = example.name or _unnamed(example.kind)
     path = page.folder / name
     path.write_text(text, "utf-8")
-    found = _findings(page, example.kind, path)
+    found = _composed(page, path) if example.kind == "scenery" else check_file(path)[1]
     if example.name and not example.wrong:
         page.latest[example.kind] = name
         if example.kind == "scenery" and _PLACE.search(text):
@@ -125,6 +115,12 @@ def said_of(page, example):
     else:
         path.unlink()
     return "\n".join(dict.fromkeys(_said(one, page.folder, example) for one in found))
+
+
+def _unnamed(kind):
+    if kind in _LANGUAGES:
+        return f"example.{kind}"
+    return f"example.{kind}.yaml" if kind in _WHOLE else "example.yaml"
 
 
 def _whole(page, example):
@@ -150,12 +146,6 @@ def with_keys(before, text):
             rf"^{key[0] or key[1]}:.*\n(?:(?:[ #].*)?\n)*", "", before, flags=re.MULTILINE
         )
     return before + text
-
-
-def _findings(page, kind, path):
-    if kind == "scenery":
-        return _composed(page, path)
-    return check_file(path)[1]
 
 
 _COMPOSED = "composition"
@@ -232,16 +222,10 @@ def _exercised(example):
         if kind == "fpm" and not text.lstrip().startswith("Floor plan"):
             text = f"Floor plan: part\n{text}"
         return {f"{language} {one}" for one in ebnf.used(language, text)}
-    data = _yaml(text)
+    data = yaml.safe_load(text)
     if kind == "oracles":
         used = frozenset().union(*(ebnf.used("oracle", line) for line in data.values()))
         return {f"{grammar} {one}" for grammar in ("oracle", "expressions") for one in used}
     if kind == "campaign" and text.startswith(" "):
         data = {"scenarios": data}
     return {f"{kind} {one}" for one in tables.used_keys(kind, data)}
-
-
-def _yaml(text):
-    import yaml
-
-    return yaml.safe_load(text)

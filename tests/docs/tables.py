@@ -26,6 +26,10 @@ _LIMITS = {
 }
 
 
+_WORDS = {"string": "text", "integer": "whole number", "number": "number"}
+_WORDS |= {"boolean": "`true`, `false`"}
+
+
 @cache
 def schema(name):
     """Return a published schema: campaign, mission, oracles, robot, sut or walls."""
@@ -47,9 +51,8 @@ def key_table(name, part, *only):
         for key, value in body["properties"].items()
         if not only or key in only
     ]
-    return (
-        "\n".join(("| key | value | when left out | meaning |", "|---|---|---|---|", *rows)) + "\n"
-    )
+    head = ("| key | value | when left out | meaning |", "|---|---|---|---|")
+    return "\n".join((*head, *rows, ""))
 
 
 def _row(name, key, value, needed):
@@ -109,13 +112,7 @@ def _plain(value):
             return "`NAME: {…}`"
         said = _values(inner) if isinstance(inner, dict) else ""
         return f"by name: {said or 'values'}"
-    words = {
-        "string": "text",
-        "integer": "whole number",
-        "number": "number",
-        "boolean": "`true`, `false`",
-    }
-    return " or ".join(words[one] for one in kinds if one in words) + _bounds(value)
+    return " or ".join(_WORDS[one] for one in kinds if one in _WORDS) + _bounds(value)
 
 
 def _bounds(value):

@@ -156,20 +156,6 @@ def matrix(x, y, z, alpha):
     return np.array([[c, -s, 0, x], [s, c, 0, y], [0, 0, 1, z], [0, 0, 0, 1]])
 
 
-def path_between(around, start, goal):
-    origins, queue = {start: (None, None)}, [start]
-    for node in queue:
-        for pose, other in around[node]:
-            if other not in origins and other in around:
-                origins[other] = (pose, node)
-                queue.append(other)
-    poses = []
-    while goal != start:
-        pose, goal = origins[goal]
-        poses.append(pose)
-    return poses[::-1]
-
-
 def walked_by_name(graph):
     """Return points in the world as scenery_builder finds them.
 
@@ -183,19 +169,23 @@ def walked_by_name(graph):
         around.setdefault(other, []).append((pose, frame))
     poses = {graph.value(c, URIRef(COORD["of-pose"])): c for c in coordinates(graph, "Pose")}
     world = next(frame for frame in around if str(frame).endswith("/world-frame"))
+    placed, queue = {world: (np.eye(4), "")}, [world]
+    for node in queue:
+        there, following = placed[node]
+        for pose, other in around[node]:
+            if other not in placed and other in around:
+                step = matrix(*numbers(graph, poses[pose], "x", "y", "z", "alpha"))
+                name = str(pose).rpartition("/")[2]
+                is_opening = "entryway" in name or "window" in name
+                if following.count("wall") > 1 and not is_opening:
+                    step = np.linalg.inv(step)
+                placed[other] = (there @ step, name)
+                queue.append(other)
     points = {}
     for each in coordinates(graph, "Position"):
-        frame = graph.value(each, URIRef(COORD["as-seen-by"]))
+        there, _ = placed[graph.value(each, URIRef(COORD["as-seen-by"]))]
         position = graph.value(each, URIRef(COORD["of-position"]))
-        at = np.array([*numbers(graph, each, "x", "y", "z"), 1.0])
-        path = path_between(around, frame, world)
-        for pose, following in zip(path, [*path[1:], ""], strict=True):
-            step = matrix(*numbers(graph, poses[pose], "x", "y", "z", "alpha"))
-            name = str(pose).rpartition("/")[2]
-            is_opening = "entryway" in name or "window" in name
-            if str(following).rpartition("/")[2].count("wall") > 1 and not is_opening:
-                step = np.linalg.inv(step)
-            at = step @ at
+        at = there @ np.array([*numbers(graph, each, "x", "y", "z"), 1.0])
         points[str(graph.value(position, URIRef(REL["of"]))).rpartition("/")[2]] = at[:3]
     return points
 
