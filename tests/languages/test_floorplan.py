@@ -1,6 +1,8 @@
 """What a floor plan means: geometry of small plans worked out by hand."""
 
+import inspect
 import math
+import sys
 
 from grammars.floorplan import frames, load_floorplan, parse_floorplan
 from tests.languages.errors.goldens import renew
@@ -63,7 +65,11 @@ def test_a_plan_is_loaded_from_its_file(tmp_path):
 
 
 def test_a_long_chain_of_rooms_is_placed_without_recursion():
-    count = 1100
+    count, deepest = 300, sys.getrecursionlimit()
     rooms = "".join(f"Space s{k}: {CIRCLE} translation: x: 5 wrt: s{k + 1}\n" for k in range(count))
-    plan = parse_floorplan(f"{HEAD}{rooms}Space s{count}: {CIRCLE} wrt: world")
+    sys.setrecursionlimit(len(inspect.stack(0)) + count)
+    try:
+        plan = parse_floorplan(f"{HEAD}{rooms}Space s{count}: {CIRCLE} wrt: world")
+    finally:
+        sys.setrecursionlimit(deepest)
     assert plan.spaces[0].frame.x == 5.0 * count

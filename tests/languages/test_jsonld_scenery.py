@@ -1,6 +1,5 @@
 """Scenery as JSON-LD: objects of other tools, and our own layers back from a composed graph."""
 
-import dataclasses
 import json
 import math
 import re
@@ -21,7 +20,7 @@ from grammars.jsonld import (
 from grammars.jsonld._expand import expand_text
 from grammars.jsonld._layer_reader import read_layers
 from grammars.jsonld.rdf import graph_of
-from grammars.scenery import configure, load_scenery
+from grammars.scenery import configure
 from grammars.scenery.composition import compile_scene, resolve_behaviours
 from grammars.text.diagnostics import Severity
 from tests.languages.plans import HERE, layer, model_text, two_rooms
@@ -169,24 +168,6 @@ def assert_the_same_comes_of(plan, layers, back_plan, back):
     there, here = compile_scene(back_plan, back), compile_scene(plan, layers)
     assert there.digest == here.digest
     assert behaviours(there, back) == behaviours(here, layers)
-
-
-def assert_a_campaign_comes_back(campaigns, tmp_path, folder, name, *names):
-    """Hold a plan and layers of a campaign to what is read of them, which fits the shapes."""
-    plan = load_floorplan(campaigns / folder / f"{name}.fpm")
-    layers = [load_scenery(campaigns / folder / f"{name}.scenery") for name in names]
-    back_plan, back = written_and_read(tmp_path, plan, layers)
-    assert back_plan == plan
-    assert [space.placement for space in back_plan.spaces] == [s.placement for s in plan.spaces]
-    assert [one.name for one in back] == list(names)
-    assert_the_same_comes_of(plan, layers, back_plan, back)
-    for one, other in zip(back, layers, strict=True):
-        assert dataclasses.replace(one, file=other.file, models=other.models) == other
-
-
-def test_a_campaign_fits_the_shapes_and_comes_back(campaigns, tmp_path):
-    names = ("flat", "doors", "doors_open", "doors_moving", "doors_in_your_face", "people")
-    assert_a_campaign_comes_back(campaigns, tmp_path, "demo", *names)
 
 
 LIVELY = model_text("lively.scenery")

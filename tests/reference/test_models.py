@@ -26,10 +26,9 @@ from tests.scene.maps.imported import CELL, compared
 from tests.scene.templates.test_mesh import surface, volume
 
 
-def test_published_plans_come_back(reference_data, tmp_path):
-    for name in ("kitchen", "hbrs"):
-        plan = load_floorplan(reference_data / "floorplans" / f"{name}.fpm")
-        assert load_floorplan_jsonld(written(plan, tmp_path / name)) == plan, name
+def test_a_published_plan_comes_back(reference_data, tmp_path):
+    plan = load_floorplan(reference_data / "floorplans" / "kitchen.fpm")
+    assert load_floorplan_jsonld(written(plan, tmp_path)) == plan
 
 
 @pytest.fixture(scope="module")
