@@ -124,13 +124,21 @@ def test_what_holder_and_supervisor_left_the_next_one_ends(start):
     assert not folder.exists()
 
 
-def test_stacks_that_live_are_left_alone_by_the_next_one(start):
+def test_stacks_live_side_by_side_each_in_a_domain_of_its_own(start):
     first, second, third = start(begin=False), start(), start()
     assert first.folder.exists()
     assert second.ended() == third.ended() == ""
     assert second.domain != third.domain
     assert second.nonce != third.nonce
     eventually(lambda: marked(second.folder.name))
+    # A domain of one's choice is for one run at a time.
+    chosen = start(begin=False, environment={"ROS_DOMAIN_ID": second.domain})
+    with pytest.raises(DomainTaken, match="in use by another run"):
+        chosen.start()
+    second.release()
+    eventually(lambda: is_free(second.domain))
+    chosen.start()
+    assert (chosen.domain, chosen.ended()) == (second.domain, "")
 
 
 # A participant of Fast DDS, as far as its files in shared memory are concerned.
@@ -233,19 +241,6 @@ def test_what_keeps_a_stack_from_starting_is_named(start, tmp_path, keys, setup,
 # What it finds
 
 
-def test_the_relay_is_alone_in_its_folder_and_knows_where_to_connect(start, tmp_path):
-    """Files that lie beside it in our package must not be imported in place of the stack's."""
-    text = "import os, sys; print(sys.path[0], os.listdir(sys.path[0]), len(os.environ['SCENARIO_"
-    relay = relay_file(tmp_path, text + "NONCE']), os.environ['SCENARIO_SOCKET'])\n")
-    (tmp_path / "rclpy.py").touch()
-    stack = start("env; sleep 600", relay=relay, python=PYTHON)
-    where = stack.folder / "relay"
-    expected = f"{where} ['relay.py'] {len(stack.nonce)} {stack.socket}\n"
-    eventually(lambda: stack.outputs().get("relay.txt") == expected.encode())
-    printed(stack, "SCENARIO_STACK=")
-    assert stack.nonce.encode() not in stack.outputs()["stack.txt"]
-
-
 def test_it_is_started_as_in_a_terminal_though_a_run_is_not(tmp_path):
     """Signals do what they do by default, memory is not bounded, our Python is not in sight."""
     text = (
@@ -268,11 +263,24 @@ def test_it_is_started_as_in_a_terminal_though_a_run_is_not(tmp_path):
 
 
 def test_its_environment_is_that_of_setup_files_and_sut_file(start, tmp_path):
+    """The relay is alone in its folder and knows where to connect.
+
+    Files that lie beside it in our package must not be imported in place of the stack's.
+    """
+    relay = relay_file(tmp_path, "import os, sys; print(sys.path[0], os.listdir(sys.path[0]), "
+        "len(os.environ['SCENARIO_NONCE']), os.environ['SCENARIO_SOCKET'], flush=True)\n"
+        "sys.stdin.read()\n")  # fmt: skip
+    (tmp_path / "rclpy.py").touch()
     text = 'echo "$#" arguments; export FROM_SETUP=yes HOME=/wrong\n'
     chosen = {"ROS_LOG_DIR": "/chosen", "DOMAIN": "no. {domain}"}
     environment = setup_file(tmp_path, text) | chosen
-    stack = start("env; echo {domain}; sleep 600", environment=environment)
+    launch = "env; echo {domain}; sleep 600"
+    stack = start(launch, environment=environment, relay=relay, python=PYTHON)
+    where = stack.folder / "relay"
+    expected = f"{where} ['relay.py'] {len(stack.nonce)} {stack.socket}\n"
+    eventually(lambda: expected.encode() in stack.outputs().get("relay.txt", b""))
     printed(stack, f"\n{stack.domain}\n")
+    assert stack.nonce.encode() not in stack.outputs()["stack.txt"]
     lines = stack.outputs()["stack.txt"].decode().splitlines()
     assert lines[0] == "0 arguments"
     expected = {
@@ -285,18 +293,6 @@ def test_its_environment_is_that_of_setup_files_and_sut_file(start, tmp_path):
         f"SCENARIO_STACK={stack.folder.name}",
     }
     assert expected <= set(lines)
-
-
-def test_a_domain_of_ones_choice_is_for_one_run_at_a_time(start):
-    first = start()
-    second = start(begin=False, environment={"ROS_DOMAIN_ID": first.domain})
-    with pytest.raises(DomainTaken, match="in use by another run"):
-        second.start()
-    first.release()
-    eventually(lambda: is_free(first.domain))
-    second.start()
-    assert second.domain == first.domain
-    assert second.ended() == ""
 
 
 # Output
