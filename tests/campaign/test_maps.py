@@ -108,33 +108,20 @@ def test_a_map_that_is_gone_or_damaged_is_refused(bare, demo, grid):
         stored_map(name)
 
 
-def test_the_map_of_the_building_itself_gives_no_warnings(bare, demo, grid):
-    write_own(grid, demo)
-    assert messages(bare(OWN)) == messages(bare())
-
-
-def test_a_start_and_waypoints_that_are_not_free_are_warned_of(bare, demo, grid):
-    cells = grid.cells.copy()
+def test_maps_that_do_not_fit_are_warned_of(bare, demo, grid, golden):
+    """``map_warnings.txt``: what is said more than of the map that is drawn."""
+    taken = grid.cells.copy()
     for x, y, value in ((0.2, -2.1, OCCUPIED), (0.6, 2.6, UNKNOWN), (0.0, 0.0, UNKNOWN)):
         at = int((y - grid.y) / 0.05), int((x - grid.x) / 0.05)
-        assert cells[at] == FREE
-        cells[at] = value
-    write_own(grid, demo, cells)
-    warnings = {one.split("\n")[0] for one in messages(bare(OWN))} - set(messages(bare()))
-    assert sorted(one for one in warnings if "mission" in one) == [
-        "courier.mission.yaml:4:1: warning: the start (0, 0) lies on an unknown cell of the map of "
-        "the campaign",
-        "courier.mission.yaml:6:5: warning: waypoint kitchen (0.2, -2.1) lies on an occupied cell "
-        "of the map of the campaign",
-        "courier.mission.yaml:7:5: warning: waypoint living-room (0.6, 2.6) lies on an unknown "
-        "cell of the map of the campaign",
-    ]
-
-
-def test_cells_that_are_neither_free_nor_occupied_or_no_occupied_ones_are_warned_of(
-    bare, demo, grid
-):
-    write_own(grid, demo, np.where(grid.cells == FREE, np.int8(40), grid.cells))
-    assert any("but in between" in one for one in messages(bare(OWN)))
-    write_own(grid, demo, np.full_like(grid.cells, FREE))
-    assert any("no cell of the map is occupied" in one for one in messages(bare(OWN)))
+        assert taken[at] == FREE
+        taken[at] = value
+    usual, lines = set(messages(bare())), []
+    for name, cells in (
+        ("that of the building", grid.cells),
+        ("start and waypoints are not free", taken),
+        ("cells in between", np.where(grid.cells == FREE, np.int8(40), grid.cells)),
+        ("nothing is occupied", np.full_like(grid.cells, FREE)),
+    ):
+        write_own(grid, demo, cells)
+        lines += [f"--- {name}", *(one for one in messages(bare(OWN)) if one not in usual)]
+    golden("map_warnings.txt", "\n".join(lines) + "\n")

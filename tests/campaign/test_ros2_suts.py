@@ -49,6 +49,11 @@ def test_the_specification_holds_the_keys_as_they_are_written(demo):
     assert (sut.kind, sut.repeatable, sut.parameters["repeatable"]) == ("ros2", False, False)
     assert sut.parameters["start-up"] == "2 min"
     assert sut.files.keys() == {"params"}
+    # Files count by their content.
+    (demo / "other.yaml").write_text("sut: other\nlike: nav2\nfiles: {params: other.params}\n")
+    for text, is_other in ((demo / "nav2_params.yaml").read_text(), False), ("a: 1\n", True):
+        (demo / "other.params").write_text(text)
+        assert (load(demo, "other").files != sut.files) is is_other
     settings = read_settings(sut.local_parameters)
     assert (settings.start_up, settings.late) == (120.0, 0.1)
 
@@ -65,24 +70,6 @@ def test_a_stack_named_by_its_kind_is_not_repeatable_either(demo, campaign):
 def test_no_stack_can_be_called_repeatable(demo, name):
     with pytest.raises(InputError, match="never repeatable"):
         load(demo, name, {"launch": "nav {map}", "repeatable": True})
-
-
-def test_a_stack_like_another_is_the_same_except_for_its_own_words(demo):
-    (demo / "nav2_other.yaml").write_text("a: 1\n")
-    (demo / "other.yaml").write_text(
-        "sut: other\nlike: nav2\nlate: null\nready: [amcl]\n"
-        "environment: {setup: /c.bash, DEBUG: null, MORE: x}\nfiles: {params: nav2_other.yaml}\n"
-    )
-    base, other = load(demo), load(demo, "other")
-    assert "late" not in other.parameters
-    assert other.parameters["ready"] == ["amcl"]
-    assert other.parameters["environment"] == {
-        "setup": "/c.bash",
-        "RMW_IMPLEMENTATION": "rmw_x",
-        "MORE": "x",
-    }
-    assert other.parameters["launch"] == base.parameters["launch"]
-    assert other.files != base.files
 
 
 def test_a_system_that_is_not_repeatable_runs_more_often_unless_repeats_are_written(campaign):

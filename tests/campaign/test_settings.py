@@ -28,7 +28,7 @@ def settings(path):
     return lines + finding_lines(library.warnings)
 
 
-@pytest.mark.parametrize("name", ["launched", "folders"])
+@pytest.mark.parametrize("name", ["launched", "folders", "stacks"])
 def test_settings(name, golden, tmp_path):
     plain = {}
 

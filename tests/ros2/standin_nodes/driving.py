@@ -111,7 +111,7 @@ class Localization(LocatedNode):
             return
         stamp = nanoseconds(scan.header.stamp)
         message = TransformStamped(child_frame_id=ODOM)
-        message.header.frame_id = "world" if self.options.has("wrong-frame") else MAP
+        message.header.frame_id = MAP
         fill_stamp(message.header.stamp, stamp + _FUTURE)
         fill_transform(message.transform, self._found)
         self._transforms.publish(TFMessage(transforms=[message]))

@@ -9,7 +9,7 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.lifecycle import LifecycleNodeMixin
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from standin_nodes.options import FAULT_BEGINS, MANAGER, NODES
+from standin_nodes.options import MANAGER, NODES
 
 SIMULATED = [Parameter("use_sim_time", value=True)]
 
@@ -23,7 +23,7 @@ class StandinNode(LifecycleNodeMixin, Node):
         LifecycleNodeMixin.__init__(self, callback_group=ReentrantCallbackGroup())
         self.options = options
         self._alarm = None
-        if any(options.has(fault, name) for fault in ("dies", "deactivates")):
+        if options.has("dies", name):
             self.create_subscription(Path, "plan", self._on_plan, 10)
 
     @property
@@ -48,15 +48,7 @@ class StandinNode(LifecycleNodeMixin, Node):
 
     def _on_plan(self, _):
         if self._alarm is None:
-            self._alarm = self.create_timer(self.options.after, self._fail)
-
-    def _fail(self):
-        self.destroy_timer(self._alarm)
-        name = self.get_name()
-        if self.options.has("dies", name):
-            self.options.end_process()
-        self.get_logger().warning(FAULT_BEGINS)
-        self.trigger_deactivate()
+            self._alarm = self.create_timer(self.options.after, self.options.end_process)
 
 
 class LifecycleManager(Node):

@@ -19,11 +19,9 @@ class Options:
     """Nodes, files and the faults of a stand-in; times in s. Faults are
 
     dies            `node` ends with `exit_code`, or by `signal`, `after` seconds of the first goal
-    deactivates     `node` becomes inactive then
     goal-aborted    the goal is aborted then, with `error_code` and `error_msg`
     no-server       the action servers vanish then
     goal-rejected   every goal is rejected
-    wrong-frame     amcl calls the map frame `world` in what it publishes to tf
     dies-at-start   `node` ends as with `dies` while it is configured
     late-response   `node` answers a transition only when the manager has given it up
     """

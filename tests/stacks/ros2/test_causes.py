@@ -17,29 +17,7 @@ from daemon.stacks.ros2.causes import (
 from tests.stacks.cases import cases, written
 
 CAUSES = Path(__file__).with_name("causes.txt")
-PARAMETERS = """\
-/**:
-  ros__parameters:
-    use_sim_time: true
-controller_server:
-  ros__parameters:
-    controller_frequency: twenty
-    FollowPath:
-      plugin: dwb_core/DWBLocalPlanner
-local_costmap:
-  local_costmap:
-    ros__parameters:
-      width: 3.5
-global_costmap:
-  global_costmap:
-    ros__parameters:
-      width: 3
-bt_navigator:
-  ros__parameters:
-    plugin_lib_names:
-      - nav2_wait_action_bt_node
-      - nav2_dance_action_bt_node
-"""
+PARAMETERS = CAUSES.with_name("parameters.yaml").read_text("utf-8")
 
 
 @pytest.fixture
