@@ -8,13 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grammars.model.behaviour import (
-    Hold,
-    Jump,
-)
+from grammars.model.behaviour import Behaviour, Hold, Jump
 from grammars.scenery.composition import RandomWaits, compile_scene, resolve_behaviours
+from grammars.text import codec
 from grammars.text.diagnostics import InputError
 from tests.languages.plans import PEOPLE, behaviours_of, layer, resolved, scene_with, two_rooms
+from tests.scene.composition.test_sentences import line
 
 DOORS = """
 a is a hinged_door at kitchen_doorway, x -0.475 m, y 0.2 m, turned -90 deg
@@ -121,95 +120,60 @@ def test_changes_are_in_order_and_end_with_the_run(words, seed):
 
 # Layers.
 
-
-def test_later_layers_win_and_say_so():
-    doors = layer(DOORS, "doors")
-    first, second, third = (
-        layer(text, name, models=False)
-        for name, text in {
-            "first": "every hinged_door stays open",
-            "second": "a stays closed",
-            "third": "every hinged_door stays closed",
-        }.items()
-    )
-    scene = compile_scene(two_rooms(), [doors])
-    result = resolved(scene, [doors, first, second])
-    assert result.behaviours == (Hold("a.hinge", 0.0), Hold("b.hinge", -1.7))
-    assert [str(d) for d in result.overridden] == [
-        "second.scenery:1:1: warning: a.hinge follows this sentence, "
-        "not the one at first.scenery:1:1"
-    ]
-    assert {joint: where.file for joint, where in result.places} == {
-        "a.hinge": "second.scenery",
-        "b.hinge": "first.scenery",
-    }
-    # A sentence that replaces another one for several joints says so once.
-    assert [d.message for d in resolved(scene, [doors, first, third]).overridden] == [
-        "a.hinge and b.hinge follow this sentence, not the one at first.scenery:1:1"
-    ]
+OPEN, CLOSED = (f"every hinged_door stays {state}" for state in ("open", "closed"))
+REACT = (
+    "group chosen: every front\nparameter near = 1 m\n"
+    "all chosen go from open to closed when the robot is within near of their leaf"
+)
+EAST, NORTH = (f"visitor walks along (0 m, 0 m), {to}" for to in ("(1 m, 0 m)", "(0 m, 1 m)"))
+SOME = ["group some: a", "group some: b", "every some stays open"]
+LAYERS = {
+    "later layers win and say so": [DOORS, OPEN, "a stays closed"],
+    "a sentence that replaces another for several joints says so once": [DOORS, OPEN, CLOSED],
+    "a later layer gives another walk": [VISITED, EAST, NORTH],
+    "groups reach across layers": [f"{DOORS}group front: a", REACT],
+    "words of a scene in a layer without models": [DOORS, "a starts open\nb is frozen"],
+    "a group of one name in two layers must not be guessed": [DOORS, *SOME],
+    "one's own group is meant": [DOORS, *SOME[:2], f"group some: c\n{SOME[2]}"],
+}
 
 
-def test_groups_reach_across_layers_and_a_campaign_may_change_them():
-    doors = layer(DOORS + "group front: a", "doors")
-    text = (
-        "group chosen: every front\nparameter near = 1 m\n"
-        "all chosen go from open to closed when the robot is within near of their leaf"
-    )
-    layers = [doors, layer(text, "react", models=False)]
-    scene = compile_scene(two_rooms(), [doors])
-    assert [b.joint for b in resolved(scene, layers).behaviours] == ["a.hinge"]
+def layers_of(texts):
+    return [layer(text, f"layer_{n}", models=n == 0) for n, text in enumerate(texts)]
+
+
+def test_layers_of_behaviours(golden):
+    """``layers.txt``: what several layers tell, what is overridden, who says what."""
+    lines = []
+    for name, texts in LAYERS.items():
+        layers = layers_of(texts)
+        lines.append(f"--- {name}")
+        try:
+            found = resolved(compile_scene(two_rooms(), layers), layers)
+        except InputError as refusal:
+            lines.append(str(refusal))
+            continue
+        lines += [line(codec.to_plain(one, Behaviour)).rstrip() for one in found.behaviours]
+        lines += [str(one) for one in found.overridden]
+        lines += [f"{who} at {where}" for who, where in found.places]
+    golden("layers.txt", "\n".join(lines) + "\n")
+
+
+def test_a_campaign_may_change_groups_and_parameters_of_layers():
+    layers = layers_of(LAYERS["groups reach across layers"])
+    scene = compile_scene(two_rooms(), layers[:1])
 
     def changed(**overrides):
         seed = np.random.SeedSequence(1)
         return resolve_behaviours(scene, layers, seed=seed, limit=10.0, overrides=overrides)
 
-    (b,) = changed(react={"chosen": ["b"], "near": "50 cm"}).behaviours
+    (b,) = changed(layer_1={"chosen": ["b"], "near": "50 cm"}).behaviours
     assert (b.joint, b.distance, b.of) == ("b.hinge", 0.5, "leaf")
-    with pytest.raises(InputError, match='there is no layer "dors"\n    did you mean "doors"'):
-        changed(dors={})
-
-
-def test_the_words_of_a_scene_hold_in_a_layer_of_objects():
-    together = [layer(DOORS), layer("a starts open\nb is frozen", "late", models=False)]
-    assert resolved(compile_scene(two_rooms(), together), together).behaviours == ()
-
-
-def test_a_group_of_one_name_in_two_layers_must_not_be_guessed():
-    layers = [
-        layer(DOORS, "doors"),
-        layer("group some: a", "one", models=False),
-        layer("group some: b", "two", models=False),
-        layer("every some stays open", "three", models=False),
-    ]
-    scene = compile_scene(two_rooms(), layers)
-    with pytest.raises(InputError) as refusal:
-        resolved(scene, layers)
-    assert str(refusal.value) == (
-        'three.scenery:1:7: "some" may mean several groups\n    one.scenery:1:1 and two.scenery:1:1'
-    )
-    own = [*layers[:3], layer("group some: c\nevery some stays open", "three", models=False)]
-    assert [b.joint for b in resolved(scene, own).behaviours] == ["c.rail"]
-
-
-# Walks and events.
+    with pytest.raises(InputError, match='there is no layer "layr_1"\n    did you mean "layer_1"'):
+        changed(layr_1={})
 
 
 def test_frames_are_kept_only_where_something_walks():
     assert scene_with(DOORS).frames == ()
     frames = dict(scene_with(VISITED).frames)
     assert {"hall", "hall.walls[3]", "kitchen.pillar", "kitchen_doorway"} <= set(frames)
-
-
-def test_a_later_layer_gives_another_walk():
-    layers = [
-        layer(VISITED),
-        layer("visitor walks along (0 m, 0 m), (1 m, 0 m)", "first", models=False),
-        layer("visitor walks along (0 m, 0 m), (0 m, 1 m)", "second", models=False),
-    ]
-    result = resolved(compile_scene(two_rooms(), layers), layers)
-    (walk,) = result.behaviours
-    assert walk.route[1] == (0.0, 1.0)
-    (warning,) = result.overridden
-    assert str(warning).startswith("second.scenery:1:1: warning: visitor follows this sentence")
-    assert "first.scenery:1:1" in str(warning)
-    assert [name for name, _ in result.places] == ["visitor.x", "visitor.y", "visitor.yaw"]
