@@ -145,9 +145,9 @@ class Machine:
 
     def __init__(self, folder, monkeypatch):
         self._folder, self._stacks, self._next = folder, [], 0
-        clock = HurriedClock()
+        self.clock = HurriedClock()
         for module in (bring_up, inspection, stack):
-            monkeypatch.setattr(module, "wall_clock", clock)
+            monkeypatch.setattr(module, "wall_clock", self.clock)
         monkeypatch.setattr(bring_up, "StackProcess", self._process)
         monkeypatch.setattr(bring_up.RelayLink, "listen", self._listen)
 

@@ -1,14 +1,12 @@
 """From the command to a stack that is ready: its clock, its pose."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import pytest
 
 from daemon.model import ros_messages as ros
 from daemon.model.sut import SutFailure
 from daemon.stacks.ros2 import bring_up, sensors
-from daemon.stacks.ros2 import stack as ros2_stack
 from daemon.stacks.ros2.bring_up import BringUp
 from daemon.stacks.ros2.link import (
     CycleAnswer,
@@ -133,6 +131,7 @@ INACTIVE = {"/amcl": "inactive", "/bt_navigator": "active"}
 ACTIVE = {"states": dict.fromkeys(NODES, "active"), "believes": START}
 DOWN = "CRITICAL FAILURE: SERVER amcl IS DOWN after not receiving a heartbeat for 4000 ms."
 LATE = {"start-up": "0.1 s"}
+FINISH = "the run ends"
 STARTS = {
     "a node died": ({"printed": [died("amcl")]}, {}),
     "Nav2 gave up": ({"printed": [ABORT]}, {}),
@@ -145,18 +144,27 @@ STARTS = {
     "it has said something meanwhile": ({"messages": (log_line("no map"),)}, LATE),
     "a second clock": (ACTIVE | {"endpoints": (SECOND_CLOCK,)}, {}),
 }
+ABORTED, SILENT = {"goals": (GoalUpdate(0, "aborted"),)}, {"inactive": {"/amcl": "not answering"}}
 RUNS = {
-    "launch ended": {"end": "the launch command ended with exit code 9"},
-    "the goal was rejected": {"goals": (GoalUpdate(0, "rejected"),)},
-    "the link was lost": {"gone": True},
+    "launch ended": [{"end": "the launch command ended with exit code 9"}],
+    "the goal was rejected": [{"goals": (GoalUpdate(0, "rejected"),)}],
+    "the link was lost": [{"gone": True}],
     # The launch file may end everything because of it.
-    "a node died": {"printed": [died("amcl")], "end": "the launch command ended"},
-    "a node missed its heartbeat": {"printed": [DOWN]},
-    "the process of a node ended, and launch says nothing": {"dead": "amcl"},
-    "a node is inactive": {"inactive": {"/amcl": "inactive"}},
-    "a node left": {"inactive": {"/amcl": ""}},
-    "a node does not answer": {"inactive": {"/amcl": "not answering"}},
-    "one inactive and one that left": {"inactive": {"/amcl": "inactive", "/bt": ""}},
+    "a node died": [{"printed": [died("amcl")], "end": "the launch command ended"}],
+    "a node missed its heartbeat": [{"printed": [DOWN]}],
+    "the process of a node ended, and launch says nothing": [{"dead": "amcl"}],
+    "a process without needed nodes died": [{"printed": [died("rviz2", 1)]}, 0.1],
+    "a node is inactive": [{"inactive": {"/amcl": "inactive"}}],
+    "a node left": [{"inactive": {"/amcl": ""}}, 0.9, 0.2],
+    "a node answers late": [SILENT, 7.5, {"inactive": {}}, SILENT, 7.5],
+    "a node does not answer": [SILENT, 7.5, 1.0],
+    "one inactive and one that left": [
+        {"inactive": {"/bt": ""}}, (1.5, {"inactive": {"/amcl": "inactive", "/bt": ""}})],
+    "out of sight for a moment also when it ends": [
+        {"inactive": {"/amcl": ""}}, {"inactive": {}}, SILENT, FINISH],
+    "out of sight for long when it ends": [
+        SILENT, {"states": {"/amcl": "not answering"}}, FINISH],
+    "an abort when every node lives": [ABORTED, FINISH],
 }  # fmt: skip
 
 
@@ -175,9 +183,26 @@ def told(name, failure):
     return [f"--- {name}", failure.reason, *said, *(f"printed {line}" for line in failure.printed)]
 
 
+def run(name, machine, steps):
+    """Return the lines about a run in which something changes, or seconds of wall clock pass."""
+    system, stack, process = driving(machine)
+    assert process.watched == NODES
+    lines = [f"--- {name}"]
+    for step in steps:
+        seconds, changes = step if isinstance(step, tuple) else (0.0, step)
+        machine.clock.sleep(changes if isinstance(changes, float) else seconds)
+        spoil(stack, process, changes if isinstance(changes, dict) else {})
+        try:
+            decision = system.finish() if step == FINISH else update(system)
+        except SutFailure as failure:
+            return [*lines, *told(name, failure)[1:]]
+        events = decision.events if decision else ()
+        lines += [f"goes on: {', '.join(event.text for event in events)}".rstrip(": ")]
+    return lines
+
+
 def test_a_failure_has_its_cause_and_all_that_was_said(tmp_path, monkeypatch, golden):
-    """``failures.txt``: of starts, then of runs."""
-    monkeypatch.setattr(ros2_stack, "_PATIENCE", {})
+    """``failures.txt``: of starts, then of runs and what they say after each step."""
     lines = []
     (parameters := tmp_path / "parameters.yaml").write_text(PARAMETERS)
     for number, (name, (changes, keys)) in enumerate(STARTS.items()):
@@ -191,14 +216,9 @@ def test_a_failure_has_its_cause_and_all_that_was_said(tmp_path, monkeypatch, go
         with pytest.raises(SutFailure) as failed:
             list(system.bring_up(FIRST))
         lines += told(f"start: {name}", failed.value)
-    for number, (name, changes) in enumerate(RUNS.items(), len(STARTS)):
+    for number, (name, steps) in enumerate(RUNS.items(), len(STARTS)):
         (folder := tmp_path / str(number)).mkdir()
-        system, stack, process = driving(Machine(folder, monkeypatch))
-        assert process.watched == NODES
-        spoil(stack, process, changes)
-        with pytest.raises(SutFailure) as failed:
-            update(system)
-        lines += told(f"run: {name}", failed.value)
+        lines += run(f"run: {name}", Machine(folder, monkeypatch), steps)
     golden("failures.txt", "\n".join(lines) + "\n")
 
 
@@ -244,59 +264,13 @@ def test_launch_may_say_a_little_later_how_a_process_ended(machine):
         update(system)
 
 
-def test_the_death_of_a_process_without_needed_nodes_is_only_told(machine):
-    system, _, process = driving(machine)
-    process.printed = [died("rviz2", 1)]
-    said = []
-    for time in (0.0, 0.05):
-        decision = update(system, time)
-        said += [event.text for event in decision.events if "rviz2" in event.text]
-    assert said == ["rviz2 died with exit code 1; it has none of the nodes of ready"]
-
-
 def update(system, time=12.4):
     return system.update(observation(time))
 
 
-def test_a_node_may_answer_late_on_a_loaded_machine(machine, monkeypatch):
-    system, stack, _ = driving(machine)
-    clock = SimpleNamespace(monotonic=lambda: 0.0)
-    monkeypatch.setattr(ros2_stack, "wall_clock", clock)
-    stack.answer = replace(stack.answer, inactive={"/amcl": "not answering"})
-    update(system)
-    clock.monotonic = lambda: 7.5
-    update(system)
-    clock.monotonic = lambda: 8.5
-    with pytest.raises(SutFailure, match="amcl did not answer any more"):
-        update(system)
-
-
-@pytest.mark.parametrize("stays", [False, True])
-def test_a_node_may_be_out_of_sight_for_a_moment_also_when_a_run_ends(machine, monkeypatch, stays):
-    system, stack, _ = driving(machine)
-    for inactive in ({"/amcl": ""}, {}, {"/amcl": "not answering"}):
-        stack.answer = replace(stack.answer, inactive=inactive)
-        update(system)
-    if not stays:
-        system.finish()
-        return
-    monkeypatch.setattr(ros2_stack, "_PATIENCE", {})
-    stack.states["/amcl"] = "not answering"
-    with pytest.raises(SutFailure, match=r"amcl did not answer any more at 12\.4 s"):
-        system.finish()
-
-
-def test_an_abort_is_the_robots_when_every_node_lives(machine):
-    system, stack, _ = driving(machine)
-    stack.answer = replace(stack.answer, goals=(GoalUpdate(0, "aborted"),))
-    assert update(system).progress.state == "aborted"
-    system.finish()
-
-
 @pytest.mark.parametrize("news", ["launch", "node"])
-def test_an_abort_because_of_a_death_is_none_of_the_robot(machine, monkeypatch, news):
+def test_an_abort_because_of_a_death_is_none_of_the_robot(machine, news):
     system, stack, process = driving(machine)
-    monkeypatch.setattr(ros2_stack, "_PATIENCE", {})
 
     def die(*_):
         if news == "launch":

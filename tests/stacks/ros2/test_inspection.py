@@ -85,34 +85,26 @@ def test_a_stack_that_does_not_find_itself_is_not_located(stack):
     assert not inspected(**{"start-up": "0.1 s"}).located
 
 
-@pytest.mark.parametrize("link_ends_first", [False, True])
-def test_a_stack_that_ends_cannot_be_looked_at(stack, link_ends_first):
+@pytest.mark.parametrize(
+    ("changes", "at_graph", "expected"),
+    [
+        ({"end": "the launch command ended"}, False, "the stack did not come up: the launch com"),
+        ({"end": "the launch command ended", "gone": True}, False, "up: the launch command ended"),
+        ({"gone": True}, True, "the relay is silent"),
+        ({}, False, None),
+    ],
+    ids=["it ends", "its link ends first", "its link is lost", "interrupted"],
+)
+def test_a_stack_that_ends_is_told_and_nothing_left_running(stack, changes, at_graph, expected):
     link, process = stack
-    process.end = "the launch command ended with exit code 3"
-    link.states, link.gone = {"/amcl": "inactive"}, link_ends_first
-    with pytest.raises(SutFailure, match="the stack did not come up: the launch command ended"):
-        inspected()
-    assert process.released == 1
+    link.states = {"/amcl": "active" if at_graph else "inactive"}
 
-
-def test_a_link_that_is_lost_says_why(stack):
-    link, process = stack
-
-    def lose(waiting):
-        link.gone = link.gone or waiting == GRAPH
-
-    with pytest.raises(SutFailure, match="the relay is silent"):
-        inspected(lose)
-    assert process.released == 1
-
-
-def test_whoever_interrupts_it_leaves_nothing_running(stack):
-    link, process = stack
-
-    def interrupt(_):
-        if link.cycles:
+    def spoil(waiting):
+        if not at_graph or waiting == GRAPH:
+            process.end, link.gone = changes.get("end", ""), changes.get("gone", False)
+        if not changes and link.cycles:
             raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt):
-        inspected(interrupt)
+    with pytest.raises(SutFailure if changes else KeyboardInterrupt, match=expected):
+        inspected(spoil)
     assert process.released == 1
