@@ -22,7 +22,7 @@ from tests.benchmarks import progress
 from tests.benchmarks.measurement import Measurement, beside_yardstick, yardstick
 from tests.benchmarks.printing import make_console, print_goals, print_line, print_parts
 
-COMMANDS = ("against", "campaign", "flame")
+COMMANDS = ("against", "campaign")
 """Modules with a command line of their own: ``main(arguments)`` yields measurements."""
 
 

@@ -106,7 +106,7 @@ def test_a_trace_that_went_away_leaves_its_run(folder, tmp_path):
     assert data.runs[0].record.outcome is None
 
 
-COLLISION = "never(clearance(0.35 m, 0.2 m) <= 0 m)"
+COLLISION = "never(clearance(0.5 m, 0.2 m) <= 0 m)"
 FOOTPRINT = ((-0.35, -0.233), (0.35, -0.233), (0.35, 0.233), (-0.35, 0.233))
 
 
