@@ -3,6 +3,7 @@
 import uuid
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -45,45 +46,48 @@ def demo(campaigns):
     return expand(load_campaign(campaigns / "demo" / "campaign.yaml"))
 
 
-@pytest.fixture
-def drive(demo, tmp_path, ros2_python):
-    """Run a mission of the demo's open house with the stand-in, which gets these options.
+def specified(demo, python, waypoints, limit, parameters, options="", program=STANDIN):
+    """A mission in the demo's open house with the stand-in, which gets these options."""
+    spec = next(s for s in demo.specs if s.scenario == "open-house")
+    settings = {
+        "launch": f"{python} {program} map:={{map}} {options}",
+        "python": str(python),
+        "ready": NODES,
+        # Two cores are shared with whatever else is tested.
+        "start-up": "120 s",
+        "patience": "30 s",
+        "repeatable": False,
+        **{key.replace("_", "-"): value for key, value in parameters.items()},
+    }
+    mission = Mission("short", spec.mission.start, waypoints)
+    sut = SutReference("standin", "ros2", settings)
+    return replace(spec, sut=sut, mission=mission, limit=limit)
+
+
+def recorded(
+    demo, python, folder, options="", *, name="run", waypoints=NEAR, limit=20.0, launcher=False,
+    **more,
+):  # fmt: skip
+    """Run the stand-in: the result, the trace, what was said in the run, and while it came up.
 
     With ``launcher`` the node that fails has a process of its own; other settings are the stack's.
-    Returns the result, the trace, what was said while the stack came up, and what in the run.
     """
+    program = LAUNCHER if launcher else STANDIN
+    spec = specified(demo, python, waypoints, limit, more, options, program)
+    path, waited = folder / f"{name}.mcap", []
+    result = execute(
+        spec, demo.scenes[0], trace_path=path, on_progress=lambda one: waited.append(one.waiting)
+    )
+    trace = read_trace(path, views=True)
+    said = "\n".join(event.text for event in trace.events)
+    output = read_outputs(path).get("stack.txt", "")
+    return SimpleNamespace(result=result, trace=trace, output=output, waited_for=waited, said=said)
 
-    def run(options="", *, name="run", waypoints=NEAR, limit=20.0, launcher=False, **more):
-        program = LAUNCHER if launcher else STANDIN
-        settings = {
-            "launch": f"{ros2_python} {program} map:={{map}} {options}",
-            "python": str(ros2_python),
-            "ready": NODES,
-            # Two cores are shared with whatever else is tested.
-            "start-up": "120 s",
-            "patience": "30 s",
-            "repeatable": False,
-            **{key.replace("_", "-"): value for key, value in more.items()},
-        }
-        spec = next(s for s in demo.specs if s.scenario == "open-house")
-        mission = Mission("short", spec.mission.start, waypoints)
-        sut = SutReference("standin", "ros2", settings)
-        spec = replace(spec, sut=sut, mission=mission, limit=limit)
-        path, waited = tmp_path / f"{name}.mcap", []
-        result = execute(
-            spec,
-            demo.scenes[0],
-            trace_path=path,
-            on_progress=lambda one: waited.append(one.waiting),
-        )
-        trace = read_trace(path, views=True)
-        said = "\n".join(event.text for event in trace.events)
-        output = read_outputs(path).get("stack.txt", "")
-        return SimpleNamespace(
-            result=result, trace=trace, output=output, waited_for=waited, said=said
-        )
 
-    return run
+@pytest.fixture
+def drive(demo, tmp_path, ros2_python):
+    """Run the stand-in: ``drive(options, launcher=True)``."""
+    return partial(recorded, demo, ros2_python, tmp_path)
 
 
 @pytest.mark.short
