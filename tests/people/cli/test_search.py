@@ -12,6 +12,7 @@ from rich.live import Live
 
 from daemon.campaign import expand, load_campaign
 from daemon.model.search import SearchSubmission
+from daemon.search.answers.sentences import phase_words, search_word
 from daemon.search.preparation import PreparedSearch
 from scenario_tui.cli import command_line, search
 from scenario_tui.cli.exit_codes import ExitCode
@@ -63,24 +64,28 @@ def test_a_search_that_is_over_is_told_with_its_found_file_and_commands(scenario
     assert declared(scenario("search", SEARCH, "--json").out)["found"] == str(found)
 
 
-NO_FAILURE = replace(make_answer(), first=None, failed=0)
-
-
-@pytest.mark.parametrize(
-    ("row", "code"),
-    [
-        (make_search(), ExitCode.UNEXPECTED),
-        (make_search(answer=NO_FAILURE), ExitCode.EXPECTED),
-        (make_search(answer=replace(NO_FAILURE, ended="errors")), ExitCode.INFRASTRUCTURE),
-        (make_search(answer=replace(NO_FAILURE, best=None)), ExitCode.INCONCLUSIVE),
-        (make_search("failed"), ExitCode.INFRASTRUCTURE),
-        (make_search("cancelled"), ExitCode.INCONCLUSIVE),
-        (make_search("cancelled", answer=make_answer()), ExitCode.UNEXPECTED),
-        (make_search("waiting", answer=make_answer()), ExitCode.INCONCLUSIVE),
-    ],
-)
-def test_the_code_of_a_search(row, code):
-    assert search_code(row) is code
+def test_how_a_search_stands_is_a_word_a_phrase_and_a_code(golden):
+    answer = make_answer()
+    none = replace(answer, first=None, failed=0)
+    rows = {
+        "finished": make_search(),
+        "finished without a failure": make_search(answer=replace(none, ended="settled")),
+        "finished by errors": make_search(answer=replace(none, ended="errors")),
+        "finished without a result": make_search(answer=replace(none, best=None)),
+        "running": make_search("running"),
+        "running with a failure": make_search("running", answer=answer),
+        "failed": make_search("failed", note="no"),
+        "cancelled": make_search("cancelled"),
+        "cancelled with a failure": make_search("cancelled", answer=answer),
+        "waiting with a failure": make_search("waiting", answer=answer),
+    }
+    lines = []
+    for name, row in rows.items():
+        code = search_code(row).name if row.state != "running" else "-"
+        lines.append(
+            f"{name} | {search_word(row)} | {phase_words(row)} | {code}\n  {search_line(row)}\n"
+        )
+    golden("output/search_states.txt", "".join(lines))
 
 
 def test_options_change_what_is_asked():

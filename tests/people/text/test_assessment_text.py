@@ -1,6 +1,7 @@
 """What is said of cells and campaigns whose runs have not all finished."""
 
 from dataclasses import replace
+from itertools import product
 from typing import get_args
 
 import pytest
@@ -29,8 +30,6 @@ from scenario_tui.text.run_text import run_text
 from tests.make import run_result, run_row
 from tests.people.fake import campaign_row, make_row, make_spec
 
-UNFINISHED = ("queued", "running")
-
 
 def record(repeat, state, outcome=None):
     result = outcome and run_result(Verdict("buffer", "", outcome, 0.1, 0.1, "m"), outcome=outcome)
@@ -46,68 +45,27 @@ def judged(*records, expected="pass", finished=True, **policy):
     return CampaignResults(row, records, rules, assess(rules, records))
 
 
-def notes(*records, **more):
-    results = judged(*records, **more)
-    return cell_notes(results.assessment.cells[0], results.expectations).plain
+CELLS = ("pass queued", "pass running", "fail queued", "fail running", "queued queued",
+         "running queued", "running running", "queued running lost", "pass cancelled",
+         "cancelled cancelled", "lost lost", "lost queued", "inconclusive")  # fmt: skip
+"""What became of the runs of a cell, one word for each."""
+STATES = {str(one): ("done", one) for one in (Outcome.PASS, Outcome.FAIL, Outcome.INCONCLUSIVE)}
 
 
-@pytest.mark.parametrize("state", UNFINISHED)
-@pytest.mark.parametrize("expected", get_args(ExpectedVerdict))
-@pytest.mark.parametrize("rule", ["all", "rate", "mean"])
-def test_an_oracle_with_runs_to_come_is_neither_inconclusive_nor_unexpected(state, expected, rule):
-    passing = Outcome.FAIL if expected in ("fail", "mixed") else Outcome.PASS
-    said = notes(record(0, "done", passing), record(1, state), expected=expected, rule=rule)
-    assert "inconclusive" not in said
-    assert "!" not in said
-    assert "\n" in said
-    if expected == "pass":
-        assert state in said
-        assert "1 of 2 pass, 1 not finished" in said
-    if expected == "fail":
-        assert "so far as expected (fail)" in said
-
-
-@pytest.mark.parametrize("state", UNFINISHED)
-def test_what_runs_to_come_cannot_mend_is_marked_at_once(state):
-    said = notes(record(0, "done", Outcome.FAIL), record(1, state))
-    assert "✗ fail  buffer  ! expected pass" in said
-    said = notes(record(0, "done", Outcome.PASS), record(1, state), expected="fail")
-    assert "! expected fail" in said
-
-
-@pytest.mark.parametrize(
-    ("state", "words"),
-    [
-        ("queued", "2 runs queued, none was judged yet"),
-        ("running", "2 runs, none was judged yet"),
-        ("cancelled", "2 runs, none was judged: they were cancelled"),
-        ("lost", "2 runs, none was judged: what was executed gave no result"),
-    ],
-)
-def test_a_cell_without_a_verdict_says_why(state, words):
-    assert words in notes(record(0, state), record(1, state))
-
-
-def test_a_cell_says_running_when_one_of_its_runs_runs_and_others_wait():
-    (cell,) = judged(record(0, "queued"), record(1, "running"), record(2, "lost")).assessment.cells
-    assert (cell.word, cell.state) == ("running", "running")
-
-
-@pytest.mark.parametrize(
-    ("records", "finished", "words"),
-    [
-        ((record(0, "queued"), record(1, "queued")), False, "… none judged"),
-        ((record(0, "running"), record(1, "queued")), False, "▶ none judged"),
-        ((record(0, "done", Outcome.PASS), record(1, "queued")), False, "▶ so far fine"),
-        ((record(0, "done", Outcome.FAIL), record(1, "queued")), False, "✗ 1 run unexpected"),
-        ((record(0, "done", Outcome.PASS), record(1, "cancelled")), True, "- cancelled"),
-        ((record(0, "cancelled"), record(1, "cancelled")), True, "- cancelled"),
-        ((record(0, "lost"), record(1, "queued")), False, "∅ not all judged"),
-        ((record(0, "done", Outcome.INCONCLUSIVE),), True, "? undecided"),
-    ],
-)
-def test_the_conclusion_is_about_what_was_judged(records, finished, words):
-    assert conclude(judged(*records, finished=finished)).glyph_text == words
+def test_cells_and_campaigns_are_told_by_what_was_judged(golden):
+    said = {}
+    for words in CELLS:
+        words_of = enumerate(words.split())
+        runs = [record(i, *STATES.get(word, (word,))) for i, word in words_of]
+        finished = not {"queued", "running"} & {*words.split()}
+        for expected, rule in product(get_args(ExpectedVerdict), ("all", "rate", "mean")):
+            results = judged(*runs, expected=expected, rule=rule, finished=finished)
+            (cell,) = results.assessment.cells
+            notes = cell_notes(cell, results.expectations).plain
+            told = f"{cell.word}, {cell.state}; {conclude(results).glyph_text}\n{notes.rstrip()}"
+            said.setdefault((words, told), []).append(f"{expected} by {rule}")
+    parts = (f"# {words}: {', '.join(by)}\n{told}\n" for (words, told), by in said.items())
+    golden("assessment.txt", "\n".join(parts))
 
 
 def test_a_conclusion_counts_verdicts_runs_and_known_failures():

@@ -4,16 +4,12 @@ import math
 import shlex
 from dataclasses import replace
 
-import pytest
-
-from daemon.search.answers.sentences import phase_words, search_word
 from scenario_tui.text.search_text import (
     answer_lines,
     finding_lines,
     influence_lines,
     parameters_text,
     search_commands,
-    search_line,
 )
 from tests.people.fake_search import (
     TASK,
@@ -28,32 +24,6 @@ def test_a_value_below_nought_has_the_minus_of_margins_and_files_keep_theirs():
     assert swing.override(-0.124) == "-0.124 m"
     named = replace(TASK.parameters[2], choices=("left-door",))
     assert named.shown("left-door") == "left-door"
-
-
-@pytest.mark.parametrize(
-    ("row", "word", "phase"),
-    [
-        (make_search("running"), "running", "looking for failures"),
-        (make_search(), "fail", "the budget of 60 runs is spent"),
-        (make_search("running", answer=make_answer()), "fail", "looking for failures"),
-        (make_search("cancelled"), "cancelled", "it was cancelled"),
-        (make_search("failed", note="no"), "error", "it could not go on"),
-        (
-            make_search(answer=replace(make_answer(), first=None, failed=0, ended="settled")),
-            "pass",
-            "it ends because nothing better and nothing new was found for a while",
-        ),
-        (
-            make_search(answer=replace(make_answer(), first=None, failed=0, best=None)),
-            "inconclusive",
-            "the budget of 60 runs is spent",
-        ),
-    ],
-)
-def test_one_word_and_one_phrase_for_how_a_search_stands(row, word, phase):
-    assert search_word(row) == word
-    assert phase_words(row) == phase
-    assert phase in search_line(row)
 
 
 def test_a_finding_has_the_margin_of_the_oracle_that_fails():
