@@ -65,17 +65,6 @@ def test_a_worker_that_holds_nothing_any_more_is_not_busy(contested):
     assert ledger.book.busy_workers() == {"heir"}
 
 
-def test_what_a_worker_does_not_claim_it_never_got(ledger):
-    ledger.submit("c", 1)
-    (grant,) = ledger.lease()
-    ledger.renew(worker="v")
-    assert ledger.book.busy_workers() == {"w"}
-    ledger.renew()
-    assert ledger.book.busy_workers() == frozenset()
-    (again,) = ledger.lease(worker="v")
-    assert (again.attempt, again.token > grant.token) == (2, True)
-
-
 def test_why_an_attempt_failed_is_told_once(ledger):
     ledger.submit("c", 1)
     (grant,) = ledger.lease()
