@@ -184,6 +184,20 @@ def test_a_run_that_the_wall_clock_ended_says_nothing_about_others(ledger, order
     assert ledger.submit("third", 1).cached == 1
 
 
+@pytest.mark.parametrize("order", [(stopped, make_result), (make_result, stopped)])
+def test_nor_about_another_attempt_at_the_same_run(ledger, order):
+    ledger.submit("first", 1)
+    (grant,) = ledger.lease()
+    ledger.lapse()
+    (again,) = ledger.lease(worker="b")
+    answers = [
+        ledger.complete(one, make(one.spec))
+        for one, make in zip((grant, again), order, strict=True)
+    ]
+    assert answers == [LedgerAnswer.RECORDED, LedgerAnswer.REDUNDANT]
+    assert ledger.happened("alarm") == []
+
+
 # --- systems that are not repeatable
 
 

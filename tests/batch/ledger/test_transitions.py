@@ -52,10 +52,17 @@ LAPSED_AGAIN = after(AGAIN, Lapsed(9))
         (REPLACED, Renewed("w", 7), LedgerAnswer.DONE),
         (after(REPLACED, Completed(7, "aa")), Renewed("x", 8), LedgerAnswer.STALE),
         (after(REPLACED, Completed(8, "aa")), Renewed("x", 7), LedgerAnswer.STALE),
+        (DONE, Completed(7, "aa"), LedgerAnswer.KNOWN),
+        (VARIED, Completed(9, "bb"), LedgerAnswer.REDUNDANT),
         (DONE, Completed(9, "bb", comparable=False), LedgerAnswer.REDUNDANT),
         (CANCELLED, Renewed("w", 7), LedgerAnswer.STALE),
+        (CANCELLED, Completed(7, "aa"), LedgerAnswer.DROPPED),
+        (after(QUEUED, Cancelled()), Completed(7, "aa"), LedgerAnswer.DROPPED),
         # Executed before a retry, it is not what was asked for.
         (LAPSED_AGAIN, Renewed("w", 7), LedgerAnswer.STALE),
+        (LAPSED_AGAIN, Completed(7, "aa"), LedgerAnswer.KNOWN),
+        (AGAIN, Completed(7, "aa"), LedgerAnswer.KNOWN),
+        (after(VARIED, Retried()), Completed(7, "aa"), LedgerAnswer.REDUNDANT),
         (after(DONE, Retried(stopped=True)), Completed(7, "aa"), LedgerAnswer.REDUNDANT),
         (after(VARIED, Retried(), Leased("v", 8)), Renewed("w", 7), LedgerAnswer.STALE),
     ],
@@ -63,6 +70,15 @@ LAPSED_AGAIN = after(AGAIN, Lapsed(9))
 def test_what_changes_nothing_has_an_answer(run, event, answer):
     change = advance(run, event, attempts=3)
     assert (change.answer, change.run, change.record) == (answer, run, False)
+
+
+@pytest.mark.parametrize(
+    "run", [RUNNING, WAITING, REPLACED, LOST, after(CANCELLED, Retried()), after(LOST, Retried())]
+)
+def test_the_first_result_is_recorded_from_whatever_lease(run):
+    change = advance(run, Completed(2, "aa"), attempts=3)
+    assert (change.answer, change.record) == (LedgerAnswer.RECORDED, True)
+    assert (change.run.state, change.run.result) == (RunState.DONE, "aa")
 
 
 @pytest.mark.parametrize(

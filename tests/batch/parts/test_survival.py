@@ -13,7 +13,7 @@ from types import SimpleNamespace
 import psutil
 import pytest
 
-from daemon.batch import bus, launch
+from daemon.batch import launch
 from daemon.batch.client import Client
 from daemon.batch.errors import DaemonError, LaunchFailed
 from daemon.batch.launch import (
@@ -26,7 +26,6 @@ from daemon.batch.paths import StatePaths, is_locked
 from daemon.batch.server._opening import hold_alone
 from daemon.model.run_state import RunState
 from grammars.text.files import matching_paths
-from tests.chaos.light import LightWorker
 from tests.chaos.links import relay
 from tests.chaos.torn import torn
 from tests.make import make_spec, make_submission, submission_of
@@ -351,19 +350,18 @@ def test_a_run_goes_on_over_cuts_shorter_and_longer_than_its_lease(tmp_path):
         daemon.client() as client,
         relay(daemon.endpoint) as cable,
         # With a slot to spare it asks for work each second, and finds out where it is.
-        worker_for(daemon, 2, *elsewhere, connect=cable.endpoint),
-        bus.open_client(cable.endpoint) as session,
+        worker_for(daemon, 2, *elsewhere, connect=cable.endpoint) as worker,
     ):
         client.submit(make_submission("c", 1, until=str(gate), log=str(log)))
         process = psutil.Process(*eventually(lambda: executions(log, 1)))
-        LightWorker(session, cable.endpoint, "idle").renew()
         cable.sever()
-        eventually(lambda: [line["worker"] for line in daemon.noted("worker gone")] == ["idle"])
         eventually(lambda: away(client) == [True])
         assert (client.overview().running, client.overview().workers) == (1, 0)
         cable.mend()
         eventually(lambda: away(client) == [False])
+        noticed = worker.output.count("no daemon answers")
         cable.sever()
+        eventually(lambda: worker.output.count("no daemon answers") > noticed)
         end_leases(daemon)
         eventually(lambda: client.overview().queued == 1)
         assert client.run("c.0").row.reason == "the worker fell silent"
