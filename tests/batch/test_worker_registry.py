@@ -5,8 +5,8 @@ The state machine of the ledger holds what becomes of leases that lapse.
 
 import pytest
 
-from daemon.batch.server._workers import LeaseClock, WorkerRegistry
-from daemon.model.messages import WorkerInfo
+from daemon.batch.server._workers import LeaseClock, LeaseDeadlines, WorkerRegistry
+from daemon.model.messages import LeaseRef, WorkerInfo
 
 TICK = 0.5
 
@@ -61,3 +61,22 @@ def test_a_worker_that_is_silent_is_away_whatever_its_connection_says(clock, reg
     assert away(registry) == {"w": False}
     passes(clock, 0.5)
     assert (away(registry), registry.absent()) == ({"w": True}, {"w"})
+
+
+def test_a_tick_that_comes_late_is_a_stall_and_takes_no_more_than_another():
+    clock = LeaseClock(TICK)
+    assert [clock.advance(at) for at in (10.0, 10.5, 11.2)] == [0.0, 0.0, 0.0]
+    assert clock.now == pytest.approx(1.2)
+    assert clock.advance(15.2) == pytest.approx(3.0)
+    assert clock.now == pytest.approx(2.2)
+    assert clock.advance(15.2) == 0.0
+
+
+def test_a_lease_lapses_after_its_period_and_not_at_its_end(clock):
+    deadlines, lease = LeaseDeadlines(30.0, clock), LeaseRef("c.0", 7)
+    passes(clock, 100.0)  # of another daemon, say
+    for seconds in (0.0, 30.0):
+        passes(clock, seconds)
+        assert deadlines.overdue((lease,)) == ()
+    passes(clock, TICK)
+    assert deadlines.overdue((lease,)) == (lease,)

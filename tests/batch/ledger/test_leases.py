@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from daemon.batch.errors import OtherLedger, Refused
 from daemon.batch.ledger import LedgerWriter, connect
+from daemon.batch.ledger.transitions import MOST_LAPSES
 from daemon.batch.paths import StatePaths
 from daemon.model.messages import LedgerAnswer, SteerRequest
 from daemon.model.run_state import RunState
@@ -65,6 +66,17 @@ def test_a_worker_that_holds_nothing_any_more_is_not_busy(contested):
     assert ledger.book.busy_workers() == {"heir"}
 
 
+def test_what_a_worker_does_not_claim_it_never_got(ledger):
+    ledger.submit("c", 1)
+    (grant,) = ledger.lease()
+    ledger.renew(worker="v")
+    assert ledger.book.busy_workers() == {"w"}
+    ledger.renew()
+    assert ledger.book.busy_workers() == frozenset()
+    (again,) = ledger.lease(worker="v")
+    assert (again.attempt, again.token > grant.token) == (2, True)
+
+
 def test_why_an_attempt_failed_is_told_once(ledger):
     ledger.submit("c", 1)
     (grant,) = ledger.lease()
@@ -81,6 +93,18 @@ def test_a_run_that_was_given_back_stands_behind_the_others(ledger, blame):
     ledger.release(first, "no disk", blame=blame)
     assert ledger.rows("c")[0].reason == "no disk"
     assert ledger.leased() == ["c.1", "c.2", "c.0"]
+
+
+def test_a_run_that_takes_its_workers_with_it_is_given_up(ledger):
+    ledger.submit("c", 3)
+    ledger.lease(2)
+    for _ in range(MOST_LAPSES):
+        (grant,) = ledger.lease(1)
+        assert grant.run == "c.2"
+        ledger.release(grant, "its worker died", died=True, worker="v")
+    row = ledger.rows("c")[2]
+    assert (row.state, row.attempt) == (RunState.LOST, MOST_LAPSES)
+    assert row.reason.startswith("20 workers in a row died with it or fell silent")
 
 
 def test_a_campaign_that_lacks_its_scene_waits_for_it_and_others_go_on_at_once(ledger):
