@@ -44,7 +44,7 @@ def test_rooms_are_crossed_at_any_rate_of_poses(rate):
     assert (reach.planned, reach.done) == (1, 1)
 
 
-def test_a_recorded_run_tells_what_happened_not_what_was_planned(campaigns, tmp_path):
+def test_a_recorded_run_tells_what_happened_not_what_was_planned(campaigns, tmp_path, golden):
     """In this run of the demonstration doors shut in the robot's face."""
     submission = expand(load_campaign(campaigns / "demo" / "campaign.yaml"))
     spec = next(run for run in submission.specs if run.scenario == "rude-house")
@@ -53,15 +53,14 @@ def test_a_recorded_run_tells_what_happened_not_what_was_planned(campaigns, tmp_
     junk.write_bytes(b"nothing of the kind")
     found = trace_coverage([junk, path], near=1.2)
     assert (found.runs, found.recorded) == (1, 1)
-    features = {f.feature: (f.planned, f.done) for f in found.features}
-    assert features["scenery/dynamics/triggered"] == (1, 1)
-    assert features["mission/reach/across-rooms"] == (1, 0), "no door let it in"
-    counts = {f.feature: found.exercised(f) for f in found.features}
-    assert counts["mission/reach/across-rooms"] == 0, "traces count, not plans"
-    doors = {door.door: door for door in found.doors}
-    assert (doors["kitchen_door"].triggered, doors["kitchen_door"].moved) == (1, 1)
-    assert (doors["living_room_door"].planned, doors["living_room_door"].moved) == (0, 0)
-    assert doors["kitchen_door"].nearest < 1.2
+    # Traces count, not plans.
+    lines = [
+        f"{one.feature} {one.planned} {one.done} {found.exercised(one)}" for one in found.features
+    ]
+    for door in found.doors:
+        place = "near" if door.nearest < 1.2 else "far"
+        lines.append(f"{door.door} {door.planned} {door.triggered} {door.moved} {place}")
+    golden("rude.txt", "\n".join([*lines, ""]))
     (floor,) = found.floor
     assert 0.0 < floor.driven < floor.seen <= floor.free
     assert codec.from_json(Coverage, codec.to_json(found)) == found
