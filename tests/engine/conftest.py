@@ -1,12 +1,14 @@
-"""A recording to read, and the runs of the demo campaign to execute."""
+"""A recording to read, runs of the demo campaign to execute, and what others plug in."""
 
 from dataclasses import replace
+from importlib.metadata import EntryPoint
 
 import pytest
 
 from daemon.campaign import expand, load_campaign
 from daemon.model.spec import SutReference
 from daemon.run import execute
+from grammars.text import plugins
 from tests.engine.trace.recordings import record
 from tests.plugins import plug_in
 
@@ -52,3 +54,19 @@ def plug(monkeypatch):
         return system
 
     return plugged
+
+
+@pytest.fixture
+def plug_oracles(monkeypatch):
+    """Install signals and oracles by their names: ``plug_oracles({"busy": "module:busy"}, {})``."""
+
+    def plug(signals, oracles):
+        entries = {
+            group: {name: EntryPoint(name, value, group) for name, value in named.items()}
+            for group, named in (("scenario.signals", signals), ("scenario.oracles", oracles))
+        }
+        plugins.load_plugin.cache_clear()
+        monkeypatch.setattr(plugins, "installed", entries.__getitem__)
+
+    yield plug
+    plugins.load_plugin.cache_clear()

@@ -182,14 +182,6 @@ def test_the_foot_of_a_carried_hinge_moves_with_its_parent():
     assert found[0] == pytest.approx(math.hypot(*item.pose.apply((0.4, 0.1))))
 
 
-def test_links_that_never_move_are_where_they_would_be_at_each_moment():
-    item = door("door-1", 2.0, 1.0, 0.3)
-    at_rest, moving = np.full((5, 1), 0.7), np.full((6, 1), 0.7)
-    moving[5] = 0.8
-    leaf = moved(item, at_rest).obstacles.tracks
-    assert leaf.tobytes() == moved(item, moving).obstacles.tracks[:5].tobytes()
-
-
 def test_the_distance_of_a_door_follows_its_leaf():
     time = times(10.0)
     angles = np.linspace(0.0, 1.5, len(time))

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
-from daemon.trace import TraceError, read_spec, read_trace
+from daemon.trace import TraceError, read_trace
 from grammars.text import codec
 from tests.engine.trace.recordings import pose_at, record, rewritten, scene, specification
 
@@ -243,25 +243,6 @@ def test_a_specification_of_another_version_is_an_error(tmp_path):
         writer.finish()
     with pytest.raises(TraceError, match="another version"):
         read_trace(out)
-
-
-def test_nothing_that_is_not_wanted_is_decompressed(recorded, monkeypatch):
-    opened = []
-    real = zstandard.ZstdDecompressor
-
-    class Counting:
-        """Counts what is decompressed."""
-
-        def __init__(self):
-            self._real = real()
-
-        def stream_reader(self, data):
-            opened.append(1)
-            return self._real.stream_reader(data)
-
-    monkeypatch.setattr(zstandard, "ZstdDecompressor", Counting)
-    read_spec(recorded)
-    assert opened == []
 
 
 def test_an_index_that_leaves_messages_out_or_is_wrong_is_not_believed(recorded, tmp_path):
