@@ -22,6 +22,8 @@ from typing import Final
 _STANDARD_LIBRARY: Final = sysconfig.get_path("stdlib") + "/"
 _AGAIN: Final = 1.0
 """Seconds after which code that swallowed the interruption is interrupted again."""
+_EDGES: Final = (__name__, "daemon.stacks.calls")
+"""Modules whose code is around a call, not in it."""
 SHORTEST_SPARE: Final = 2.0
 _LONGEST_SPARE: Final = 30.0
 
@@ -67,7 +69,8 @@ class _Limits:
         """Notice that the time is up; interrupt what may be."""
         now = time.monotonic()
         self.passed = next((seconds for seconds, end in self.held if end <= now), 0.0)
-        if self.passed and self.call:
+        # Where a call begins or ends nothing could catch it; the next check notices.
+        if self.passed and self.call and not _is_at_its_edge(frame):
             spent, place = now - self.since, _place(frame)
             spent_there = f"{spent:.1f} s of them in one call of {self.call}{place}"
             self.said = f"{stopped_after(self.passed)}, {spent_there}"
@@ -124,6 +127,11 @@ def check_wall_clock() -> None:
     """Raise :class:`OutOfTime` when a limit has passed."""
     if _limits.passed:
         raise OutOfTime(_limits.said or stopped_after(_limits.passed))
+
+
+def _is_at_its_edge(frame: FrameType | None) -> bool:
+    """Whether the frame only enters or leaves a call: alarms come there above all."""
+    return frame is not None and frame.f_globals.get("__name__") in _EDGES
 
 
 def _place(frame: FrameType | None) -> str:

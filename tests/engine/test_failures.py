@@ -20,6 +20,7 @@ from daemon.model.deadline import OutOfTime, interruptible, wall_clock_limit
 from daemon.model.spec import RunResult
 from daemon.model.sut import Estimate, SutEvent
 from daemon.model.verdicts import Outcome
+from daemon.stacks.calls import sut_call
 from daemon.trace import read_outputs, read_trace
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.mission import Waypoint
@@ -165,6 +166,21 @@ def test_a_factory_that_hangs_in_a_run_ends_it_with_a_trace(executed, passes_whi
     assert trace.note == result.note
 
 
+@pytest.fixture
+def alarm_at_the_end_of_calls():
+    """Let an alarm come where a call of a system has just returned."""
+
+    def trace(frame, *_):
+        if frame.f_code is sut_call.__exit__.__code__:
+            deadline._limits.on_alarm(signal.SIGALRM, frame)
+
+    before = sys.gettrace()
+    sys.settrace(trace)
+    yield
+    sys.settrace(before)
+
+
+@pytest.mark.usefixtures("alarm_at_the_end_of_calls")
 def test_a_run_that_is_merely_slow_is_ended_between_two_steps(executed, passes_while):
     told = []
     passes_while(lambda _: told)
