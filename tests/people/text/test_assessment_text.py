@@ -45,7 +45,7 @@ def judged(*records, expected="pass", finished=True, **policy):
     return CampaignResults(row, records, rules, assess(rules, records))
 
 
-CELLS = ("pass queued", "pass running", "fail queued", "fail running", "queued queued",
+CELLS = ("pass queued", "pass running", "fail queued", "queued queued",
          "running queued", "running running", "queued running lost", "pass cancelled",
          "cancelled cancelled", "lost lost", "lost queued", "inconclusive")  # fmt: skip
 """What became of the runs of a cell, one word for each."""

@@ -4,7 +4,6 @@ import math
 import sys
 import unicodedata
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -31,9 +30,22 @@ TICKS = [
     (-0.0, 1.0),
     (1500, 500),
 ]
+PRINTED = (
+    "",
+    "one\ntwo\n",
+    "one\r\ntwo\r\n\r\n",
+    "10 %\r50 %\rdone\nnext",
+    "\x1b[1;31mred\x1b[0m \x1b[2Jgone",
+    "\x1b]0;a title\x07text \x1b]8;;http://x\x1b\\link",
+    "\x1bcreset \x1b(Bset",
+    "bell\x07 back\x08",
+    "turned \N{RIGHT-TO-LEFT OVERRIDE}round",
+    "a\tb",
+)
+"""What a program printed, of which lines are left as on a terminal."""
 
 
-def test_numbers_are_told_as_people_read_them(golden):
+def test_numbers_and_lines_are_told_as_people_read_them(golden):
     parts = {
         "margin": {f"{one} m": formatting.margin(one, "m") for one in MARGINS},
         "margin without a unit": {
@@ -43,9 +55,14 @@ def test_numbers_are_told_as_people_read_them(golden):
         "duration": {f"{one} s": formatting.duration_text(one) for one in SECONDS},
         "age": {f"{one} s": formatting.age_text(1000.0, 1000.0 + one) for one in AGES},
         "bar": {str(one): f"[{formatting.margin_bar(one)}]" for one in SHARES},
+        "count": {str(one): count_noun(one, "run") for one in (0, 1, 12_000)},
+        "seed": {str(one): formatting.brief_seed(one) for one in (3386250816931739734, 20240101)},
+        "printed": {repr(one): printed_lines(one) for one in PRINTED},
+        "last": {f"{one} of 5": last_lines("1\n2\n3\n4\n5", one) for one in (2, 5, 9, None)},
         "tick": {f"{one} by {step}": tick_text(one, step) for one, step in TICKS},
     }
     lines = (f"{name}  {one}  {told}" for name, part in parts.items() for one, told in part.items())
+    assert len(last_lines("\n".join("x" * 50))[0]) == 40
     golden("formatting.txt", "\n".join((*lines, "")))
 
 
@@ -54,17 +71,6 @@ def test_every_outcome_and_state_has_a_glyph_and_a_style():
         assert formatting.glyph_word(str(word)).endswith(str(word))
         assert str(word) in SEVERITY
         assert str(word) in terminal_theme().styles.keys() & dashboard_theme().styles.keys()
-
-
-def test_counting_uses_the_plural_for_all_but_one():
-    assert count_noun(1, "run") == "1 run"
-    assert count_noun(0, "run") == "0 runs"
-    assert count_noun(12_000, "run") == "12,000 runs"
-
-
-def test_seeds_are_shown_short():
-    assert formatting.brief_seed(3386250816931739734) == "338625…"
-    assert formatting.brief_seed(20240101) == "20240101"
 
 
 def test_moments_in_notes_are_told_as_all_others():
@@ -80,42 +86,12 @@ def test_moments_in_notes_are_told_as_all_others():
     assert seen.note == note
 
 
-LOST = "\N{REPLACEMENT CHARACTER}"
-
-
-@pytest.mark.parametrize(
-    ("printed", "lines"),
-    [
-        ("", []),
-        ("one\ntwo\n", ["one", "two"]),
-        ("one\r\ntwo\r\n\r\n", ["one", "two"]),
-        ("10 %\r50 %\rdone\nnext", ["done", "next"]),
-        ("\x1b[1;31mred\x1b[0m \x1b[2Jgone", ["red gone"]),
-        ("\x1b]0;a title\x07text \x1b]8;;http://x\x1b\\link", ["text link"]),
-        ("\x1bcreset \x1b(Bset", ["reset Bset"]),
-        ("bell\x07 back\x08", [f"bell{LOST} back{LOST}"]),
-        ("turned \N{RIGHT-TO-LEFT OVERRIDE}round", [f"turned {LOST}round"]),
-        ("a\tb", ["a       b"]),
-    ],
-)
-def test_lines_are_as_a_terminal_would_have_left_them(printed, lines):
-    assert printed_lines(printed) == lines
-
-
 @given(st.text(alphabet=st.characters(), max_size=200))
 def test_no_sign_is_left_that_a_terminal_obeys(text):
     left = {sign for line in printed_lines(text) for sign in line}
     assert not {unicodedata.category(sign) for sign in left} & {"Cc", "Cs", "Zl", "Zp"}
     turning = ("LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI")
     assert not {unicodedata.bidirectional(sign) for sign in left} & set(turning)
-
-
-def test_the_last_lines_and_how_many_there_are_before():
-    text = "\n".join(str(i) for i in range(50))
-    assert last_lines(text) == ([str(i) for i in range(10, 50)], 10)
-    assert last_lines(text, 2) == (["48", "49"], 48)
-    assert last_lines(text, None)[1] == 0
-    assert last_lines("") == ([], 0)
 
 
 VALUES = st.floats(-1e6, 1e6, allow_nan=False)
