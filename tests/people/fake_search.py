@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 from daemon.model.proposals import Proposal
-from daemon.model.run_state import RunState
 from daemon.model.search import OracleScale, SearchParameter, SearchTask
 from daemon.model.search_answer import (
     Confirmation,
@@ -49,31 +48,27 @@ TASK = SearchTask(
 )  # fmt: skip
 
 
-def make_proposal_row(
-    position, margin=0.105, *, phase="explore", state=RunState.DONE, number=None, repeat=0
-):
-    """A run of the search; one that is not done has no result."""
-    number = position if number is None else number
+def make_proposals():
+    """Finished runs of points with those margins."""
+    return tuple(make_proposal_row(number, margin) for number, margin in enumerate(MARGINS))
+
+
+def make_proposal_row(number, margin):
+    """A finished run of the search."""
     values = (8.0 + 0.1 * number, 0.02, "kitchen_door" if number % 2 else "bedroom_door")
-    proposal = Proposal(position, number, repeat, phase, "halton", number >= 6, values)
-    named = (f"{SEARCH}.{position}", f"doors-in-time.{number}", "pilot", repeat)
-    digest = f"{position:064d}"
-    if state is not RunState.DONE or margin is None:
-        return run_row(*named, state=state, digest=digest, proposal=proposal)
     outcome = Outcome.FAIL if margin < 0 else Outcome.PASS
     seen = Evidence(31.5, margin + 0.05, 0.05, "kitchen_door")
     text = "always(clearance >= 0.05 m)"
-    result = run_result(
-        Verdict("keeps-clear", text, outcome, margin, margin, "m", seen),
-        leads=(LeadingMargin("keeps-clear", margin, "m", "kitchen_door"),),
-    )
-    trace = f"state/traces/{SEARCH}/doors-in-time.{number}.pilot.{repeat}.mcap"
-    return run_row(*named, result, digest=digest, trace=trace, proposal=proposal)
-
-
-def make_proposals(*margins):
-    """Finished runs of points with these margins."""
-    return tuple(make_proposal_row(i, margin) for i, margin in enumerate(margins or MARGINS))
+    return run_row(
+        f"{SEARCH}.{number}", f"doors-in-time.{number}", "pilot",
+        result=run_result(
+            Verdict("keeps-clear", text, outcome, margin, margin, "m", seen),
+            leads=(LeadingMargin("keeps-clear", margin, "m", "kitchen_door"),),
+        ),
+        digest=f"{number:064d}",
+        trace=f"state/traces/{SEARCH}/doors-in-time.{number}.pilot.0.mcap",
+        proposal=Proposal(number, number, 0, "explore", "halton", number >= 6, values),
+    )  # fmt: skip
 
 
 def make_answer():
@@ -81,13 +76,8 @@ def make_answer():
     rows = make_proposals()
     best, first = read_trial(TASK, rows[6]), read_trial(TASK, rows[4])
     confirmed = Confirmation(5, 5, 0.478, 1.0)
-    nearest = NearestFailure(
-        read_trial(TASK, rows[4]),
-        read_trial(TASK, rows[0]),
-        13,
-        complete=True,
-        confirmed=confirmed,
-    )
+    written = read_trial(TASK, rows[0])
+    nearest = NearestFailure(first, written, 13, complete=True, confirmed=confirmed)
     return SearchAnswer(
         ended="budget",
         explored=len(rows),
@@ -102,16 +92,8 @@ def make_answer():
         best=best,
         confirmed=confirmed,
         nearest=nearest,
-        shrunk=ShrunkScenario(
-            ("minimal: kitchen_door (of 3 objects)",),
-            minimal=True,
-            runs=9,
-        ),
-        findings=(
-            DistinctFailure(
-                "keeps-clear", "kitchen_door", "kitchen", 2, best
-            ),
-        ),
+        shrunk=ShrunkScenario(("minimal: kitchen_door (of 3 objects)",), minimal=True, runs=9),
+        findings=(DistinctFailure("keeps-clear", "kitchen_door", "kitchen", 2, best),),
         influence=(
             Influence("robot.laser.noise", 0.08, 6),
             Influence("doors_moving.kitchen_opens", -0.93, 6),
