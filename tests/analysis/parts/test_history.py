@@ -94,10 +94,15 @@ def history(reader):
 
 
 @pytest.fixture
-def state(places, tmp_path, monkeypatch):
-    """The state directory of commands, whose pages are not drawn."""
+def undrawn(monkeypatch):
+    """Pages without drawings: whoever starts Vega waits for a second."""
     draw = "daemon.analysis.history_page.draw_charts"
     monkeypatch.setattr(draw, lambda charts: ["<svg></svg>"] * len(charts))
+
+
+@pytest.fixture
+def state(places, undrawn, tmp_path, monkeypatch):
+    """The state directory of commands."""
     monkeypatch.setenv("SCENARIO_STATE", str(places.ledger.parent))
     monkeypatch.chdir(tmp_path)
 
@@ -125,20 +130,20 @@ def test_the_first_sentence_says_what_is_new(history, count, headline):
     assert replace(history, submissions=history.submissions[:count]).headline == headline
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_page_tells_what_changed_and_no_name_becomes_part_of_it(history, golden):
     page = history_page(history)
     golden("history.txt", text_of(page))
     assert HOSTILE not in page
     assert history_page(replace(history, submissions=history.submissions[:1]))
-    # Times are drawn of every submission, also where oracles have other names.
+
+
+def test_times_are_drawn_of_every_submission_also_where_oracles_have_other_names(history):
     *older, newest = history.submissions
     renamed = tuple(replace(one, oracle="arrives soon") for one in newest.oracles)
-    other = replace(history, submissions=(*older, replace(newest, oracles=renamed)))
-    for one in (page, history_page(other)):
-        (times, *_) = re.findall(
-            r'aria-label="S1 .*?<path d="([^"]*)" stroke="var\(--second\)"', one
-        )
-        assert times.count("L") == 2
+    page = history_page(replace(history, submissions=(*older, replace(newest, oracles=renamed))))
+    (times, *_) = re.findall(r'aria-label="S1 .*?<path d="([^"]*)" stroke="var\(--second\)"', page)
+    assert times.count("L") == 2
 
 
 def test_the_command_writes_page_and_json(state, tmp_path, capsys):
