@@ -8,7 +8,9 @@ import pytest
 from daemon.batch.errors import Refused
 from daemon.model.run_state import RunState
 from daemon.model.verdicts import Outcome
+from scenario_tui.dashboard import feed
 from scenario_tui.dashboard.config import Config
+from scenario_tui.dashboard.screens import campaigns
 from scenario_tui.dashboard.screens.runs import RunsScreen
 from tests.people.dashboard.daemons import judged_campaign
 from tests.people.dashboard.journeys import Journey, clicked, follow, has, resized
@@ -63,8 +65,8 @@ def compared_before():
     return FakeDaemon(more=(Entered("nightly-0", "nightly", rows, NOW - 2e5),))
 
 
-def thousands():
-    rows = ((f"c{n}-00000000", make_row(0, id=f"c{n}-00000000.0")) for n in range(600))
+def more_than_are_shown():
+    rows = ((f"c{n}-00000000", make_row(0, id=f"c{n}-00000000.0")) for n in range(6))
     return FakeDaemon(more=tuple(
         Entered(name, name, (replace(row, campaign=name),), NOW) for name, row in rows
     ))  # fmt: skip
@@ -210,7 +212,7 @@ JOURNEYS = {
     ),
     "little-room": Journey([resized(80, 24)], size=(80, 15)),
     "comes-back": Journey([has(reachable=True)], lambda: FakeDaemon(reachable=False)),
-    "thousands": Journey([], thousands),
+    "many": Journey([], more_than_are_shown),
     **{
         f"smallest-{state}": Journey(
             ["enter", "G enter", "1 m", "2", "3", resized(20, 5)],
@@ -257,6 +259,8 @@ async def test_a_way_through_the_dashboard_is_as_it_was(
     dashboard, golden, tmp_path, monkeypatch, name
 ):
     monkeypatch.chdir(tmp_path)
+    for module in (feed, campaigns):
+        monkeypatch.setattr(module, "CAMPAIGNS_SHOWN", 5)
     way = JOURNEYS[name]
     dash = await dashboard(way.daemon(), way.size, config=way.config)
     text = await follow(dash, way.steps)

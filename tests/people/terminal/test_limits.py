@@ -23,16 +23,13 @@ from scenario_tui.text.styles import GLYPHS, dashboard_theme
 BLACK = Color.parse("#121212")
 
 
-@pytest.mark.parametrize("name", ["dumb", "unknown", ""])
-def test_a_dumb_terminal_is_refused_with_what_to_do(name):
-    said = why_undrawable({"TERM": name})
-    assert "cannot be drawn on" in said
-    assert "scenario status" in said
-
-
-@pytest.mark.parametrize("name", ["xterm", "linux", "screen", "vt100", "tmux-256color"])
-def test_others_are_drawn_on(name):
-    assert why_undrawable({"TERM": name}) == ""
+def test_a_dumb_terminal_is_refused_with_what_to_do_and_others_are_drawn_on():
+    for name in ("dumb", "unknown", ""):
+        said = why_undrawable({"TERM": name})
+        assert "cannot be drawn on" in said
+        assert "scenario status" in said
+    for name in ("xterm", "linux", "screen", "vt100", "tmux-256color"):
+        assert why_undrawable({"TERM": name}) == ""
 
 
 @pytest.mark.parametrize(
