@@ -197,7 +197,7 @@ def resampled(p, poses, weights, draws):
 def clusters(poses):
     """Cluster of every pose: connected components of occupied bins over 26 neighbours."""
     bins = [bin_of(pose) for pose in poses]
-    labels = {}
+    occupied, labels = set(bins), {}
     for first in bins:
         if first in labels:
             continue
@@ -205,7 +205,7 @@ def clusters(poses):
         waiting = [first]
         while waiting:
             a, b, c = waiting.pop()
-            if (a, b, c) in labels or (a, b, c) not in set(bins):
+            if (a, b, c) in labels or (a, b, c) not in occupied:
                 continue
             labels[a, b, c] = number
             around = (-1, 0, 1)

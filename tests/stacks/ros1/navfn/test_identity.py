@@ -125,7 +125,7 @@ def test_the_restricted_wave_is_at_work_and_exact_in_the_corridor_of_building_c(
     restricted = a_field(grid)
     whole = a_field(twin, margins=())
     columns = grid.cells.shape[1]
-    trips = building.drive(0.04)[1100:1140]
+    trips = building.drive(0.04)[1100:1127]
     for k, (start, goal) in enumerate(trips):
         here, there = grid.cell(start.x, start.y), grid.cell(goal.x, goal.y)
         low, up = here[1] - 60, here[0] - 60
@@ -140,7 +140,7 @@ def test_the_restricted_wave_is_at_work_and_exact_in_the_corridor_of_building_c(
         if k % 13 == 0:
             assert np.array_equal(found, path(whole, *trip))
             assert found.shape[0] > 1000
-    assert restricted.restricted > 30
+    assert restricted.restricted > 20
 
 
 def plan(grid, start, goal, tolerance=0.0):
