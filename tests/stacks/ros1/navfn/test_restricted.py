@@ -125,3 +125,19 @@ def test_a_goal_walled_in_has_no_path_until_the_wall_is_gone():
         assert np.array_equal(found, path(whole, start, goal))
         assert (len(found) == 0) is (value == 254)
     assert field.restricted > 3
+
+
+def test_what_remains_is_the_least_beside_a_cell():
+    # A corridor of one row: a step along it costs 50, and beside it there is no way.
+    costs = np.full(100, 254, dtype=np.uint16)
+    costs[51:59] = 50
+    wave, begin = wave_over(costs, 10)
+    remainder = CostToGo(wave, navfn_costs(allow_unknown=True))
+    assert remainder.renew(begin + 52, 1e6)
+    assert remainder.whole
+    assert [remainder.at(begin + n) for n in (52, 53, 54, 57)] == [0.0, 0.0, 50.0, 200.0]
+    # A cell that is blocked itself is left to the side; one that is off the corridor, nowhere.
+    assert [remainder.at(begin + n) for n in (45, 65)] == [150.0, 150.0]
+    assert remainder.at(begin + 80) == FAR
+    remainder.drop()
+    assert remainder.goal == -1
