@@ -57,9 +57,7 @@ def spread(model, **alphas):
 def test_spreads_of_a_straight_step_are_those_the_original_shows():
     np.testing.assert_allclose(spread("omni-corrected"), [0.032, 0.045, 0.032], rtol=0.03)
     np.testing.assert_allclose(spread("diff-corrected"), [0.032, 0.003, 0.045], rtol=0.1)
-
-
-def test_models_not_corrected_take_variances_for_standard_deviations():
+    # Models that are not corrected take variances for standard deviations.
     np.testing.assert_allclose(spread("omni"), [0.001, 0.002, 0.001], rtol=0.03)
     np.testing.assert_allclose(spread("diff")[[0, 2]], [0.001, 0.001 * math.sqrt(2.0)], rtol=0.03)
 

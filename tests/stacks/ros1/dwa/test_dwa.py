@@ -90,21 +90,14 @@ def test_the_nose_counts_until_the_end_of_the_plan_is_near():
 def test_a_costmap_of_another_size_or_place_takes_the_place_of_the_last():
     dwa = controller()
     dwa.set_plan(straight())
-    twist = Twist2(0.1, 0.0, 0.0)
-    expected = controller()
-    expected.set_plan(straight())
-    free = expected.command(Pose2(), twist, Pose2(), empty()).twist
-    assert dwa.command(Pose2(), twist, Pose2(), empty()).twist == free
-    walled = empty()
-    walled.cells[:, 31] = 254
-    assert not dwa.command(Pose2(), twist, Pose2(), walled).ok
-    larger = CostGrid(0.05, -2.0, -2.0, np.zeros((80, 80), dtype=np.uint8))
-    larger.cells[:, 41] = 254
-    assert not dwa.command(Pose2(), twist, Pose2(), larger).ok
+    walled, larger = empty(), CostGrid(0.05, -2.0, -2.0, np.zeros((80, 80), dtype=np.uint8))
+    walled.cells[:, 31] = larger.cells[:, 41] = 254
+    for local, ok in ((empty(), True), (walled, False), (larger, False)):
+        assert dwa.command(Pose2(), Twist2(0.1), Pose2(), local).ok is ok
     larger.cells[:, 41] = 0
     larger.touch((0, 0, 80, 80))
-    assert dwa.command(Pose2(), twist, Pose2(), larger).ok
-    assert dwa.command(Pose2(), twist, Pose2(), empty()).ok
+    for local in (larger, empty()):
+        assert dwa.command(Pose2(), Twist2(0.1), Pose2(), local).ok
 
 
 def test_what_is_kept_between_cycles_changes_no_command():
@@ -194,12 +187,11 @@ def test_what_is_ruled_out_is_free_again_beyond_the_distance_or_the_angle(step, 
 
 
 def test_free_again_a_robot_may_turn_round_once_more():
-    memory = Oscillation(0.5, 0.25)
-    for x, vx in ((0.0, 0.2), (0.0, -0.2), (1.0, -0.2), (1.0, 0.2)):
+    memory, banned = Oscillation(0.5, 0.25), []
+    for x, vx in ((0.0, 0.2), (0.0, -0.2), (1.0, -0.2), (1.0, 0.2), (1.0, -0.2)):
         memory.chosen((x, 0.0, 0.0), (vx, 0.0, 0.0), 0.125)
-    assert not memory.banned.any()
-    memory.chosen((1.0, 0.0, 0.0), (-0.2, 0.0, 0.0), 0.125)
-    assert memory.banned.tolist() == [0, 1, 0, 0, 0, 0]
+        banned.append(memory.banned.tolist())
+    assert banned[3:] == [[0] * 6, [0, 1, 0, 0, 0, 0]]
 
 
 def test_kernels_get_every_parameter_under_its_own_name():

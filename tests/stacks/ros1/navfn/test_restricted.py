@@ -99,6 +99,7 @@ def test_up_to_its_limit_the_remainder_is_that_without_one(seed):
     assert np.array_equal(limited.ahead[within], endless.ahead[within])
     assert (limited.ahead[~within] > limit).all()
     assert limited.whole or (endless.ahead[~within] < UNREACHED).any()
+    assert not limited.whole or (endless.ahead[limited.ahead >= UNREACHED] >= UNREACHED).all()
     for _ in range(3):
         window = disturb(random, grid)
         if field._copy(window):
