@@ -9,7 +9,7 @@ import pytest
 from daemon.campaign import examine
 from grammars.text.diagnostics import InputError
 from scenario_tui.library.campaign import load
-from tests.campaign.loaded import findings_of
+from tests.campaign.loaded import findings_of, messages
 
 LAYERS = {
     "house.oracles.yaml": "reached: reached(mission, 0.3 m)\nnear: min(clearance) >= 1 cm\n",
@@ -50,8 +50,39 @@ def found(path):
     return [f"{d.severity[0].upper()} {d.message}" for d in findings_of(path)]
 
 
-def test_a_campaign_every_word_of_which_has_an_effect_has_no_findings(house):
-    assert found(house()) == []
+KITCHEN = ("courier.mission.yaml", "x: 0.2, y: -2.1", "x: 0.2, y: -0.85")
+TWICE = ("courier.mission.yaml", "id: home", "id: kitchen")
+VARIED = {"vary": {"floorplan": "flat", "samples": 4, "seed": 1}, "mission": "courier",
+          "oracles": ["reached"]}  # fmt: skip
+HOUSES = {
+    "every word has an effect": ((), {}),
+    "a path without its ending": ((), {"calm": CALM | {"objects": ["doors", "more/more"]}}),
+    "an oracle that no scenario uses": ((), {"near": None}),
+    "variants of a plan say the same thing once": ((KITCHEN,), {"calm": VARIED}),
+    "two places of one name": ((TWICE,), {}),
+    "one place that is visited twice": (
+        (TWICE, ("courier.mission.yaml", "x: 0.4, y: 0.0", "x: 0.2, y: -2.1")), {}),
+}  # fmt: skip
+
+
+def test_findings_about_campaigns(house, demo, golden):
+    """``findings.txt``: what is found in campaigns that differ from one that is sound."""
+    (demo / "more").mkdir()
+    shutil.copy(demo / "more.scenery", demo / "more" / "more.scenery")
+    mission, lines = (demo / "courier.mission.yaml").read_text(), []
+    for name, (changes, keys) in HOUSES.items():
+        (demo / "courier.mission.yaml").write_text(mission)
+        for file, old, new in changes:
+            change(demo / file, old, new)
+        lines += [f"--- {name}", *messages(house(**keys))]
+    golden("findings.txt", "\n".join(lines) + "\n")
+
+
+def test_oracles_that_another_campaign_may_use_are_an_offer(house, demo):
+    path = house(near=None)
+    shutil.copy(path, demo / "other.yaml")
+    change(demo / "other.yaml", "campaign: tiny", "campaign: other")
+    assert found(path) == []
 
 
 def test_a_submission_is_refused_with_all_errors(house, demo):
@@ -71,42 +102,6 @@ def test_more_runs_than_the_daemon_takes_are_refused_before_anything_is_drawn(ho
         load(path).submission()
     line = refusal.value.findings[0].where.line
     assert path.read_text().splitlines()[line - 1] == "repeats: 100000"
-
-
-def test_a_path_without_its_ending_has_the_existing_file_as_a_hint(house, demo):
-    (demo / "more").mkdir()
-    shutil.copy(demo / "more.scenery", demo / "more" / "more.scenery")
-    (error,) = findings_of(house(CALM | {"objects": ["doors", "more/more"]}))
-    assert error.message == 'no file "more/more" for the scenery'
-    assert error.hint == "a path has an ending: more/more.scenery"
-
-
-def test_oracles_that_another_campaign_may_use_are_an_offer(house, demo):
-    path = house(near=None)
-    assert found(path) == ["W no scenario uses the oracle near"]
-    shutil.copy(path, demo / "other.yaml")
-    change(demo / "other.yaml", "campaign: tiny", "campaign: other")
-    assert found(path) == []
-
-
-def test_variants_of_a_plan_say_the_same_thing_once(house, demo):
-    change(demo / "courier.mission.yaml", "x: 0.2, y: -2.1", "x: 0.2, y: -0.85")
-    vary = {"floorplan": "flat", "samples": 4, "seed": 1}
-    path = house({"vary": vary, "mission": "courier", "oracles": ["reached"]})
-    about = [text for text in found(path) if "kitchen" in text]
-    assert len(about) == len({text.split("(")[0] for text in about})
-    assert 0 < len(about) < 4
-
-
-def test_two_places_of_one_name_are_told_apart(house, demo):
-    change(demo / "courier.mission.yaml", "id: home", "id: kitchen")
-    (error,) = findings_of(house())
-    assert error.where.line == 9
-    assert error.message == (
-        'two waypoints are called "kitchen": one at (0.2, -2.1), one at (0.4, 0)'
-    )
-    change(demo / "courier.mission.yaml", "x: 0.4, y: 0.0", "x: 0.2, y: -2.1")
-    assert found(house()) == []
 
 
 def test_a_pipe_and_a_folder_beside_a_campaign_are_no_campaigns(house, demo):

@@ -1,8 +1,6 @@
 """bt_navigator: the action of Nav2 that drives to a pose, with its genuine type."""
 
 import json
-from dataclasses import dataclass
-from typing import Any
 
 from geometry_msgs.msg import PoseStamped
 from nav2_msgs.action import NavigateToPose
@@ -21,14 +19,6 @@ _DELAY = 1_000_000_000
 _UNKNOWN = 9000
 
 
-@dataclass
-class _Task:
-    """A goal under way, and when it began [ns]."""
-
-    handle: Any
-    begin: int
-
-
 class Navigator(StandinNode):
     """Takes goals one at a time: a new one ends the old one, as Nav2's action servers do.
 
@@ -37,7 +27,7 @@ class Navigator(StandinNode):
 
     def __init__(self, options):
         super().__init__("bt_navigator", options)
-        self._task = None
+        self._handle, self._begun = None, 0
         self._logs = self.create_publisher(BehaviorTreeLog, "behavior_tree_log", 10)
         self._goals = self.create_publisher(PoseStamped, GOAL, 10)
         self.create_subscription(String, STATE, self._on_state, 100)
@@ -61,12 +51,12 @@ class Navigator(StandinNode):
         return GoalResponse.ACCEPT
 
     def _begin(self, handle):
-        if self._task is not None:
+        if self._handle is not None:
             self._end("abort", _UNKNOWN, "a newer goal has taken over")
         pose = handle.request.pose
         now = nanoseconds(pose.header.stamp)
         begin = -(-(now + _MARGIN) // ALIGNMENT) * ALIGNMENT + _DELAY
-        self._task = _Task(handle, begin)
+        self._handle, self._begun = handle, begin
         place = pose.pose.position
         self.get_logger().info(f"Begin navigating to ({place.x:.2f}, {place.y:.2f})")
         goal = PoseStamped(pose=pose.pose)
@@ -76,10 +66,10 @@ class Navigator(StandinNode):
         self._log("IDLE", "RUNNING")
 
     def _on_state(self, message):
-        state, task = json.loads(message.data), self._task
-        if task is None or state["of"] != task.begin:
+        state = json.loads(message.data)
+        if self._handle is None or state["of"] != self._begun:
             return
-        is_due = state["now"] - task.begin >= self.options.after * 1e9
+        is_due = state["now"] - self._begun >= self.options.after * 1e9
         if is_due and self.options.has("goal-aborted"):
             self._end("abort", self.options.error_code, self.options.error_msg)
         elif is_due and self.options.has("no-server"):
@@ -91,7 +81,7 @@ class Navigator(StandinNode):
             self._end("succeed")
         else:
             feedback = NavigateToPose.Feedback(distance_remaining=state["rest"])
-            task.handle.publish_feedback(feedback)
+            self._handle.publish_feedback(feedback)
 
     def _log(self, previous, current):
         change = BehaviorTreeStatusChange(
@@ -101,7 +91,7 @@ class Navigator(StandinNode):
 
     def _end(self, ending, code=0, text=""):
         """Hand in the result of the current goal; stop, unless the robot has arrived."""
-        task, self._task = self._task, None
+        handle, self._handle = self._handle, None
         if ending != "succeed":
             self._goals.publish(PoseStamped())
         self._log("RUNNING", "SUCCESS" if ending == "succeed" else "FAILURE")
@@ -111,4 +101,4 @@ class Navigator(StandinNode):
             getattr(handle, ending)()
             return NavigateToPose.Result(error_code=code, error_msg=text)
 
-        task.handle.execute(finish)
+        handle.execute(finish)
