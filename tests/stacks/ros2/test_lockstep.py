@@ -28,6 +28,8 @@ CASES = {
     "one that lags is waited for before its first answer too": (
         ["lagging more"], {"real_time": True}),
     "silence after an answer": (["answered", *1000 * ["nothing"]], {"late": 0.99}),
+    "silence that an answer ends": (
+        2 * ["answered", *100 * ["nothing"]], {"late": 0.99}),
     "silence from the start": (1000 * ["nothing"], {}),
     "half of the answers are late": (1000 * ["answered", "feedback"], {}),
     "pauses between waypoints do not make a short run an error": (
