@@ -275,12 +275,6 @@ def test_who_walks_sideways_keeps_its_heading_on_the_way_back():
     assert {follower.at(t)[2] for t in np.arange(0.0, 20.0, 0.1)} == {0.3}
 
 
-def test_velocities_are_those_of_the_walk():
-    now = world(person(), start=FAR, behaviours=(LINE,))
-    now.advance(300)
-    assert now.joint_states()[1] == pytest.approx([0.8, 0.0, 0.0], abs=1e-9)
-
-
 def test_the_laser_sees_a_mover_where_it_is():
     who = person(ring=box(-0.2, -0.2, 0.2, 0.2))
     now = world(who, wall("wall", 6.0, -9.0, 6.2, 9.0), behaviours=(replace(LINE, start=2.0),),

@@ -3,22 +3,16 @@
 import math
 from dataclasses import replace
 
-import numpy as np
 import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daemon.simulator import World
-from grammars.floorplan import load_floorplan
 from grammars.model.behaviour import Jump, KeyFrame, KeyFrames, Servo, Spring, Trigger
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.kinematics import link_poses
 from grammars.model.scene import Doorway, Joint, Link, SceneObject
-from grammars.scenery import load_scenery
-from grammars.scenery.composition import compile_scene, resolve_behaviours
 from tests.engine.simulator.scenes import (
-    IMPOSED,
     ROBOT,
     box,
     door,
@@ -154,32 +148,3 @@ def test_a_leaf_in_pieces_swings_like_the_leaf_in_one_and_as_its_inertia_says():
     for tick, angle in enumerate(angles[:100], start=1):
         turned = 1.4 * (1.0 - math.cos(math.sqrt(2.0 / inertia) * max(0.0, tick / 100 - 0.05)))
         assert angle == pytest.approx(turned, abs=0.02)
-
-
-def test_the_published_doors_jump_when_their_files_say_and_as_they_are_listed(campaigns):
-    folder = campaigns / "ortega2024"
-    layers = [load_scenery(folder / f"{name}.scenery") for name in ("doors_s2", "doors_timed_era")]
-    scene = compile_scene(load_floorplan(folder / "building_c.fpm"), layers)
-    seed = np.random.SeedSequence(1)
-    behaviours = resolve_behaviours(scene, layers, seed=seed, limit=1800.0).behaviours
-    simulated = World(scene, IMPOSED, Pose2(), behaviours, seed)
-
-    def after(time):
-        """The angles of doors 1 to 11 once the step that begins then is over."""
-        simulated.advance(round(time * 100) + 1 - simulated.tick)
-        return [float(angle) for angle in simulated.joint_positions()]
-
-    assert after(9.99) == pytest.approx([0.0] * 11, abs=1e-6)
-    # The second frame of door 2 is for 7 s: late, it comes one step after the first one.
-    assert after(10.00) == pytest.approx([0.0] * 11, abs=1e-6)
-    for time in (10.01, 60.0, 89.99):
-        assert after(time) == pytest.approx([0.0, 1.0, *[0.0] * 9], abs=1e-6)
-    assert after(90.0)[8] == pytest.approx(1.7, abs=1e-6)
-    assert after(97.99)[1] == pytest.approx(1.0, abs=1e-6)
-    assert after(98.0)[1] == pytest.approx(1.7, abs=1e-6)
-    texts = [event.text for event in simulated.take_events() if event.source == "door_2.hinge"]
-    assert texts == [
-        "key frame 1 at 10 s: to 0",
-        "key frame 2 at 7 s: to 1",
-        "key frame 3 at 98 s: to 1.7",
-    ]

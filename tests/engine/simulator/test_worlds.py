@@ -12,8 +12,11 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from daemon.simulator import World
+from grammars.floorplan import load_floorplan
 from grammars.model.behaviour import (
     Hold,
     JointActs,
@@ -30,6 +33,8 @@ from grammars.model.behaviour import (
 )
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.scene import Doorway
+from grammars.scenery import load_scenery
+from grammars.scenery.composition import compile_scene, resolve_behaviours
 from tests.engine.judging.traces import answers
 from tests.engine.simulator.scenes import (
     DRIVE,
@@ -126,6 +131,16 @@ def light(behaviour, start=FAR, pose=ORIGIN, opening=0.0, **other):
 
 def falls(rest=1.4, distance=1.3, **options):
     return Trigger("d.hinge", rest, 0.0, distance, Spring(0.5), of="foot", **options)
+
+
+def published():
+    """The building of the published worlds with its doors."""
+    folder = Path(__file__).parents[3] / "campaigns" / "ortega2024"
+    layers = [load_scenery(folder / f"{name}.scenery") for name in ("doors_s2", "doors_timed_era")]
+    scene = compile_scene(load_floorplan(folder / "building_c.fpm"), layers)
+    seed = np.random.SeedSequence(1)
+    behaviours = resolve_behaviours(scene, layers, seed=seed, limit=1800.0).behaviours
+    return World(scene, IMPOSED, Pose2(), behaviours, seed)
 
 
 DOOR, SLIDER = door("d", Pose2(5.0)), sliding_door("s", Pose2(5.0, 0.0, 0.4))
@@ -237,6 +252,7 @@ WORLDS = {
     "falls shut": lambda: light(falls(), Pose2(0.0, -20.0, math.pi / 2)),
     "pushed at rest": lambda: light(falls(distance=0.2), Pose2(-0.7, 1.2, -math.pi / 2)),
     "thrown": lambda: light(falls(begin=0.0)),
+    "published": published,
     "loose": lambda: light(
         frames(Jump(), (1.0, 1.7), (20.0, 0.0)), Pose2(-0.6, -1.5, math.pi / 2)
     ),
