@@ -1,7 +1,9 @@
 """What watchers see of a run, when it is judged for them, and that the run does not notice."""
 
+import math
 import random
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -24,7 +26,7 @@ from daemon.run_judge import WatchedRun
 from grammars.model.geometry import Pose2
 from grammars.model.robot import Laser, Mount
 from grammars.text import codec
-from tests.engine.judging.traces import along, cut, make_trace, mission, times
+from tests.engine.judging.traces import along, answers, cut, make_trace, mission, times
 
 LASER = Laser(Mount(0.5), 0.3, -np.pi / 2, np.pi / 2, 181, 0.05, 10.0, 10.0, 0.01, 0.0)
 BARE = Snapshot(1.0, 10.0, Pose2(1.0, 2.0), None, 0, 1, ())
@@ -229,39 +231,28 @@ class Judging:
             self.now += STEP
 
 
-@pytest.mark.parametrize(("first", "later"), [(2.0, 0.2), (0.2, 0.2), (0.5, 0.5)])
-@pytest.mark.parametrize("before", [0.3, 2.5, 10.1, 60.0])
-def test_who_opens_a_run_is_told_within_a_second(monkeypatch, first, later, before):
-    judging = Judging(monkeypatch, first, later)
-    judging.go_on("margin", before)
-    opened = judging.now
-    judging.go_on("everything", 3.0)
-    assert judging.told[0] <= opened + STEP + later
+def test_judging_keeps_to_its_share_and_tells_who_opens_a_run_within_a_second(golden, monkeypatch):
+    """``judging.txt`` has what the first judgement and the later ones cost, and who watches."""
 
+    def told(costs, line):
+        judging, waits = Judging(monkeypatch, *costs), []
+        times, _, steps = line.rpartition(" × ")
+        for step in steps.split(", ") * int(times or 1):
+            wanted, seconds = step.removesuffix(" s").split(" for ")
+            opened, before = judging.now, len(judging.told)
+            judging.go_on(wanted, float(seconds))
+            if wanted == "everything":
+                waits.append([time - opened for time in judging.told[before:]])
+        first, second = max(wait[0] for wait in waits), [wait[1] for wait in waits if wait[1:]]
+        return (
+            f"told after {first:.2f} s and {max(second, default=math.nan):.2f} s at the latest, "
+            f"{len(judging.costs)} judgements, {judging.share():.1%} of the time"
+        )
 
-def test_the_second_judgement_does_not_wait_for_what_the_first_had_to_load(monkeypatch):
-    judging = Judging(monkeypatch, first=2.0, later=0.05)
-    judging.go_on("everything", 6.0)
-    assert judging.told[1] <= judging.told[0] + 1.0 + STEP
+    def costs(name):
+        return [float(word.removesuffix(" s")) for word in name.split(", then ")]
 
-
-@pytest.mark.parametrize(("wanted", "share"), [("margin", 0.05), ("everything", 0.1)])
-def test_judging_keeps_to_its_share(monkeypatch, wanted, share):
-    judging = Judging(monkeypatch, first=0.5, later=0.5)
-    judging.go_on(wanted, 400.0)
-    assert 0.8 * share < judging.share() <= share
-
-
-@pytest.mark.parametrize("away", ["nothing", "margin"])
-def test_opening_a_run_again_and_again_does_not_slow_it_down(monkeypatch, away):
-    judging = Judging(monkeypatch, first=0.5, later=0.5)
-    for _ in range(150):
-        judging.go_on(away, 1.0)
-        opened, before = judging.now, len(judging.told)
-        judging.go_on("everything", 1.0)
-        # Told again what was judged last, where judging anew has to wait.
-        assert judging.told[before] <= opened + STEP + 0.5
-    assert judging.share() <= 0.1
+    golden("judging.txt", answers(Path(__file__).with_name("judging.txt"), costs, told))
 
 
 def test_a_judgement_that_cannot_be_told_does_not_end_the_run(monkeypatch):

@@ -8,7 +8,7 @@ from hypothesis.extra.numpy import arrays
 
 from daemon.model import ros_messages as ros
 from daemon.model.sut import CostmapPicture
-from daemon.trace import encode_costmap, encode_path, layouts, messages
+from daemon.trace import decode_path, encode_costmap, encode_path, layouts, messages
 from daemon.trace.layouts import HEADER, stamps
 from grammars.model.grid import OccupancyGrid
 from tests.engine.trace.recordings import ROBOT
@@ -109,6 +109,10 @@ def test_a_path_is_what_rosbags_serializes(points, now):
     assert ros.serialize(message, "nav_msgs/msg/Path") == data
     found = [(p.pose.position.x, p.pose.position.y) for p in message.poses]
     np.testing.assert_array_equal(np.array(found).reshape(-1, 2), points)
+    np.testing.assert_array_equal(decode_path(data), points)
+    for wrong in (data[:-1], data + b"\0", b""):
+        with pytest.raises(ValueError, match="another size"):
+            decode_path(wrong)
     for header in (message.header, *(p.header for p in message.poses)):
         assert header.stamp.sec * 10**9 + header.stamp.nanosec == now
         assert header.frame_id == "map"

@@ -16,8 +16,6 @@ from daemon.trace import (
     JointSamples,
     MovingLinks,
     ProgressRecord,
-    decode_path,
-    encode_path,
     read_trace,
 )
 from grammars.model.geometry import Pose2, Twist2
@@ -227,16 +225,6 @@ def test_plans_come_back_when_they_are_asked_for(recorded):
     assert [plan.time for plan in plans] == [0.0, *(float(t) for t in range(2, 13, 2))]
     for half, plan in enumerate(plans):
         np.testing.assert_array_equal(plan.points, [(0.0, 1.0), (2.0, 3.0), (half, 5.0)])
-
-
-@pytest.mark.parametrize("count", [0, 1, 2, 57])
-def test_paths_of_any_length_are_read_back(count):
-    points = np.arange(2.0 * count).reshape(count, 2)
-    payload = encode_path(3, points)
-    np.testing.assert_array_equal(decode_path(payload), points)
-    for wrong in (payload[:-1], payload + b"\0", b""):
-        with pytest.raises(ValueError, match="another size"):
-            decode_path(wrong)
 
 
 # Poses of links that joints move.
