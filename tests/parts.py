@@ -28,23 +28,18 @@ def _in_test():
     return "PYTEST_CURRENT_TEST" in os.environ
 
 
-def free_endpoint(host="127.0.0.1"):
+def free_endpoint():
     """An endpoint at which nobody listens, and that is given to nobody else meanwhile.
 
     The port stays bound as long as this process lives: only who sets SO_REUSEADDR, as servers do,
-    can still listen there. Else another process of the tests gets it before a daemon is up. It is
-    free at ``host`` alone: a connection of another address of this machine may have its number, and
-    who listens at all of them asks for ``::``.
+    can still listen there. Else another process of the tests gets it before a daemon is up.
     """
-    ipv6 = ":" in host
-    held = socket.socket(socket.AF_INET6 if ipv6 else socket.AF_INET)
+    held = socket.socket()
     held.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    if ipv6:
-        held.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 0)
-    held.bind((host, 0))
+    held.bind(("127.0.0.1", 0))
     port = held.getsockname()[1]
     held.detach()
-    return f"tcp/[{host}]:{port}" if ipv6 else f"tcp/{host}:{port}"
+    return f"tcp/127.0.0.1:{port}"
 
 
 DEADLINE = 120.0

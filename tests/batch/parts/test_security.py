@@ -1,10 +1,8 @@
 """Keys over TLS against a real daemon: who asks, who is believed, who is let in."""
 
 import shutil
-import socket
-import ssl
 import tarfile
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -306,25 +304,6 @@ def test_no_file_of_the_daemon_has_a_secret(daemon, keys):
     assert {"daemon.log", "ledger.db"} <= {path.name for path in files}
     written = b"".join(path.read_bytes() for path in files) + daemon.output.encode()
     assert [secret for secret in secrets if secret.encode() in written] == []
-
-
-def test_it_listens_at_addresses_of_either_kind(keys):
-    with closing(socket.socket(socket.AF_INET6)) as probe:
-        try:
-            probe.bind(("::1", 0))
-        except OSError:
-            pytest.skip("there is no IPv6 here")
-    address = free_endpoint("::").replace("tcp/", "tls/")
-    port = int(address.rpartition(":")[2])
-    with bus.open_router([address], find_daemon_credentials(keys)):
-        context = ssl.create_default_context(cafile=str(keys / "ca.pem"))
-        context.load_cert_chain(keys / "viewer" / "cert.pem", keys / "viewer" / "key.pem")
-        for host in ("::1", "127.0.0.1"):
-            with (
-                socket.create_connection((host, port), timeout=60.0) as plain,
-                context.wrap_socket(plain, server_hostname=host) as wrapped,
-            ):
-                assert wrapped.version() == "TLSv1.3"
 
 
 def test_of_a_daemon_that_was_killed_nothing_is_said_about_the_key(keys, tmp_path):
