@@ -3,13 +3,9 @@
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from daemon.campaign import expand, load_campaign
 from daemon.run import load_kernels
 from daemon.stacks.ros1.quirks import FAST
-from tests.stacks.ros1.costmap.test_plain import any_layers, compare, random_costmap
-from tests.stacks.ros1.dwa.helpers import A2S, random_problem
 
 CAMPAIGNS = Path(__file__).parents[1] / "campaigns"
 OTHER_PLANNERS = {
@@ -41,6 +37,12 @@ def load_all():
 
 def load_rare():
     """Compile or load what only tests call: costmaps that few have, and a plain version."""
+    # Here, for benchmarks load the others only.
+    import numpy as np
+
+    from tests.stacks.ros1.costmap.test_plain import any_layers, compare, random_costmap
+    from tests.stacks.ros1.dwa.helpers import A2S, random_problem
+
     random_problem(np.random.default_rng(1), A2S).plain()
     for seed in range(12):
         random = np.random.default_rng(seed)
