@@ -17,7 +17,7 @@ REACHES = (24 * HOUR, 400 * 24 * HOUR)
 """Seconds by which the clock is off at most."""
 
 
-def clock(folder, *, runs=40, steps=12, every=1.0, seed=1, frozen=True):
+def clock(folder, *, runs=40, steps=12, every=1.0, seed=1):
     """Set the clock ``every`` so many seconds: no lease ends before its time, or never."""
     report = Report("clock: set back and forth by hours and by years")
     rng = random.Random(seed)
@@ -35,8 +35,7 @@ def clock(folder, *, runs=40, steps=12, every=1.0, seed=1, frozen=True):
         report.fact("runs that lost their lease meanwhile", again)
         report.expect(again == 0, f"{again} runs lost their lease to the clock")
         verify(report, daemon.state, runs)
-    if frozen:
-        _frozen_worker(report, folder / "frozen")
+    _frozen_worker(report, folder / "frozen")
     return report
 
 

@@ -37,16 +37,13 @@ UNLIMITED = 1e9
 
 
 class Relay:
-    """Passes bytes between a free loopback port and the daemon's, until it is cut.
-
-    One that ``breaks`` ends its connections when it is cut, so that both ends know at once.
-    """
+    """Passes bytes between a free loopback port and the daemon's, until it is cut."""
 
     through = ()
 
-    def __init__(self, endpoint, *, breaks=False):
+    def __init__(self, endpoint):
         host, _, port = endpoint.removeprefix("tcp/").rpartition(":")
-        self._target, self._breaks = (host, int(port)), breaks
+        self._target = host, int(port)
         self._whole = threading.Event()
         self._whole.set()
         self._until_cut = None
@@ -56,8 +53,6 @@ class Relay:
         threading.Thread(target=self._accept, daemon=True).start()
 
     def cut(self):
-        if self._breaks:
-            self.sever()
         self._whole.clear()
 
     def cut_after(self, size):
@@ -120,9 +115,9 @@ class Relay:
 
 
 @contextmanager
-def relay(endpoint, *, breaks=False):
+def relay(endpoint):
     """A cable that is a relay, for the block."""
-    made = Relay(endpoint, breaks=breaks)
+    made = Relay(endpoint)
     try:
         yield made
     finally:

@@ -65,7 +65,7 @@ CASES = (
 )
 
 
-def network(folder, *, cases=CASES, lease=LEASE, isolated=None):
+def network(folder):
     """Perform all cases at once.
 
     Every run is done exactly once. None is started over, but where the line was cut for longer
@@ -73,14 +73,13 @@ def network(folder, *, cases=CASES, lease=LEASE, isolated=None):
     which came first, is the one.
     """
     report = Report("network: cuts, loss, delay, a slow line")
-    isolated = may_make_namespaces() if isolated is None else isolated
+    isolated = may_make_namespaces()
     report.fact("cables", "veth pairs to namespaces" if isolated else "relays")
     with ExitStack() as stack:
         # Relays cannot lose packets: where there are no namespaces, those cases are left out.
-        chosen = [case for case in cases if isolated or not case.loss]
+        chosen = [case for case in CASES if isolated or not case.loss]
         scenes = [
-            _Scene(stack, folder / f"{i}", case, lease, isolated=isolated)
-            for i, case in enumerate(chosen)
+            _Scene(stack, folder / f"{i}", case, isolated=isolated) for i, case in enumerate(chosen)
         ]
         with ThreadPoolExecutor(len(scenes)) as threads:
             for part in threads.map(_Scene.perform, scenes):
@@ -103,20 +102,20 @@ def worker_at(daemon, line, slots, state):
 class _Scene:
     """The daemon, the line and the workers of a case."""
 
-    def __init__(self, stack, folder, case, lease, *, isolated):
-        self._stack, self._folder, self._case, self._lease = stack, folder, case, lease
+    def __init__(self, stack, folder, case, *, isolated):
+        self._stack, self._folder, self._case = stack, folder, case
         self._log, self._over = Executions(folder / "executions"), 0
         endpoint = free_endpoint()
         if case.delay or case.rate:
             shaped = slow_line(endpoint, delay=case.delay, rate=case.rate or UNLIMITED)
             line = stack.enter_context(shaped)
         elif case.breaks:
-            line = stack.enter_context(relay(endpoint, breaks=True))
+            line = stack.enter_context(relay(endpoint))
         else:
             endpoint, (line,) = stack.enter_context(links(endpoint, 1, isolated=isolated))
         self._line = line
         self._daemon = stack.enter_context(
-            daemon_at(folder / "state", listen=endpoint, lease=lease, attempts=3)
+            daemon_at(folder / "state", listen=endpoint, lease=LEASE, attempts=3)
         )
         self._daemon.client().close()
         stack.enter_context(worker_at(self._daemon, line, case.slots, folder / "away"))
@@ -135,10 +134,10 @@ class _Scene:
         report.count(self._log)
         verify(report, self._daemon.state, len(case.work))
         over, cut = report.started_over, max(case.cuts, default=0.0)
-        replaced = case.spare and cut >= self._lease
+        replaced = case.spare and cut >= LEASE
         report.expect(replaced or not over, f"{over} runs were started over")
         # Where all of it happens while the line is cut, the substitute is there first.
-        if replaced and not self._over and cut > self._lease + 2 * max(case.work):
+        if replaced and not self._over and cut > LEASE + 2 * max(case.work):
             attempts = self._counted()
             report.expect(set(attempts) == {2}, f"attempts {attempts} count, wanted 2")
         return report
@@ -165,7 +164,7 @@ class _Scene:
         for number, seconds in enumerate(case.cuts):
             if number:
                 time.sleep(case.gap)
-            self._line.cut()
+            (self._line.sever if case.breaks else self._line.cut)()
             if number < case.restarts:
                 self._daemon.kill()
                 self._daemon.restart()

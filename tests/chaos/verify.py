@@ -14,7 +14,7 @@ from tests.batch.ledger_rules import broken_rules
 from tests.chaos.executor import MESSAGES
 
 
-def verify(report, state, runs, *, traces=True):
+def verify(report, state, runs):
     """Check that each of ``runs`` runs has one result, and a trace that opens and is the one."""
     check_book(report, state / "ledger.db")
     with closing(sqlite3.connect(state / "ledger.db")) as db:
@@ -26,8 +26,7 @@ def verify(report, state, runs, *, traces=True):
         report.fact("results, runs with a result", f"{results[0]}, {results[1]}")
         again = db.execute("SELECT total(attempt > 1), max(attempt) FROM run").fetchone()
         report.fact("runs leased again, most attempts", f"{again[0]:.0f}, {again[1]}")
-        if traces:
-            _check_traces(report, db, StatePaths(state), runs)
+        _check_traces(report, db, StatePaths(state), runs)
 
 
 def check_book(report, ledger):
