@@ -7,13 +7,11 @@ import pytest
 
 from daemon.campaign import LayerLibrary, LayerReference, examine, expand, load_campaign
 from daemon.stacks import registry
-from grammars.floorplan import load_floorplan
-from grammars.scenery import load_scenery
 from grammars.scenery.composition import compile_scene
 from grammars.text.diagnostics import Where
 from templates.jsonld import write_jsonld
 from tests.campaign.loaded import cells, messages, runs
-from tests.languages.plans import world_of
+from tests.languages.plans import layer, two_rooms, world_of
 
 RUDE = {
     "rude": {
@@ -126,7 +124,10 @@ def test_the_campaigns_that_ship_have_no_findings(campaigns, name):
 
 def test_layers_written_as_json_ld_make_the_same_scene(demo):
     """A folder of JSON-LD files is a layer, as exports of ours and published models are."""
-    plan, doors = load_floorplan(demo / "flat.fpm"), load_scenery(demo / "doors.scenery")
+    plan, doors = (
+        two_rooms(),
+        layer("d is a slider in kitchen_doorway, sliding left, on the inside"),
+    )
     write_jsonld(world_of(plan, [doors]), demo / "floorplans" / "house")
     library = LayerLibrary(demo)
     by_name, by_path, objects = (

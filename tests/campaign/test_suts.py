@@ -97,14 +97,12 @@ def test_the_three_mistakes_of_the_paper_are_three_lines(campaigns):
     assert len([line for line in lines if line.strip() != "costmap_common:"]) == 3
 
 
-@pytest.mark.parametrize(
-    ("name", "hears"), [("a2s", True), ("fro-diff", True), ("fro-omni", True), ("a2s-blind", False)]
-)
-def test_only_the_blind_costmaps_do_not_hear_the_scan(campaigns, name, hears):
-    read = read_ros(parameters(campaigns, name))
-    heard = ONE_LASER if hears else ()
-    assert read.topics.heard(ONE_LASER) == Wiring(ONE_LASER, heard, heard)
-    assert read.findings.problems == ()
+def test_only_the_blind_costmaps_do_not_hear_the_scan(campaigns):
+    for name in ("a2s", "fro-diff", "fro-omni", "a2s-blind"):
+        read = read_ros(parameters(campaigns, name))
+        heard = () if name == "a2s-blind" else ONE_LASER
+        assert read.topics.heard(ONE_LASER) == Wiring(ONE_LASER, heard, heard)
+        assert read.findings.problems == ()
 
 
 def test_a_campaign_reports_every_bad_ros_file_at_once(campaign, campaigns):
