@@ -21,7 +21,7 @@ from tests.benchmarks.measurement import (
     microseconds,
     side_by_side,
 )
-from tests.engine.simulator.reference import cast_by_broadcast, world_segments
+from tests.engine.simulator.scenes import cast_by_broadcast, world_segments
 from tests.kernels import load_all
 
 POSES = 40

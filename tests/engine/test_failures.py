@@ -32,17 +32,10 @@ OUTSIDE = (Waypoint("outside", 100.0, 100.0),)
 
 
 @pytest.fixture
-def plugged(tmp_path, monkeypatch):
-    folder = tmp_path / "packages"
-    folder.mkdir()
-    install_plugins(folder, monkeypatch)
-    yield
-    sys.modules.pop(MODULE, None)
-
-
-@pytest.fixture
-def executed(runs, tmp_path, plugged):
+def executed(runs, tmp_path, monkeypatch):
     """Execute a run of the open house by a system of ``tests.plugins``, and read its trace."""
+    (tmp_path / "packages").mkdir()
+    install_plugins(tmp_path / "packages", monkeypatch)
 
     def execute(kind, parameters=None, *, goals=(), limit=30.0, **options):
         spec = runs.spec("open-house", kind, parameters, limit=limit)
@@ -50,7 +43,8 @@ def executed(runs, tmp_path, plugged):
         result = runs.execute(replace(spec, mission=mission), tmp_path / "run.mcap", **options)
         return result, read_trace(tmp_path / "run.mcap")
 
-    return execute
+    yield execute
+    sys.modules.pop(MODULE, None)
 
 
 @pytest.fixture

@@ -14,7 +14,6 @@ from grammars.model.behaviour import Walk
 from grammars.model.geometry import Pose2, Twist2, wrap_angle
 from grammars.model.kinematics import link_poses
 from grammars.model.robot import OdometryNoise
-from tests.engine.simulator.reference import true_ranges
 from tests.engine.simulator.scenes import (
     FAR,
     IMPOSED,
@@ -24,6 +23,7 @@ from tests.engine.simulator.scenes import (
     differential,
     driven,
     person,
+    true_ranges,
     wall,
     world,
 )

@@ -24,7 +24,6 @@ from grammars.model.behaviour import (
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.robot import OdometryNoise
 from grammars.model.scene import Doorway
-from tests.engine.simulator.reference import true_ranges
 from tests.engine.simulator.scenes import (
     ROBOT,
     box,
@@ -33,6 +32,7 @@ from tests.engine.simulator.scenes import (
     person,
     scene,
     sliding_door,
+    true_ranges,
     wall,
     world,
 )

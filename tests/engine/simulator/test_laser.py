@@ -11,14 +11,21 @@ from hypothesis import strategies as st
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.robot import Mount
 from grammars.model.scene import Link, SceneObject, Solid
-from tests.engine.simulator.reference import (
+from tests.engine.simulator.scenes import (
+    LASER,
+    ORIGIN,
+    ROBOT,
+    box,
     cast_by_broadcast,
+    door,
     near_an_end,
     ray_angles,
+    sliding_door,
     true_ranges,
+    wall,
+    world,
     world_segments,
 )
-from tests.engine.simulator.scenes import LASER, ORIGIN, ROBOT, box, door, sliding_door, wall, world
 
 ROOM = (
     wall("south", -5.0, -4.0, 5.0, -3.8),

@@ -183,17 +183,11 @@ def rewritten(source, target, **options):
             writer.add_attachment(0, 0, attachment.name, attachment.media_type, attachment.data)
         for metadata in reader.iter_metadata():
             writer.add_metadata(metadata.name, metadata.metadata)
-        schemas = {}
         channels = {}
         for schema, channel, message in reader.iter_messages():
-            if schema.name not in schemas:
-                schemas[schema.name] = writer.register_schema(
-                    schema.name, schema.encoding, schema.data
-                )
             if channel.topic not in channels:
-                channels[channel.topic] = writer.register_channel(
-                    channel.topic, "cdr", schemas[schema.name]
-                )
+                kind = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.topic] = writer.register_channel(channel.topic, "cdr", kind)
             writer.add_message(
                 channels[channel.topic], message.log_time, message.data, message.publish_time
             )

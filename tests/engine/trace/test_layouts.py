@@ -113,6 +113,8 @@ def test_a_path_is_what_rosbags_serializes(points, now):
     for wrong in (data[:-1], data + b"\0", b""):
         with pytest.raises(ValueError, match="another size"):
             decode_path(wrong)
+    with pytest.raises(ValueError, match="shape"):
+        encode_path(0, np.zeros((4, 3)))
     for header in (message.header, *(p.header for p in message.poses)):
         assert header.stamp.sec * 10**9 + header.stamp.nanosec == now
         assert header.frame_id == "map"
@@ -128,8 +130,3 @@ def test_a_costmap_is_what_rosbags_serializes(frame):
     published = OccupancyGrid(0.05, -1.25, 7.0, grid.data.reshape(cells.shape))
     expected = ros.occupancy_grid(published, now, frame)
     assert ros.serialize(expected, "nav_msgs/msg/OccupancyGrid") == data
-
-
-def test_a_path_must_be_a_list_of_points():
-    with pytest.raises(ValueError, match="shape"):
-        encode_path(0, np.zeros((4, 3)))
