@@ -94,7 +94,8 @@ def expectations(rules, found, runs):
 
 
 def told(rules, line):
-    runs = repeats(line)
+    variant, _, margins = line.rpartition(" of ")
+    runs = tuple(replace(run, scenario=variant or run.scenario) for run in repeats(margins))
     found = assess(rules, runs)
     ((only,),) = (each.oracles for each in found.cells)
     counts = (only.passed, only.failed, only.inconclusive, only.errors, only.missing)
