@@ -50,34 +50,28 @@ def pages():
 
 def blocks(page):
     """Return the blocks of code of a page, in order."""
-    return tuple(_blocks(page, page.read_text("utf-8").splitlines()))
+    return tuple(part for part in _parts(page) if isinstance(part, Block))
 
 
-def _blocks(page, lines):
-    start, fence, indent, words = 0, "", "", ()
-    for number, line in enumerate(lines, start=1):
-        found = _FENCE.match(line)
-        if not fence and found:
-            start, fence, indent = number + 1, found["fence"], found["indent"]
-            words = tuple(found["info"].split())
-        elif fence and line.strip() == fence:
-            body = lines[start - 1 : number - 1]
-            text = "".join(f"{one.removeprefix(indent)}\n" for one in body)
-            yield Block(page, start, words, text)
+def _parts(page):
+    """Yield the blocks of a page, and the numbered lines that are no code."""
+    start, fence, indent, words, body = 0, "", "", (), []
+    for number, line in enumerate(page.read_text("utf-8").splitlines(), start=1):
+        opening = _FENCE.match(line)
+        if fence and line.strip() == fence:
+            yield Block(page, start, words, "".join(body))
             fence = ""
+        elif fence:
+            body.append(f"{line.removeprefix(indent)}\n")
+        elif opening:
+            start, fence, indent = number + 1, opening["fence"], opening["indent"]
+            words, body = tuple(opening["info"].split()), []
+        else:
+            yield number, line
 
 
 def _prose(page):
-    """Yield the numbered lines of a page that are no code."""
-    inside = ""
-    for number, line in enumerate(page.read_text("utf-8").splitlines(), start=1):
-        found = _FENCE.match(line)
-        if inside:
-            inside = "" if line.strip() == inside else inside
-        elif found:
-            inside = found["fence"]
-        else:
-            yield number, line
+    return (part for part in _parts(page) if not isinstance(part, Block))
 
 
 def anchors(page):
