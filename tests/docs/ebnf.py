@@ -107,33 +107,14 @@ def _assignment(node):
 
 
 def _wrapped(name, choices):
-    choices = [choice.replace(_NOTED, "?") for choice in choices]
-    one = f"{name} = {' | '.join(choices)}"
-    if len(one) <= _WIDTH:
-        return one
-    if len(choices) > 1 and max(map(len, choices)) < _WIDTH - 4:
-        start = f"{name} ="
-        lines, line = [], start
-        for choice in choices:
-            part = f" | {choice}" if line != start else f" {choice}"
-            if len(line) + len(part) > _WIDTH:
-                lines.append(line)
-                line = f"   {part}"
-            else:
-                line += part
-        return "\n".join((*lines, line))
-    return _folded(one)
-
-
-def _folded(text):
     """Break a long rule between its parts, never inside a quoted word or an expression."""
-    lines, line = [], ""
-    for word in text.split(" "):
-        if line and len(line) + len(word) >= _WIDTH and line.count("'") % 2 == 0:
+    lines, line = [], f"{name} ="
+    for word in " | ".join(choices).replace(_NOTED, "?").split(" "):
+        if len(line) + len(word) >= _WIDTH and line.count("'") % 2 == 0:
             lines.append(line)
             line = f"    {word}"
         else:
-            line = f"{line} {word}" if line else word
+            line = f"{line} {word}"
     return "\n".join((*lines, line))
 
 

@@ -4,13 +4,12 @@ Outputs are stored, so that a notebook is read with its pictures where nobody ex
 repository and on the site. ``python -m tests.docs --notebooks`` writes them anew.
 """
 
-import os
 import re
 import tempfile
-from contextlib import contextmanager
 from pathlib import Path
 
 import nbformat
+import pytest
 from nbclient import NotebookClient
 from traitlets.config import Config
 
@@ -21,35 +20,18 @@ _CAMPAIGN = re.compile(r"-[0-9a-f]{8}\b")
 """The end of a campaign's id, which changes with the version of whatever can change a run."""
 
 
-@contextmanager
-def _folder():
-    """Make a folder with the campaigns that ship, and nothing of who executes this."""
-    # Sockets of a kernel have short paths: not below the folder of a test.
-    with tempfile.TemporaryDirectory(prefix="nb-") as name:
-        folder = Path(name)
-        (folder / "campaigns").symlink_to(ROOT / "campaigns")
-        before = dict(os.environ)
-        os.environ |= {
-            "IPYTHONDIR": f"{folder}/ipython",
-            "JUPYTER_DATA_DIR": f"{folder}/jupyter",
-            "JUPYTER_RUNTIME_DIR": f"{folder}/run",
-            "SCENARIO_STATE": f"{folder}/state",
-        }
-        try:
-            yield folder
-        finally:
-            os.environ.clear()
-            os.environ.update(before)
-
-
 def executed(path):
     """Return a notebook, executed by a kernel of this Python in a folder of its own."""
     notebook = nbformat.read(path, as_version=4)
-    with _folder() as folder:
-        connection = {"transport": "ipc", "ip": str(folder / "kernel")}
+    # Sockets of a kernel have short paths: not below the folder of a test.
+    with tempfile.TemporaryDirectory(prefix="nb-") as folder, pytest.MonkeyPatch.context() as patch:
+        Path(folder, "campaigns").symlink_to(ROOT / "campaigns")
+        for name in ("IPYTHONDIR", "JUPYTER_DATA_DIR", "JUPYTER_RUNTIME_DIR", "SCENARIO_STATE"):
+            patch.setenv(name, f"{folder}/{name}")
+        connection = {"transport": "ipc", "ip": f"{folder}/kernel"}
         client = NotebookClient(
             notebook,
-            resources={"metadata": {"path": str(folder)}},
+            resources={"metadata": {"path": folder}},
             config=Config(ConnectionFileMixin=connection),
         )
         client.execute()

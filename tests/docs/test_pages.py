@@ -5,7 +5,6 @@ import re
 import shlex
 import textwrap
 import tomllib
-from typing import NamedTuple
 
 import pytest
 import yaml
@@ -19,25 +18,18 @@ _BLOCK = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
 _INLINE = re.compile(r"`([^`\n]+)`")
 _COMMAND = re.compile(r"(?:^\s*|[$>] ?|&& |run: |- )scenario ([a-z]+\b.*)")
 _ROOMS = ("campaigns", "daemon", "docs", "grammars", "scenario_tui", "templates", "tests")
-"""What a page says is no name."""
-
-
-class Line(NamedTuple):
-    """A piece of code of a page, and the page."""
-
-    page: str
-    text: str
 
 
 def _code():
+    """Yield each page with the lines of its blocks and its other pieces of code."""
     for page in PAGES:
         text = page.read_text("utf-8")
         name = str(page.relative_to(ROOT))
         for block in _BLOCK.findall(text):
             for line in block.replace("\\\n", " ").splitlines():
-                yield Line(name, line)
+                yield name, line
         for inline in _INLINE.findall(_BLOCK.sub("", text)):
-            yield Line(name, inline)
+            yield name, inline
 
 
 CODE = tuple(_code())
@@ -45,13 +37,13 @@ CODE = tuple(_code())
 
 def _typed():
     """Return the words behind ``scenario`` of every command in the pages."""
-    for line in CODE:
-        for found in _COMMAND.findall(line.text):
+    for page, line in CODE:
+        for found in _COMMAND.findall(line):
             words = re.split(r" (?:[#|>;]|&&|then\b)|\s{3,}", found.partition("  #")[0])[0]
             try:
-                yield line, shlex.split(words)
+                yield page, shlex.split(words)
             except ValueError:
-                yield line, words.split()
+                yield page, words.split()
 
 
 def _command_of(words):
@@ -65,12 +57,12 @@ def _command_of(words):
 def test_the_pages_name_commands_that_there_are():
     typed = list(_typed())
     assert len(typed) > 150, "the pages are not read as they are written"
-    assert not [(line.page, words[0]) for line, words in typed if words[0] not in COMMANDS]
+    assert not [(page, words[0]) for page, words in typed if words[0] not in COMMANDS]
 
 
 def test_the_options_of_commands_exist():
     wrong = []
-    for line, words in _typed():
+    for page, words in _typed():
         if words[0] not in COMMANDS:
             continue
         command, rest = _command_of(words)
@@ -82,20 +74,20 @@ def test_the_options_of_commands_exist():
                 break
             option = re.match(r"--[a-z][a-z0-9-]*|-[a-zA-Z]$", word)
             if option and option[0] not in known:
-                wrong.append((line.page, " ".join(words), option[0]))
+                wrong.append((page, " ".join(words), option[0]))
     assert not wrong
 
 
 def test_files_that_pages_name_ship():
     missing = set()
-    for line in CODE:
-        for word in re.findall(r"[\w./-]+", line.text):
+    for page, line in CODE:
+        for word in re.findall(r"[\w./-]+", line):
             first, slash, rest = word.partition("/")
             # Placeholders are written in capitals.
             if not slash or first not in _ROOMS or not rest or re.search(r"\b[A-Z]{3,}\b", rest):
                 continue
             if not (ROOT / word.rstrip("./")).exists():
-                missing.add((line.page, word))
+                missing.add((page, word))
     assert not missing
 
 
@@ -107,12 +99,7 @@ def _python(text):
     return compile(text, "a page", "exec")
 
 
-_READERS = {
-    "yaml": _yaml,
-    "toml": tomllib.loads,
-    "json": json.loads,
-    "python": _python,
-}
+_READERS = {"yaml": _yaml, "toml": tomllib.loads, "json": json.loads, "python": _python}
 
 
 @pytest.mark.parametrize("page", pages(), ids=lambda page: str(page.relative_to(ROOT)))

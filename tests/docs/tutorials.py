@@ -8,15 +8,11 @@ is what it prints, the value of its last line included. A page that begins with
 ``<!-- continues PAGE -->`` finds the files of that page.
 """
 
-from __future__ import annotations
-
 import ast
 import re
-import shlex
 import sys
 import tomllib
 from contextlib import redirect_stdout
-from dataclasses import dataclass
 from io import StringIO
 
 from grammars.text import plugins
@@ -24,15 +20,6 @@ from tests.docs.examples import KINDS, with_keys
 from tests.docs.markdown import blocks
 
 _CONTINUES = re.compile(r"<!-- continues (?P<page>\S+) -->")
-
-
-@dataclass(frozen=True, slots=True)
-class Typed:
-    """A command of a tutorial and the lines of output that are shown below it."""
-
-    place: str
-    command: str
-    shown: tuple[str, ...]
 
 
 def follow(page, folder, run):
@@ -53,11 +40,11 @@ def follow(page, folder, run):
                 yield f"{block}: shows\n{block.text}but prints\n{printed}"
             printed = None
         elif block.words[:1] == ("console",):
-            for typed in _typed(block):
-                output = run(typed.command)
-                if not _agrees(output, typed.shown):
-                    shown = "\n".join(typed.shown)
-                    yield f"{typed.place}: {typed.command}\nshows\n{shown}\nbut says\n{output}"
+            for command, *shown in _typed(block):
+                output = run(command)
+                if not _agrees(output, shown):
+                    lines = "\n".join(shown)
+                    yield f"{block}: {command}\nshows\n{lines}\nbut says\n{output}"
         else:
             _write(block, folder, latest)
 
@@ -98,9 +85,9 @@ def _is_whole(kind, text):
 
 
 def _typed(block):
-    for number, part in enumerate(re.split(r"^\$ ", block.text, flags=re.MULTILINE)[1:]):
-        command, *shown = part.splitlines()
-        yield Typed(f"{block}+{number}", command, tuple(line for line in shown if line.strip()))
+    """Yield each command of a block, and the lines that are shown below it."""
+    for part in re.split(r"^\$ ", block.text, flags=re.MULTILINE)[1:]:
+        yield [line for line in part.splitlines() if line.strip()]
 
 
 def _agrees(output, shown):
@@ -127,8 +114,3 @@ def install(folder):
     (info / "entry_points.txt").write_text("\n".join([*lines, ""]))
     sys.path.insert(0, str(folder))
     plugins.installed.cache_clear()  # an earlier page may have looked for plug-ins
-
-
-def words_of(command):
-    """Return a command's words as a shell splits them."""
-    return shlex.split(command)

@@ -1,5 +1,7 @@
 """The guide for pytest, followed as it stands."""
 
+import shlex
+
 from daemon.batch.launch import shared_daemon
 from scenario_tui.cli import invoke
 from tests.docs import tutorials
@@ -16,7 +18,7 @@ def test_the_guide_does_what_it_says(pytester, monkeypatch, capfd):
     monkeypatch.delenv("SCENARIO_CONNECT", raising=False)
 
     def run(command):
-        program, *arguments = tutorials.words_of(command)
+        program, *arguments = shlex.split(command)
         if program == "pytest":
             return pytester.runpytest(*PLUGIN, *arguments).stdout.str()
         assert program == "scenario"

@@ -2,6 +2,7 @@
 
 import os
 import runpy
+import shlex
 import sys
 
 import pytest
@@ -29,7 +30,7 @@ def test_a_tutorial_does_what_it_says(page, tmp_path, monkeypatch, capfd):
     monkeypatch.delitem(sys.modules, "my_stack", raising=False)
 
     def run(command):
-        program, *arguments = tutorials.words_of(command)
+        program, *arguments = shlex.split(command)
         if program == "pip":
             tutorials.install(folder)
         elif program == "python":

@@ -108,12 +108,6 @@ def played(door, joint):
             return KeyFrames(joint, tuple(KeyFrame(*frame) for frame in frames), Jump())
 
 
-def test_key_frames_keep_their_published_order(campaign):
-    # One is listed before an earlier one.
-    frames = doors_of(campaign, "S2")["door_2"].frames
-    assert frames[:3] == (KeyFrame(10.0, 0.0), KeyFrame(7.0, 1.0), KeyFrame(98.0, 1.7))
-
-
 def test_building_c_has_the_published_walls_and_doorways(folder):
     ours, published = plan_of(folder / "building_c.fpm"), FIGURES["plan"]
     assert ours["walls"].keys() == published["walls"].keys()
