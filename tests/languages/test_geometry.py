@@ -4,10 +4,12 @@ import math
 
 import numpy as np
 import pytest
+import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
 from grammars.model.behaviour import Walk
+from grammars.model.free_space import hulls_between
 from grammars.model.geometry import Pose2, wrap_angle
 from grammars.model.kinematics import link_poses, link_tracks
 from grammars.model.movers import (
@@ -19,6 +21,7 @@ from grammars.model.movers import (
     with_planar_chain,
 )
 from grammars.model.scene import Joint, Link, SceneObject
+from grammars.preflight._walks import _walked_poses, _without_straight
 from grammars.text import codec
 
 coordinates = st.floats(-1e3, 1e3)
@@ -184,6 +187,21 @@ def test_ways_are_arc_lengths_and_headings_never_jump(corners, manner):
     # A corner of half a turn at most, spread evenly over the way around it.
     sharpest = math.pi * 0.01 / (2.0 * CORNER)
     assert np.abs(np.diff(track[:, 2])).max() <= sharpest + 1e-9
+
+
+THERE_AND_BACK, BEND = ((0.0, 0.0), (3.0, 0.0), (1.0, 0.0)), ((0.0, 0.0), (1.0, 1.0), (2.0, 0.0))
+
+
+@pytest.mark.parametrize("corners", [THERE_AND_BACK, BEND])
+@pytest.mark.parametrize("facing", ["ahead", "fixed"])
+def test_poses_left_out_of_a_walk_cover_nothing_more(corners, facing):
+    walk = Walk("v", corners, 1.0, manner="back-and-forth", facing=facing)
+    poses = _walked_poses(walk)
+    every, some = (
+        shapely.union_all(hulls_between(each, PANEL), grid_size=1e-9)
+        for each in (poses, _without_straight(poses))
+    )
+    assert shapely.symmetric_difference(every, some, grid_size=1e-9).area < 1e-6
 
 
 def test_a_closed_route_turns_once_a_lap():
