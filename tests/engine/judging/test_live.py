@@ -96,7 +96,7 @@ def intervened():
     return replace(trace, reports=(*trace.reports, *others))
 
 
-def least(untouched):
+def untouched():
     """A run whose least margin is not that of an oracle which waits for something."""
     written = {
         "arrives": "reached(mission, 0.3 m)",
@@ -105,15 +105,10 @@ def least(untouched):
         "speed": "always(speed <= 1 m/s)",
     }
     spec = replace(CUT.spec, oracles=tuple(OracleText(k, v) for k, v in written.items()))
-    return replace(CUT, spec=spec, contacts=() if untouched else CUT.contacts)
+    return replace(CUT, spec=spec, contacts=())
 
 
-RUNS = {
-    "whole": whole,
-    "intervened": intervened,
-    "touched": lambda: least(False),
-    "untouched": lambda: least(True),
-}
+RUNS = {"whole": whole, "intervened": intervened, "untouched": untouched}
 
 
 def told(trace, line):

@@ -101,15 +101,6 @@ def test_a_constant_command_is_followed_to_a_millimetre(yaw, vx, vy, wz):
     )
 
 
-def test_the_twist_is_that_of_the_motion():
-    simulated = world(robot=replace(IMPOSED, drive=replace(IMPOSED.drive, friction_loss=0.0)))
-    simulated.command(Twist2(0.2, -0.1, 1.047))
-    for _ in range(50):
-        simulated.advance(3)
-        twist = simulated.twist()
-        assert (twist.vx, twist.vy, twist.wz) == pytest.approx((0.2, -0.1, 1.0), abs=1e-9)
-
-
 def test_odometry_is_the_true_pose_at_its_own_instant_and_the_mean_twist_before():
     start, twist = Pose2(2.0, 1.0, 0.4), Twist2(0.22, 0.0, 1.0)
     simulated = world(robot=IMPOSED, start=start)
