@@ -61,11 +61,8 @@ class Page:
 
 
 def examples(page):
-    """Return the blocks of a page that are tried; raises ``ValueError`` for one without sense."""
-    return tuple(_examples(blocks(page)))
-
-
-def _examples(found):
+    """Yield the blocks of a page that are tried; raises ``ValueError`` for one without sense."""
+    found = blocks(page)
     for place, block in enumerate(found):
         words = list(block.words)
         if words[:1] == ["yaml"] and len(words) > 1:
