@@ -2,6 +2,7 @@
 
 import functools
 import os
+import re
 import sys
 from types import SimpleNamespace
 
@@ -20,7 +21,7 @@ import numpy as np
 from scenario_tui.sut import Decision, Progress, Twist2
 
 
-class Stack:
+class Plain:
     period = 0.1
     needs_ground_truth = False
 
@@ -35,29 +36,29 @@ class Stack:
         return Decision(None, Progress(0, 0, "active"))
 
 
-class SaysDone(Stack):
+class SaysDone(Plain):
     def update(self, observation):
         return Decision(Twist2(), Progress(self.count, self.count, "succeeded"))
 
 
-class GivesUp(Stack):
+class GivesUp(Plain):
     def update(self, observation):
         return Decision(Twist2(), Progress(0, 0, "aborted"))
 
 
-class Leaves(Stack):
+class Leaves(Plain):
     def update(self, observation):
         sys.exit(3)
 
 
-class Hangs(Stack):
+class Hangs(Plain):
     def update(self, observation):
         while observation.time >= 1.0:
             pass  # here it hangs
         return Decision(Twist2(0.2), Progress(0, 0, "active"))
 
 
-class HangsForGood(Stack):
+class HangsForGood(Plain):
     def update(self, observation):
         while observation.time >= 12.0:
             try:
@@ -68,12 +69,12 @@ class HangsForGood(Stack):
         return Decision(None, Progress(0, 0, "active"))
 
 
-class Crashes(Stack):
+class Crashes(Plain):
     def update(self, observation):
         ctypes.string_at(0)
 
 
-class Random(Stack):
+class Random(Plain):
     draw = staticmethod(random.random)
 
     def update(self, observation):
@@ -100,7 +101,7 @@ def hangs(parameters):
 def hangs_in_a_run(parameters):
     if "hang" in parameters:
         time.sleep(1e6)
-    return Stack(parameters)
+    return Plain(parameters)
 
 
 def leaves(parameters):
@@ -109,7 +110,7 @@ def leaves(parameters):
 
 def prints(parameters):
     print("loading weights")
-    return Stack(parameters)
+    return Plain(parameters)
 
 
 def has_no_words(parameters):
@@ -126,25 +127,12 @@ def reads_with_a_library(parameters):
     TypeAdapter(dict[str, float]).validate_python({"speed": "fast"})
 """
 
-_KINDS = {
-    "plain": "Stack",
-    "says-done": "SaysDone",
-    "gives-up": "GivesUp",
-    "leaves": "Leaves",
-    "hangs": "Hangs",
-    "hangs-for-good": "HangsForGood",
-    "crashes": "Crashes",
-    "random": "Random",
-    "numpy-random": "NumpyRandom",
-    "seeded": "Seeded",
-    "factory-hangs": "hangs",
-    "factory-hangs-in-a-run": "hangs_in_a_run",
-    "factory-leaves": "leaves",
-    "factory-prints": "prints",
-    "factory-has-no-words": "has_no_words",
-    "factory-refuses": "refuses",
-    "factory-reads-with-a-library": "reads_with_a_library",
-}
+
+def _kinds():
+    """Kinds of systems and their names: ``says-done`` is SaysDone, ``factory-hangs`` is hangs."""
+    for name in re.findall(r"^(?:class|def) (\w+)", SOURCE, re.MULTILINE):
+        words = re.sub(r"(?<!^)(?=[A-Z])|_", "-", name).lower()
+        yield words if name[0].isupper() else f"factory-{words}", name
 
 
 def install_plugins(folder, monkeypatch):
@@ -154,7 +142,7 @@ def install_plugins(folder, monkeypatch):
     info = folder / "stacks_of_others-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: stacks-of-others\nVersion: 1.0\n")
-    lines = [f"{kind} = {MODULE}:{name}" for kind, name in _KINDS.items()]
+    lines = [f"{kind} = {MODULE}:{name}" for kind, name in _kinds()]
     lines.append("import-hangs = slow_to_import:make")
     (info / "entry_points.txt").write_text("\n".join(["[scenario.suts]", *lines, ""]))
     monkeypatch.syspath_prepend(str(folder))
