@@ -1,7 +1,6 @@
 """Every artefact of a campaign beside the runs it has: what is exported is what is run."""
 
 import json
-import math
 import shutil
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,7 +17,7 @@ from daemon.model import ros_messages as ros
 from daemon.model.spec import RunSpec, SutReference
 from daemon.run import execute
 from daemon.trace import read_trace
-from grammars.model.behaviour import Hold, KeyFrames, Trigger
+from grammars.model.behaviour import KeyFrames, Trigger
 from grammars.model.geometry import Pose2
 from grammars.model.grid import OCCUPIED
 from grammars.model.kinematics import driven_joints, link_poses
@@ -28,7 +27,7 @@ from scenario_tui.cli import invoke
 from templates.occupancy import occupancy_grid
 
 SCHEMA = Namespace("https://schema.org/")
-KINDS = ("map", "sdf", "keyframes", "tasks", "launch", "foxglove", "prov")
+KINDS = ("map", "sdf", "keyframes", "tasks", "launch", "prov")
 """What says something about a run: the others are of the building."""
 BY_CHANCE = """\
 bedroom_door toggles between closed and open every 5 s from 0 s until 20 s,
@@ -306,35 +305,9 @@ def test_key_frames_are_those_of_the_draw(worlds):
     assert compared > 20
 
 
-def test_what_is_held_is_held_there(worlds):
-    (world,) = (w for w in worlds if w.folder.parent.name == "plain" and w.name == "open-house")
-    held = {b.joint: b.position for b in world.runs[0].behaviours if isinstance(b, Hold)}
-    assert len(held) == 3
-    root = ElementTree.parse(world.folder / "gazebo" / "worlds" / "open-house.sdf")
-    for item in root.iter("include"):
-        for plugin in item.iter("plugin"):
-            if plugin.get("name") == "gz::sim::systems::JointPositionController":
-                joint = f"{item.findtext('name')}.{plugin.findtext('joint_name')}"
-                target = float(plugin.findtext("initial_position") or "nan")
-                assert target == pytest.approx(held.pop(joint))
-    assert held == {}
-
-
 def test_provenance_is_about_the_scene_of_the_run(worlds):
     for world in worlds:
         graph = Graph().parse(world.folder / f"{world.name}.prov.ttl")
         hashes = {str(h) for h in graph.objects(None, SCHEMA.sha256)}
         assert world.runs[0].scene in hashes
         assert len(list(graph.subjects(RDF.type, None))) > len(hashes)
-
-
-def test_the_layout_shows_the_lasers_and_joints_of_the_run(worlds):
-    for world in worlds:
-        layout = json.loads((world.folder / f"{world.name}.foxglove.json").read_text())
-        shown = layout["configById"]["3D!top"]["topics"]
-        assert all(f"/{laser.topic}" in shown for laser in world.runs[0].robot.lasers)
-        plotted = json.dumps(layout)
-        assert all(name in plotted for name in world.scene.joint_names)
-        assert all(
-            math.isfinite(v) for v in layout["configById"]["3D!top"]["cameraState"]["targetOffset"]
-        )
