@@ -106,6 +106,8 @@ def test_schemas_and_the_extension_are_written(scenario, tmp_path):
     assert sorted(written) == [f"{folder / kind}.schema.json" for kind in kinds]
     schema = (folder / "robot.schema.json").read_text()
     assert scenario("schema", "robot").out == schema
+    one = scenario("schema", "sut", "-o", str(tmp_path / "one")).out.splitlines()
+    assert one == [str(path) for path in (tmp_path / "one").iterdir()]
     assert json.loads(schema)["$schema"] == "https://json-schema.org/draft/2020-12/schema"
     with zipfile.ZipFile(scenario("schema", "--vscode", str(tmp_path)).out.strip()) as archive:
         assert "extension/schemas/campaign.schema.json" in archive.namelist()
