@@ -40,6 +40,12 @@ class InlineFeed(Feed):
     def on_news(self, told):
         pass
 
+    @property
+    def may_know_more(self):
+        """Whether there may be more to know than when the last picture was taken."""
+        known = self._known
+        return self._asked.is_set() or not (known.connected and known.campaigns)
+
     def start(self):
         """Start no thread."""
 
@@ -120,7 +126,7 @@ def make_dashboard(fake, **settings):
 
 
 async def settle(pilot):
-    """Let the dashboard take over what is new, twice: some screens ask because of what they see.
+    """Let the dashboard take over what is new, and again if it asks because of what it sees.
 
     Nothing that it has begun is under way then: no message, no worker, no task in a thread. A test
     has to wait by itself only for what it holds up itself, and for real daemons and files.
@@ -129,15 +135,16 @@ async def settle(pilot):
     if not isinstance(app, Dashboard):
         await until_idle(app)
         return
-    deadline, looks = time.monotonic() + DEADLINE, 0
-    while looks < 2:
+    deadline, looks, again = time.monotonic() + DEADLINE, 0, True
+    while again:
         assert time.monotonic() < deadline, "a background task is not done"
         await until_idle(app)
         app.update_state()
         await until_idle(app)
         looks += 1
+        again = looks < 2 and app.feed.may_know_more
         if app.start_task.under_way or app.recordings.busy:
-            looks = 0
+            again = True
             await asyncio.sleep(0.002)
 
 
