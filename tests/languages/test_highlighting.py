@@ -202,12 +202,3 @@ def test_oracle_lines_are_coloured_inside_yaml(campaigns):
             embedded = [t for t in tokens(line, "oracles.injection") if t.has("meta.embedded")]
             assert "".join(t.text for t in embedded) == line.partition(": ")[2]
             assert embedded[0].has("keyword.control.temporal", "support")
-
-
-def test_scopes_end_with_their_language():
-    for path in sorted(SYNTAXES.glob("*.json")):
-        language = path.name.removesuffix(".tmLanguage.json")
-        if language != "oracles.injection":
-            first, *names = re.findall(r'"name": "([^"]+)"', path.read_text())
-            assert grammar(language)["name"] == first
-            assert all(name.endswith(f".{language}") for name in names), path

@@ -107,12 +107,6 @@ def test_a_long_file_is_read_to_its_end_or_refused_with_the_reason(monkeypatch):
         parse_yaml(long, "x.yaml")
 
 
-def test_what_steers_a_terminal_is_spelt_out():
-    with pytest.raises(InputError) as caught:
-        parse_yaml('"\\e[31mred": 1\n"\\e[31mred": 2\n? [1]\n', "x.yaml")
-    assert "\x1b" not in str(caught.value)
-
-
 TEXT = st.text(st.characters(codec="utf-8", exclude_categories=["Cc", "Cs"]), max_size=12)
 WORDS = "yes|null|1.5|1e3|0x1f|60 deg/s|-0.2 m|a b|~|../a.fpm|S3.1|.5"
 WORDS = st.sampled_from(WORDS.split("|"))
