@@ -5,12 +5,71 @@ from collections import Counter
 
 import pytest
 
+from daemon.model.run_state import RunState
 from scenario_tui.dashboard.config import Config
 from scenario_tui.dashboard.screens import steering
 from scenario_tui.source import DaemonTarget
 from scenario_tui.terminal.capabilities import copy_to_tmux
 from tests.people.dashboard.dash import Commands
-from tests.people.fake import CAMPAIGN
+from tests.people.dashboard.journeys import Journey, clicked, follow, has, resized
+from tests.people.fake import CAMPAIGN, FakeDaemon, make_row, make_rows
+
+STEERED = ["P", "c y", "r f", "P", "y"]
+ANEW = has(rows=lambda _: make_rows())
+
+
+def waiting():
+    return FakeDaemon((make_row(0, state=RunState.QUEUED, outcome=None, oracle="", margin=None),))
+
+
+def nobody():
+    return FakeDaemon(empty=True, rows=())
+
+
+JOURNEYS = {
+    "steered": Journey([*STEERED, "m", *STEERED, "escape enter", *STEERED, "enter", *STEERED]),
+    "paused": Journey(["P", "r", "f", "P"]),
+    "deleted": Journey(["down", "D", "y"]),
+    "priority": Journey(
+        ["number_sign", "home ctrl+k x enter", "home ctrl+k 1 0 0 1 enter",
+         "home ctrl+k minus 5", "enter"], size=(120, 24),
+    ),
+    "retried": Journey(["r", "e", "j", "a"]),
+    "clicked": Journey(["c", clicked("y yes")]),
+    "refused-finished": Journey(["down", "P", "7 j y", "c", "7 j y", "number_sign", "7 j y"]),
+    "refused-waiting": Journey(["r", "7 j y", "D", "7 j y"], waiting),
+    "refused-empty": Journey(
+        ["P", "7", "c", "j", "r", "y", "number_sign", "7", "o", "j", "m", "y", "2", "3",
+         resized(40, 10), "1"], nobody
+    ),
+    "refused-unreachable": Journey(
+        [has(reachable=False), "P", "7 j y", "c", "7", "r", "j", "number_sign", "y", "s", "7",
+         has(reachable=True)],
+    ),
+    "refused-elsewhere": Journey(["o", "7 j y"]),
+    "refused-read-only": Journey(
+        ["P", "7 j y", "c", "7", "r", "j", "A", "y", "D", "7", "o", "j", "s", "y", "number_sign",
+         "7"], config=Config(read_only=True),
+    ),
+    "typed-ahead": Journey(
+        ["!c y", ANEW, "!c n P", ANEW, "!r f", ANEW, "!r j enter", ANEW,
+         "!number_sign ctrl+u 7 enter", "!enter r f"],
+    ),
+    "typed-ahead-for-nothing": Journey(
+        ["!c y", "!number_sign 7 enter", "!r j enter"], config=Config(read_only=True)
+    ),
+    "typed-ahead-name": Journey(["!s 1 q 3 s"], size=(200, 24)),
+    "typed-ahead-filter": Journey(["!slash n i g h enter m"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", JOURNEYS)
+async def test_a_campaign_is_steered_as_it_was(dashboard, golden, tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    way = JOURNEYS[name]
+    dash = await dashboard(way.daemon(), way.size, config=way.config)
+    text = await follow(dash, way.steps)
+    golden(f"journeys/{name}.txt", text.replace(str(tmp_path), "HERE"))
 
 
 def test_outside_of_tmux_its_buffer_is_left_alone():
