@@ -14,17 +14,19 @@ from grammars.model.grid import OccupancyGrid
 from tests.engine.trace.recordings import ROBOT
 
 LAYOUTS = {
-    "clock": layouts.clock(),
-    "odometry": layouts.odometry("/odom", "odom"),
-    "ground truth": layouts.odometry("/ground_truth", "map"),
-    "one transform": layouts.transforms((("odom", "base_link"),)),
-    "doors": layouts.transforms((("map", "door-1/leaf"), ("map", "längere/tür"), ("map", "x/y"))),
-    "scan": layouts.scan(ROBOT.laser),
-    "command": layouts.command(),
-    "estimate": layouts.estimate("/pose"),
-    "count": layouts.count(),
-    "joints": layouts.joints(("a.hinge", "bc.slide", "d.hinge")),
-    "contact": layouts.contact("robot", "hall-wall-2"),
+    "clock": lambda: layouts.clock(),
+    "odometry": lambda: layouts.odometry("/odom", "odom"),
+    "ground truth": lambda: layouts.odometry("/ground_truth", "map"),
+    "one transform": lambda: layouts.transforms((("odom", "base_link"),)),
+    "doors": lambda: layouts.transforms(
+        (("map", "door-1/leaf"), ("map", "längere/tür"), ("map", "x/y"))
+    ),
+    "scan": lambda: layouts.scan(ROBOT.laser),
+    "command": lambda: layouts.command(),
+    "estimate": lambda: layouts.estimate("/pose"),
+    "count": lambda: layouts.count(),
+    "joints": lambda: layouts.joints(("a.hinge", "bc.slide", "d.hinge")),
+    "contact": lambda: layouts.contact("robot", "hall-wall-2"),
 }
 
 
@@ -45,7 +47,7 @@ def random_columns(layout, count):
 
 @pytest.mark.parametrize("name", LAYOUTS)
 def test_every_message_is_what_rosbags_serializes(name):
-    layout = LAYOUTS[name]
+    layout = LAYOUTS[name]()
     kind = messages.KINDS[layout.topic]
     times = np.array([0, 50_000_000, 2_147_483_647_999_999_999], np.int64)
     rows = layout.encode(7, times, random_columns(layout, 3))
@@ -57,7 +59,7 @@ def test_every_message_is_what_rosbags_serializes(name):
 
 @pytest.mark.parametrize("name", LAYOUTS)
 def test_values_land_in_the_fields_they_are_named_after(name):
-    layout = LAYOUTS[name]
+    layout = LAYOUTS[name]()
     columns = random_columns(layout, 2)
     records = layout.view(layout.encode(1, np.array([3, 4]), columns))
     for field in layout.names:
@@ -67,7 +69,7 @@ def test_values_land_in_the_fields_they_are_named_after(name):
 
 
 def test_covariances_lie_where_ros_expects_x_y_and_yaw():
-    layout = LAYOUTS["estimate"]
+    layout = LAYOUTS["estimate"]()
     columns = {name: np.array([0.0]) for name in layout.names}
     columns |= {f"c{i}": np.array([i + 1.0]) for i in range(9)}
     row = layout.encode(1, np.array([0]), columns)[0]
@@ -80,7 +82,7 @@ def test_covariances_lie_where_ros_expects_x_y_and_yaw():
 
 
 def test_a_layout_refuses_bytes_of_another_message():
-    odom, truth = LAYOUTS["odometry"], LAYOUTS["ground truth"]
+    odom, truth = LAYOUTS["odometry"](), LAYOUTS["ground truth"]()
     rows = odom.encode(1, np.array([1, 2]), random_columns(odom, 2))
     assert odom.fits(rows).all()
     assert odom.fits_all(rows)

@@ -19,9 +19,13 @@ ROBOT = a_robot()
 PARAMETERS = PilotParameters()
 LIMITS = DriveLimits(ROBOT.drive, PARAMETERS)
 BODY = hull_of(ROBOT.footprint)
-GUARD = CollisionGuard(BODY, map_field(draw(OUTER, SIZE)), LIMITS, PARAMETERS)
 MIDDLE = Pose2(4.5, 2.5, 0.0)
 FORWARD = Twist2(0.5, 0.0, 0.0)
+
+
+@pytest.fixture(scope="module")
+def guard():
+    return CollisionGuard(BODY, map_field(draw(OUTER, SIZE)), LIMITS, PARAMETERS)
 
 
 def seeing(*points):
@@ -36,44 +40,44 @@ def test_the_rim_has_the_corners_and_no_gaps():
     assert steps.max() <= 0.1 + 1e-9
 
 
-def test_an_obstacle_in_the_stop_zone_stops_the_robot():
-    assert GUARD.limit(FORWARD, MIDDLE, seeing()) == FORWARD
-    assert GUARD.limit(FORWARD, MIDDLE, seeing((0.41, 0.0))).vx < 0.05
-    assert GUARD.limit(FORWARD, MIDDLE, seeing((0.36, 0.1))) == Twist2()
+def test_an_obstacle_in_the_stop_zone_stops_the_robot(guard):
+    assert guard.limit(FORWARD, MIDDLE, seeing()) == FORWARD
+    assert guard.limit(FORWARD, MIDDLE, seeing((0.41, 0.0))).vx < 0.05
+    assert guard.limit(FORWARD, MIDDLE, seeing((0.36, 0.1))) == Twist2()
     # The nearest thing that the map does not show, from the footprint.
-    GUARD.limit(Twist2(), MIDDLE, seeing((0.5495, 0.0), (0.0, -0.5)))
-    assert GUARD.nearest == pytest.approx(0.2)
+    guard.limit(Twist2(), MIDDLE, seeing((0.5495, 0.0), (0.0, -0.5)))
+    assert guard.nearest == pytest.approx(0.2)
 
 
-def test_it_can_always_stop_in_time():
+def test_it_can_always_stop_in_time(guard):
     """Braking from the speed it allows ends before the obstacle, wherever that is."""
     for x in np.arange(0.36, 1.5, 0.03):
-        speed = GUARD.limit(FORWARD, MIDDLE, seeing((float(x), 0.0))).vx
+        speed = guard.limit(FORWARD, MIDDLE, seeing((float(x), 0.0))).vx
         assert speed**2 / (2.0 * LIMITS.braking) <= max(0.0, x - 0.3495)
 
 
-def test_an_obstacle_beside_the_way_slows_but_does_not_stop():
-    beside = GUARD.limit(FORWARD, MIDDLE, seeing((0.6, 0.35)))
+def test_an_obstacle_beside_the_way_slows_but_does_not_stop(guard):
+    beside = guard.limit(FORWARD, MIDDLE, seeing((0.6, 0.35)))
     assert 0.1 < beside.vx < 0.5
-    assert GUARD.limit(FORWARD, MIDDLE, seeing((0.6, 0.7))) == FORWARD
+    assert guard.limit(FORWARD, MIDDLE, seeing((0.6, 0.7))) == FORWARD
 
 
-def test_what_touches_the_robot_does_not_keep_it_from_leaving():
+def test_what_touches_the_robot_does_not_keep_it_from_leaving(guard):
     touching = seeing((0.36, 0.0))
-    assert GUARD.limit(FORWARD, MIDDLE, touching) == Twist2()
-    assert GUARD.limit(Twist2(-0.1, 0.0, 0.0), MIDDLE, touching).vx == pytest.approx(-0.1)
+    assert guard.limit(FORWARD, MIDDLE, touching) == Twist2()
+    assert guard.limit(Twist2(-0.1, 0.0, 0.0), MIDDLE, touching).vx == pytest.approx(-0.1)
 
 
-def test_turning_is_stopped_by_what_a_corner_would_hit():
+def test_turning_is_stopped_by_what_a_corner_would_hit(guard):
     spin = Twist2(0.0, 0.0, 0.8)
-    assert GUARD.limit(spin, MIDDLE, seeing((0.30, 0.25))).wz == pytest.approx(0.0, abs=0.05)
-    assert GUARD.limit(spin, MIDDLE, seeing((0.0, 0.5))) == spin
+    assert guard.limit(spin, MIDDLE, seeing((0.30, 0.25))).wz == pytest.approx(0.0, abs=0.05)
+    assert guard.limit(spin, MIDDLE, seeing((0.0, 0.5))) == spin
 
 
-def test_walls_of_the_map_stop_motion_the_laser_does_not_see():
+def test_walls_of_the_map_stop_motion_the_laser_does_not_see(guard):
     back_to_the_wall = Pose2(0.2 + 0.3495 + 0.02, 2.5, 0.0)
-    assert GUARD.limit(Twist2(-0.3, 0.0, 0.0), back_to_the_wall, seeing()) == Twist2()
-    assert GUARD.limit(FORWARD, back_to_the_wall, seeing()).vx > 0.1
+    assert guard.limit(Twist2(-0.3, 0.0, 0.0), back_to_the_wall, seeing()) == Twist2()
+    assert guard.limit(FORWARD, back_to_the_wall, seeing()).vx > 0.1
 
 
 def test_accelerations_are_bounded_and_braking_is_harder():
@@ -81,12 +85,12 @@ def test_accelerations_are_bounded_and_braking_is_harder():
     assert LIMITS.ramp(FORWARD, Twist2(), 0.05).vx == pytest.approx(0.45)
 
 
-def test_a_way_out_is_free_until_something_is_near():
+def test_a_way_out_is_free_until_something_is_near(guard):
     back, ahead = Twist2(-0.15, 0.0, 0.0), Twist2(0.15, 0.0, 0.0)
     around = seeing((0.47, 0.0), (-0.6, 0.0))
-    assert GUARD.free(back, MIDDLE, around, 2.5) == pytest.approx((0.2505 - 0.02) / 0.15, abs=0.3)
-    assert GUARD.free(ahead, MIDDLE, around, 2.5) < 1.0
-    assert GUARD.free(back, MIDDLE, seeing(), 2.5) == 2.5
+    assert guard.free(back, MIDDLE, around, 2.5) == pytest.approx((0.2505 - 0.02) / 0.15, abs=0.3)
+    assert guard.free(ahead, MIDDLE, around, 2.5) < 1.0
+    assert guard.free(back, MIDDLE, seeing(), 2.5) == 2.5
 
 
 ANGLES = np.linspace(ROBOT.laser.angle_min, ROBOT.laser.angle_max, 150)
