@@ -98,21 +98,6 @@ def test_maps_are_those_that_the_campaign_declares(copied, tmp_path):
     assert np.array_equal(exported("{file: own.yaml}"), expected.cells)
 
 
-def test_every_repeat_with_doors_of_its_own_has_its_world(copied, tmp_path):
-    first = copied / "ortega2024" / "first.yaml"
-    text = first.read_text()
-    assert "chance: per campaign" in text
-    first.write_text(text.replace("chance: per campaign", "chance: per repeat"))
-    many = tmp_path / "many" / "S2"
-    how = ("keyframes", "sdf", "-o", str(many.parent), "--repeats", "2")
-    assert invoke(["export", str(first), *how]) == 0
-    worlds = {f for f in files(many) if f.startswith("gazebo/worlds/")}
-    assert worlds == {f"gazebo/worlds/S2-repeat-{i}.{e}" for i in (0, 1) for e in ("sdf", "world")}
-    doors = [(many / f"keyframes/repeat-{i}/door_1.json").read_text() for i in (0, 1)]
-    assert doors[0] != doors[1]
-    assert not (many.parent / "S1" / "keyframes").exists()
-
-
 def test_every_variant_of_a_plan_is_a_world(copied, tmp_path):
     varied = copied / "demo" / "campaign.yaml"
     text = varied.read_text().split("  busy-house:")[0]

@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 import pytest
 import typer
 
+from daemon.analysis.charts import page_script
 from grammars.model.map_files import write_map
 from scenario_tui.cli import command_line, invoke
 from scenario_tui.cli.commands import PlainFlagsCommand
@@ -64,6 +65,7 @@ def place(tmp_path_factory, campaigns):
         chosen = {"NAME": NAME, "TRACE": trace, "FOREIGN": foreign}
         return typed_here(partial(invoke, [word.format(**chosen) for word in words]))
 
+    page_script()  # Before the cache of this machine is out of sight: bundling takes seconds.
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         for name in ("SCENARIO_STATE", "SCENARIO_CONNECT", "NO_COLOR", "COLUMNS"):

@@ -14,7 +14,7 @@ from daemon.campaign import expand, load_campaign
 from daemon.model.search import SearchSubmission
 from daemon.search.answers.sentences import phase_words, search_word
 from daemon.search.preparation import PreparedSearch
-from scenario_tui.cli import command_line, search
+from scenario_tui.cli import search
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.search import _read_changes, copy_campaign, search_code
 from scenario_tui.library import watching
@@ -177,15 +177,6 @@ def test_watching_tells_the_first_failure_and_what_it_goes_on_with(scenario, fak
         f"run 4 fails: keeps-clear by −0.012 m ({SEARCH}.4)",
         "looking for the nearest failure",
     ]
-
-
-def test_leaving_ends_the_watching_only(scenario, fake, monkeypatch):
-    _have(fake, make_search("running"))
-    monkeypatch.setattr(command_line, "was_interrupted", lambda: True)
-    fake.at({12: _interrupt})
-    said = scenario("search", SEARCH)
-    assert said.code == ExitCode.INTERRUPTED
-    assert f"end it with `scenario cancel {SEARCH}`" in said.err
 
 
 @pytest.mark.parametrize(

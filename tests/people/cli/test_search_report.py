@@ -80,15 +80,6 @@ def test_tables_of_a_search_are_refused(name, capsys):
     assert not Path("r.xml").exists()
 
 
-def test_a_page_without_its_trace_has_no_map(ledger, capsys):
-    away = ledger.traces.rename(ledger.traces.with_name("away"))
-    assert invoke(["report", SEARCH, "--json"]) == 0
-    away.rename(ledger.traces)
-    body = declared(capsys.readouterr().out)
-    assert (body["written"], body["runs"]) == ({"page": "report.html"}, 2)
-    assert "the whole way" not in Path("report.html").read_text()
-
-
 def test_coverage_has_the_runs_of_a_search(capsys):
     assert invoke(["coverage", SEARCH, "--json", "--processes", "1"]) == 0
     assert declared(capsys.readouterr().out)["recorded"] == 2

@@ -14,7 +14,7 @@ from daemon.model.run_state import RunState
 from daemon.model.verdicts import Outcome
 from scenario_tui.library import execution, job, watching
 from tests.make import make_submission
-from tests.people.fake import CAMPAIGN, OLD, make_row, spread_rows, state_paths
+from tests.people.fake import CAMPAIGN, OLD, spread_rows, state_paths
 
 CONTACT = '{"endpoint": "%s", "pid": 1, "version": "0", "started_at": 0.0}'
 
@@ -33,12 +33,6 @@ def test_scripts_are_told_every_run_of_the_newest_campaign(scenario):
     assert body["declared"]["policy"]["n"] == 5
     begun = json.loads(scenario("results", "first-a", "--json").out)
     assert begun["campaign"]["id"] == CAMPAIGN
-
-
-def test_all_runs_are_gathered_page_by_page(fake):
-    fake.rows = tuple(make_row(i, repeat=i) for i in range(600))
-    assert len(fake.all_runs(CAMPAIGN)) == 600
-    assert [call[7] for call in fake.calls if call[0] == "runs"] == [0, 500]
 
 
 def test_stop_copes_with_a_daemon_that_is_gone_at_once(scenario, fake, monkeypatch, tmp_path):

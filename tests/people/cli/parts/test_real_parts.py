@@ -1,7 +1,6 @@
 """The command line with nothing faked: real daemon, real worker, real traces."""
 
 import json
-import os
 import subprocess
 import time
 
@@ -114,22 +113,6 @@ def test_the_dashboard_opens_in_a_terminal_and_leaves_without_stopping_work(fini
         assert "no run is waiting" in shown.text
         assert "Back with" in shown.text
     assert call_here("status", state=finished, cwd=place).returncode == 0
-
-
-def test_a_reader_that_leaves_early_causes_no_noise(finished, place):
-    environ = os.environ | {"SCENARIO_STATE": str(finished)}
-    reader, writer = os.pipe()
-    os.close(reader)  # before it begins: or it may be done before the reader leaves
-    done = subprocess.run(
-        [*COMMAND, "results", "--runs"],
-        stdout=writer,
-        stderr=subprocess.PIPE,
-        cwd=place,
-        env=environ,
-        check=False,
-    )
-    os.close(writer)
-    assert (done.returncode, done.stderr) == (141, b"")
 
 
 def test_a_run_told_to_end_leaves_no_workshop_behind(place, tmp_path):

@@ -65,7 +65,7 @@ STEPS = {
     "files": (
         (typed("check campaigns/demo/flat.fpm", 0), FEW | BUS | {"daemon.campaign"}),
         (typed("sut show campaigns/suts/a2s.yaml", 0), FEW | BUS),
-        (typed("check campaigns/ortega2024/campaign.yaml", 0), FEW | BUS | SEARCH),
+        (typed("check campaigns/ortega2024/first.yaml", 0), FEW | BUS | SEARCH),
         (
             typed("check campaigns/demo/campaign.yaml", 0),
             FEW | BUS | {"daemon.model.messages", "grammars.variation"},

@@ -6,14 +6,12 @@ import sys
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 
-import psutil
 import pytest
 
 from daemon.batch.client import Client
 from daemon.batch.launch import shared_daemon
 from daemon.model.run_state import RunState
 from scenario_tui.library.pytest_plugin import CampaignRuns
-from tests.parts import alive, eventually
 
 pytest_plugins = ["pytester"]
 
@@ -208,22 +206,6 @@ def test_a_named_daemon_executes_the_runs(run, house):
     wrong = run("-k", "moving and arrives", "--scenario-connect", "bench", FILE)
     wrong.assert_outcomes(errors=1, deselected=3)
     wrong.stdout.fnmatch_lines(["--scenario-connect: 'bench' is not an endpoint"])
-
-
-def test_nothing_is_left_of_a_session_that_is_killed(run, house, tmp_path):
-    run("--collect-only", FILE)
-    cache = tmp_path / "cache"
-    command = [sys.executable, "-m", "pytest", "-p", "scenario_tui_pytest", "-o"]
-    command += [f"cache_dir={cache}", f"--rootdir={house[0]}", str(house[0] / FILE)]
-    log = cache / "d" / "scenario" / "daemon.log"
-    with subprocess.Popen(command, stdout=subprocess.PIPE, cwd=house[0]) as session:
-        eventually(lambda: log.exists() and '"submitted"' in log.read_text())
-        found = psutil.process_iter(["cmdline"])
-        members = [one for one in found if str(cache) in " ".join(one.info["cmdline"] or ())]
-        assert members
-        session.kill()
-        session.communicate()
-    eventually(lambda: not alive(members))
 
 
 def test_a_test_asks_for_the_runs_of_a_scenario(run, house, tmp_path):

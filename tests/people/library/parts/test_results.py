@@ -28,7 +28,7 @@ def place(tmp_path_factory):
 def results(campaign, place):
     with contextlib.chdir(place), redirect_stdout(io.StringIO()) as out:
         with redirect_stderr(out):
-            results = campaign.run(workers=2, out="traces")
+            results = campaign.run(workers=1, out="traces")
         assert out.getvalue() == ""
     return results
 
