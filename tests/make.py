@@ -19,7 +19,7 @@ from daemon.model.spec import (
     Timing,
     TraceInfo,
 )
-from daemon.model.status import RunRow
+from daemon.model.status import CampaignRow, RunRow, count_runs
 from daemon.model.submission import CellRun, Submission
 from daemon.model.verdicts import Outcome, Verdict, combine
 from grammars.model.geometry import Pose2
@@ -129,6 +129,11 @@ def run_result(
     )  # fmt: skip
 
 
+FRESH = {"outcome": None, "oracle": "", "margin": None, "unit": "", "simulated": 0.0,
+         "wall": 0.0, "trace": ""}  # fmt: skip
+"""What the row of a run has before there is a result."""
+
+
 def run_row(id="c.0", scenario="S1", sut="pilot", repeat=0, result=None, **more):
     """A run of a campaign; one with a result is done."""
     campaign, _, index = id.rpartition(".")
@@ -136,10 +141,15 @@ def run_row(id="c.0", scenario="S1", sut="pilot", repeat=0, result=None, **more)
     if result is not None:
         values |= {"outcome": result.outcome, "simulated": result.timing.simulated}
         values |= {"wall": result.timing.wall, "attempt": 1}
-    values = {"attempt": 0, "worker": "", "outcome": None, "oracle": "", "margin": None,
-              "unit": "", "simulated": 0.0, "wall": 0.0, "trace": ""} | values | more  # fmt: skip
+    values = {"attempt": 0, "worker": ""} | FRESH | values | more
     number = int(index) if index.isdecimal() else 0
     return RunRow(id, campaign, number, scenario, sut, repeat, result=result, **values)
+
+
+def campaign_row(id, **more):
+    """A campaign that has ended, of no runs but for what is said of it."""
+    values = count_runs([]) | {"about": "", "submitted_at": 0.0, "finished_at": 1.0, "total": 0}
+    return CampaignRow(**values | {"id": id, "name": id.rpartition("-")[0]} | more)
 
 
 def with_result(row, **changes):

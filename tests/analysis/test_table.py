@@ -16,10 +16,9 @@ from daemon.judging.assessment import assess
 from daemon.model.assessments import AssessmentRules, Expectation
 from daemon.model.run_state import RunState
 from daemon.model.spec import Timing
-from daemon.model.status import CampaignRow, count_runs
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from grammars.text.diagnostics import InputError
-from tests.make import run_result, run_row, with_result
+from tests.make import campaign_row, run_result, run_row, with_result
 
 WHY = "the door is 5 cm too narrow"
 DECLARED = AssessmentRules(expectations=(Expectation("S1", "keeps-clear", ("*",), "fail", WHY),))
@@ -30,11 +29,7 @@ DISTANCE = Verdict("distance", "", Outcome.MEASURE, None, None, "m", Evidence(va
 
 
 def table_of(*rows):
-    counts = count_runs([])
-    row = CampaignRow(
-        **counts, id="c", name="corridor", about="", submitted_at=0.0, finished_at=None,
-        total=len(rows),
-    )  # fmt: skip
+    row = campaign_row("c", name="corridor", total=len(rows))
     return results_table(CampaignResults(row, rows, DECLARED, assess(DECLARED, rows)))
 
 

@@ -13,6 +13,7 @@ from textual.message_pump import MessagePump
 
 from scenario_tui import source
 from scenario_tui.cli import invoke
+from scenario_tui.library import watching
 from tests.people.cli.outputs import declared
 from tests.people.fake import FakeDaemon
 from tests.people.idle import wait_for_idle
@@ -92,7 +93,10 @@ def _idle_means_nothing_to_do(monkeypatch):
 
 
 @pytest.fixture
-def fake():
+def fake(monkeypatch):
+    """A daemon that is watched without waiting."""
+    monkeypatch.setattr(watching, "INTERVAL", 0.001)
+    monkeypatch.setattr(watching, "_POLL", 0.0)
     return FakeDaemon()
 
 

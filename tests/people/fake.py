@@ -52,7 +52,6 @@ from daemon.model.spec import (
     TraceInfo,
 )
 from daemon.model.status import (
-    CampaignRow,
     DiskUsage,
     LiveSnapshot,
     Preparation,
@@ -69,15 +68,13 @@ from grammars.model.mission import Mission, Waypoint
 from grammars.model.robot import Drive, Laser, Mount, OdometryNoise, Robot
 from grammars.model.scene import Doorway, Joint, Link, Region, Scene, SceneObject, Solid
 from grammars.text import codec
+from tests.engine.judging.traces import box
+from tests.make import FRESH
 
 NOW = 1_800_000_000.0
 CAMPAIGN = "first-ab12cd34"
 WAITING = "starting my-nav2: 3 of 8 nodes active, waiting for planner_server"
 OLD = "nightly-00ff00ff"
-
-
-def box(x0, y0, x1, y1):
-    return ((x0, y0), (x1, y0), (x1, y1), (x0, y1))
 
 
 def make_scene():
@@ -163,15 +160,13 @@ NIGHTLY = tuple(make_row(i, id=f"{OLD}.{i}", campaign=OLD) for i in range(4))
 
 
 def make_rows():
-    fresh = {"outcome": None, "oracle": "", "margin": None, "unit": "", "simulated": 0.0,
-             "wall": 0.0, "trace": ""}  # fmt: skip
     changes = {
         4: {"outcome": Outcome.INCONCLUSIVE, "oracle": "localised", "margin": None, "unit": "m"},
         5: {"outcome": Outcome.FAIL, "oracle": "no-contact", "margin": -0.0312},
         6: {"outcome": Outcome.FAIL, "oracle": "no-contact", "margin": -0.12},
-        7: fresh | {"state": RunState.RUNNING},
-        8: fresh | {"state": RunState.QUEUED, "worker": "", "attempt": 0},
-        9: fresh | {"state": RunState.LOST, "reason": "worker bench-1 went away", "attempt": 3},
+        7: FRESH | {"state": RunState.RUNNING},
+        8: FRESH | {"state": RunState.QUEUED, "worker": "", "attempt": 0},
+        9: FRESH | {"state": RunState.LOST, "reason": "worker bench-1 went away", "attempt": 3},
     }
     return tuple(make_row(i, **changes.get(i, {})) for i in range(10))
 
@@ -255,22 +250,6 @@ def make_judgement(index=7, time=60.0, *, contact=False):
 
 def _live_signal(name, unit, end, values, limits=(), readers=()):
     return LiveSignal(name, unit, 0.0, end, tuple(values), tuple(values), limits, (), readers)
-
-
-def campaign_row(name, id, rows, submitted_at):
-    def states(state):
-        return sum(row.state is state for row in rows)
-
-    def outcomes(outcome):
-        return sum(row.state is RunState.DONE and row.outcome is outcome for row in rows)
-
-    open_runs = states(RunState.QUEUED) + states(RunState.RUNNING)
-    return CampaignRow(
-        *map(states, RunState), outcomes(Outcome.PASS), outcomes(Outcome.FAIL),
-        outcomes(Outcome.INCONCLUSIVE), outcomes(Outcome.ERROR), id, name,
-        "Corridor task with static and moving doors", submitted_at,
-        None if open_runs else submitted_at + 120.0, len(rows),
-    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -378,6 +357,13 @@ class FakeDaemon(DaemonClient):
         """Do something before it answers for the n-th time: ``{n: action}``."""
         times = itertools.count(1)
         self.before = lambda daemon: actions.get(next(times), lambda _: None)(daemon)
+
+    def finish(self):
+        """Have all runs be over; those that had no outcome pass."""
+        self.rows = tuple(
+            replace(row, state=RunState.DONE, outcome=row.outcome or Outcome.PASS)
+            for row in self.rows
+        )
 
     def told(self, verb):
         """What it was told to do by a verb."""

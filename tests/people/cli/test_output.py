@@ -14,9 +14,9 @@ from daemon.model.assessments import (
 )
 from daemon.model.run_state import RunState
 from daemon.model.verdicts import Outcome
-from scenario_tui.library import watching
 from tests.analysis.report.recordings import OPEN, SHUT, SUTS, record, spec
 from tests.engine.judging.traces import CORRIDOR
+from tests.make import FRESH
 from tests.people.fake import (
     CAMPAIGN,
     NOW,
@@ -37,9 +37,7 @@ DELAY = ScenarioComparison(
 
 
 @pytest.fixture(autouse=True)
-def _no_waiting(monkeypatch, tmp_path):
-    monkeypatch.setattr(watching, "INTERVAL", 0.001)
-    monkeypatch.setattr(watching, "_POLL", 0.0)
+def _here(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
 
 
@@ -145,16 +143,15 @@ RULES = AssessmentRules(
     (ScenarioComparison("delay", "delay", "S1", "S2", None, "<=", 30.0, "s", "delay(S1 vs S2)"),),
     (Expectation("S1", "buffer", (), "fail", "the corridor is narrow"),),
 )
-FRESH = {"outcome": None, "oracle": "", "margin": None, "unit": "", "simulated": 0.0, "wall": 0.0,
-         "trace": "", "worker": "", "attempt": 0}  # fmt: skip
+NEW = FRESH | {"worker": "", "attempt": 0}
 STATES = {
-    "queued": FRESH | {"state": RunState.QUEUED},
-    "paused": FRESH | {"state": RunState.QUEUED},
-    "running": FRESH | {"state": RunState.RUNNING, "worker": "bench-1", "attempt": 1},
-    "retrying": FRESH | {"state": RunState.QUEUED, "attempt": 7, "reason": "the stack crashed"},
-    "cancelled": FRESH | {"state": RunState.CANCELLED, "reason": "cancelled"},
-    "lost": FRESH | {"state": RunState.LOST, "attempt": 3, "reason": "the stack crashed"},
-    "half": FRESH | {"state": RunState.QUEUED},
+    "queued": NEW | {"state": RunState.QUEUED},
+    "paused": NEW | {"state": RunState.QUEUED},
+    "running": NEW | {"state": RunState.RUNNING, "worker": "bench-1", "attempt": 1},
+    "retrying": NEW | {"state": RunState.QUEUED, "attempt": 7, "reason": "the stack crashed"},
+    "cancelled": NEW | {"state": RunState.CANCELLED, "reason": "cancelled"},
+    "lost": NEW | {"state": RunState.LOST, "attempt": 3, "reason": "the stack crashed"},
+    "half": NEW | {"state": RunState.QUEUED},
 }
 """Campaigns by the state of their runs: of ``half`` S1 has finished, of ``running`` one runs."""
 

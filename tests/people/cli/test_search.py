@@ -17,7 +17,6 @@ from daemon.search.preparation import PreparedSearch
 from scenario_tui.cli import search
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.search import _read_changes, copy_campaign, search_code
-from scenario_tui.library import watching
 from scenario_tui.library.submission import searches_text
 from scenario_tui.library.watching import ProgressDisplay, WatchedSearch
 from scenario_tui.text.search_text import search_line
@@ -33,9 +32,7 @@ from tests.people.fake_search import (
 
 
 @pytest.fixture(autouse=True)
-def _no_waiting(monkeypatch, tmp_path):
-    monkeypatch.setattr(watching, "INTERVAL", 0.001)
-    monkeypatch.setattr(watching, "_POLL", 0.0)
+def _here(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     Path("campaign.yaml").write_text("campaign: house\n")
 

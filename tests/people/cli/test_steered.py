@@ -10,18 +10,11 @@ from daemon.batch.ledger import LedgerWriter
 from daemon.batch.paths import StatePaths
 from daemon.model.assessments import AssessmentRules, RegressionGate, RepeatPolicy
 from daemon.model.messages import ReleaseRequest
-from daemon.model.run_state import RunState
-from daemon.model.verdicts import Outcome
-from scenario_tui.library import execution, job, watching
+from scenario_tui.library import execution, job
 from tests.make import make_submission
 from tests.people.fake import CAMPAIGN, OLD, spread_rows, state_paths
 
 CONTACT = '{"endpoint": "%s", "pid": 1, "version": "0", "started_at": 0.0}'
-
-
-@pytest.fixture(autouse=True)
-def _no_waiting(monkeypatch):
-    monkeypatch.setattr(watching, "INTERVAL", 0.001)
 
 
 def test_scripts_are_told_every_run_of_the_newest_campaign(scenario):
@@ -96,16 +89,9 @@ def test_logs_tell_attempts_reasons_and_what_is_printed(scenario, tmp_path):
     assert "loading the map" in told("c-1.1")
 
 
-def _finish(daemon):
-    daemon.rows = tuple(
-        replace(row, state=RunState.DONE, outcome=row.outcome or Outcome.PASS)
-        for row in daemon.rows
-    )
-
-
 def test_waiting_leaves_with_the_code_of_the_campaign(scenario, fake):
     looks = iter(range(10))
-    fake.before = lambda daemon: next(looks, None) is None and _finish(daemon)
+    fake.before = lambda daemon: next(looks, None) is None and daemon.finish()
     said = scenario("wait", "first")
     assert said == (1, "", f"{CAMPAIGN}: ✗ 2 runs unexpected\n")
     assert json.loads(scenario("wait", "first", "--json").out)["assessment"]["exit_code"] == 1
@@ -132,7 +118,7 @@ def away(fake, monkeypatch, tmp_path):
     def before(daemon):
         if next(asked, None) is None:
             daemon.reachable = True
-            _finish(daemon)
+            daemon.finish()
 
     fake.before = before
     return tmp_path

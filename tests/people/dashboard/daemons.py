@@ -15,6 +15,7 @@ from daemon.model.run_state import RunState
 from daemon.model.spec import TraceInfo
 from daemon.model.verdicts import Outcome
 from daemon.trace import read_trace
+from tests.make import FRESH
 from tests.people.fake import FakeDaemon, make_result, make_row
 from tests.people.recorded import record_run
 
@@ -31,8 +32,6 @@ DECLARED = AssessmentRules(
     ),
 )
 _FAILING = {"outcome": Outcome.FAIL, "margin": -0.0312}
-FRESH = {"outcome": None, "oracle": "", "margin": None, "unit": "", "simulated": 0.0,
-          "wall": 0.0, "trace": ""}  # fmt: skip
 
 
 def judged_rows():

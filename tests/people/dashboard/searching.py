@@ -19,8 +19,8 @@ from daemon.model.spec import LeadingMargin
 from daemon.model.trials import read_trial
 from daemon.model.verdicts import Outcome
 from scenario_tui.dashboard.playback import open_playback
+from tests.make import FRESH
 from tests.people import fake_search
-from tests.people.dashboard.daemons import FRESH
 from tests.people.fake import NOW, FakeDaemon, make_result, make_row
 from tests.people.recorded import make_run, record_run
 

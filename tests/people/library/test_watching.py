@@ -9,30 +9,20 @@ from daemon.batch.errors import DaemonError, Refused, Unreachable
 from daemon.model import verbs
 from daemon.model.run_state import RunState
 from daemon.model.status import ChangeEvent, Preparation, PreparationPhase
-from daemon.model.verdicts import Outcome
 from scenario_tui.library import watching
 from scenario_tui.library.watching import WatchedRuns, progress_lines, watch
-from tests.people.fake import CAMPAIGN, OLD, WAITING, make_live, make_row
+from tests.people.fake import CAMPAIGN, OLD, WAITING, FakeDaemon, make_live, make_row
 
 PREPARING = "compiling kernels 7/42 (once on this machine)"
 
 
 @pytest.fixture(autouse=True)
-def _no_waiting(monkeypatch, caplog):
+def _all_is_noted(caplog):
     caplog.set_level("INFO", "scenario_tui")
-    monkeypatch.setattr(watching, "INTERVAL", 0.001)
-    monkeypatch.setattr(watching, "_POLL", 0.0)
-
-
-def _finish(daemon):
-    daemon.rows = tuple(
-        replace(row, state=RunState.DONE, outcome=row.outcome or Outcome.PASS)
-        for row in daemon.rows
-    )
 
 
 def test_watching_ends_with_the_last_run(fake, capsys):
-    fake.at({10: _finish})
+    fake.at({10: FakeDaemon.finish})
     assert watch(fake.open, WatchedRuns(CAMPAIGN)).finished
     assert capsys.readouterr() == ("", "")  # no progress where there is no terminal
 
@@ -41,7 +31,7 @@ def test_watching_survives_a_restart_and_says_so(fake, caplog):
     def reach(daemon, is_there):
         daemon.reachable = is_there
 
-    fake.at({6: lambda it: reach(it, False), 20: lambda it: reach(it, True), 30: _finish})
+    fake.at({6: lambda it: reach(it, False), 20: lambda it: reach(it, True), 30: FakeDaemon.finish})
     assert watch(fake.open, WatchedRuns(CAMPAIGN)).finished
     assert caplog.messages == [
         "the daemon does not answer, waiting for it (Ctrl-C to leave)",
@@ -114,7 +104,7 @@ def test_what_a_worker_prepares_is_said_again_after_a_while(fake, caplog, monkey
         phase = PreparationPhase.STARTING if looks < 20 else PreparationPhase.COMPILING
         daemon.preparation = Preparation(phase, looks)
         if looks == 40:
-            _finish(daemon)
+            daemon.finish()
 
     fake.before = later
     assert watch(fake.open, WatchedRuns(CAMPAIGN)).finished
@@ -127,7 +117,7 @@ def test_what_a_worker_prepares_is_said_again_after_a_while(fake, caplog, monkey
 def test_a_daemon_that_cannot_run_anything_says_why_and_when_it_is_over(fake, caplog, monkeypatch):
     monkeypatch.setattr(watching, "_LOOK", 0.0)
     fake.trouble = "Traceback\nOSError: the disk is full\n"
-    fake.at({20: lambda daemon: setattr(daemon, "trouble", ""), 40: _finish})
+    fake.at({20: lambda daemon: setattr(daemon, "trouble", ""), 40: FakeDaemon.finish})
     assert watch(fake.open, WatchedRuns(CAMPAIGN)).finished
     assert caplog.messages == [
         "no run can start: OSError: the disk is full",
@@ -152,7 +142,7 @@ def test_whoever_waits_asks_for_that_campaign_and_only_when_it_changed(fake, mon
             on_event(ChangeEvent(1, *change))
 
     def end(daemon):
-        _finish(daemon)
+        daemon.finish()
         tell(daemon, "campaign", CAMPAIGN, CAMPAIGN, "finished")
 
     fake.at({50: lambda daemon: tell(daemon, "run", f"{OLD}.0", OLD, "done"), 100: end})

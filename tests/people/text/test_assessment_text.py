@@ -27,8 +27,8 @@ from scenario_tui.text.results import (
     worst_conclusion,
 )
 from scenario_tui.text.run_text import run_text
-from tests.make import run_result, run_row
-from tests.people.fake import campaign_row, make_row, make_spec
+from tests.make import campaign_row, run_result, run_row
+from tests.people.fake import make_row, make_spec
 
 
 def record(repeat, state, outcome=None):
@@ -41,7 +41,7 @@ def judged(*records, expected="pass", finished=True, **policy):
         RepeatPolicy(n=len(records), **policy),
         expectations=(Expectation("S1", "buffer", (), expected, "it is narrow"),),
     )
-    row = replace(campaign_row("first", "first-1", (), 0.0), queued=0 if finished else 1)
+    row = campaign_row("first-1", queued=0 if finished else 1)
     return CampaignResults(row, records, rules, assess(rules, records))
 
 
@@ -92,13 +92,13 @@ CANCELLED, WAITING = Conclusion("cancelled", "cancelled"), Conclusion("queued", 
     ],
 )
 def test_the_worst_state_is_that_of_any_campaign(conclusions, worst):
-    rows = [campaign_row("doors", f"doors-{i}", (), 0.0) for i in range(len(conclusions))]
+    rows = [campaign_row(f"doors-{i}") for i in range(len(conclusions))]
     told = worst_conclusion(rows, {f"doors-{i}": one for i, one in enumerate(conclusions)})
     assert (told and told[1]) == worst
 
 
 def test_neither_acknowledged_campaigns_nor_searches_are_told():
-    row = campaign_row("doors", "doors-1", (), 0.0)
+    row = campaign_row("doors-1")
     for quiet in (replace(row, acknowledged=True), replace(row, search="finished")):
         assert worst_conclusion([quiet], {"doors-1": NEWS}) is None
 
