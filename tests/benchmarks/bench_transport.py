@@ -26,7 +26,7 @@ from daemon.model.messages import (
 from daemon.model.spec import TraceInfo
 from tests.benchmarks.bench_daemon import asked, fresh, passed
 from tests.benchmarks.measurement import Measurement, Reference, at_least, spread
-from tests.chaos.links import slow_line
+from tests.chaos.links import relay
 from tests.make import make_result, make_submission
 from tests.parts import eventually, finished, worker_for
 
@@ -95,7 +95,7 @@ def distance():
         near = None
         for delay in (0.0, 0.1):
             with fresh(lease=30.0) as daemon, daemon.client() as client, ExitStack() as stack:
-                link = stack.enter_context(slow_line(daemon.endpoint, delay=delay))
+                link = stack.enter_context(relay(daemon.endpoint, delay=delay))
                 elsewhere = str(daemon.state.parent / "elsewhere")
                 options = {"connect": link.endpoint}
                 stack.enter_context(worker_for(daemon, 8, "--state", elsewhere, **options))

@@ -3,30 +3,22 @@
 With root and ``ip`` a worker gets a network namespace of its own, tied to ours by a veth pair that
 can be taken down. Elsewhere a relay on loopback stops passing bytes on: connections stay open and
 silent, as with a pulled cable.
-
-A slow line is a process of its own, so that nothing else in the test delays it:
-``python -m tests.chaos.links PORT HOST:PORT DELAY RATE`` listens at loopback and passes on what
-comes, each byte DELAY seconds later and at most RATE bytes a second in each direction.
 """
 
-import asyncio
 import itertools
 import os
+import queue
 import shutil
-import signal
 import socket
 import subprocess
-import sys
 import threading
+import time
 from contextlib import ExitStack, contextmanager, suppress
-from types import SimpleNamespace
 
 import pytest
 
 from daemon.batch.paths import INSECURE_VARIABLE
-from tests.parts import ROOT, eventually, free_endpoint
 
-_CHUNK = 65536
 _NUMBERS = itertools.count()
 CHUNKS = (2**12, 2**16)
 """Bytes passed on at a time, at least and at most: a tenth of a second where that is between."""
@@ -37,11 +29,15 @@ UNLIMITED = 1e9
 
 
 class Relay:
-    """Passes bytes between a free loopback port and the daemon's, until it is cut."""
+    """Passes bytes between a free loopback port and the daemon's, until it is cut.
+
+    Each byte comes ``delay`` [s] later, and at most ``rate`` bytes a second in each direction.
+    """
 
     through = ()
 
-    def __init__(self, endpoint):
+    def __init__(self, endpoint, delay=0.0, rate=UNLIMITED):
+        self._delay, self._rate = delay, rate
         host, _, port = endpoint.removeprefix("tcp/").rpartition(":")
         self._target = host, int(port)
         self._whole = threading.Event()
@@ -99,15 +95,31 @@ class Relay:
             threading.Thread(target=self._pump, args=(source, sink), daemon=True).start()
 
     def _pump(self, source, sink):
+        chunk = min(max(CHUNKS[0], int(self._rate / 10.0)), CHUNKS[1])
+        under_way = queue.Queue(int(BUFFER + self._rate * self._delay) // chunk)
+        threading.Thread(target=self._give, args=(under_way, source, sink), daemon=True).start()
+        free, data = time.monotonic(), b"-"
+        while data:
+            data = b""
+            with suppress(OSError):
+                data = source.recv(chunk)
+            self._whole.wait()
+            if self._until_cut is not None:
+                self._until_cut -= len(data)
+                if self._until_cut < 0:
+                    self._until_cut = None
+                    self._whole.clear()
+                    self._whole.wait()
+            free = max(free, time.monotonic()) + len(data) / self._rate
+            under_way.put((free + self._delay, data))
+
+    def _give(self, under_way, source, sink):
+        data = b"-"
         with suppress(OSError):
-            while data := source.recv(_CHUNK):
+            while data:
+                due, data = under_way.get()
+                time.sleep(max(0.0, due - time.monotonic()))
                 self._whole.wait()
-                if self._until_cut is not None:
-                    self._until_cut -= len(data)
-                    if self._until_cut < 0:
-                        self._until_cut = None
-                        self._whole.clear()
-                        self._whole.wait()
                 sink.sendall(data)
         for one in (source, sink):
             with suppress(OSError):
@@ -115,9 +127,9 @@ class Relay:
 
 
 @contextmanager
-def relay(endpoint):
+def relay(endpoint, **shape):
     """A cable that is a relay, for the block."""
-    made = Relay(endpoint)
+    made = Relay(endpoint, **shape)
     try:
         yield made
     finally:
@@ -207,74 +219,3 @@ def links(endpoint, count, *, isolated):
         return
     with ExitStack() as stack:
         yield endpoint, [stack.enter_context(relay(endpoint)) for _ in range(count)]
-
-
-@contextmanager
-def slow_line(endpoint, *, delay=0.0, rate=UNLIMITED):
-    """A line with ``delay`` [s] and ``rate`` [bytes/s] each way; cut, it freezes."""
-    mine = free_endpoint()
-    command = [sys.executable, "-m", "tests.chaos.links", mine.rpartition(":")[2]]
-    command += [endpoint.removeprefix("tcp/"), str(delay), str(rate)]
-    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE)
-    try:
-        eventually(process.stdout.readline)
-        yield SimpleNamespace(
-            endpoint=mine,
-            through=(),
-            cut=lambda: process.send_signal(signal.SIGSTOP),
-            mend=lambda: process.send_signal(signal.SIGCONT),
-        )
-    finally:
-        process.kill()
-        process.communicate()
-
-
-async def _pass_on(reader, writer, delay, rate):
-    """Pass bytes on one way until one of both ends is closed."""
-    clock = asyncio.get_running_loop()
-    chunk = min(max(CHUNKS[0], int(rate / 10.0)), CHUNKS[1])
-    under_way = asyncio.Queue(int(BUFFER + rate * delay) // chunk)
-
-    async def take():
-        free, data = clock.time(), b"-"
-        while data:
-            data = b""
-            with suppress(ConnectionError):
-                data = await reader.read(chunk)
-            free = max(free, clock.time()) + len(data) / rate
-            await under_way.put((free + delay, data))
-
-    async def give():
-        data = b"-"
-        while data:
-            due, data = await under_way.get()
-            await asyncio.sleep(max(0.0, due - clock.time()))
-            if not writer.is_closing():  # what still comes in then is for nobody
-                with suppress(ConnectionError):
-                    writer.write(data)
-                    await writer.drain()
-        writer.close()
-
-    await asyncio.gather(take(), give())
-
-
-async def _serve(port, target, delay, rate):
-    async def connect(here, back):
-        try:
-            there, forth = await asyncio.open_connection(*target)
-        except OSError:
-            back.close()  # no daemon just now: as good as refused
-            return
-        ways = ((here, forth), (there, back))
-        await asyncio.gather(*(_pass_on(*way, delay, rate) for way in ways))
-
-    server = await asyncio.start_server(connect, "127.0.0.1", port)
-    print("passes on", flush=True)
-    async with server:
-        await server.serve_forever()
-
-
-if __name__ == "__main__":
-    port, target, delay, rate = sys.argv[1:]
-    host, _, number = target.rpartition(":")
-    asyncio.run(_serve(int(port), (host, int(number)), float(delay), float(rate)))

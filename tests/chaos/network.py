@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from grammars.text.files import matching_paths
 from tests.chaos.executor import EXECUTOR, Executions
-from tests.chaos.links import UNLIMITED, links, may_make_namespaces, relay, slow_line
+from tests.chaos.links import UNLIMITED, links, may_make_namespaces, relay
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
 from tests.make import make_spec, submission_of
@@ -106,11 +106,9 @@ class _Scene:
         self._stack, self._folder, self._case = stack, folder, case
         self._log, self._over = Executions(folder / "executions"), 0
         endpoint = free_endpoint()
-        if case.delay or case.rate:
-            shaped = slow_line(endpoint, delay=case.delay, rate=case.rate or UNLIMITED)
+        if case.delay or case.rate or case.breaks:
+            shaped = relay(endpoint, delay=case.delay, rate=case.rate or UNLIMITED)
             line = stack.enter_context(shaped)
-        elif case.breaks:
-            line = stack.enter_context(relay(endpoint))
         else:
             endpoint, (line,) = stack.enter_context(links(endpoint, 1, isolated=isolated))
         self._line = line

@@ -5,7 +5,7 @@ import time
 from contextlib import ExitStack
 
 from tests.chaos.executor import EXECUTOR, Executions
-from tests.chaos.links import links, may_make_namespaces, slow_line
+from tests.chaos.links import links, may_make_namespaces, relay
 from tests.chaos.network import worker_at
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
@@ -45,8 +45,8 @@ def storm(folder, *, runs=200, seed=1, lease=30.0, every=8.0, seconds=120.0):
         daemon.client().close()
         loses = isolated and cables[1].drop_packets(0.1)
         report.fact("a line loses packets", loses)
-        far = stack.enter_context(slow_line(endpoint, delay=0.1))
-        slow = stack.enter_context(slow_line(endpoint, rate=200_000))
+        far = stack.enter_context(relay(endpoint, delay=0.1))
+        slow = stack.enter_context(relay(endpoint, rate=200_000))
         lines = [*cables, far, slow]
         for number, line in enumerate(lines):
             stack.enter_context(worker_at(daemon, line, 2, folder / f"away-{number}"))

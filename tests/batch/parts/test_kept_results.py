@@ -15,7 +15,7 @@ from daemon.model.run_state import RunState
 from daemon.model.spec import SutReference
 from daemon.model.verbs import COMPLETE, GET, LEASE, PUT, RELEASE, RENEW
 from grammars.text.files import matching_paths
-from tests.chaos.links import slow_line
+from tests.chaos.links import relay
 from tests.make import make_spec, make_submission, submission_of
 from tests.parts import daemon_at, eventually, executions, finished, free_endpoint, worker_for
 
@@ -164,7 +164,7 @@ def test_a_large_result_passes_a_slow_line(tmp_path):
     with (
         daemon_at(tmp_path / "state") as daemon,
         daemon.client() as client,
-        slow_line(daemon.endpoint, rate=60_000) as line,
+        relay(daemon.endpoint, rate=60_000) as line,
         worker_for(daemon, 1, "--state", str(tmp_path / "elsewhere"), connect=line.endpoint),
     ):
         client.submit(make_submission("c", 1, evidence=230_000))
