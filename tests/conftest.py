@@ -60,7 +60,6 @@ def pytest_collection_modifyitems(items):
 
 def pytest_collection_finish():
     """Leave what lives until the end out of every later garbage collection."""
-    gc.collect()
     gc.freeze()
 
 

@@ -1,7 +1,7 @@
 """The daemon under load: runs through the ledger, submissions, questions, idle cost, many workers.
 
 Real processes over loopback. CPU times are of the daemon process; what waits for the machine is
-told as such. At the end real runs are executed with one slot and with two.
+told as such.
 """
 
 import multiprocessing
@@ -16,7 +16,7 @@ import psutil
 
 from daemon.batch import bus
 from daemon.batch.errors import Unreachable
-from daemon.batch.ledger import LedgerReader, LedgerWriter
+from daemon.batch.ledger import LedgerWriter
 from daemon.batch.paths import StatePaths
 from daemon.campaign import expand, load_campaign
 from daemon.model.execution import DEFAULT_EXECUTOR
@@ -28,9 +28,7 @@ from tests.parts import ROOT, daemon_at, eventually, family, finished
 
 EMPTY = 3000
 QUEUED, LARGE = 100_000, MOST_RUNS
-CAMPAIGNS = 20_000
 WORKERS, PROCESSES = 400, 4
-RUNS = 20
 IDLE = 10.0
 QUESTIONS = 300
 CORE = Reference("one core", 100.0)
@@ -40,9 +38,7 @@ CAMPAIGN = ROOT / "campaigns" / "ortega2024" / "first.yaml"
 
 def measure():
     """Yield what each part has to say."""
-    for part in (
-        empty_runs, idle, submit, large, many_campaigns, busy_questions, scale, efficiency,
-    ):  # fmt: skip
+    for part in (empty_runs, idle, submit, large, busy_questions, scale):
         yield from part()
         assert threading.active_count() < 50
 
@@ -191,41 +187,6 @@ def asked(name, question, times=QUESTIONS, *goals):
     return spread(name, took, *goals)
 
 
-def asked_beside(questions, times):
-    """Ask all these, the first one being the reference."""
-    beside = None
-    for name, question in questions.items():
-        one = asked(name, question, times)
-        yield replace(one, reference=beside)
-        beside = beside or Reference(name, one.value)
-
-
-def many_campaigns():
-    """What one of thousands of campaigns costs, against all of them."""
-    with tempfile.TemporaryDirectory(prefix="bench-daemon-") as folder:
-        fill_ledger(folder, CAMPAIGNS)
-        with LedgerReader.open(StatePaths(Path(folder))) as reader:
-            page = reader.campaign_page
-            questions = {
-                f"all of {CAMPAIGNS} campaigns": reader.campaigns,
-                "  the newest 500": lambda: page(limit=500),
-                "  one by its id": lambda: page(id="c777", limit=1),
-                "  one by its name": lambda: page(name="n77", limit=1),
-                "  the counts of all": reader.counts,
-            }
-            yield from asked_beside(questions, 5)
-
-
-def fill_ledger(folder, campaigns):
-    """Put so many campaigns of one run into the ledger of a new state directory."""
-    paths = StatePaths(Path(folder))
-    paths.make_folders()
-    one = make_submission("c", 1)
-    with LedgerWriter.open(paths) as ledger, ledger.transaction():
-        for i in range(campaigns):
-            ledger.submit(replace(one, campaign=f"c{i}", name=f"n{i % 100}"), float(i))
-
-
 def busy_questions():
     with fresh(2, executor=DEFAULT_EXECUTOR) as daemon, daemon.client() as client:
         quiet = asked("status, quiet", client.overview)
@@ -299,10 +260,24 @@ def scale():
                 "of one scenario and system": lambda: client.runs(scenario="S2", sut="pilot"),
                 "with a text in them": lambda: client.runs(text="S2/pilot/77"),
             }
-            yield from asked_beside(questions, 40)
+            beside = None
+            for name, question in questions.items():
+                one = asked(name, question, 40)
+                yield replace(one, reference=beside)
+                beside = beside or Reference(name, one.value)
             with bus.open_client(daemon.endpoint) as session:
                 worker = LightWorker(session, daemon.endpoint, "one", 1)
                 yield asked("lease of one run", worker.lease)
+
+
+def fill_ledger(folder, campaigns):
+    """Put so many campaigns of one run into the ledger of a new state directory."""
+    paths = StatePaths(Path(folder))
+    paths.make_folders()
+    one = make_submission("c", 1)
+    with LedgerWriter.open(paths) as ledger, ledger.transaction():
+        for i in range(campaigns):
+            ledger.submit(replace(one, campaign=f"c{i}", name=f"n{i % 100}"), float(i))
 
 
 def used_by(pid):
@@ -320,24 +295,3 @@ def used_by(pid):
             else:
                 own += used.user + used.system
     return own, runs
-
-
-def efficiency():
-    """Runs of building C with one slot and with two; two cores cannot give more than twice."""
-    took = []
-    for slots in (1, 2):
-        with fresh(slots, executor=DEFAULT_EXECUTOR) as daemon, daemon.client() as client:
-            for count, name in ((2, "warm"), (RUNS, "measured")):
-                before, start = used_by(daemon.pid), time.monotonic()
-                client.submit(large_campaign(count, name))
-                while not finished(client, RUNS + 2 if name == "measured" else 2):
-                    time.sleep(0.25)  # to be asked costs, too
-            took.append(time.monotonic() - start)
-            own, runs = (b - a for a, b in zip(before, used_by(daemon.pid), strict=True))
-        beside = Reference("CPU of the runs", runs)
-        yield Measurement(f"{RUNS} runs of building C, {slots} slots", took[-1], "s", beside)
-        yield Measurement("  CPU of daemon and worker", own, "CPU s", beside)
-    yield Measurement(
-        "runs a second, two slots", RUNS / took[1], "/s",
-        Reference("twice those of one", 2 * RUNS / took[0]), (at_least(0.9, of_ratio=True),),
-    )  # fmt: skip
