@@ -60,11 +60,12 @@ def opened(*place):
     return " ".join(place), lambda dash: dash.open(*place)
 
 
-async def follow(dash, steps):
+async def follow(dash, steps, begins=False):
     """Take the steps; return what there is first, and what each of them changed.
 
     Told are the screen, what has the keys, the row of the table under the cursor and which keys are
-    grey; the lines of the screen that changed; what was said, copied and asked of the daemon.
+    grey; the lines of the screen that changed; what was said, copied and asked of the daemon. The
+    lines of the first screen are told if it ``begins`` or if there is no step.
     """
     texts, facts, screens = [], {}, {}
     calls = dash.fake.calls if dash.fake else []
@@ -84,7 +85,8 @@ async def follow(dash, steps):
         texts += [f"{fact}: {now}" for fact, now in _changes(facts, _facts(dash))]
         seen = screens.setdefault(dash.screen, {})
         lines = _changes(seen, dict(enumerate(dash.lines)))
-        texts += [f"{row:3} {line}".rstrip() for row, line in lines]
+        if step or begins or not steps:
+            texts += [f"{row:3} {line}".rstrip() for row, line in lines]
         texts += [f"said: {line}" for line in dash.notices[len(said) :].split("\n") if line]
         texts += [f"asked: {call}" for call in calls if call[0] in _VERBS]
     return "\n".join([*texts, ""])

@@ -61,6 +61,10 @@ JOURNEYS = {
     "typed-ahead-name": Journey(["!s 1 q 3 s"], size=(200, 24)),
     "typed-ahead-filter": Journey(["!slash n i g h enter m"]),
 }  # fmt: skip
+BEGINS = (
+    "priority", "refused-waiting", "refused-empty", "refused-read-only", "typed-ahead-name",
+)  # fmt: skip
+"""Those whose first screen is told: no other way leads to what stands on it."""
 
 
 @pytest.mark.parametrize("name", JOURNEYS)
@@ -68,7 +72,7 @@ async def test_a_campaign_is_steered_as_it_was(dashboard, golden, tmp_path, monk
     monkeypatch.chdir(tmp_path)
     way = JOURNEYS[name]
     dash = await dashboard(way.daemon(), way.size, config=way.config)
-    text = await follow(dash, way.steps)
+    text = await follow(dash, way.steps, name in BEGINS)
     golden(f"journeys/{name}.txt", text.replace(str(tmp_path), "HERE"))
 
 

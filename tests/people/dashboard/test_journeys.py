@@ -209,6 +209,12 @@ JOURNEYS = {
         ["enter", "x", "escape", has(found=(BROKEN,))], begun, WIDE
     ),
 }  # fmt: skip
+BEGINS = (
+    "beside", "wide", "pages", "long-names", "comes-back", "matrix", "matrix-of-three", "running",
+    "running-no-more", "troubles", "search-on-its-way", "search-parts", "search-begun-and-broken",
+    "search-in-little-room", "smallest-stuck", "smallest-gone",
+)  # fmt: skip
+"""Those whose first screen is told: no other way leads to what stands on it."""
 
 
 @pytest.mark.parametrize("name", JOURNEYS)
@@ -217,4 +223,4 @@ async def test_a_way_through_the_dashboard_is_as_it_was(dashboard, golden, monke
         monkeypatch.setattr(module, "CAMPAIGNS_SHOWN", 5)
     way = JOURNEYS[name]
     dash = await dashboard(way.daemon(), way.size, config=way.config)
-    golden(f"journeys/{name}.txt", await follow(dash, way.steps))
+    golden(f"journeys/{name}.txt", await follow(dash, way.steps, name in BEGINS))

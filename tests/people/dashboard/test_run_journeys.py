@@ -280,6 +280,12 @@ JOURNEYS = {
     "both-in-parts": Journey(["n", "tab", "tab"], both),
     "both-in-no-room": Journey(["tab", "tab", "tab", "z", "n", "t"], both, (20, 6)),
 }  # fmt: skip
+BEGINS = (
+    "verdicts", "running-again", "compared", "asked-for", "decided", "never-said", "no-judge",
+    "ends", "failed", "running", "starting", "replayed", "replay-clicked", "both", "both-in-parts",
+    "both-in-no-room",
+)  # fmt: skip
+"""Those whose first screen is told: no other way leads to what stands on it."""
 
 
 @pytest.mark.parametrize("name", JOURNEYS)
@@ -287,4 +293,4 @@ async def test_a_way_through_a_run_is_as_it_was(dashboard, golden, trace, monkey
     monkeypatch.chdir(trace.parent)  # so that paths are short
     way = JOURNEYS[name]
     dash = await dashboard(way.daemon(Path(trace.name)), way.size, run=way.run)
-    golden(f"journeys/run-{name}.txt", await follow(dash, way.steps))
+    golden(f"journeys/run-{name}.txt", await follow(dash, way.steps, name in BEGINS))
