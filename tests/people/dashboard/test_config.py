@@ -67,14 +67,6 @@ def written(tmp_path):
     return write
 
 
-def test_no_file_says_nothing(tmp_path):
-    config = read_config(tmp_path / "config.toml")
-    check_config(config)
-    assert not config.read_only
-    assert config.mouse
-    assert not config.keys
-
-
 @pytest.mark.parametrize("text", BAD)
 def test_what_is_wrong_is_said_by_its_name(written, text):
     with pytest.raises(InputError) as caught:

@@ -27,7 +27,9 @@ def nobody():
 
 
 JOURNEYS = {
-    "steered": Journey([*STEERED, "m", *STEERED, "escape enter", *STEERED, "enter", *STEERED]),
+    "steered": Journey(
+        [*STEERED, "m", *STEERED[:3], "escape enter", *STEERED[:3], "enter", *STEERED[:3]]
+    ),
     "paused": Journey(["P", "r", "f", "P"]),
     "deleted": Journey(["down", "D", "y"]),
     "priority": Journey(

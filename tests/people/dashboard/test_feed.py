@@ -125,17 +125,6 @@ def test_what_was_judged_is_told_without_asking_anew(feed, taker, fake, monkeypa
     assert told
 
 
-def test_a_gone_daemon_leaves_the_last_picture_and_is_found_again(feed, taker, fake):
-    feed.start()
-    taker.until(lambda it: it.known.connected)
-    fake.reachable = False
-    taker.until(lambda it: not it.known.connected)
-    assert taker.known.problem.startswith("no daemon answers")
-    assert taker.known.campaigns
-    fake.reachable = True
-    taker.until(lambda it: it.known.connected)
-
-
 def test_telemetry_waits_until_it_is_taken_and_does_not_grow(feed, taker, fake):
     fake.live = tuple(make_live(7, float(time)) for time in range(2000))
     feed.start()

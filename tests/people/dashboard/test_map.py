@@ -15,12 +15,9 @@ from grammars.model.movers import with_planar_chain
 from grammars.model.scene import Link, SceneObject
 from scenario_tui.dashboard.widgets.block_cells import (
     fill_areas,
-    mask_blocks,
-    mask_dots,
     middle_line,
     ring_edges,
 )
-from scenario_tui.dashboard.widgets.cell_view import Canvas
 from scenario_tui.dashboard.widgets.map_frame import View, draw_view
 from scenario_tui.dashboard.widgets.map_names import place_beside, place_inside
 from scenario_tui.dashboard.widgets.map_projection import fit, main_axis, map_turn
@@ -197,13 +194,6 @@ def test_areas_that_overlap_are_one_and_holes_are_left_out():
     assert not (3 <= name.row < 7 and 3 <= name.column < 7)
 
 
-def test_blocks_look_like_their_squares():
-    quarters = np.array([[1, 0, 1, 1], [0, 1, 0, 0]], dtype=bool)
-    assert [chr(c) for c in mask_blocks(quarters)[0]] == ["▚", "▀"]
-    dots = mask_dots(quarters.repeat(2, axis=0))
-    assert [chr(0x2800 + bits) for bits in dots[0].tolist()] == ["⢣", "⠛"]
-
-
 def test_a_name_too_long_for_its_room_is_left_out():
     room = [np.array([(0.0, 0.0), (14.0, 0.0), (14.0, 6.0), (0.0, 6.0)])]
     free = np.ones((6, 14), dtype=bool)
@@ -267,54 +257,6 @@ def test_a_text_stands_beside_its_thing_where_there_is_room():
         places.append((text.row, text.column))
     assert places[:3] == [(2, 11), (2, 3), (1, 7)]
     assert {row for row, _ in places} == set(range(5))
-
-
-# Dot positions of a braille cell by Unicode's own numbering: bit k is dot k+1.
-_DOT_OF_BIT = [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2), (0, 3), (1, 3)]
-
-
-def dots_of(canvas):
-    """Read the dots back out of the characters."""
-    codes, _ = canvas.cells()
-    found = set()
-    for (row, column), code in np.ndenumerate(codes):
-        if code > 0x2800:
-            for bit, (x, y) in enumerate(_DOT_OF_BIT):
-                if (code - 0x2800) >> bit & 1:
-                    found.add((2 * column + x, 4 * row + y))
-    return found
-
-
-point = st.integers(-5, 45)
-
-
-@given(st.lists(st.tuples(point, point), min_size=1, max_size=30))
-def test_dots_are_where_they_were_set(points):
-    canvas = Canvas(10, 6, 1)
-    canvas.points(np.array(points, dtype=float), 0)
-    assert dots_of(canvas) == {(x, y) for x, y in points if 0 <= x < 20 and 0 <= y < 24}
-
-
-@given(*[st.integers(0, 19)] * 4)
-def test_a_line_has_no_gaps_and_keeps_to_its_way(x0, y0, x1, y1):
-    canvas = Canvas(10, 5, 1)
-    canvas.lines(np.array([[x0, y0, x1, y1]], dtype=float), 0)
-    dots = dots_of(canvas)
-    assert {(x0, y0), (x1, y1)} <= dots
-    assert len(dots) == max(abs(x1 - x0), abs(y1 - y0)) + 1
-    length = math.dist((x0, y0), (x1, y1))
-    for x, y in dots:
-        off = abs((x1 - x0) * (y0 - y) - (x0 - x) * (y1 - y0))
-        assert off <= 0.75 * max(length, 1.0)
-
-
-def test_a_cell_belongs_to_its_highest_layer():
-    canvas = Canvas(2, 1, 3)
-    canvas.points(np.array([[0.0, 0.0]]), 0)
-    canvas.points(np.array([[1.0, 3.0]]), 2)
-    codes, owners = canvas.cells()
-    assert owners.tolist() == [[2, -1]]
-    assert "".join(map(chr, codes[0])) == "⢁ "
 
 
 def test_a_robot_that_is_nowhere_is_not_come_nearer_to():

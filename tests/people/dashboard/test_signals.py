@@ -18,7 +18,6 @@ from scenario_tui.dashboard.widgets.timeline import ZOOM, TimelineView, at_playh
 from scenario_tui.dashboard.widgets.timeline_drawing import (
     CURSOR,
     TimelineDrawing,
-    fit_heights,
     ranges,
 )
 from scenario_tui.terminal.limited_terminal import LimitedTerminalApp
@@ -160,12 +159,6 @@ def test_values_at_the_cursor_are_those_of_the_last_sample(kind):
     unit, least, most, told = VALUES[kind]
     signal = RunSignal("it", unit, np.array([1.0, 2.0]), np.array(least), np.array(most))
     assert [at_playhead(signal, t) for t in (0.5, 1.0, 1.9, 2.0, 9.0)] == ["–", *told]
-
-
-def test_what_does_not_fit_is_counted(playback):
-    few = [replace(playback.timeline.signals[0])] * 3
-    assert fit_heights(few, 7) == [3, 2, 2]
-    assert fit_heights(few, 3) == [3]
 
 
 def test_only_changed_parts_of_rows_are_drawn_again():

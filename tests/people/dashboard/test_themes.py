@@ -127,8 +127,7 @@ async def test_what_is_old_or_behind_a_dialog_can_be_read(dashboard, theme):
             assert not {"-stale", "-behind"} & shown.classes
 
 
-@pytest.mark.parametrize("theme", [DARK, LIGHT])
-@pytest.mark.parametrize("colours", ["few", "none"])
+@pytest.mark.parametrize(("theme", "colours"), [(DARK, "few"), (LIGHT, "none")])
 async def test_the_selection_is_seen_without_our_colours(dashboard, theme, colours):
     app = make_dashboard(FakeDaemon(), config=Config(theme=theme))
     app.apply_limits(TerminalLimits(colours))
