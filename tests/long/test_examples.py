@@ -12,7 +12,7 @@ from grammars.model.map_files import write_map
 from scenario_tui.cli.commands import load_command
 from scenario_tui.cli.examples import EXAMPLES
 from tests.people.cli.commands import commands
-from tests.people.cli.real import call, call_here
+from tests.people.cli.real import call_here
 from tests.scene.maps.imported import house
 
 STAY = {
@@ -79,7 +79,7 @@ def place(tmp_path_factory, campaigns):
     (folder / "shipped" / "demo").mkdir(parents=True)
     shutil.copytree(campaigns / "demo", folder / "shipped" / "demo", dirs_exist_ok=True)
     (folder / "shipped" / "demo" / "campaign.yaml").write_text(CAMPAIGN)
-    done = call("submit", "campaign.yaml", "--watch", state=folder / "state", cwd=folder)
+    done = call_here("submit", "campaign.yaml", "--watch", state=folder / "state", cwd=folder)
     assert done.returncode == 0, done.stderr
     yield folder
     call_here("daemon", "--stop", state=folder / "state", cwd=folder)

@@ -6,7 +6,7 @@ import pytest
 
 from daemon.campaign import expand, load_campaign
 from tests.people.cli.outputs import declared
-from tests.people.cli.real import call, call_here, short_demo
+from tests.people.cli.real import call_here, short_demo
 
 SEARCH = """
 search:
@@ -34,7 +34,7 @@ def place(tmp_path, campaigns):
 def test_what_is_found_says_the_same_on_its_own(place):
     state, file = place / "state", "campaigns/demo/campaign.yaml"
     try:
-        done = call("search", file, "--json", state=state, cwd=place)
+        done = call_here("search", file, "--json", state=state, cwd=place)
         assert done.returncode == 1, done.stderr
         body = declared(done.stdout)
         search = body["search"]

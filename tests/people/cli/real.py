@@ -1,7 +1,6 @@
 """The command line in a process of its own, and a short campaign for it."""
 
 import io
-import os
 import re
 import shutil
 import subprocess
@@ -15,19 +14,8 @@ from scenario_tui.cli import invoke
 COMMAND = [sys.executable, "-c", "from scenario_tui.cli import main; main()"]
 
 
-def call(*arguments, state, cwd):
-    environ = {k: v for k, v in os.environ.items() if k != "SCENARIO_CONNECT"}
-    return subprocess.run(
-        [*COMMAND, *arguments],
-        capture_output=True,
-        text=True,
-        cwd=cwd,
-        env=environ | {"SCENARIO_STATE": str(state)},
-    )
-
-
 def call_here(*arguments, state, cwd):
-    """Do as ``call`` in this process, for commands that only ask: it is spared a start."""
+    """Call a command in this process, as if in another folder: it is spared a start."""
     out, err = io.StringIO(), io.StringIO()
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
         patch.chdir(cwd)

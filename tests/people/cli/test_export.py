@@ -5,17 +5,11 @@ import shutil
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 import yaml
 
-from grammars.floorplan import load_floorplan
-from grammars.model.grid import OCCUPIED
-from grammars.model.map_files import read_map, write_map
-from grammars.scenery.composition import compile_scene
 from scenario_tui.cli import export, invoke
 from templates.artefacts import ALL, KINDS
-from templates.occupancy import occupancy_grid
 
 
 @pytest.fixture(scope="module")
@@ -79,23 +73,6 @@ def test_scenarios_that_look_the_same_share_a_folder(copied, tmp_path, capsys):
     assert folders == {"open-house", "busy-house", "rude-house"}
     printed = {Path(line) for line in capsys.readouterr().out.splitlines()}
     assert printed == {p for p in (tmp_path / "out").rglob("*") if p.is_file()}
-
-
-def test_maps_are_those_that_the_campaign_declares(copied, tmp_path):
-    demo = copied / "demo" / "campaign.yaml"
-    lines = [line for line in demo.read_text().splitlines() if not line.startswith("map:")]
-    scene = compile_scene(load_floorplan(copied / "demo" / "flat.fpm"), [])
-
-    def exported(map):
-        demo.write_text("\n".join((*lines, f"map: {map}\n")))
-        assert invoke(["export", str(demo), "map", "-o", str(tmp_path / "out")]) == 0
-        return read_map(tmp_path / "out" / "open-house" / "maps" / "flat.yaml").grid.cells
-
-    expected = occupancy_grid(scene, laser_height=0.2, rule="outline")
-    assert np.array_equal(exported("{rule: outline}"), expected.cells)
-    expected.cells[:3] = OCCUPIED
-    write_map(expected, demo.with_name("own"), laser_height=0.2)
-    assert np.array_equal(exported("{file: own.yaml}"), expected.cells)
 
 
 def test_every_variant_of_a_plan_is_a_world(copied, tmp_path):

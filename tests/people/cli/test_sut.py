@@ -119,18 +119,6 @@ def test_a_line_says_for_each_thing_whether_it_is_there(name, answer, start, tra
     transcript(f"sut_check_{name.replace(' ', '_')}")
 
 
-def test_scripts_get_every_line(scenario, start):
-    body = declared(scenario("sut", "check", "my-nav2", "--json").out)
-    assert (body["sut"], body["distribution"], body["failure"]) == ("my-nav2", "jazzy", "")
-    scan = next(line for line in body["lines"] if line["subject"] == "/scan")
-    assert (scan["state"], scan["qos"], scan["listeners"]) == ("ok", "best effort", 1)
-    start.answer = CANNOT_START
-    body = declared(scenario("sut", "check", "my-nav2", "--json", "--out", "kept").out)
-    assert Path("kept/stack.txt").read_bytes() == b"all of it"
-    assert body["printed"] == ["ros2: not found"]
-    assert (body["lines"], body["outputs"]) == ([], ["kept/stack.txt"])
-
-
 def test_without_a_campaign_the_robot_stands_in_an_empty_room(scenario, start):
     assert scenario("sut", "check", "my-nav2").code == 0
     briefing, first = start.briefing, start.first

@@ -1,56 +1,26 @@
 """``scenario serve`` as people start it: what it says, what it refuses, how it ends."""
 
 import builtins
-import os
 import re
 import signal
 import socket
 import stat
 import subprocess
-import sys
-from contextlib import contextmanager
+from contextlib import ExitStack
+from itertools import takewhile
 from pathlib import Path
 
 import pytest
 
 from grammars.model.map_files import read_map
 from scenario_tui.cli.exit_codes import ExitCode
-
-COMMAND = [sys.executable, "-c", "from scenario_tui.cli import main; main()", "serve"]
-DEADLINE = 120.0
+from tests.parts import DEADLINE
+from tests.people.cli.real import COMMAND
 
 
 @pytest.fixture
 def file(campaigns):
     return str(campaigns / "demo" / "campaign.yaml")
-
-
-@contextmanager
-def served(*arguments):
-    process = subprocess.Popen(
-        [*COMMAND, *arguments],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env={k: v for k, v in os.environ.items() if k != "SCENARIO_CONNECT"},
-    )
-    try:
-        yield process
-    finally:
-        process.kill()
-        process.communicate()
-
-
-def said_until(process, last):
-    """Read what it says until a line with ``last`` came; the end of the process ends it too."""
-    assert process.stderr is not None
-    said = ""
-    for line in process.stderr:
-        said += line
-        if last in line:
-            return said
-    raise AssertionError(f"it never said {last!r}: {said}")
 
 
 def test_without_a_terminal_it_serves_until_it_is_interrupted(scenario, tmp_path, monkeypatch):
@@ -61,8 +31,11 @@ def test_without_a_terminal_it_serves_until_it_is_interrupted(scenario, tmp_path
     monkeypatch.chdir(tmp_path)
     scenario("new", "mine", "--nav2")
     how = ("--ros2", "--foxglove", "--sut", "my-nav2", "--port", "0", "--speed", "3")
-    with served("mine/campaign.yaml", *how) as process:
-        said = said_until(process, "Ctrl-C")
+    command = [*COMMAND, "serve", "mine/campaign.yaml", *how]
+    pipes = {"stdin": subprocess.DEVNULL, "stderr": subprocess.PIPE}
+    with subprocess.Popen(command, text=True, **pipes) as process, ExitStack() as left:
+        left.callback(process.kill)
+        said = "".join(takewhile(lambda line: "Ctrl-C" not in line, process.stderr))
         port = re.search(r"ws://127\.0\.0\.1:(\d+)", said)
         with foxglove_client(int(port[1])) as client:
             client.subscribe("/clock", "/ground_truth")
