@@ -6,6 +6,7 @@ import re
 import sys
 from types import SimpleNamespace
 
+from daemon.model import deadline
 from daemon.stacks import registry
 
 MODULE = "stacks_of_others"
@@ -164,3 +165,19 @@ def plug_in(monkeypatch, name, factory):
     """Let a factory of this process be the system under test of kind ``name``."""
     entry = SimpleNamespace(name=name, load=lambda: factory)
     monkeypatch.setitem(registry._BUILT_IN, name, registry.PluggedKind(entry))
+
+
+def let_time_pass_while(monkeypatch, is_true):
+    """Let time pass for limits only while something is true of the frame that is executed.
+
+    Alarms come by the clock of the machine. However late it gets to where it is meant to be
+    interrupted, none interrupts it before.
+    """
+
+    def monotonic():
+        frame = sys._getframe(1)
+        while frame.f_code.co_filename == deadline.__file__:
+            frame = frame.f_back
+        return 10.0 if is_true(frame) else 0.0
+
+    monkeypatch.setattr(deadline, "time", SimpleNamespace(monotonic=monotonic))

@@ -8,6 +8,7 @@ import re
 import signal
 import sys
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -26,7 +27,7 @@ from grammars.model.geometry import Pose2, Twist2
 from grammars.model.mission import Waypoint
 from grammars.text import codec
 from tests.engine.systems import System, later
-from tests.plugins import MODULE, install_plugins, place_of
+from tests.plugins import MODULE, install_plugins, let_time_pass_while, place_of
 
 OUTSIDE = (Waypoint("outside", 100.0, 100.0),)
 
@@ -49,22 +50,7 @@ def executed(runs, tmp_path, monkeypatch):
 
 @pytest.fixture
 def passes_while(monkeypatch):
-    """Let time pass for limits only while something is true of the frame that is executed.
-
-    Alarms come by the clock of the machine. However late it gets to where it is meant to be
-    interrupted, none interrupts it before.
-    """
-
-    def limit_by(is_true):
-        def monotonic():
-            frame = sys._getframe(1)
-            while frame.f_code.co_filename == deadline.__file__:
-                frame = frame.f_back
-            return 10.0 if is_true(frame) else 0.0
-
-        monkeypatch.setattr(deadline, "time", SimpleNamespace(monotonic=monotonic))
-
-    return limit_by
+    return partial(let_time_pass_while, monkeypatch)
 
 
 def answers(answer):

@@ -39,7 +39,7 @@ def plain(document):
 
 
 MODELS = ("skeleton", "shape", "polyhedron", "spatial_relations", "coordinate", "floorplan")
-NAMES = (*MODELS, "plan", "scene", "objects", "layer")
+NAMES = (*MODELS, "scene", "objects", "layer")
 
 
 @functools.cache
@@ -47,7 +47,6 @@ def documents():
     plan, objects = two_rooms(), layer(DOORS)
     made = {
         **plan_documents(plan),
-        "plan": scene_document(plan),
         "scene": scene_document(plan, [objects]),
         "objects": objects_document(plan, [objects]),
         "layer": scenery_document(objects, plan),
@@ -131,7 +130,7 @@ def test_pyld_reads_by_its_defaults_what_we_write(name):
     assert facts(published(name)) == facts(by_us(data))
 
 
-@pytest.mark.parametrize("name", ["coordinate", "plan", "objects", "scene", "layer"])
+@pytest.mark.parametrize("name", ["coordinate", "objects", "scene", "layer"])
 def test_rdflib_loses_nothing_of_what_we_write(name):
     assert facts(by_rdflib(documents()[name])) == facts(published(name))
 
@@ -206,10 +205,7 @@ UPRIGHT = (
 )
 
 
-BY_WALLS, TWO_ROOMS = model_text("by_walls.fpm"), model_text("two_rooms.fpm")
-
-
-@pytest.mark.parametrize("text", [BY_WALLS, TWO_ROOMS, UPRIGHT], ids=["walls", "rooms", "odd"])
+@pytest.mark.parametrize("text", [model_text("by_walls.fpm"), UPRIGHT], ids=["walls", "odd"])
 def test_poses_walked_by_their_names_lead_to_the_world(text):
     plan = parse_floorplan(text)
     points = walked_by_name(by_pyld(scene_document(plan)))
@@ -248,7 +244,7 @@ def test_bodies_have_what_a_model_for_gazebo_is_made_of():
 
 def test_identifiers_carry_the_words_published_tools_look_for():
     """Prefixes of four letters, ``pose`` in poses, the kind in frames of openings."""
-    graph = published("plan") + published("objects")
+    graph = published("scene")
     poses = set(graph.objects(None, URIRef(COORD["of-pose"])))
     assert poses
     assert all("pose" in str(pose) for pose in poses)
