@@ -63,6 +63,20 @@ def pytest_collection_finish():
     gc.freeze()
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol():
+    """Leave out of later collections too what a test leaves that collected all there was.
+
+    Each run does, and kernels and what they are loaded with are hundreds of thousands of objects.
+    """
+    before = gc.get_stats()[2]["collections"]
+    done = yield
+    if gc.get_stats()[2]["collections"] > before:
+        gc.collect()
+        gc.freeze()
+    return done
+
+
 def pytest_sessionfinish():
     """Look for what was left open once: pytest does five times, through all there is."""
     gc.collect()
