@@ -4,6 +4,7 @@ import contextlib
 import errno
 import gc
 import hashlib
+import io
 import json
 import weakref
 from dataclasses import replace
@@ -70,30 +71,25 @@ def test_odometry_of_an_exact_period_keeps_its_stamps(runs, tmp_path, campaigns,
     np.testing.assert_allclose(odometry.x, expected, atol=1e-6)
 
 
-def test_leading_margins_are_there_where_they_are_asked_for_and_change_nothing(runs, tmp_path):
+def test_leading_margins_are_there_where_asked_for_and_verdicts_inside_the_trace(runs, tmp_path):
     spec = replace(runs.submission.specs[5], limit=5.0)
     plain = runs.execute(spec, tmp_path / "plain.mcap")
     led = runs.execute(spec, tmp_path / "led.mcap", leads=True)
     assert plain.leads == ()
     assert (led.verdicts, led.digest) == (plain.verdicts, plain.digest)
-    assert (tmp_path / "led.mcap").read_bytes() == (tmp_path / "plain.mcap").read_bytes()
+    data = (tmp_path / "led.mcap").read_bytes()
+    assert data == (tmp_path / "plain.mcap").read_bytes()
+    assert led.trace.sha256 == hashlib.sha256(data).hexdigest()
+    *_, last = make_reader(io.BytesIO(data)).iter_attachments()
+    inside = json.loads(last.data)
+    assert inside["outcome"] == led.outcome
+    assert codec.from_plain(tuple[Verdict, ...], inside["verdicts"]) == led.verdicts
+    assert complaints(tmp_path / "led.mcap") == []
     limited = {v.oracle: v for v in led.verdicts if v.outcome is not Outcome.MEASURE}
     assert [lead.oracle for lead in led.leads] == list(limited)
     for lead in led.leads:
         fails = limited[lead.oracle].outcome is Outcome.FAIL
         assert fails == (lead.margin is not None and lead.margin < 0.0)
-
-
-def test_a_trace_has_the_verdicts_of_its_run_inside(runs, tmp_path):
-    path = tmp_path / "run.mcap"
-    result = runs.execute(replace(runs.submission.specs[5], limit=5.0), path)
-    with path.open("rb") as stream:
-        found = {a.name: a.data for a in make_reader(stream).iter_attachments()}
-    inside = json.loads(found["verdicts.json"])
-    assert inside["outcome"] == result.outcome
-    assert codec.from_plain(tuple[Verdict, ...], inside["verdicts"]) == result.verdicts
-    assert result.trace.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
-    assert complaints(path) == []
 
 
 def test_a_judge_that_fails_leaves_the_recording(runs, tmp_path, monkeypatch):

@@ -105,19 +105,7 @@ def test_a_trace_says_what_was_run_and_how_it_ended(recorded):
 
 
 @given(st.lists(st.sampled_from([0.0, 0.5, 1.0]), min_size=1, max_size=120))
-def test_thinned_joint_states_interpolate_to_all_of_them(positions):
-    samples = JointSamples(scene(1))
-    for step, position in enumerate(positions):
-        samples.add(step * 50_000_000, (np.array([position]), np.zeros(1)))
-    samples.keep_last()
-    times, columns = samples.drain()
-    assert np.diff(times).max(initial=0) <= 1_000_000_000
-    found = np.interp(np.arange(len(positions)) * 50_000_000, times, columns["position"][:, 0])
-    np.testing.assert_array_equal(found, positions)
-
-
-@given(st.lists(st.sampled_from([0.0, 0.5, 1.0]), min_size=1, max_size=120))
-def test_joint_states_are_the_same_however_they_are_handed_over(positions):
+def test_thinned_joint_states_interpolate_to_all_however_they_are_handed_over(positions):
     fresh, changed, kept = (JointSamples(scene(1)) for _ in range(3))
     velocity = np.zeros(1)
     buffer, arrays = np.zeros(1), {position: np.array([position]) for position in positions}
@@ -132,35 +120,42 @@ def test_joint_states_are_the_same_however_they_are_handed_over(positions):
     for samples in (fresh, changed, kept):
         samples.keep_last()
     (times, columns), *others = (samples.drain() for samples in (fresh, changed, kept))
+    assert np.diff(times).max(initial=0) <= 1_000_000_000
+    found = np.interp(np.arange(len(positions)) * 50_000_000, times, columns["position"][:, 0])
+    np.testing.assert_array_equal(found, positions)
     for found_times, found in others:
         np.testing.assert_array_equal(found_times, times)
         for name in ("position", "velocity"):
             np.testing.assert_array_equal(found[name], columns[name])
 
 
-@given(st.floats(-math.pi, math.pi, exclude_min=True))
-@RELAXED
-def test_a_heading_comes_back_wrapped(tmp_path, yaw):
-    trace = written(tmp_path, lambda w: w.ground_truth(0.0, Pose2(0.0, 0.0, yaw), Twist2()))
-    found = trace.ground_truth.yaw[0]
-    assert -math.pi < found <= math.pi
-    assert math.remainder(found - yaw, math.tau) == pytest.approx(0.0, abs=1e-15)
+@given(st.lists(st.floats(-math.pi, math.pi, exclude_min=True), min_size=1, max_size=50))
+@settings(RELAXED, max_examples=settings().max_examples // 5)
+def test_a_heading_comes_back_wrapped(tmp_path, yaws):
+    def fill(writer):
+        for time, yaw in enumerate(yaws):
+            writer.ground_truth(float(time), Pose2(0.0, 0.0, yaw), Twist2())
+
+    for yaw, found in zip(yaws, written(tmp_path, fill).ground_truth.yaw, strict=True):
+        assert -math.pi < found <= math.pi
+        assert math.remainder(found - yaw, math.tau) == pytest.approx(0.0, abs=1e-15)
 
 
-@pytest.mark.parametrize(
-    "progress",
-    [
+def test_progress_comes_back(tmp_path):
+    told = [
         *(Progress(n, n, "active") for n in (0, 1, 3)),
         Progress(2, 1, "active"),
         Progress(2, 2, "aborted"),
         Progress(3, 3, "succeeded"),
         Progress(3, 3, "aborted"),
-    ],
-)
-def test_progress_comes_back(tmp_path, progress):
-    trace = written(tmp_path, lambda writer: writer.progress(0.0, progress))
-    (found,) = trace.progress
-    assert Progress(found.current, found.reached, found.state) == progress
+    ]
+
+    def fill(writer):
+        for time, progress in enumerate(told):
+            writer.progress(float(time), progress)
+
+    found = written(tmp_path, fill).progress
+    assert [Progress(one.current, one.reached, one.state) for one in found] == told
 
 
 def written(folder, fill):

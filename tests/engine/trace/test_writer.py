@@ -129,7 +129,7 @@ def test_the_reference_reader_finds_every_topic_as_viewers_expect_it(recorded, t
     golden("two_lasers.txt", contents(tmp_path / "run.mcap"))
 
 
-@pytest.mark.parametrize(("steps", "chatter"), [(640, 0), (80, 100)])
+@pytest.mark.parametrize(("steps", "chatter"), [(640, 0), (80, 32)])
 def test_a_player_that_reads_a_pipe_gets_messages_in_order(tmp_path, steps, chatter):
     """Plans that wait, states that repeat and estimates that come late, over chunk boundaries,
     and beside a system that talks without end.
@@ -152,7 +152,7 @@ def test_a_player_that_reads_a_pipe_gets_messages_in_order(tmp_path, steps, chat
     assert complaints(path) == []
     with path.open("rb") as stream:
         times = [r.log_time for r in StreamReader(stream).records if isinstance(r, Message)]
-    assert len(times) > 3_000
+    assert len(times) > 2_900
     assert times == sorted(times)
     found = read_trace(path)
     assert (len(found.events), len(found.estimate.time)) == (steps * chatter, steps - 2)
@@ -169,6 +169,8 @@ def test_verdicts_lie_behind_the_recording_for_any_reader(tmp_path):
     assert complaints(path) == []
     data = path.read_bytes()
     assert (info.sha256, info.size) == (hashlib.sha256(data).hexdigest(), len(data))
+    assert info.messages == len(decoded(path))
+    assert list(tmp_path.iterdir()) == [path]
     with path.open("rb") as stream:
         found = list(make_reader(stream, validate_crcs=True).iter_attachments())
     assert (found[-1].name, found[-1].media_type) == ("verdicts.json", "application/json")
@@ -263,14 +265,6 @@ def test_paths_of_any_length_are_written_as_one_by_one(tmp_path):
         found = [m.data for _, c, m in make_reader(stream).iter_messages()]
     second = 1_000_000_000
     assert found == [encode_path(i * second, p / 2.0) for i, p in enumerate(given)]
-
-
-def test_closing_reports_the_file_as_it_is(tmp_path):
-    info = record(tmp_path / "run.mcap", seconds=1.0)
-    data = (tmp_path / "run.mcap").read_bytes()
-    assert (info.sha256, info.size) == (hashlib.sha256(data).hexdigest(), len(data))
-    assert info.messages == len(decoded(tmp_path / "run.mcap"))
-    assert [p.name for p in tmp_path.iterdir()] == ["run.mcap"]
 
 
 def test_an_exception_leaves_a_readable_partial_file(tmp_path):

@@ -9,7 +9,8 @@ from tests.languages.fuzz.mutation import mutated
 from tests.languages.fuzz.targets import CORPUS, TARGETS, answer, prepare
 
 TIMES = {"launch": 4, "map": 4, "image": 4, "parameters": 2, "sut": 2, "varied": 1, "walls": 1}
-TIMES |= {"plan-graph": 0.25, "object-graph": 0.25, "earlier-plan": 0.25}
+TIMES |= dict.fromkeys(("plan-graph", "object-graph", "earlier-plan", "earlier-numbers"), 0.25)
+TIMES |= {"variants": 0.2, "varied-plan": 0.2}
 """Inputs for each example of a property: a campaign takes some hundredths of a second, 0.4."""
 
 
