@@ -51,11 +51,6 @@ class Dask:
         self._started.append(process)
         return psutil.Process(process.pid)
 
-    @property
-    def pids(self):
-        """The processes that were started, without those they started."""
-        return [process.pid for process in self._started]
-
     def leftovers(self):
         """What runs have left behind."""
         return list(matching_paths(self.folder / "scratch", "**/scenario-*"))
