@@ -12,7 +12,6 @@ from pathlib import Path
 import pytest
 import yaml
 from hypothesis import HealthCheck, settings
-from hypothesis.internal.conjecture import providers
 
 from grammars.text.parsing import Language
 from tests.may_skip import pytest_make_collect_report, pytest_runtest_makereport
@@ -34,11 +33,6 @@ settings.register_profile(
 )
 settings.register_profile("thorough", settings.get_profile("project"), max_examples=500)
 settings.load_profile("project")
-
-# Hypothesis reads the source of every module that is loaded for numbers and words to try now and
-# then: up to two seconds for each process, and other examples with each change of any source.
-if "thorough" not in sys.argv:
-    providers._get_local_constants = lambda: providers._local_constants
 
 # Children start by the hundred. Where Python may not write bytecode, as in some containers, each of
 # them compiles the project again, and each process of pytest the tests.

@@ -130,14 +130,12 @@ def rank_correlation(values: np.ndarray[Any, Any], margins: np.ndarray[Any, Any]
 
     Equal values share the mean of their ranks: plateaus of the margin are common.
     """
+    # It takes a moment to load: only the end of a search needs it.
+    from scipy.stats import spearmanr
+
     if min(np.ptp(values), np.ptp(margins)) <= 0.0:
         return 0.0
-    return float(np.corrcoef(_ranks(values), _ranks(margins))[0, 1])
-
-
-def _ranks(values: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    _, places, counts = np.unique(values, return_inverse=True, return_counts=True)
-    return (np.cumsum(counts) - (counts - 1) / 2)[places]
+    return float(spearmanr(values, margins).statistic)
 
 
 def correlation_ratio(values: Sequence[PointValue], margins: np.ndarray[Any, Any]) -> float:
