@@ -61,25 +61,26 @@ def test_the_last_look_says_what_the_file_says_and_changes_none_of_its_bytes(tmp
     assert differing(found[-1], read_trace(tmp_path / "run.mcap")) == []
 
 
-@pytest.mark.parametrize("at", [1.0, 2.6, 10.0, 11.5])
-def test_a_look_in_between_sees_everything_until_then(tmp_path, at):
-    _, (seen, end) = record_looking(tmp_path / "run.mcap", (at,))
-    assert not seen.complete
-    assert seen.problems == ()
-    for name in ("ground_truth", "odometry", "command", "estimate", "cloud"):
-        track, whole = getattr(seen, name), getattr(end, name)
-        assert track.time[-1] >= at - 0.55
-        assert same(track.time, whole.time[: len(track.time)])
-        values = "vx" if name == "command" else "x"
-        assert same(getattr(track, values), getattr(whole, values)[: len(track.time)])
-    assert seen.events == end.events[: len(seen.events)]
-    moment = seen.ground_truth.time
-    for column in range(3):
-        ours, theirs = (
-            np.interp(moment, track.time, track.position[:, column])
-            for track in (seen.joints, end.joints)
-        )
-        assert np.array_equal(ours, theirs)
+def test_a_look_in_between_sees_everything_until_then(tmp_path):
+    looks = (1.0, 2.6, 10.0, 11.5)
+    _, (*found, end) = record_looking(tmp_path / "run.mcap", looks)
+    for at, seen in zip(looks, found, strict=True):
+        assert not seen.complete
+        assert seen.problems == ()
+        for name in ("ground_truth", "odometry", "command", "estimate", "cloud"):
+            track, whole = getattr(seen, name), getattr(end, name)
+            assert track.time[-1] >= at - 0.55
+            assert same(track.time, whole.time[: len(track.time)])
+            values = "vx" if name == "command" else "x"
+            assert same(getattr(track, values), getattr(whole, values)[: len(track.time)])
+        assert seen.events == end.events[: len(seen.events)]
+        moment = seen.ground_truth.time
+        for column in range(3):
+            ours, theirs = (
+                np.interp(moment, track.time, track.position[:, column])
+                for track in (seen.joints, end.joints)
+            )
+            assert np.array_equal(ours, theirs)
 
 
 def test_what_another_has_written_there_is_refused(tmp_path):
