@@ -30,15 +30,15 @@ JOURNEYS = {
     "steered": Journey(
         [*STEERED, "m", *STEERED[:3], "escape enter", *STEERED[:3], "enter", *STEERED[:3]]
     ),
-    "paused": Journey(["P", "r", "f", "P"]),
-    "deleted": Journey(["down", "D", "y"]),
+    "paused": Journey(["P", "r", "f", "P", "c", clicked("y yes"), "down", "D", "y"]),
     "priority": Journey(
         ["number_sign", "home ctrl+k x enter", "home ctrl+k 1 0 0 1 enter",
          "home ctrl+k minus 5", "enter"], size=(120, 24),
     ),
     "retried": Journey(["r", "e", "j", "a"]),
-    "clicked": Journey(["c", clicked("y yes")]),
-    "refused-finished": Journey(["down", "P", "7 j y", "c", "7 j y", "number_sign", "7 j y"]),
+    "refused-finished": Journey(
+        ["down", "P", "7 j y", "c", "7 j y", "number_sign", "7 j y", "o", "7 j y"]
+    ),
     "refused-waiting": Journey(["r", "7 j y", "D", "7 j y"], waiting),
     "refused-empty": Journey(
         ["P", "7", "c", "j", "r", "y", "number_sign", "7", "o", "j", "m", "y", "2", "3",
@@ -48,7 +48,6 @@ JOURNEYS = {
         [has(reachable=False), "P", "7 j y", "c", "7", "r", "j", "number_sign", "y", "s", "7",
          has(reachable=True)],
     ),
-    "refused-elsewhere": Journey(["o", "7 j y"]),
     "refused-read-only": Journey(
         ["P", "7 j y", "c", "7", "r", "j", "A", "y", "D", "7", "o", "j", "s", "y", "number_sign",
          "7"], config=Config(read_only=True),

@@ -141,7 +141,6 @@ JOURNEYS = {
     "filter-words": Journey(
         ["enter", *(step for word in VERDICTS for step in (typed(word), "escape"))]
     ),
-    "workers": Journey(["3", "i", typed("pilot")]),
     "sorted": Journey([">", "i", "<", "enter", ">", ">", "i", *[">"] * (len(RunsScreen.SORTS) - 2),
                        "<"]),
     "back": Journey(
@@ -156,7 +155,7 @@ JOURNEYS = {
     "long-names": Journey(
         ["2", *(resized(width, 12) for width in (92, 108, 120))], long_names, (80, 12)
     ),
-    "copied": Journey(["y", "enter down y", "enter y", "escape m y", "3 y"]),
+    "copied": Journey(["y", "enter down y", "enter y", "escape m y", "3 y", "i", typed("pilot")]),
     "beside": Journey(["j"], compared_before, WIDE),
     "wide": Journey(["enter", "2", "3"], away, WIDE),
     "help": Journey(
@@ -200,8 +199,10 @@ JOURNEYS = {
         ["m", "escape", "enter n n x", "y", "N", "enter", "escape a"],
         SearchingDaemon.finished, WIDE,
     ),
-    "search-parts": Journey(["enter", "tab", "tab"], SearchingDaemon.finished),
-    "search-list": Journey([resized(60, 24), resized(120, 24), "2 G"], SearchingDaemon.finished),
+    "search-parts": Journey(
+        ["enter", "tab", "tab", "escape", resized(60, 24), resized(120, 24), "2 G"],
+        SearchingDaemon.finished,
+    ),
     "search-in-little-room": Journey(
         ["enter", "tab", "tab", "tab"], SearchingDaemon.finished, (40, 10)
     ),

@@ -194,11 +194,11 @@ def lost(columns, rows, index):
 
 JOURNEYS = {
     "verdicts": Journey(["down", "left enter", "tab", "N tab"], RecordedDaemon, run=RUN),
-    "judged-again": Journey(["home right", told("judge_again")], repeating, run=RUN),
-    "queued-again": Journey(
-        [told("become", RunState.QUEUED), told("execute", speed=0.1), "end"], repeating, WIDE, RUN
+    "again": Journey(
+        ["home right", told("judge_again"), told("become", RunState.QUEUED),
+         told("execute", speed=0.1), "end", told("become", RunState.RUNNING)],
+        repeating, WIDE, RUN,
     ),
-    "running-again": Journey([told("become", RunState.RUNNING)], repeating, WIDE, RUN),
     "another-attempt": Journey(
         [has(live=(make_live(7, 20.0), make_live(7, 60.0))), has(rows=become(RunState.QUEUED)),
          has(rows=become(RunState.RUNNING))],
@@ -281,7 +281,7 @@ JOURNEYS = {
     "both-in-no-room": Journey(["tab", "tab", "tab", "z", "n", "t"], both, (20, 6)),
 }  # fmt: skip
 BEGINS = (
-    "verdicts", "running-again", "compared", "asked-for", "decided", "never-said", "no-judge",
+    "verdicts", "again", "compared", "asked-for", "decided", "never-said", "no-judge",
     "ends", "failed", "running", "starting", "replayed", "replay-clicked", "both", "both-in-parts",
     "both-in-no-room",
 )  # fmt: skip
