@@ -7,10 +7,8 @@ import numpy as np
 import pytest
 from textual import events
 
-from daemon.judging.oracles import SignalSampler, oracle_timeline
 from daemon.judging.signals import RunSignal
 from daemon.model.live_judgement import DoorMotion, SignalLimit
-from daemon.model.spec import OracleText
 from scenario_tui.dashboard.playback import open_playback
 from scenario_tui.dashboard.run_timeline import RunTimeline
 from scenario_tui.dashboard.widgets.cell_view import Canvas, changed_spans
@@ -35,39 +33,6 @@ def drawn_of(timeline, columns=80, rows=24, time=2.0):
     codes, _ = view.cells(columns, rows)
     assert codes.shape == (rows, columns)
     return ["".join(map(chr, row)).rstrip() for row in codes]
-
-
-@pytest.mark.parametrize(
-    ("oracle", "against", "limits"),
-    [
-        ("always(speed.angular <= 0.5 rad/s)", 1, [("speed.angular", 0.5)]),
-        ("never(speed.angular > 0.5 rad/s or contact)", 2, [("speed.angular", 0.5)]),
-        ("max(speed.angular) <= 0.5 rad/s", 1, [("speed.angular", 0.5)]),
-        ("fraction(speed.angular <= 0.5 rad/s) >= 50 %", 1, [("speed.angular", 0.5)]),
-        ("count(contact) <= 0", 1, []),
-        ("always(loc.error.yaw >= -0.1 rad)", 0, [("loc.error.yaw", -0.1)]),
-        ("eventually(contact)", 0, []),
-        ("reached(mission, 0.3 m)", 0, []),
-        ("min(clearance)", 0, []),
-        ("this is no oracle", 0, []),
-    ],
-)
-def test_a_course_says_when_the_run_spoke_against_an_oracle(playback, oracle, against, limits):
-    course = oracle_timeline(OracleText("it", oracle), SignalSampler(playback.trace))
-    assert len(course.against) == against
-    assert [(one.signal, one.value) for one in course.limits] == limits
-
-
-def test_until_counts_before_its_release_only(playback):
-    sampler = SignalSampler(playback.trace)
-    before, after = (
-        oracle_timeline(
-            OracleText("it", f"always(elapsed < 3 s) until (elapsed >= {t} s)"), sampler
-        )
-        for t in (5, 2)
-    )
-    assert before.against == ((pytest.approx(3.0), pytest.approx(5.0)),)
-    assert after.against == ()
 
 
 def test_a_spike_of_one_sample_is_seen_however_long_the_run():
