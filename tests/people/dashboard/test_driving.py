@@ -37,19 +37,19 @@ JOURNEYS = {
     ),
     "retried": Journey(["r", "e", "j", "a"]),
     "refused-finished": Journey(
-        ["down", "P", "7 j y", "c", "7 j y", "number_sign", "7 j y", "o", "7 j y"]
+        ["down", "P", "!7 j y", "c", "!7 j y", "number_sign", "!7 j y", "o", "!7 j y"]
     ),
-    "refused-waiting": Journey(["r", "7 j y", "D", "7 j y"], waiting),
+    "refused-waiting": Journey(["r", "!7 j y", "D", "!7 j y"], waiting),
     "refused-empty": Journey(
         ["P", "7", "c", "j", "r", "y", "number_sign", "7", "o", "j", "m", "y", "2", "3",
          resized(40, 10), "1"], nobody
     ),
     "refused-unreachable": Journey(
-        [has(reachable=False), "P", "7 j y", "c", "7", "r", "j", "number_sign", "y", "s", "7",
+        [has(reachable=False), "P", "!7 j y", "c", "7", "r", "j", "number_sign", "y", "s", "7",
          has(reachable=True)],
     ),
     "refused-read-only": Journey(
-        ["P", "7 j y", "c", "7", "r", "j", "A", "y", "D", "7", "o", "j", "s", "y", "number_sign",
+        ["P", "!7 j y", "c", "7", "r", "j", "A", "y", "D", "7", "o", "j", "s", "y", "number_sign",
          "7"], config=Config(read_only=True),
     ),
     "typed-ahead": Journey(

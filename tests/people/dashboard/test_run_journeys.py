@@ -189,7 +189,7 @@ def passed(trace):
 
 def lost(columns, rows, index):
     """Ask everything of a run of which there is no recording."""
-    return [resized(columns, rows), opened("run", f"{CAMPAIGN}.{index}"), "tab space n right z p"]
+    return [resized(columns, rows), opened("run", f"{CAMPAIGN}.{index}"), "!tab space n right z p"]
 
 
 JOURNEYS = {
