@@ -8,7 +8,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --co
 WARM := $(BIN)/python -m tests.kernels
 # What pytest makes of the tests when it reads them for the first time, for the same reason.
 READ_ONCE := $(BIN)/pytest --ignore tests/ros2 --collect-only -qq > /dev/null
-SPREAD := --numprocesses 4 --dist loadfile --no-loadscope-reorder
+SPREAD := --numprocesses 5 --dist loadfile --no-loadscope-reorder
 
 .PHONY: demo test test-long test-all thorough test-ros2 test-ros2-short bench bench-campaign fuzz chaos docs lint format lock clean
 

@@ -225,7 +225,8 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
         if self._recording is not None:
             now = self._telling_moment(self._recording)
             if before is not None:
-                now = run.end if before.follows else self._recording.within(before.time)
+                now = run.end if before.follows else before.time
+            now = self._recording.within(now)
             self.begin(ReplayTransport(run.start, run.end, now, playing=False))
             return
         if before is None or not before.live:
