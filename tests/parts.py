@@ -227,8 +227,9 @@ def worker_for(
 ):
     """A worker of its own for the block; nothing of it is left afterwards.
 
-    ``module`` is run instead of ``daemon``.
+    ``module`` is run instead of ``daemon``. A worker leaves where no daemon listens yet.
     """
+    eventually(lambda: daemon.noted("started"))
     log = daemon.state.parent / f"worker-{time.monotonic_ns()}.log"
     base = ("--connect", connect or daemon.endpoint, "--slots", str(slots))
     if _in_test():

@@ -92,7 +92,8 @@ def test_kills_of_daemon_and_workers_amid_their_work_lose_nothing(tmp_path):
             gate.touch()
         return client.overview().done >= count
 
-    with daemon_at(tmp_path / "state", 2) as daemon:
+    # What was granted to a worker that was killed before it heard of it lapses.
+    with daemon_at(tmp_path / "state", 2, lease=5.0, attempts=50) as daemon:
         with daemon.client() as client:
             client.submit(submission_of("c", *specs))
         workers = []
@@ -114,8 +115,6 @@ def test_kills_of_daemon_and_workers_amid_their_work_lose_nothing(tmp_path):
         with daemon.client() as client:
             rows = client.runs("c").rows
         assert all(Path(row.trace).is_file() for row in rows)
-        # What runs when a daemon is killed goes on, and is delivered to the next one.
-        assert sum(row.attempt for row in rows) <= 40 + 2
         eventually(lambda: len(alive(workers)) == 1)
 
 
