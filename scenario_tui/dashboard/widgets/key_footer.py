@@ -72,11 +72,11 @@ class KeyFooter(Widget):
     _pointed: _Key | None = None
 
     def on_mount(self) -> None:
-        """Be told of other keys."""
+        """Subscribe to changes of the keys."""
         self.screen.bindings_updated_signal.subscribe(self, self.show_keys)
 
     def on_unmount(self) -> None:
-        """Be told of nothing any more."""
+        """Unsubscribe from changes of the keys."""
         self.screen.bindings_updated_signal.unsubscribe(self)
 
     def show_keys(self, screen: Screen[object]) -> None:
@@ -89,14 +89,14 @@ class KeyFooter(Widget):
                 self.refresh()
 
     def _offered(self, screen: Screen[object]) -> tuple[_Key, ...]:
-        found: dict[str, _Key] = {}
+        offered: dict[str, _Key] = {}
         for _, binding, enabled, tooltip in screen.active_bindings.values():
-            if binding.show and binding.action not in found:
+            if binding.show and binding.action not in offered:
                 face = self.app.get_key_display(binding)
-                found[binding.action] = _Key(
+                offered[binding.action] = _Key(
                     face, binding.description, binding.action, binding.key, enabled, tooltip
                 )
-        return tuple(found.values())
+        return tuple(offered.values())
 
     def _shown(self) -> tuple[_Key, ...]:
         """Return the keys in their order: that of the help first where not all have room."""
