@@ -130,7 +130,7 @@ def check_wall_clock() -> None:
 
 
 def _is_at_its_edge(frame: FrameType | None) -> bool:
-    """Whether the frame only enters or leaves a call: alarms come there above all."""
+    """Return whether the frame only enters or leaves a call: alarms come there above all."""
     return frame is not None and frame.f_globals.get("__name__") in _EDGES
 
 
