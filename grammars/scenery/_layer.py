@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import functools
 import re
 from collections.abc import Sequence
 from dataclasses import replace
@@ -23,11 +24,13 @@ from grammars.scenery.model import (
     Setting,
 )
 from grammars.text.diagnostics import SourceText, SyntaxNode, Where
-from grammars.text.parsing import Language, SyntaxFault, without_comments
+from grammars.text.parsing import Language, SyntaxFault, keywords_of, without_comments
 from grammars.text.sources import read_text
+from grammars.text.units import UNIT_WORDS
 from grammars.text.words import enumerate_words
 
 _Part: TypeAlias = ObjectModel | Instance | Group | Parameter | Setting | Sentence
+_GRAMMAR: Final = Path(__file__).with_name("scenery.tx")
 _SPACE: Final = re.compile(r'("[^"\n]*")|(?:\s|//[^\n]*)+')
 """Everything between words; names in quotes keep theirs."""
 _STARTERS: Final = (
@@ -46,6 +49,7 @@ _STATEMENT_START: Final = re.compile(r"^(?!(?:link|joint|state)\b)[^\W\d]", re.M
 _UNITLESS: Final = re.compile(
     r"(?<!leg\s)(?<!waypoint\s)(?<!probability\s)(?<![\w.\[])\d+(?:\.\d*)?$"
 )
+_UNIT: Final = re.compile(r"(?<![\w.])(\d+(?:\.\d*)?)[ \t]*([^\W\d_]+)$")
 _READABLE: Final = {
     "Name": "a name",
     "QuantityText": "a number",
@@ -69,6 +73,10 @@ _UNSAID: Final = frozenset(
 class _SceneryLanguage(Language):
     words = _READABLE
     token = re.compile(r"\w+|\S")
+
+    @functools.cached_property
+    def _keywords(self) -> list[str]:
+        return keywords_of(_GRAMMAR.read_text("utf-8"))
 
     def statement_starts(self, text: str) -> Sequence[int]:
         return [match.start() for match in _STATEMENT_START.finditer(without_comments(text))]
@@ -99,6 +107,9 @@ class _SceneryLanguage(Language):
         unitless = _UNITLESS.search(fault.done)
         if unitless is not None:
             return f"a unit is missing after {unitless[0]}"
+        unit = _UNIT.search(fault.done)
+        if unit is not None and unit[2] not in UNIT_WORDS and unit[2] not in self._keywords:
+            return f'"{unit[2]}" is read as the unit of {unit[1]} and is no unit'
         line = fault.text[fault.text.rfind("\n", 0, fault.offset) + 1 : fault.offset]
         first = re.match(r"\s*(\w+)", line)
         candidates = [
@@ -124,7 +135,7 @@ def _quoted(word: str) -> str:
     return f"'{word}'" if word == '"' else f'"{word}"'
 
 
-_LANGUAGE: Final = _SceneryLanguage(Path(__file__).with_name("scenery.tx"), autokwd=True)
+_LANGUAGE: Final = _SceneryLanguage(_GRAMMAR, autokwd=True)
 
 
 def load_scenery(path: str | Path) -> SceneryLayer:

@@ -64,10 +64,15 @@ def grammar_text(grammar: Path) -> str:
         _, *rules = re.split(r"(?m)^(?=\w+:)", _EXPRESSIONS.read_text(encoding="utf-8"))
         shared = [rule for rule in rules if rule.partition(":")[0] not in own]
         text = text.replace("{expressions}", "".join(shared))
-    keyword = "|".join(sorted(set(re.findall(r"'([a-z]+)'", text))))
+    keyword = "|".join(keywords_of(text))
     for name, pattern in (("{unit}", UNIT), ("{factor}", FACTOR), ("{keyword}", keyword)):
         text = text.replace(name, f"(?:{pattern})".replace("/", r"\/"))
     return text
+
+
+def keywords_of(grammar: str) -> list[str]:
+    """Return the words that the text of a grammar has in quotes."""
+    return sorted(set(re.findall(r"'([a-z]+)'", grammar)))
 
 
 def without_comments(text: str) -> str:
