@@ -14,11 +14,14 @@ MODULE = "stacks_of_others"
 SOURCE = """
 import ctypes
 import random
+import signal
 import sys
 import time
+from types import SimpleNamespace
 
 import numpy as np
 
+from daemon.model import deadline
 from scenario_tui.sut import Decision, Progress, Twist2
 
 
@@ -59,15 +62,13 @@ class Hangs(Plain):
         return Decision(Twist2(0.2), Progress(0, 0, "active"))
 
 
-class HangsForGood(Plain):
+class HangsForHours(Hangs):
     def update(self, observation):
-        while observation.time >= 12.0:
-            try:
-                while True:
-                    time.sleep(1.0)
-            except BaseException:
-                continue
-        return Decision(None, Progress(0, 0, "active"))
+        if observation.time >= 1.0:
+            # All limits are over: their clock says so, and the alarm comes.
+            deadline.time = SimpleNamespace(monotonic=lambda: 1e9)
+            signal.setitimer(signal.ITIMER_REAL, 0.001)
+        return super().update(observation)
 
 
 class Crashes(Plain):
