@@ -36,7 +36,8 @@ def _read(file):
     return float(file.read_text()) if file.exists() else 0.0
 
 
-def _turn(folder):
+def turn(folder):
+    """Have clocks go as files in a folder say."""
     advance, overdue, added = LeaseClock.advance, LeaseDeadlines.overdue, 0.0
 
     def advance_more(clock, steady):
@@ -53,5 +54,5 @@ def _turn(folder):
 
 
 if __name__ == "__main__":
-    _turn(Path(json.loads(sys.argv[2])["state"]).parent)
+    turn(Path(json.loads(sys.argv[2])["state"]).parent)
     sys.exit(main())

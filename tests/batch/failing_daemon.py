@@ -1,5 +1,6 @@
 """``python -m daemon`` that fails at verbs, as files in a folder ``faults`` beside its state say.
 
+Its clock is turned (:mod:`tests.turned_clock`).
 A file has the name of a verb and contains the kind of fault, one of :data:`FAULTS`, ``garbles``
 or ``slow``.
 """
@@ -14,6 +15,7 @@ from pathlib import Path
 from daemon.__main__ import main
 from daemon.batch.errors import Refused
 from daemon.batch.server import _dispatcher
+from tests.turned_clock import turn
 
 FAULTS = {
     "raises": RuntimeError("nobody thought of that"),
@@ -40,4 +42,5 @@ _original = _dispatcher._answer
 
 if __name__ == "__main__":
     _dispatcher._answer = _answer
+    turn(Path(json.loads(sys.argv[2])["state"]).parent)
     sys.exit(main())

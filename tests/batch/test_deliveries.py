@@ -7,11 +7,12 @@ from contextlib import closing
 
 import pytest
 
+from daemon.batch import bus
 from daemon.batch.errors import Failed, OtherLedger, Refused, Rejected, Unavailable, Unreachable
 from daemon.batch.paths import StatePaths
 from daemon.batch.run_process import RESULT, TRACE
 from daemon.batch.worker._attempts import Spool
-from daemon.batch.worker._connection import WorkerPaths
+from daemon.batch.worker._connection import DaemonConnection, WorkerPaths
 from daemon.batch.worker._deliveries import Deliveries
 from daemon.batch.worker._trouble import WorkerTrouble
 from daemon.batch.worker._wakeups import BackgroundAsks
@@ -128,6 +129,16 @@ def test_a_trace_travels_in_parts_of_one_size_before_its_result(site):
     assert [completion.token for completion in site.daemon.completions] == [7]
     assert site.deliveries.moved == len(DATA)
     assert not site.attempt.folder.exists()
+
+
+def test_what_is_large_may_take_longer_than_a_question_usually_may(monkeypatch):
+    """Results, and parts of files; over a slow line."""
+    monkeypatch.setattr(bus, "ask", lambda _, where, verb, request, timeout, holder: timeout)
+    daemon = DaemonConnection(None, "the daemon")
+    limits = {verb: daemon.ask(verb, None) for verb in verbs.VERBS.values()}
+    usual = limits[verbs.RENEW]
+    longer = {verb for verb, limit in limits.items() if limit > usual}
+    assert longer == {verbs.GET, verbs.PUT, verbs.COMPLETE}
 
 
 def test_after_a_break_it_goes_on_where_it_was(site):

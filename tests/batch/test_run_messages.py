@@ -4,11 +4,13 @@ import platform
 import socket
 from contextlib import suppress
 from dataclasses import replace
+from itertools import count
 from multiprocessing.connection import wait
 from types import SimpleNamespace
 
 import pytest
 
+from daemon.batch import run_process
 from daemon.batch.run_process import (
     ENDED,
     FAILED,
@@ -79,20 +81,27 @@ def test_a_run_waits_for_no_worker_and_is_told_in_whole_messages(wires):
 
 
 @pytest.mark.parametrize(
-    ("words", "interest", "wanted"),
+    ("words", "interest", "wanted", "often"),
     [
-        ("", "progress", "nothing"),
-        ("details", "everything", "nothing"),
-        ("details judgement", "everything", "everything"),
-        ("margin", "progress", "margin"),
+        ("", "progress", "nothing", 5),
+        ("details", "everything", "nothing", 10),
+        ("details judgement", "everything", "everything", 10),
+        ("margin", "progress", "margin", 5),
     ],
 )
-def test_a_run_hears_what_is_wanted_of_it(wires, words, interest, wanted):
+def test_a_run_hears_what_is_wanted_of_it(wires, monkeypatch, words, interest, wanted, often):
+    """And tells so much, so often in a second."""
+    milliseconds = count(1_000_000)
+    clock = SimpleNamespace(monotonic=lambda: next(milliseconds) / 1000.0)
+    monkeypatch.setattr(run_process, "time", clock)
     ours, theirs = wires
     ours.send(WATCH + b"details judgement margin")
     ours.send(WATCH + words.encode())
     sender = SnapshotSender(RUN, theirs)
     assert (sender.interest(), sender.wanted()) == (interest, wanted)
+    asked = [sender.interest() for _ in range(10_000)]
+    assert set(asked) == {interest, "nothing"}
+    assert round(asked.count(interest) / 10.0) == often
 
 
 def test_a_short_message_after_a_pause_is_never_left_out():

@@ -1,4 +1,4 @@
-"""Finished runs are kept and delivered later, whatever the daemon, the disk or the line does.
+"""Finished runs are kept and delivered later, whatever the daemon does.
 
 The workers are as on another machine: their folder is not the daemon's, results and traces travel.
 """
@@ -15,9 +15,9 @@ from daemon.model.run_state import RunState
 from daemon.model.spec import SutReference
 from daemon.model.verbs import COMPLETE, GET, LEASE, PUT, RELEASE, RENEW
 from grammars.text.files import matching_paths
-from tests.chaos.links import relay
 from tests.make import make_spec, make_submission, submission_of
 from tests.parts import daemon_at, eventually, executions, finished, free_endpoint, worker_for
+from tests.turned_clock import end_leases
 
 LARGE = 200_000
 """Bytes of a trace."""
@@ -58,20 +58,20 @@ def assert_executed_once(client, log, runs, campaign="c"):
 
 @pytest.fixture(scope="module")
 def failing(tmp_path_factory):
-    """Such a daemon and a worker; a run that was given back in vain waits until its lease ends."""
+    """Such a daemon and a worker."""
     folder = tmp_path_factory.mktemp("failing")
     (folder / "faults").mkdir()
-    with daemon_and_worker(folder, **FAILING, lease=30.0) as (_, client, worker):
-        yield folder, client, worker
+    with daemon_and_worker(folder, **FAILING) as made:
+        yield made
 
 
 @pytest.fixture
 def faults(failing):
     """Have the daemon fail at a verb from now on; ``None`` ends it."""
-    folder, client, _ = failing
+    daemon, client, _ = failing
 
     def fail(verb, kind):
-        file = folder / "faults" / verb.name
+        file = daemon.state.with_name("faults") / verb.name
         if kind is None:
             file.unlink()
         else:
@@ -89,23 +89,19 @@ def faults(failing):
     ids=str,
 )
 def test_no_fault_of_the_daemon_costs_a_finished_run(failing, faults, tmp_path, verb, fault):
-    log, (folder, client, worker) = tmp_path / "log", failing
+    log, (daemon, client, worker) = tmp_path / "log", failing
     faults(verb, fault)
     client.submit(make_submission("c", 3, size=LARGE, log=str(log)))
     eventually(lambda: keeps_results(client))
     assert "delivered later" in worker.output
-    eventually(lambda: len(executions(log)) == spooled(folder) > 0)
+    eventually(lambda: len(executions(log)) == spooled(daemon.state.parent) > 0)
     faults(verb, None)
     eventually(lambda: finished(client, 3))
     assert_executed_once(client, log, 3)
-    eventually(lambda: not spooled(folder))
+    eventually(lambda: not spooled(daemon.state.parent))
 
 
-@pytest.mark.parametrize(
-    ("verb", "fault"),
-    [(LEASE, "raises"), (RENEW, "garbles"), (RELEASE, "raises")],
-    ids=str,
-)
+@pytest.mark.parametrize(("verb", "fault"), [(LEASE, "raises"), (RENEW, "garbles")], ids=str)
 def test_results_are_delivered_although_other_verbs_fail(failing, faults, tmp_path, verb, fault):
     log, gate, (_, client, _) = tmp_path / "log", tmp_path / "gate", failing
     client.submit(make_submission("c", 3, size=LARGE, until=str(gate), log=str(log)))
@@ -119,10 +115,25 @@ def test_results_are_delivered_although_other_verbs_fail(failing, faults, tmp_pa
     assert_executed_once(client, log, 3)
 
 
+def test_a_run_given_back_in_vain_keeps_nothing_and_begins_again_when_its_lease_ends(
+    failing, faults, tmp_path
+):
+    log, (daemon, client, worker) = tmp_path / "log", failing
+    faults(RELEASE, "raises")
+    client.submit(make_submission("d", 1, crash=[1]))
+    eventually(lambda: "d.0: not given back" in worker.output)
+    client.submit(make_submission("c", 3, size=LARGE, log=str(log)))
+    eventually(lambda: client.campaign("c").finished)
+    assert_executed_once(client, log, 3)
+    faults(RELEASE, None)
+    end_leases(daemon)
+    eventually(lambda: finished(client, 4))
+
+
 @pytest.mark.parametrize("fault", ["raises", "garbles"])
 def test_no_run_is_blamed_for_a_scene_that_the_daemon_fails_to_send(failing, faults, fault):
-    folder, client, worker = failing
-    for scene in matching_paths(folder / "elsewhere", "work/*/scenes/*"):
+    daemon, client, worker = failing
+    for scene in matching_paths(daemon.state.with_name("elsewhere"), "work/*/scenes/*"):
         scene.unlink()
     faults(GET, fault)
     client.submit(make_submission("c", 2))
@@ -156,26 +167,6 @@ def test_no_run_is_begun_twice_while_its_files_come(tmp_path, monkeypatch):
         assert_executed_once(client, log, 3)
 
 
-# --- disks and lines
-
-
-def test_a_large_result_passes_a_slow_line(tmp_path):
-    """Of half a Mbit/s, which it takes for longer than a question usually may last."""
-    with (
-        daemon_at(tmp_path / "state") as daemon,
-        daemon.client() as client,
-        relay(daemon.endpoint, rate=60_000) as line,
-        worker_for(daemon, 1, "--state", str(tmp_path / "elsewhere"), connect=line.endpoint),
-    ):
-        client.submit(make_submission("c", 1, evidence=230_000))
-        eventually(lambda: finished(client, 1))
-        (row,) = client.runs("c").rows
-        assert (row.state, row.attempt) == (RunState.DONE, 1)
-        assert len(client.run(row.id).row.result.verdicts[0].evidence.note) == 230_000
-        # The worker has its acknowledgement.
-        eventually(lambda: not spooled(tmp_path))
-
-
 # --- another ledger answers at the daemon's address: what belongs to the first one waits for it
 
 
@@ -185,7 +176,7 @@ def test_finished_runs_wait_until_their_own_ledger_answers_again(tmp_path):
     gates = [tmp_path / f"gate-{number}" for number in range(2)]
     specs = [make_spec(n, until=str(gate), log=str(log)) for n, gate in enumerate(gates)]
     with (
-        daemon_at(tmp_path / "first", listen=endpoint, lease=30.0) as first,
+        daemon_at(tmp_path / "first", listen=endpoint) as first,
         worker_for(first, 2, "--state", str(elsewhere)) as worker,
     ):
         with first.client() as client:

@@ -92,8 +92,7 @@ def test_kills_of_daemon_and_workers_amid_their_work_lose_nothing(tmp_path):
             gate.touch()
         return client.overview().done >= count
 
-    # What was granted to a worker that was killed before it heard of it lapses.
-    with daemon_at(tmp_path / "state", 2, lease=5.0, attempts=50) as daemon:
+    with daemon_at(tmp_path / "state", 2, **TURNED, attempts=50) as daemon:
         with daemon.client() as client:
             client.submit(submission_of("c", *specs))
         workers = []
@@ -110,6 +109,7 @@ def test_kills_of_daemon_and_workers_amid_their_work_lose_nothing(tmp_path):
         workers.append(local_worker(daemon))
         for gate in gates:
             gate.touch()
+        end_leases(daemon)  # of what a killed worker was granted and never heard of
         settle(daemon, 40)
         check_ledger(tmp_path / "state", 40)
         with daemon.client() as client:
@@ -126,7 +126,7 @@ def strikes(daemon):
 
 def test_what_a_dead_worker_had_is_given_back_by_the_next(tmp_path):
     gate = tmp_path / "gate"
-    with daemon_at(tmp_path / "state") as daemon, daemon.client() as client:
+    with daemon_at(tmp_path / "state", **TURNED) as daemon, daemon.client() as client:
         with worker_for(daemon, 2) as first:
             client.submit(make_submission("c", 4, until=str(gate)))
             spool = daemon.state / "spool"
@@ -138,7 +138,7 @@ def test_what_a_dead_worker_had_is_given_back_by_the_next(tmp_path):
             eventually(lambda: len(list(matching_paths(spool, "*/*/attempt-*/grant.json"))) == 2)
             gate.touch()
             eventually(lambda: finished(client, 4))
-            # Nothing keeps it on the list any more.
+            end_leases(daemon)  # it is away for long; nothing keeps it on the list any more
             eventually(lambda: [row.away for row in client.workers()] == [False])
         assert sorted(row.attempt for row in client.runs("c").rows) == [1, 1, 2, 2]
         reasons = [line["reason"] for line in daemon.noted("released")]
