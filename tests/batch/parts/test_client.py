@@ -80,7 +80,10 @@ def test_a_slow_listener_loses_the_oldest_and_stops_nobody(daemon, client):
 
 
 def test_a_frozen_daemon_is_unreachable_after_the_timeout(daemon):
-    with daemon.client(timeout=0.3) as hasty, daemon.client(timeout=3600.0) as client:
+    with (
+        daemon.client(timeout=3600.0) as client,
+        Client.open(daemon.endpoint, timeout=0.01) as hasty,
+    ):
         daemon.freeze()
         with pytest.raises(Unreachable):
             hasty.overview()  # with the timeout of the other one this test would not end

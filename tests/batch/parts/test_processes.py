@@ -145,7 +145,7 @@ def guard_and_wait(file):
 
 
 def test_a_guardian_that_is_stopped_does_not_keep_a_run(tmp_path, monkeypatch):
-    monkeypatch.setattr("daemon.supervision.guardian.KILL_LIMIT", 0.1)
+    monkeypatch.setattr("daemon.supervision.guardian.KILL_LIMIT", 0.0)
     process = CONTEXT.Process(target=guard_and_wait, args=(tmp_path / "run",))
     process.start()
     run = eventually(lambda: left_behind(tmp_path / "run", 1))

@@ -115,7 +115,7 @@ def test_only_what_the_screen_in_front_fetches_is_asked_for(feed, taker, fake, m
 
 
 def test_what_was_judged_is_told_without_asking_anew(feed, taker, fake, monkeypatch):
-    monkeypatch.setattr(feed_module, "REFRESH", 60.0)
+    monkeypatch.setattr(feed_module, "REFRESH", 3600.0)
     told = []
     feed.on_news = lambda: told.append(None)
     feed.look_at(PageFront())

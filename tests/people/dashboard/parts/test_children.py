@@ -96,7 +96,7 @@ def test_a_child_that_was_killed_is_replaced_and_one_that_dies_of_its_work_is_to
 
 
 def test_a_child_leaves_when_it_has_nothing_to_do():
-    children = Children(idle=0.1)
+    children = Children(idle=0.0)  # it ends its work first, however soon it is to leave
     before = children.run(os.getpid)
     eventually(lambda: not is_alive(before))
     assert children.run(os.getpid) != before
