@@ -54,16 +54,16 @@ def eventually(condition, seconds=DEADLINE):
     """Wait until ``condition`` gives something true, and return that.
 
     The deadline only tells a broken test from a slow machine: what a test has to find out by the
-    time something takes, it finds out by making every other cause impossible for longer.
+    time something takes, it finds out by making every other cause impossible for longer. Pauses
+    count as long as they were to be: a process that is kept waiting for a processor waits longer.
     """
-    deadline, pause = time.monotonic() + seconds, _FIRST_PAUSE
-    while True:
-        value = condition()
-        if value:
-            return value
-        assert time.monotonic() < deadline, "it did not happen in time"
+    remaining, pause = seconds, _FIRST_PAUSE
+    while not (value := condition()):
+        assert remaining > 0.0, "it did not happen in time"
         time.sleep(pause)
+        remaining -= pause
         pause = min(1.2 * pause, _LONGEST_PAUSE)
+    return value
 
 
 def family(pid):
@@ -262,6 +262,12 @@ def finished(client, runs):
     """Whether that many runs are at rest and nothing is under way."""
     now = client.overview()
     return now.queued == now.running == 0 and now.done + now.lost + now.cancelled == runs
+
+
+def finish(client, campaign):
+    """The runs of a campaign, once it is finished."""
+    eventually(lambda: client.campaign(campaign).finished)
+    return client.runs(campaign).rows
 
 
 def executions(log, count=0):

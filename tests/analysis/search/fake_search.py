@@ -55,7 +55,7 @@ def client_of(daemon, campaign, runs, program=search, name="lab", **parameters):
     from daemon.batch.client import Client
     from daemon.search.client import SearchClient
 
-    begun, client = make_search(campaign, name, runs=runs), Client.open(daemon)
+    begun, client = make_search(campaign, name, runs=runs), Client.open(daemon, timeout=30.0)
     client.begin_search(begun)
     return SearchClient(client, begun, partial(program, begun.task, **parameters))
 

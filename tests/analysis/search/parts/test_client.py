@@ -16,7 +16,7 @@ from tests.analysis.search.fake_search import CONFIRMED, client_of, result_of
 from tests.analysis.search.searches import LocalRuns
 from tests.analysis.search.tasks import mixed, mixed_task, searched
 from tests.make import TASK, make_extension, make_search
-from tests.parts import DEADLINE, ROOT, daemon_at, eventually
+from tests.parts import ROOT, daemon_at, eventually
 
 RUNS = 30
 
@@ -56,8 +56,7 @@ def run(daemon, campaign, runs=RUNS, **more):
 
 def finish(client):
     """Wait until the client of a search has ended."""
-    client.join(DEADLINE)
-    assert not client.is_alive()
+    eventually(lambda: not client.is_alive())
 
 
 def leave(client):
