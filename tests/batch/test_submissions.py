@@ -6,12 +6,11 @@ from dataclasses import replace
 import pytest
 
 from daemon.batch.errors import Refused, Unavailable
-from daemon.batch.ledger import LedgerReader, LedgerWriter, connect
-from daemon.batch.paths import StatePaths
 from daemon.batch.server import _search_handlers
 from daemon.batch.server._search_handlers import SearchClients, read_extension
 from daemon.batch.server._submissions import admit_submission
 from daemon.campaign import expand, load_campaign
+from daemon.model.assessments import AssessmentRules, RepeatPolicy
 from daemon.model.messages import LARGEST_SUBMISSION
 from daemon.model.search import MOST_PROPOSALS, SearchSubmission
 from daemon.model.spec import SutReference
@@ -52,6 +51,22 @@ def test_a_campaign_of_too_many_runs_is_to_be_split(places):
     words = refusal(replace(one, runs=one.runs * (MOST_RUNS + 1)), places)
     assert f"has {MOST_RUNS + 1} runs" in words
     assert f"may have {MOST_RUNS}: split its scenarios" in words
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"n": -1}, f"n must be from 1 to {MOST_RUNS} repeats, not -1"),
+        ({"n": MOST_RUNS + 1}, f"n must be from 1 to {MOST_RUNS} repeats, not {MOST_RUNS + 1}"),
+        ({"n": 5, "at_most": 4}, f"at_most must be from 5 (its n) to {MOST_RUNS} repeats, not 4"),
+        ({"rate": 1.5}, "rate must be from 0 to 1, not 1.5"),
+        ({"rate": float("nan")}, "rate must be from 0 to 1, not nan"),
+    ],
+)
+def test_a_policy_that_no_repeats_can_follow_is_refused(places, changes, words):
+    policy = replace(RepeatPolicy(2, "rate", 0.5, until_decided=True, at_most=16), **changes)
+    submission = replace(make_submission("c"), declared=AssessmentRules(policy))
+    assert refusal(submission, places) == f"the policy's {words}"
 
 
 @pytest.mark.parametrize("name", ["../up", "a b", "", "x" * 200])
@@ -212,12 +227,9 @@ def test_a_hundred_thousand_runs_fit_into_one_submission(submission):
     assert shared + 100_000 * (per_run + len("99999")) < LARGEST_SUBMISSION
 
 
-def test_the_ledger_gives_back_what_was_submitted(submission, tmp_path):
-    db = connect(tmp_path / "ledger.db")
-    book, reader = LedgerWriter(db), LedgerReader(db, StatePaths(tmp_path))
-    book.submit(submission, 1.0)
-    leased = {lease.run: lease.spec for lease in book.lease("w", 1000, 2.0)}
+def test_the_ledger_gives_back_what_was_submitted(submission, ledger):
+    ledger.book.submit(submission, 1.0)
     name, specs = submission.campaign, submission.specs
+    leased = {lease.run: lease.spec for lease in ledger.lease(1000)}
     assert leased == {f"{name}.{i}": spec for i, spec in enumerate(specs)}
-    assert reader.run(f"{name}.3").spec == specs[3]
-    db.close()
+    assert ledger.reader.run(f"{name}.3").spec == specs[3]

@@ -13,6 +13,7 @@ from daemon.batch.errors import Refused, Unavailable
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._dispatcher import read_request
 from daemon.batch.stores import is_intact
+from daemon.model.assessments import RepeatPolicy
 from daemon.model.ids import is_id, trace_name
 from daemon.model.spec import ENGINE_VERSION, RunSpec
 from daemon.model.submission import MOST_RUNS, Submission, too_many_runs
@@ -64,6 +65,7 @@ def _problems(submission: Submission, paths: StatePaths) -> Iterator[str]:
     if len(runs) > MOST_RUNS:
         yield too_many_runs(len(runs))
         return
+    yield from _policy_problems(submission.declared.policy)
     scripts = len(submission.scripts)
     if any(run.cell >= len(cells) or run.script >= scripts for run in runs):
         raise Refused("the request is malformed: a run has a cell or a script that is not there")
@@ -83,6 +85,16 @@ def _problems(submission: Submission, paths: StatePaths) -> Iterator[str]:
             trace_name(submission.campaign, scenario, sut, repeat)
         except ValueError as error:
             yield str(error)
+
+
+def _policy_problems(policy: RepeatPolicy) -> Iterator[str]:
+    if not 1 <= policy.n <= MOST_RUNS:
+        yield f"the policy's n must be from 1 to {MOST_RUNS} repeats, not {policy.n}"
+    elif policy.until_decided and not policy.n <= policy.at_most <= MOST_RUNS:
+        allowed = f"from {policy.n} (its n) to {MOST_RUNS} repeats"
+        yield f"the policy's at_most must be {allowed}, not {policy.at_most}"
+    if not 0.0 <= policy.rate <= 1.0:
+        yield f"the policy's rate must be from 0 to 1, not {policy.rate}"
 
 
 def _cell_problems(cell: RunSpec, scenes: set[str], paths: StatePaths) -> Iterator[str]:

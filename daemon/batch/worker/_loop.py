@@ -10,7 +10,7 @@ What becomes of a lease here:
     leased ──▶ executing ──▶ finished ──▶ delivered, forgotten
        │           ├───────▶ ended without a result: released, blamed or not
        │           └───────▶ not wanted any more (cancelled, another was first): stopped, forgotten
-       └─ no disk, no process, no scene: released, not blamed
+       └─ no disk, no process, no scene, or at work here already: released, not blamed
 
 While the daemon cannot be reached everything goes on; afterwards it says what is still wanted.
 Another ledger may answer in its place. Then what runs here ends and stays in the spool, and the
@@ -332,12 +332,12 @@ class WorkerLoop:
             progress=self._live.progress(),
         )
 
+    def _wanted_executions(self) -> list[Execution]:
+        """Executions that are not being ended because nobody wants them any more."""
+        return [one for one in self._executions if one.attempt.lease.token not in self._unwanted]
+
     def _renew(self) -> None:
-        running = [
-            execution.attempt
-            for execution in self._executions
-            if execution.attempt.lease.token not in self._unwanted
-        ]
+        running = [execution.attempt for execution in self._wanted_executions()]
         attempts = running + self._deliveries.finished
         leases = [*(attempt.lease for attempt in attempts), *self._leased]
         holds = tuple(LeaseRef(lease.run, lease.token) for lease in leases)
@@ -388,7 +388,16 @@ class WorkerLoop:
 
     def _take_grants(self, reply: LeaseReply) -> None:
         self._refusal = ""
-        self._leased.extend(reply.grants)
+        leases = [execution.attempt.lease for execution in self._wanted_executions()]
+        held = {lease.run for lease in (*leases, *self._leased)}
+        for lease in reply.grants:
+            if lease.run not in held:
+                self._leased.append(lease)
+                continue
+            # The lease held here has lapsed unnoticed, in a suspended machine for example. Once
+            # this one is given back, a renewal takes the run up again under the old lease.
+            self._deliveries.give_back(lease, "its worker is still at it")
+            self._renew_soon()
         if len(reply.grants) == self._wanted:
             self._lease_at = 0.0
         # Before anybody is heard who wants this worker to leave: these count as running.

@@ -19,7 +19,7 @@ from daemon.model.run_state import RunState
 from daemon.model.spec import LARGEST_RESULT
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from grammars.text import codec
-from tests.batch.ledger.conftest import NOW
+from tests.batch.conftest import NOW
 from tests.make import make_result, make_spec, make_submission
 
 RUNS = 600

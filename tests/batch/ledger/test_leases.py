@@ -15,7 +15,7 @@ from daemon.batch.paths import StatePaths
 from daemon.model.messages import LedgerAnswer, SteerRequest
 from daemon.model.run_state import RunState
 from daemon.model.spec import SutReference
-from tests.batch.ledger.conftest import NOW, refs
+from tests.batch.conftest import NOW, refs
 from tests.make import make_spec, make_submission
 
 LATER = NOW + 100.0

@@ -20,7 +20,7 @@ from daemon.model.run_state import RunState
 from daemon.model.spec import SutReference, Timing
 from daemon.model.submission import CampaignOrigin
 from daemon.model.verdicts import Outcome
-from tests.batch.ledger.conftest import NOW
+from tests.batch.conftest import NOW
 from tests.make import make_result, make_spec, submission_of
 
 

@@ -12,7 +12,7 @@ from daemon.model.search_answer import SearchAnswer, SearchProgress
 from daemon.model.spec import LeadingMargin
 from daemon.model.verdicts import Outcome
 from grammars.text import codec
-from tests.batch.ledger.conftest import NOW
+from tests.batch.conftest import NOW
 from tests.make import make_extension, make_result
 
 ANSWER = SearchAnswer("budget", 3, 3, 0, 1, 0, 0, 3, 1, sentences=("three runs",))

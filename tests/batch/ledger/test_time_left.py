@@ -6,7 +6,7 @@ import pytest
 
 from daemon.batch.ledger import PlannedRun, RunPace, TimeLeft
 from daemon.model.spec import SutReference
-from tests.batch.ledger.conftest import NOW
+from tests.batch.conftest import NOW
 from tests.make import make_result, make_search, make_spec
 
 

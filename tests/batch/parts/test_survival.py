@@ -169,7 +169,7 @@ def test_a_daemon_told_to_stop_lets_its_runs_finish(tmp_path):
 
 @pytest.mark.parametrize("at_once", [False, True])
 def test_a_second_signal_gives_runs_back(tmp_path, at_once):
-    with daemon_at(tmp_path / "state", 1, patience=3600.0) as daemon:
+    with daemon_at(tmp_path / "state", 1, patience=3600.0, **TURNED) as daemon:
         with daemon.client() as client:
             client.submit(make_submission("c", 1, sleep=600.0))
             eventually(lambda: client.overview().running == 1)
@@ -185,7 +185,7 @@ def test_a_second_signal_gives_runs_back(tmp_path, at_once):
             daemon.signal(signal.SIGTERM)
         assert daemon.wait() == 0
         assert alive(members) == []
-        assert any(line["event"] == "released" for line in daemon.journal())
+        assert daemon.noted("released")
 
 
 @pytest.fixture
@@ -200,16 +200,13 @@ def launched(monkeypatch):
 @pytest.mark.usefixtures("launched")
 def test_an_embedded_daemon_is_gone_afterwards(tmp_path):
     state = tmp_path / "state"
-    # Tests before this one in the same process may have left some that serve it to its end.
-    others = psutil.Process().children(recursive=True)
     with embedded_daemon(state, slots=1) as endpoint:
         with Client.open(endpoint, timeout=30.0) as client:
             client.submit(make_submission("c", 3))
             eventually(lambda: finished(client, 3))
             client.submit(make_submission("d", 3, sleep=600.0))
             eventually(lambda: client.overview().running == 1)
-        members = [p for p in psutil.Process().children(recursive=True) if p not in others]
-        assert members
+        members = family(StatePaths(state).read_contact().pid)
         eventually(lambda: running_daemon(state) == endpoint)
     eventually(lambda: not alive(members))
     assert running_daemon(state) is None
@@ -371,6 +368,24 @@ def test_a_run_goes_on_over_cuts_shorter_and_longer_than_its_lease(tmp_path):
         eventually(lambda: finished(client, 1))
         row = client.run("c.0").row
         assert (row.state, row.attempt, row.reason) == (RunState.DONE, 1, "")
+        assert (recorded(daemon), len(executions(log))) == ([(1, 0)], 1)
+
+
+def test_a_worker_begins_no_run_again_that_it_is_still_at(tmp_path):
+    """Its lease has lapsed, and nothing told the worker."""
+    log, gate, deaf = tmp_path / "log", tmp_path / "gate", {"module": "tests.batch.deaf_worker"}
+    with daemon_at(tmp_path / "state", **TURNED) as daemon, daemon.client() as client:
+        # With a slot to spare it asks for work each second.
+        with worker_for(daemon, 2, **deaf):
+            client.submit(make_submission("c", 1, until=str(gate), log=str(log)))
+            eventually(lambda: executions(log, 1))
+            end_leases(daemon)
+            eventually(lambda: client.run("c.0").row.attempt == 2)
+            eventually(lambda: client.run("c.0").row.reason == "")  # under its old lease
+            gate.touch()
+            eventually(lambda: finished(client, 1))
+        (released,) = daemon.noted("released")
+        assert released["reason"] == "its worker is still at it"
         assert (recorded(daemon), len(executions(log))) == ([(1, 0)], 1)
 
 
