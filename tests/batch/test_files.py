@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import pytest
 
 from daemon.batch.errors import TraceUnavailable, WorkerBroken
-from daemon.batch.ledger import LedgerReader, LedgerWriter
+from daemon.batch.ledger import LedgerWriter
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._runtime import EventLog
 from daemon.batch.server._threads import WriterThread
@@ -30,17 +30,16 @@ from daemon.batch.worker._connection import InputCache, WorkerPaths, choose_path
 from daemon.campaign import LayerLibrary
 from daemon.model import attachments
 from daemon.model.attachments import SutMissing, attach_files
-from daemon.model.messages import Completion, FilePart, WelcomeReply
+from daemon.model.messages import FilePart, WelcomeReply
 from daemon.model.spec import SutReference, TraceInfo
 from daemon.stacks import registry
 from daemon.stacks.registry import make_sut
 from grammars.text.diagnostics import InputError
-from tests.make import make_result, make_spec, make_submission
+from tests.make import make_result, make_spec
 from tests.parts import eventually
 
 MODEL = b"weights" * 100_000
 TRACE = b"a trace"
-NOW = 1_000_000.0
 
 
 # --- files of systems under test
@@ -213,15 +212,13 @@ def test_the_cache_is_bounded(tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def trace(places):
+def trace(ledger):
     """The place of a run's trace, with the trace of another attempt in it."""
-    with LedgerWriter.open(places) as book:
-        book.submit(make_submission("c", 1), NOW)
-        (lease,) = book.lease("w", 1, NOW)
-        info = TraceInfo(hashlib.sha256(TRACE).hexdigest(), len(TRACE), 1)
-        result = make_result(lease.spec, trace=info)
-        book.complete(Completion("w", lease.run, lease.attempt, lease.token, result), NOW)
-    path = places.trace(lease.trace)
+    ledger.submit("c", 1)
+    (lease,) = ledger.lease()
+    info = TraceInfo(hashlib.sha256(TRACE).hexdigest(), len(TRACE), 1)
+    ledger.complete(lease, make_result(lease.spec, trace=info))
+    path = ledger.places.trace(lease.trace)
     path.parent.mkdir()
     path.write_bytes(b"another")
     return path
@@ -238,25 +235,21 @@ def mover(places, store):
     log.close()
 
 
-def reference_in(places):
-    with LedgerReader.open(places) as reader:
-        return trace_reference(reader.run("c.0").row)
-
-
-def test_a_store_that_cannot_be_written_leaves_traces_where_they_are(places, trace, tmp_path):
+def test_a_store_that_cannot_be_written_leaves_traces_where_they_are(ledger, trace, tmp_path):
     trace.write_bytes(TRACE)
     (tmp_path / "store").touch()
-    with mover(places, tmp_path / "store") as moving:
+    log = ledger.places.log
+    with mover(ledger.places, tmp_path / "store") as moving:
         moving.start()
-        eventually(lambda: places.log.exists() and "traces not moved" in places.log.read_text())
+        eventually(lambda: log.exists() and "traces not moved" in log.read_text())
         moving.close()
     assert trace.read_bytes() == TRACE
-    assert reference_in(places).location == str(trace)
+    assert trace_reference(ledger.reader.run("c.0").row).location == str(trace)
 
 
-def test_a_trace_that_is_not_that_of_the_result_stays(places, trace, tmp_path):
+def test_a_trace_that_is_not_that_of_the_result_stays(ledger, trace, tmp_path):
     trace.with_name("unknown.mcap").touch()
-    with mover(places, tmp_path / "store") as moving:
+    with mover(ledger.places, tmp_path / "store") as moving:
         moving._move_all()
     assert {path.name for path in trace.parent.iterdir()} == {trace.name, "unknown.mcap"}
     assert not (tmp_path / "store").exists()

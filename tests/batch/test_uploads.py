@@ -9,7 +9,6 @@ from dataclasses import replace
 import pytest
 
 from daemon.batch.errors import Refused, Unavailable
-from daemon.batch.ledger import LedgerReader, LedgerWriter
 from daemon.batch.paths import StatePaths
 from daemon.batch.server import _uploads
 from daemon.batch.server._inputs import InputStore
@@ -25,20 +24,21 @@ from daemon.model.messages import (
 from daemon.model.run_state import RunState
 from daemon.model.spec import TraceInfo
 from daemon.model.verdicts import Outcome
-from tests.make import make_result, make_submission
+from tests.batch.conftest import NOW
+from tests.make import make_result
 
-NOW = 1e9
 TRACE = random.Random(1).randbytes(1000)
 
 
 class Site:
     """A ledger with one leased run, and the intake beside it."""
 
-    def __init__(self, places, book, reader, journal):
-        self.places, self.book, self.reader, self.journal = places, book, reader, journal
-        book.begin_era()
-        book.submit(make_submission("c", 1), NOW)
-        (self.grant,) = book.lease("w", 1, NOW)
+    def __init__(self, ledger, journal):
+        self.places, self.book, self.reader = ledger.places, ledger.book, ledger.reader
+        self.journal = journal
+        self.book.begin_era()
+        ledger.submit("c", 1)
+        (self.grant,) = ledger.lease()
         self.begin_again()
 
     def part(self, offset, data, *, run="", token=None, **changes):
@@ -89,12 +89,9 @@ class Site:
 
 
 @pytest.fixture
-def site(tmp_path):
-    places = StatePaths(tmp_path)
-    places.make_folders()
-    journal = EventLog(places.log)
-    with LedgerWriter.open(places) as book, LedgerReader.open(places) as reader:
-        yield Site(places, book, reader, journal)
+def site(ledger):
+    journal = EventLog(ledger.places.log)
+    yield Site(ledger, journal)
     journal.close()
 
 

@@ -3,6 +3,7 @@
 import threading
 import time
 from dataclasses import replace
+from functools import partial
 from importlib.metadata import version
 
 from daemon.batch import bus
@@ -11,7 +12,6 @@ from daemon.batch.paths import StatePaths
 from daemon.model import verbs
 from daemon.model.messages import (
     ALIVE,
-    OWNER,
     Completion,
     LeaseRef,
     LeaseRequest,
@@ -23,34 +23,34 @@ from tests.make import make_result
 
 
 class LightWorker:
-    """A worker by what it says on the bus; with ``places`` it leaves an empty trace there."""
+    """A worker by what it says on the bus, the owner's or one with a ``key``.
 
-    def __init__(self, session, endpoint, name, slots=8, places=None):
+    With ``places`` it leaves an empty trace there.
+    """
+
+    def __init__(self, session, endpoint, name, slots=8, places=None, key=None, timeout=5.0):
         self.name = name
-        self._session = session
-        self._endpoint = endpoint
+        self._ask = partial(bus.ask, session, endpoint, timeout=timeout, credentials=key)
         self._info = WorkerInfo(name, "here", 1, version("scenario-tui"), slots, 0)
         self._slots = slots
         self._places = places
-        self._token = session.liveliness().declare_token(f"{ALIVE}/{OWNER}/{name}")
+        self._token = session.liveliness().declare_token(f"{ALIVE}/{bus.key_name(key)}/{name}")
 
-    def _me(self):
+    def me(self):
         if not self._info.era:
-            reply = bus.ask(self._session, self._endpoint, verbs.WELCOME, self._info, 5.0)
+            reply = self._ask(verbs.WELCOME, self._info)
             self._info = replace(self._info, era=reply.era)
         return self._info
 
     def lease(self, count=None):
         """Take runs; raises like :func:`daemon.batch.bus.ask`."""
-        request = LeaseRequest(self._me(), self._slots if count is None else count)
-        return bus.ask(self._session, self._endpoint, verbs.LEASE, request, 5.0).grants
+        request = LeaseRequest(self.me(), self._slots if count is None else count)
+        return self._ask(verbs.LEASE, request).grants
 
     def renew(self, grants=()):
         """Say which runs it has; returns how many are not its own any more."""
         holds = tuple(LeaseRef(grant.run, grant.token) for grant in grants)
-        request = RenewRequest(self._me(), holds)
-        answer = bus.ask(self._session, self._endpoint, verbs.RENEW, request, 5.0)
-        return len(answer.gone)
+        return len(self._ask(verbs.RENEW, RenewRequest(self.me(), holds)).gone)
 
     def complete(self, grant):
         """Deliver a result that depends on the specification only."""
@@ -59,7 +59,7 @@ class LightWorker:
             self._places.uploaded_trace(grant.run, grant.token, result.trace.sha256).touch()
         ours = (self.name, grant.run, grant.attempt, grant.token)
         done = Completion(*ours, result, era=grant.era)
-        return bus.ask(self._session, self._endpoint, verbs.COMPLETE, done, 5.0).answer
+        return self._ask(verbs.COMPLETE, done).answer
 
 
 def insist(ask, until):

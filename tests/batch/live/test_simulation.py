@@ -199,10 +199,7 @@ class Crashing:
 
 
 def test_a_system_that_crashes_is_told_of_and_the_world_goes_on(demo):
-    spec, scene = demo_spec(demo)
-    clock, kept = HandClock(), Kept()
-    simulation = LiveSimulation(spec, scene, clock=clock, sut=Crashing)
-    simulation.add_outlet(kept)
+    simulation, clock, kept = world(demo, sut=Crashing)
     go(simulation, clock, 2.0)
     assert "RuntimeError: no more" in simulation.status.note
     assert simulation.status.time > 1.5

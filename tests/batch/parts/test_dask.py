@@ -13,7 +13,7 @@ from daemon.model.run_state import RunState
 from daemon.model.verdicts import Outcome
 from tests.batch.dask_harness import begun, dask_in, gateway_for
 from tests.make import make_spec, make_submission, submission_of
-from tests.parts import alive, daemon_at, eventually
+from tests.parts import alive, daemon_at, eventually, finish
 
 
 @pytest.fixture(scope="module")
@@ -33,12 +33,6 @@ def client(dask, tmp_path_factory):
     ):
         eventually(lambda: [row.slots for row in connected.workers()] == [2])
         yield connected
-
-
-def finish(client, campaign):
-    """The runs of a campaign, once it is finished."""
-    eventually(lambda: client.campaign(campaign).finished)
-    return client.runs(campaign).rows
 
 
 def test_runs_come_back_with_results_traces_and_the_files_they_read(client, tmp_path, monkeypatch):

@@ -21,7 +21,7 @@ from daemon.supervision.child import when_stdin_ends
 from daemon.supervision.guardian import end_guarded, guard
 from tests.fake_run import leave_process
 from tests.make import make_spec, make_submission, submission_of
-from tests.parts import alive, daemon_at, eventually, worker_for
+from tests.parts import alive, daemon_at, eventually, finish, worker_for
 
 
 def left_behind(file, count=0):
@@ -53,8 +53,7 @@ def test_nothing_outlives_a_run_however_it_ends(tmp_path):
     ]
     with daemon_at(tmp_path / "state", 2, attempts=1) as daemon, daemon.client() as client:
         client.submit(submission_of("c", *specs))
-        eventually(lambda: client.campaign("c").finished)
-        rows = client.runs("c").rows
+        rows = finish(client, "c")
         assert [row.state for row in rows] == [RunState.DONE] + 3 * [RunState.LOST]
         for number, name in enumerate(RUNS):
             # Not only in the end: before anybody was told that the run has ended.

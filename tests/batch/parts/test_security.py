@@ -2,10 +2,8 @@
 
 import shutil
 import tarfile
-from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
-from importlib.metadata import version
 
 import pytest
 
@@ -25,17 +23,16 @@ from daemon.model.messages import (
     JUDGED,
     LIVE,
     WORK,
-    Completion,
     LeaseRequest,
     LedgerAnswer,
-    WorkerInfo,
 )
 from daemon.model.spec import Snapshot
 from daemon.model.status import LiveSnapshot
 from daemon.model.verbs import VERBS, Role
 from grammars.model.geometry import Pose2
 from grammars.text import codec
-from tests.make import make_result, make_submission
+from tests.chaos.light import LightWorker
+from tests.make import make_submission
 from tests.parts import daemon_at, eventually, free_endpoint, worker_for
 
 NOW = datetime.now(UTC).replace(microsecond=0)
@@ -80,34 +77,6 @@ def owner(daemon):
 
 def raw(daemon, keys, name):
     return bus.open_client(daemon.endpoint, find_credentials(Role.OPERATOR, keys / name))
-
-
-class Holder:
-    """A worker of a key by what it says on the bus."""
-
-    def __init__(self, daemon, session, key):
-        self.daemon, self.session, self.key = daemon, session, key
-        name = f"of-{key.name.replace('.', '-')}"
-        self.me = WorkerInfo(name, "h", 1, version("scenario-tui"), 4, 0)
-        self.me = replace(self.me, era=self.ask(verbs.WELCOME, self.me).era)
-
-    def ask(self, verb, request):
-        return bus.ask(self.session, self.daemon.endpoint, verb, request, 60.0, self.key)
-
-    def complete(self, grant):
-        result = make_result(grant.spec)
-        places, sha256 = StatePaths(self.daemon.state), result.trace.sha256
-        places.uploaded_trace(grant.run, grant.token, sha256).touch()
-        ours = (self.me.id, grant.run, grant.attempt, grant.token)
-        done = Completion(*ours, result, era=grant.era)
-        return self.ask(verbs.COMPLETE, done).answer
-
-
-@contextmanager
-def holder(daemon, keys, name):
-    key = find_credentials(Role.WORKER, keys / name)
-    with bus.open_client(daemon.endpoint, key) as session:
-        yield Holder(daemon, session, key)
 
 
 def answered(session, name, verb):
@@ -211,13 +180,15 @@ def test_a_viewer_watches_a_run_and_its_worker_knows(daemon, keys):
 
 
 def test_a_key_asks_under_its_own_name_only(daemon, keys):
-    with owner(daemon) as mine, holder(daemon, keys, "worker.spare") as spare:
+    with owner(daemon) as mine, raw(daemon, keys, "worker.spare") as session:
+        key, places = find_credentials(Role.WORKER, keys / "worker.spare"), StatePaths(daemon.state)
+        spare = LightWorker(session, daemon.endpoint, "of-spare", 1, places, key, timeout=60.0)
         mine.submit(make_submission("named", 2))
         replies = []
-        body = codec.to_json(LeaseRequest(spare.me, 1))
+        body = codec.to_json(LeaseRequest(spare.me(), 1))
         for name in ("worker", "owner", "operator", "*", "**", "worker.spar$*"):
-            spare.session.get(f"{ASK}/{name}/lease", replies.append, payload=body, timeout=60.0)
-        (grant,) = spare.ask(verbs.LEASE, LeaseRequest(spare.me, 1)).grants
+            session.get(f"{ASK}/{name}/lease", replies.append, payload=body, timeout=60.0)
+        (grant,) = spare.lease()
         assert replies == []
         assert spare.complete(grant) is LedgerAnswer.RECORDED
         mine.cancel("named")

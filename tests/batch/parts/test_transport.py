@@ -72,7 +72,7 @@ def test_a_trace_survives_the_death_of_daemon_and_worker_on_its_way(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def remote(tmp_path_factory):
+def shared(tmp_path_factory):
     """A daemon whose only worker does not share its file system, with five runs done."""
     base = tmp_path_factory.mktemp("transport")
     with daemon_at(base / "state") as daemon, daemon.client() as client:
@@ -85,20 +85,14 @@ def remote(tmp_path_factory):
         yield daemon
 
 
-@pytest.fixture
-def client(remote):
-    with remote.client() as connected:
-        yield connected
-
-
-def test_a_worker_elsewhere_leaves_nothing_in_the_state_directory_but_traces(remote, client):
+def test_a_worker_elsewhere_leaves_nothing_in_the_state_directory_but_traces(shared, client):
     assert [whole(client, f"c.{i}").parent.name for i in range(5)] == ["c"] * 5
-    assert list(StatePaths(remote.state).spool.iterdir()) == []
-    (own,) = (remote.state.parent / "elsewhere" / "work").iterdir()
-    assert own.name == json.loads((remote.state / "marker.json").read_text())["identity"]
+    assert list(StatePaths(shared.state).spool.iterdir()) == []
+    (own,) = (shared.state.parent / "elsewhere" / "work").iterdir()
+    assert own.name == json.loads((shared.state / "marker.json").read_text())["identity"]
     assert [path.stem for path in (own / "scenes").iterdir()] == [client.run("c.0").spec.scene]
     assert list((own / "spool").iterdir()) == []
-    check_ledger(remote.state, 5)
+    check_ledger(shared.state, 5)
 
 
 # --- downloads

@@ -22,7 +22,17 @@ from daemon.model.status import Trouble, TroubleCause
 from daemon.model.verdicts import Outcome
 from tests.chaos.disk import fill, may_mount, small_disk
 from tests.make import make_spec, make_submission, submission_of
-from tests.parts import Part, alive, daemon_at, eventually, executions, family, finished, worker_for
+from tests.parts import (
+    Part,
+    alive,
+    daemon_at,
+    eventually,
+    executions,
+    family,
+    finish,
+    finished,
+    worker_for,
+)
 
 
 @pytest.fixture(scope="module")
@@ -36,12 +46,6 @@ def shared(tmp_path_factory):
 def client(shared):
     with shared.client() as connected:
         yield connected
-
-
-def finish(client, campaign):
-    """The runs of a campaign, once it is finished."""
-    eventually(lambda: client.campaign(campaign).finished)
-    return client.runs(campaign).rows
 
 
 # --- how runs end
