@@ -48,13 +48,14 @@ class Recordings:
         self.on_read: Callable[[], object] = bool
         self._known: dict[_Key, Playback | Missing] = {}
         self._under_way: set[_Key] = set()
+        self._untold = 0
         self._wanted: _Key | None = None
         self._changing, self._reading = threading.Lock(), threading.Lock()
 
     @property
     def busy(self) -> bool:
-        """True while a recording is brought or read."""
-        return bool(self._under_way)
+        """True while a recording is brought or read, until ``on_read`` has returned."""
+        return self._untold > 0
 
     def get(self, row: RunRow) -> Playback | Missing:
         """Return the recording of a run that is over, as far as it is known.
@@ -72,6 +73,8 @@ class Recordings:
             return known
         if key not in self._under_way:
             self._under_way.add(key)
+            with self._changing:
+                self._untold += 1
             # A thread for each: a large trace over a slow line must not keep the next run waiting.
             threading.Thread(target=self._fetch, args=(key, row), daemon=True).start()
         megabytes = row.result.trace.size / 1e6 if row.result is not None else 0.0
@@ -111,6 +114,8 @@ class Recordings:
                 while len(self._known) > _KEPT:
                     del self._known[next(iter(self._known))]
         self.on_read()
+        with self._changing:
+            self._untold -= 1
 
     def _bring(self, row: RunRow) -> Path | Missing:
         """Return where a trace lies on this machine, after bringing it here if need be."""

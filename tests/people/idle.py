@@ -22,8 +22,11 @@ _THREADS = 0.002
 """Seconds between two looks at what is done by others than this thread."""
 
 
-async def until_idle(app):
-    """Wait until an app has taken in all it was sent, and shows it; or until it is being left."""
+async def until_idle(app, in_threads=bool):
+    """Wait until an app has taken in all it was sent, and shows it; or until it is being left.
+
+    ``in_threads`` says whether threads of the app still do something that they will tell it.
+    """
     deadline, quiet, busy = time.monotonic() + DEADLINE, 0, 0
     # What was sent from outside of the app's own tasks is in its queue after a turn.
     await asyncio.sleep(0)
@@ -32,7 +35,7 @@ async def until_idle(app):
         # turn it is too early; and where nobody had any since they were asked, they say the same.
         works = bool(asyncio.get_running_loop()._ready)
         busy = busy + 1 if works else 0
-        doing = None if quiet or busy % _BUSY else next(_under_way(app), None)
+        doing = None if quiet or busy % _BUSY else next(_under_way(app, in_threads), None)
         quiet = 0 if works or doing is not None else quiet + 1
         assert time.monotonic() < deadline, f"still under way: {doing!r}"
         # A message is a matter of turns of this loop; what others do needs the processor.
@@ -44,8 +47,10 @@ async def wait_for_idle(min_sleep=0.0, max_sleep=1.0):
     await until_idle(active_app.get())
 
 
-def _under_way(app):
+def _under_way(app, in_threads):
     """Yield what is not done yet; has the screens lay out what they were about to."""
+    if in_threads():  # before all that they may have told meanwhile
+        yield in_threads
     for screen in app.screen_stack:
         if _to_lay_out(screen):
             # Else a timer does that, sixty times a second.

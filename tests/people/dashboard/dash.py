@@ -51,11 +51,11 @@ class InlineFeed(Feed):
 
     def take_news(self):
         try:
+            self._wake.clear()
             self.step(self.fake)
             while self.assess(self.fake):
                 self._wake.set()
             if self._wake.is_set():
-                self._wake.clear()
                 self.step(self.fake)
         except DaemonError as error:
             self._lose(error)
@@ -135,17 +135,16 @@ async def settle(pilot):
     if not isinstance(app, Dashboard):
         await until_idle(app)
         return
-    deadline, looks, again = time.monotonic() + DEADLINE, 0, True
-    while again:
-        assert time.monotonic() < deadline, "a background task is not done"
-        await until_idle(app)
+
+    def in_threads():
+        return app.start_task.under_way or app.recordings.busy
+
+    for _ in range(2):
+        await until_idle(app, in_threads)
         app.update_state()
-        await until_idle(app)
-        looks += 1
-        again = looks < 2 and app.feed.may_know_more
-        if app.start_task.under_way or app.recordings.busy:
-            again = True
-            await asyncio.sleep(0.002)
+        await until_idle(app, in_threads)
+        if not app.feed.may_know_more:
+            return
 
 
 async def press(pilot, *keys):

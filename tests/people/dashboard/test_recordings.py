@@ -50,11 +50,13 @@ def send_trace(monkeypatch, fake, answer):
 def test_a_recording_is_read_meanwhile_and_kept(fake, recordings, tmp_path):
     row = row_of(fake, record_run(tmp_path / "run.mcap"))
     told = []
-    recordings.on_read = lambda: told.append(recordings.busy)
+    recordings.on_read = lambda: told.append((recordings.busy, recordings.read(row)))
     assert recordings.get(row) == Missing()
-    eventually(lambda: told == [False])
-    assert recordings.get(row).end == 10.0
-    assert recordings.get(row) is recordings.get(row) is recordings.read(row)
+    eventually(lambda: not recordings.busy)
+    recording = recordings.get(row)
+    assert recording.end == 10.0
+    assert told == [(True, recording)]
+    assert recordings.get(row) is recordings.read(row) is recording
 
 
 def test_a_trace_at_the_same_place_is_another_recording(fake, recordings, tmp_path):
