@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, ClassVar, Generic, TypeVar, cast
 
 from rich.text import Text
@@ -41,10 +41,18 @@ class BaseScreen(Screen[None], Generic[T]):
 
     def compose(self) -> ComposeResult:
         """Lay out the frame and the screen's own widgets in it."""
+        # Textual tells the room after that, and would have every widget styled a second time.
+        self.update_classes(dict.fromkeys(self._room_classes(), True))
         yield StatusLine(id="status")
         yield StaticText(id="trail")
         yield from self.body()
         yield KeyFooter()
+
+    def _room_classes(self) -> Iterator[str]:
+        """Yield the classes of the breakpoints that the terminal's size has passed last."""
+        breakpoints = (self.app.HORIZONTAL_BREAKPOINTS, self.app.VERTICAL_BREAKPOINTS)
+        for size, rising in zip(self.app.size, breakpoints, strict=True):
+            yield from [name for least, name in rising or () if least <= size][-1:]
 
     def body(self) -> ComposeResult:
         """Yield the screen's own widgets."""
