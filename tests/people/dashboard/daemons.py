@@ -16,7 +16,7 @@ from daemon.model.spec import TraceInfo
 from daemon.model.verdicts import Outcome
 from daemon.trace import read_trace
 from tests.make import FRESH
-from tests.people.fake import FakeDaemon, make_result, make_row
+from tests.people.fake import FakeDaemon, make_row
 from tests.people.recorded import record_run
 
 DECLARED = AssessmentRules(
@@ -55,57 +55,50 @@ def judged_campaign():
 class RecordedDaemon(FakeDaemon):
     """Runs 5 and 6 are the recorded one, with the verdicts it deserves."""
 
+    indices = (5, 6)
+    """Those of the recorded runs."""
+
     def __init__(self, trace):
         super().__init__()
-        self.rows = tuple(
-            replace(row, trace=str(trace)) if row.index in (5, 6) else row for row in self.rows
-        )
+        self.change(trace=str(trace))
         recorded = read_trace(trace)
-        self._verdicts = judge(recorded, recorded.spec.oracles)
+        self.result = {"verdicts": judge(recorded, recorded.spec.oracles)}
+
+    def change(self, **changes):
+        """Have the rows of the recorded runs be others."""
+        self.rows = tuple(
+            replace(row, **changes) if row.index in self.indices else row for row in self.rows
+        )
 
     def run(self, run):
         detail = super().run(run)
-        if detail.row.index not in (5, 6) or detail.row.result is None:
+        if detail.row.index not in self.indices or detail.row.result is None:
             return detail
         note = "parameters without effect: a, b"
-        result = replace(detail.row.result, verdicts=self._verdicts, note=note)
+        result = replace(detail.row.result, **{"note": note} | self.result)
         return replace(detail, row=replace(detail.row, result=result))
 
 
-class RepeatingDaemon(FakeDaemon):
+class RepeatingDaemon(RecordedDaemon):
     """Run 5 is executed and judged again: other recordings at the same path."""
 
+    indices = (5,)
+
     def __init__(self, path):
-        super().__init__()
-        self._path = path
-        self.rows = tuple(
-            replace(row, trace=str(path)) if row.index == 5 else row for row in self.rows
-        )
-        self._first, self._result = self.rows, None
+        super().__init__(record_run(path))
+        self._path, self._first = path, self.rows
         self.execute()
 
     def execute(self, **changes):
-        record_run(self._path, **changes)
-        recorded = read_trace(self._path)
-        self._result = replace(
-            make_result(self._first[5]),
-            verdicts=judge(recorded, recorded.spec.oracles),
-            trace=TraceInfo(file_sha256(self._path), self._path.stat().st_size, 1),
-        )
+        recorded = read_trace(record_run(self._path, **changes))
+        info = TraceInfo(file_sha256(self._path), self._path.stat().st_size, 1)
+        verdicts = judge(recorded, recorded.spec.oracles)
+        self.result = {"verdicts": verdicts, "trace": info, "note": ""}
         self.rows = self._first
 
     def judge_again(self):
-        verdicts = tuple(v for v in self._result.verdicts if v.oracle == "slow")
-        self._result = replace(self._result, verdicts=verdicts)
+        verdicts = tuple(v for v in self.result["verdicts"] if v.oracle == "slow")
+        self.result |= {"verdicts": verdicts}
 
     def become(self, state):
-        self.rows = tuple(
-            replace(row, state=state, outcome=None, trace="", attempt=2) if row.index == 5 else row
-            for row in self.rows
-        )
-
-    def run(self, run):
-        detail = super().run(run)
-        if detail.row.index != 5 or detail.row.result is None:
-            return detail
-        return replace(detail, row=replace(detail.row, result=self._result))
+        self.change(state=state, outcome=None, trace="", attempt=2)

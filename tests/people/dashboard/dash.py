@@ -10,8 +10,6 @@ from functools import partial
 
 from textual._context import active_app
 from textual.app import App
-from textual.command import Command, CommandList
-from textual.widgets import Input
 
 from daemon.batch.errors import DaemonError
 from scenario_tui.dashboard.app import Dashboard
@@ -260,24 +258,6 @@ class Dash:
     async def until(self, condition):
         """Wait for something another thread does."""
         await eventually(condition, self.pilot)
-
-    async def choose_from_palette(self, text, wanted):
-        """Type a ``text`` into the list of places and take what is ``wanted`` from it.
-
-        It is waited for: until the last letter is looked up, the list shows what an earlier one
-        found.
-        """
-        await self.pilot.press("colon")
-        await self.until(lambda: self.one(CommandList).option_count)
-        found = self.one(CommandList)
-
-        def first():
-            option = found.get_option_at_index(0) if found.option_count else None
-            return str(option.hit.text) if isinstance(option, Command) else ""
-
-        self.one(Input).value = text
-        await self.until(lambda: first() == wanted)
-        await self.press("enter")
 
 
 @asynccontextmanager

@@ -10,6 +10,9 @@ from scenario_tui.dashboard.config import Config
 from scenario_tui.dashboard.widgets.tables import KeyedTable, VerdictList
 from tests.people.fake import FakeDaemon
 
+LOOK = ""
+"""A first step: all that the screen shows, where no other way leads to it."""
+
 _VERBS = {"steer", "cancel", "retry", "delete", "submit", "acknowledge"}
 """What changes something in a daemon."""
 
@@ -60,23 +63,25 @@ def opened(*place):
     return " ".join(place), lambda dash: dash.open(*place)
 
 
-async def follow(dash, steps, begins=False):
+async def follow(dash, steps):
     """Take the steps; return what there is first, and what each of them changed.
 
     Told are the screen, what has the keys, the row of the table under the cursor and which keys are
-    grey; the lines of the screen that changed; what was said, copied and asked of the daemon. The
-    lines of the first screen are told if it ``begins`` or if there is no step.
+    grey; the lines of the screen that changed; what was said, copied and asked of the daemon.
     """
     texts, facts, screens = [], {}, {}
     calls = dash.fake.calls if dash.fake else []
-    for step in ("", *steps):
+    for step in (None, *steps):
+        if step == LOOK:
+            texts += [f"{row:3} {line}" for row, line in enumerate(dash.lines) if line]
+            continue
         calls.clear()
         said = dash.notices
         if isinstance(step, str):
-            name = step or "at first"
+            name = step
             await _press(dash, step)
         else:
-            name, act = step
+            name, act = step or ("at first", lambda _: None)
             done = act(dash)
             if inspect.isawaitable(done):
                 await done
@@ -85,7 +90,7 @@ async def follow(dash, steps, begins=False):
         texts += [f"{fact}: {now}" for fact, now in _changes(facts, _facts(dash))]
         seen = screens.setdefault(dash.screen, {})
         lines = _changes(seen, dict(enumerate(dash.lines)))
-        if step or begins or not steps:
+        if step:
             texts += [f"{row:3} {line}".rstrip() for row, line in lines]
         texts += [f"said: {line}" for line in dash.notices[len(said) :].split("\n") if line]
         texts += [f"asked: {call}" for call in calls if call[0] in _VERBS]

@@ -1,4 +1,4 @@
-"""A search along the corridor for the dashboard: sixty runs, two ways to fail, one recorded."""
+"""A search along the corridor for the dashboard: sixty runs, two ways to fail."""
 
 from dataclasses import replace
 from functools import cache
@@ -18,11 +18,9 @@ from daemon.model.search_answer import (
 from daemon.model.spec import LeadingMargin
 from daemon.model.trials import read_trial
 from daemon.model.verdicts import Outcome
-from scenario_tui.dashboard.playback import open_playback
 from tests.make import FRESH
 from tests.people import fake_search
 from tests.people.fake import NOW, FakeDaemon, make_result, make_row
-from tests.people.recorded import make_run, record_run
 
 SEARCH = fake_search.SEARCH
 _HALTON = 16
@@ -147,7 +145,7 @@ def make_search(rows, state="finished", **changes):
 
 
 class SearchingDaemon(FakeDaemon):
-    """A daemon with a search, whose runs can be recorded."""
+    """A daemon with a search."""
 
     @classmethod
     def finished(cls, **changes):
@@ -159,26 +157,9 @@ class SearchingDaemon(FakeDaemon):
         rows = make_proposals(settled + 4, settled=settled)
         return cls(found=(make_search(rows, "running"),), proposed=rows)
 
-    def record(self, folder, run):
-        """Have a run be recorded below ``folder``."""
-        path = record_run(folder / f"{run}.mcap")
-        verdicts = open_playback(path).verdicts
-        self.proposed = tuple(
-            replace(row, trace=str(path), result=replace(row.result, verdicts=verdicts))
-            if row.id == run
-            else row
-            for row in self.proposed
-        )
-        return path
-
     def go_on(self, settled):
         """Have more runs of the search be over."""
         self.proposed = make_proposals(min(settled + 4, 60), settled=settled)
         (before,) = self.found
         counts = {"proposed": len(self.proposed), "finished": settled}
         self.found = (replace(before, **counts),)
-
-    def spec_of(self, row):
-        if row.campaign == SEARCH and row.trace:
-            return replace(make_run(), scenario=row.scenario)
-        return super().spec_of(row)

@@ -1,16 +1,12 @@
 """The dashboard starts a daemon on its machine when none answers, and says how it is stopped."""
 
 import threading
-from dataclasses import replace
 
 import pytest
-from textual.app import App
 
 from daemon.batch.errors import LaunchFailed
 from scenario_tui.cli import tui
 from scenario_tui.dashboard.config import Config
-from scenario_tui.dashboard.state import Known
-from scenario_tui.dashboard.widgets.status_line import StatusLine
 from tests.people.fake import CAMPAIGN, FakeDaemon
 from tests.people.idle import until_idle
 
@@ -28,6 +24,8 @@ async def test_a_daemon_is_started_when_none_answers_and_leaving_says_how_to_sto
         return STARTED
 
     dash = await dashboard(fake, settled=False, launch_daemon=launch)
+    await until_idle(dash.app)
+    assert dash.lines[0].strip() == "… connecting"  # before it is known that none answers
     dash.app.update_state()
     await until_idle(dash.app)
     assert "starting one on this machine" in dash.text
@@ -37,16 +35,6 @@ async def test_a_daemon_is_started_when_none_answers_and_leaving_says_how_to_sto
     assert CAMPAIGN in dash.text
     assert STARTED in dash.notices
     assert dash.app.farewell().endswith("\nStop the daemon with: scenario daemon --stop")
-
-
-async def test_whether_one_is_started_is_said_only_once_nobody_answered(dashboard):
-    state, line = Known(), StatusLine()
-    dash = await dashboard(App())
-    await dash.app.mount(line)
-    line.show(state, 0.0, launching=True)
-    assert "connecting" in str(line.content)
-    line.show(replace(state, problem="nobody"), 0.0, launching=True)
-    assert "starting a daemon" in str(line.content)
 
 
 async def test_a_daemon_that_does_not_come_up_is_told_with_its_last_words(dashboard):

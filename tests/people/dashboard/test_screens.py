@@ -1,4 +1,4 @@
-"""What screens do that no way through them tells: pages, the palette, logs, memory, the grid."""
+"""What screens do that no way through them tells: pages, logs, memory, the grid."""
 
 from dataclasses import replace
 
@@ -6,15 +6,11 @@ import pytest
 from textual.widgets import Static
 
 from scenario_tui.dashboard.screens import runs
-from scenario_tui.dashboard.screens.runs import RunsScreen
-from scenario_tui.dashboard.screens.search import SearchScreen
-from scenario_tui.dashboard.screens.workers import WorkersScreen
 from scenario_tui.dashboard.widgets.running_grid import RunningGrid, RunningRun, run_line
 from scenario_tui.dashboard.widgets.tables import KeyedTable
 from tests.people.dashboard.daemons import RecordedDaemon
 from tests.people.dashboard.dash import InlineChildren
-from tests.people.dashboard.searching import SEARCH, SearchingDaemon
-from tests.people.fake import CAMPAIGN, OLD, WAITING, FakeDaemon, make_live, make_row
+from tests.people.fake import CAMPAIGN, WAITING, FakeDaemon, make_live, make_row
 from tests.people.recorded import record_run
 
 RUN = f"{CAMPAIGN}.5"
@@ -38,18 +34,6 @@ async def test_the_cursor_goes_on_to_the_rows_behind(dashboard, monkeypatch):
         assert page in dash.lines[1], key
         top = table.scroll_y
         assert top <= table.cursor_row < top + table.size.height - 1, key
-
-
-async def test_the_colon_opens_a_list_of_places(dashboard):
-    dash = await dashboard(SearchingDaemon.finished())
-    for text, wanted, screen in (
-        ("workers", "Workers", WorkersScreen),
-        ("campaign ni", f"go to campaign {OLD}", RunsScreen),
-        (SEARCH, f"go to campaign {SEARCH}", SearchScreen),
-    ):
-        await dash.choose_from_palette(text, wanted)
-        assert isinstance(dash.screen, screen)
-    assert f"campaigns › {SEARCH}" in dash.text
 
 
 async def test_quitting_says_that_work_goes_on(dashboard):

@@ -1,5 +1,7 @@
 """Our colours can be read: on every background they stand on, on dark and on light terminals."""
 
+from functools import cache
+
 import pytest
 from rich.color_triplet import ColorTriplet
 from textual._context import visible_screen_stack
@@ -41,8 +43,9 @@ def luminance(colour):
     return 0.2126 * parts[0] + 0.7152 * parts[1] + 0.0722 * parts[2]
 
 
-def contrast(segment):
-    both = (luminance(c.get_truecolor()) for c in (segment.style.color, segment.style.bgcolor))
+@cache
+def contrast(style):
+    both = (luminance(colour.get_truecolor()) for colour in (style.color, style.bgcolor))
     low, high = sorted(both)
     return (high + 0.05) / (low + 0.05)
 
@@ -63,34 +66,33 @@ def drawn(dash):
 
 
 def poor(dash):
-    for strip in drawn(dash):
-        for segment in strip:
-            if is_text(segment) and contrast(segment) < LEAST:
-                yield segment.text.strip(), f"{contrast(segment):.2f} {segment.style}"
+    """Return the texts on the screen that cannot be read, with their style."""
+    segments = [one for strip in drawn(dash) for one in strip if is_text(one)]
+    return {one.text.strip(): one.style for one in segments if contrast(one.style) < LEAST}
 
 
-@pytest.mark.parametrize("theme", [DARK, LIGHT])
-async def test_every_text_can_be_read(dashboard, theme, tmp_path, monkeypatch):
+async def assert_readable(dash, place):
+    """Check all texts of the screen in the theme it has, and in the other one of ours."""
+    for theme in sorted((DARK, LIGHT), key=lambda one: one != dash.app.theme):
+        dash.app.theme = theme
+        await dash.settle()
+        assert poor(dash) == {}, (theme, place)
+
+
+async def test_every_text_can_be_read(dashboard, tmp_path, monkeypatch):
     (tmp_path / "first.yaml").write_text("campaign: first\n")
     monkeypatch.chdir(tmp_path)
-    config = Config(theme=theme)
     monkeypatch.setattr(submission, "check_file", lambda *_, **__: CHECKED)
-    app = make_dashboard(judged_campaign(), config=config)
-    dash = await dashboard(app, (120, 40))
+    dash = await dashboard(judged_campaign(), (120, 40), config=Config(theme=DARK))
     home = dash.screen
     for keys in SCREENS:
         await dash.press(*keys)
-        assert dict(poor(dash)) == {}, keys
+        await assert_readable(dash, keys)
         while dash.screen is not home:
             await dash.press("escape")
-
-
-@pytest.mark.parametrize("theme", [DARK, LIGHT])
-async def test_a_search_can_be_read(dashboard, theme):
-    fake = SearchingDaemon.finished()
-    dash = await dashboard(fake, config=Config(theme=theme), size=(120, 40))
+    dash = await dashboard(SearchingDaemon.finished(), (120, 40))
     await dash.press("enter")
-    assert dict(poor(dash)) == {}
+    await assert_readable(dash, "a search")
 
 
 STATES = ("gone", "c", "colon")
@@ -100,7 +102,7 @@ STATES = ("gone", "c", "colon")
 @pytest.mark.parametrize("theme", [DARK, LIGHT])
 async def test_what_is_old_or_behind_a_dialog_can_be_read(dashboard, theme):
     fake = judged_campaign()
-    dash = await dashboard(fake, config=Config(theme=theme), size=(120, 40))
+    dash = await dashboard(fake, (120, 40), config=Config(theme=theme))
     for keys in (("m",), ("1", "enter", "enter")):
         await dash.press(*keys)
         shown, first, rows = dash.screen, dash.lines[0], dash.lines[3:6]
@@ -119,7 +121,7 @@ async def test_what_is_old_or_behind_a_dialog_can_be_read(dashboard, theme):
                 else:
                     seen = [strip.text[:10] for strip in drawn(dash)[3:6]]
                     assert seen == [f"{row:10}"[:10] for row in rows]
-            assert dict(poor(dash)) == {}, state
+            assert poor(dash) == {}, state
             fake.reachable = True
             if dash.screen is not shown:
                 await dash.press("escape")
