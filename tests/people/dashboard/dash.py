@@ -243,12 +243,6 @@ class Dash:
         """Open a run or the runs of a campaign, and wait until its trace is read."""
         await self.pilot.pause(0)
         self.app.open(place, id)
-        await self.read()
-
-    async def read(self):
-        """Wait until all is read that the screen shows."""
-        await self.settle()
-        await self.app.workers.wait_for_complete()
         await self.settle()
 
     async def resize(self, columns, rows):
