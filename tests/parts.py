@@ -4,10 +4,11 @@ import json
 import os
 import signal
 import socket
+import sqlite3
 import subprocess
 import sys
 import time
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import psutil
@@ -268,6 +269,12 @@ def finish(client, campaign):
     """The runs of a campaign, once it is finished."""
     eventually(lambda: client.campaign(campaign).finished)
     return client.runs(campaign).rows
+
+
+def recorded(daemon, query):
+    """The rows that a query of a daemon's ledger gives."""
+    with closing(sqlite3.connect(daemon.state / "ledger.db")) as ledger:
+        return ledger.execute(query).fetchall()
 
 
 def executions(log, count=0):

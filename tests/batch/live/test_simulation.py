@@ -23,9 +23,10 @@ def demo(campaigns):
     return demo_submission(campaigns)
 
 
-def world(demo, **options):
+def world(demo, system="idle", **options):
     clock, kept = HandClock(), Kept()
     spec, scene = demo_spec(demo)
+    spec = replace(spec, sut=SutReference(system, system, {}))
     simulation = LiveSimulation(spec, scene, clock=clock, **options)
     simulation.add_outlet(kept)
     simulation.step()
@@ -161,13 +162,8 @@ def test_after_a_reset_it_is_the_same_world(demo):
 
 
 def test_a_system_inside_drives_and_a_command_holds_it(demo):
-    spec, scene = demo_spec(demo)
-    clock, kept = HandClock(), Kept()
-    spec = replace(spec, sut=SutReference("pilot", "pilot", {}))
-    simulation = LiveSimulation(
-        spec, scene, clock=clock, sut=lambda: make_sut("pilot", {}), speed=10.0
-    )
-    simulation.add_outlet(kept)
+    pilot = {"sut": lambda: make_sut("pilot", {}), "speed": 10.0}
+    simulation, clock, kept = world(demo, "pilot", **pilot)
     simulation.watched = True
     go(simulation, clock, 0.5)
     assert simulation.status.driver == "pilot"

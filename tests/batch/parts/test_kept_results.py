@@ -5,7 +5,6 @@ The workers are as on another machine: their folder is not the daemon's, results
 
 import random
 import signal
-from contextlib import contextmanager
 from dataclasses import replace
 
 import pytest
@@ -24,30 +23,14 @@ LARGE = 200_000
 FAILING = {"module": "tests.batch.failing_daemon"}
 
 
-@contextmanager
-def daemon_and_worker(folder, **settings):
-    """A daemon and a worker that has none of its files."""
-    with (
-        daemon_at(folder / "state", **settings) as daemon,
-        daemon.client() as client,
-        worker_for(daemon, 2, "--state", str(folder / "elsewhere")) as worker,
-    ):
-        yield daemon, client, worker
-
-
 def spooled(folder):
     """Finished runs that wait below a folder."""
     return len(list(matching_paths(folder, "**/spool/*/*/attempt-*/result.json")))
 
 
-def keeps_results(client):
-    """Whether people see that a worker cannot deliver."""
-    return "results cannot be delivered" in str(client.overview().troubles)
-
-
-def assert_executed_once(client, log, runs, campaign="c"):
+def assert_executed_once(client, log, runs):
     """Every run has its result and its trace, and was executed once."""
-    rows = client.runs(campaign).rows
+    rows = client.runs("c").rows
     assert [(row.state, row.attempt, row.reason) for row in rows] == [(RunState.DONE, 1, "")] * runs
     assert all(row.trace for row in rows)
     assert len(executions(log)) == runs
@@ -58,11 +41,15 @@ def assert_executed_once(client, log, runs, campaign="c"):
 
 @pytest.fixture(scope="module")
 def failing(tmp_path_factory):
-    """Such a daemon and a worker."""
+    """Such a daemon, its client, and a worker that has none of its files."""
     folder = tmp_path_factory.mktemp("failing")
     (folder / "faults").mkdir()
-    with daemon_and_worker(folder, **FAILING) as made:
-        yield made
+    with (
+        daemon_at(folder / "state", **FAILING) as daemon,
+        daemon.client() as client,
+        worker_for(daemon, 2, "--state", str(folder / "elsewhere")) as worker,
+    ):
+        yield daemon, client, worker
 
 
 @pytest.fixture
@@ -92,7 +79,7 @@ def test_no_fault_of_the_daemon_costs_a_finished_run(failing, faults, tmp_path, 
     log, (daemon, client, worker) = tmp_path / "log", failing
     faults(verb, fault)
     client.submit(make_submission("c", 3, size=LARGE, log=str(log)))
-    eventually(lambda: keeps_results(client))
+    eventually(lambda: "results cannot be delivered" in str(client.overview().troubles))
     assert "delivered later" in worker.output
     eventually(lambda: len(executions(log)) == spooled(daemon.state.parent) > 0)
     faults(verb, None)

@@ -127,23 +127,6 @@ def test_a_kernel_is_compiled_where_nothing_can_be_kept(start, tmp_path):
     assert words_of(start()) == ["6.0", "0"]
 
 
-@pytest.fixture
-def read_only(monkeypatch, tmp_path):
-    """Folders below this one cannot be written, the installation among them."""
-    real = os.access
-    folders = (Path(kernels.__file__).parents[1], tmp_path / "home")
-    monkeypatch.setattr(
-        os,
-        "access",
-        lambda path, mode: (
-            not any(Path(path).is_relative_to(f) for f in folders) and real(path, mode)
-        ),
-    )
-    (tmp_path / "home").mkdir()
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
-    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
-
-
 def test_machine_code_lies_beside_the_sources_unless_another_folder_is_named(monkeypatch, tmp_path):
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     assert cache_folder().is_relative_to(Path(kernels.__file__).parents[1])
@@ -151,9 +134,16 @@ def test_machine_code_lies_beside_the_sources_unless_another_folder_is_named(mon
     assert cache_folder().parent == tmp_path
 
 
-def test_a_read_only_installation_without_a_home_uses_the_state_directory(
-    monkeypatch, tmp_path, read_only
-):
+def test_a_read_only_installation_without_a_home_uses_the_state_directory(monkeypatch, tmp_path):
+    unwritable = (Path(kernels.__file__).parents[1], tmp_path / "home")
+
+    def access(path, mode):
+        return not any(Path(path).is_relative_to(folder) for folder in unwritable)
+
+    monkeypatch.setattr(os, "access", access)
+    (tmp_path / "home").mkdir()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setenv("SCENARIO_STATE", str(tmp_path / "state"))
     assert cache_folder().parent == tmp_path / "state"
 

@@ -58,6 +58,17 @@ def publish_seconds(publisher, told, clock, seconds):
         bus.ask(publisher.session, "the daemon", OVERVIEW, Empty(), 30.0)
 
 
+def publish_until(publisher, told, *wanted):
+    """Let a run tell itself until that is wanted of it."""
+
+    def is_wanted():
+        told.tells(0.0)
+        publisher.publish(told)
+        return bool(told.wanted) and {*wanted} <= set(told.wanted[-1])
+
+    eventually(is_wanted)
+
+
 def test_nothing_is_wanted_of_a_run_and_nothing_sent_while_nobody_listens(shared, client, clock):
     told = Told()
     heard = []
@@ -87,14 +98,7 @@ def test_who_watches_a_run_is_sent_no_more_than_the_line_takes(shared, client, c
 
         subscriber = line.declare_subscriber(f"{LIVE}/**", weigh)
         publisher = LivePublisher(session, "worker-1", OWNER)
-        both = {Wanted.DETAILS, Wanted.JUDGEMENT}
-
-        def is_known():
-            told.tells(0.0)
-            publisher.publish(told)
-            return bool(told.wanted) and both <= set(told.wanted[-1])
-
-        eventually(is_known)
+        publish_until(publisher, told, Wanted.DETAILS, Wanted.JUDGEMENT)
         key = f"{LIVE}/owner/worker-1/{RUN}"
         before = len(sizes.get(key, ()))
         publish_seconds(publisher, told, clock, seconds)
@@ -118,14 +122,7 @@ def test_what_a_run_says_that_is_no_snapshot_does_not_stop_its_worker(shared, cl
         client.watch(RUN, lambda _: None),
     ):
         publisher = LivePublisher(session, "worker-1", OWNER)
-
-        def is_watched():
-            clock.time += 1.0
-            told.tells(1.0)
-            publisher.publish(told)
-            return bool(told.wanted) and {Wanted.DETAILS, Wanted.MARGIN} <= set(told.wanted[-1])
-
-        eventually(is_watched)
+        publish_until(publisher, told, Wanted.DETAILS, Wanted.MARGIN)
         clock.time += 1.0
         told.live = b"no snapshot"
         publisher.publish(told)

@@ -26,7 +26,7 @@ from grammars.text import codec
 from tests.chaos.disk import fill, may_mount, small_disk
 from tests.chaos.light import LightWorker
 from tests.make import SCENE, make_spec, make_submission, submission_of
-from tests.parts import Part, daemon_at, eventually
+from tests.parts import daemon_at, eventually
 from tests.turned_clock import TURNED, add_time
 
 
@@ -60,24 +60,6 @@ def test_strange_traffic_and_requests_that_nobody_waits_for_do_no_harm(shared, c
     assert (client.overview().state, client.overview().workers) == (str(shared.state), 0)
 
 
-def test_a_second_daemon_on_the_directory_or_the_port_is_refused(shared, tmp_path):
-    rest = ("--slots", "0")
-    there = Part(
-        "serve", tmp_path / "1.log", "--state", str(shared.state), "--listen",
-        "tcp/127.0.0.1:1", *rest,
-    )  # fmt: skip
-    port = Part(
-        "serve", tmp_path / "2.log", "--state", str(tmp_path / "other"), "--listen",
-        shared.endpoint, *rest,
-    )  # fmt: skip
-    assert (there.wait(), port.wait()) == (4, 3)
-    assert "a daemon already keeps" in there.output
-    assert f"process {shared.pid}" in there.output
-    assert "cannot listen at " in port.output
-    assert shared.endpoint in port.output
-    assert "Traceback" not in port.output
-
-
 @pytest.mark.parametrize("way", ["shutdown", "SIGTERM", "SIGINT"])
 def test_a_daemon_leaves_cleanly(tmp_path, way):
     with daemon_at(tmp_path / "state") as daemon:
@@ -95,13 +77,24 @@ def test_a_daemon_leaves_cleanly(tmp_path, way):
 # --- where it starts
 
 
-def served(state):
+def served(state, **more):
     """Start a daemon that is expected to refuse; returns its code and its words."""
-    order = json.dumps({"state": str(state), "slots": 0})
+    order = json.dumps({"state": str(state), "slots": 0, **more})
     command = [sys.executable, "-m", "daemon", "serve", order]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     assert "Traceback" not in done.stderr
     return done.returncode, done.stderr
+
+
+def test_a_second_daemon_on_the_directory_or_the_port_is_refused(shared, tmp_path):
+    code, words = served(shared.state, listen="tcp/127.0.0.1:1")
+    assert code == 4
+    assert "a daemon already keeps" in words
+    assert f"process {shared.pid}" in words
+    code, words = served(tmp_path / "other", listen=shared.endpoint)
+    assert code == 3
+    assert "cannot listen at " in words
+    assert shared.endpoint in words
 
 
 def test_a_daemon_that_cannot_work_there_says_why_and_leaves(tmp_path):

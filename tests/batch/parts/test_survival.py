@@ -39,6 +39,7 @@ from tests.parts import (
     executions,
     family,
     finished,
+    recorded,
     worker_for,
 )
 from tests.prepared_parts import start_as_launched
@@ -118,12 +119,6 @@ def test_kills_of_daemon_and_workers_amid_their_work_lose_nothing(tmp_path):
         eventually(lambda: len(alive(workers)) == 1)
 
 
-def strikes(daemon):
-    """How many strikes all runs have together."""
-    with closing(sqlite3.connect(daemon.state / "ledger.db")) as db:
-        return int(db.execute("SELECT total(strikes) FROM run").fetchone()[0])
-
-
 def test_what_a_dead_worker_had_is_given_back_by_the_next(tmp_path):
     gate = tmp_path / "gate"
     with daemon_at(tmp_path / "state", **TURNED) as daemon, daemon.client() as client:
@@ -143,7 +138,7 @@ def test_what_a_dead_worker_had_is_given_back_by_the_next(tmp_path):
         assert sorted(row.attempt for row in client.runs("c").rows) == [1, 1, 2, 2]
         reasons = [line["reason"] for line in daemon.noted("released")]
         assert reasons == ["its worker died"] * 2
-        assert strikes(daemon) == 0
+        assert recorded(daemon, "SELECT sum(strikes) FROM run") == [(0,)]
         check_ledger(daemon.state, 4)
 
 
@@ -330,12 +325,8 @@ def away(client):
     return [row.away for row in client.workers()]
 
 
-def recorded(daemon):
-    """Of each run: the attempt whose result counts, and its strikes."""
-    with closing(sqlite3.connect(daemon.state / "ledger.db")) as db:
-        return db.execute(
-            "SELECT result.attempt, strikes FROM result JOIN run ON run.id = result.run"
-        ).fetchall()
+ENDINGS = "SELECT result.attempt, strikes FROM result JOIN run ON run.id = result.run"
+"""Of each run: the attempt whose result counts, and its strikes."""
 
 
 def test_a_run_goes_on_over_cuts_shorter_and_longer_than_its_lease(tmp_path):
@@ -368,7 +359,7 @@ def test_a_run_goes_on_over_cuts_shorter_and_longer_than_its_lease(tmp_path):
         eventually(lambda: finished(client, 1))
         row = client.run("c.0").row
         assert (row.state, row.attempt, row.reason) == (RunState.DONE, 1, "")
-        assert (recorded(daemon), len(executions(log))) == ([(1, 0)], 1)
+        assert (recorded(daemon, ENDINGS), len(executions(log))) == ([(1, 0)], 1)
 
 
 def test_a_worker_begins_no_run_again_that_it_is_still_at(tmp_path):
@@ -386,7 +377,7 @@ def test_a_worker_begins_no_run_again_that_it_is_still_at(tmp_path):
             eventually(lambda: finished(client, 1))
         (released,) = daemon.noted("released")
         assert released["reason"] == "its worker is still at it"
-        assert (recorded(daemon), len(executions(log))) == ([(1, 0)], 1)
+        assert (recorded(daemon, ENDINGS), len(executions(log))) == ([(1, 0)], 1)
 
 
 # --- commits that are torn: a short version of ``make chaos``

@@ -94,21 +94,15 @@ def test_what_might_keep_the_zygote_is_left_to_the_runs(ended, tmp_path):
     assert read_example(gone) is None
 
 
-@pytest.fixture(scope="module")
-def expected(tmp_path_factory):
-    """The trace of the run, executed in this process."""
-    path = tmp_path_factory.mktemp("here") / "here.mcap"
-    execute(SHORT, SCENE, trace_path=path)
-    return path.read_bytes()
-
-
-def test_runs_of_one_zygote_leave_the_same_bytes_whoever_is_first(tmp_path, scene, expected):
+def test_runs_of_one_zygote_leave_the_same_bytes_whoever_is_first(tmp_path, scene):
+    here = tmp_path / "here.mcap"
+    execute(SHORT, SCENE, trace_path=here)
     with closing(ZygotePool(1)) as pool:
         prepare(pool, SHORT, scene)
         assert pool.preparation is None
         for name in ("first", "second"):
             assert run(pool, tmp_path / name, SHORT, scene)[1] == ""
-            assert (tmp_path / name / "attempt-1" / TRACE).read_bytes() == expected
+            assert (tmp_path / name / "attempt-1" / TRACE).read_bytes() == here.read_bytes()
 
 
 # --- runs
