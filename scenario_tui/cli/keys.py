@@ -13,7 +13,7 @@ import typer
 from grammars.text.words import command_line
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.commands import PlainFlagsGroup, command_of
-from scenario_tui.cli.options import Keys
+from scenario_tui.cli.options import Keys, check_folder
 from scenario_tui.cli.output import plain_table, say, stdout_console
 
 if TYPE_CHECKING:
@@ -61,6 +61,7 @@ def init(
     from daemon.batch.security.authority import create_authority, utc_now
 
     place = keys_folder(folder)
+    check_folder(place, "DIR")
     register = create_authority(place, _certificate_hosts(host), utc_now(), days)
     _print_keys(register.issued)
     words = ("--keys", folder) if folder else ()

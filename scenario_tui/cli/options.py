@@ -61,9 +61,11 @@ def why_no_folder(path: Path) -> str:
 
 
 def check_folder(path: Path, option: str) -> None:
-    """Refuse a file in place of a folder, as wrong usage of ``option``."""
-    if path.exists() and not path.is_dir():
-        raise typer.BadParameter(f"{path} is no folder", param_hint=option)
+    """Refuse a path with a file in place of a folder, as wrong usage of ``option``."""
+    nearest = next(one for one in (path, *path.parents) if one.exists())
+    if not nearest.is_dir():
+        why = f"{nearest} is a file: name a folder, new or existing"
+        raise typer.BadParameter(why, param_hint=option)
 
 
 def refuse_typed(context: typer.Context, names: Sequence[str], why: str) -> None:
@@ -127,8 +129,14 @@ _COMMON: Final = "Common options"
 
 
 def out_folder(about: str) -> Any:
-    """Return the option ``--out DIR``."""
-    return typer.Option("--out", "-o", metavar="DIR", help=about)
+    """Return the option ``--out DIR``; it refuses files."""
+    return typer.Option("--out", "-o", metavar="DIR", callback=_check_out, help=about)
+
+
+def _check_out(path: Path | None) -> Path | None:
+    if path is not None:
+        check_folder(path, "--out")
+    return path
 
 
 Connect: TypeAlias = Annotated[

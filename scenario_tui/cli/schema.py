@@ -13,6 +13,8 @@ from typing import Annotated, Any, TypeAlias
 
 import typer
 
+from scenario_tui.cli.options import check_folder, out_folder
+
 Schema: TypeAlias = dict[str, Any]
 
 
@@ -47,10 +49,7 @@ def schema(
             show_default=False,
         ),
     ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", "-o", metavar="DIR", help="Write KIND.schema.json files there."),
-    ] = None,
+    out: Annotated[Path | None, out_folder("Write KIND.schema.json files there.")] = None,
     outputs: Annotated[
         bool, typer.Option("--outputs", help="Instead the schema of what --json writes.")
     ] = False,
@@ -70,6 +69,7 @@ def schema(
     if extension is not None:
         if kind is not None or outputs or out is not None:
             raise typer.BadParameter("goes with nothing else", param_hint="--vscode")
+        check_folder(extension, "--vscode")
         from grammars.editor import pack_extension
 
         _write(extension / "scenario.vsix", pack_extension())

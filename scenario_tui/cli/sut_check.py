@@ -16,7 +16,7 @@ from grammars.text.words import count_noun
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.options import check_folder, out_folder
+from scenario_tui.cli.options import out_folder
 from scenario_tui.cli.output import print_line, report_findings, say, stderr_console
 from scenario_tui.text.formatting import printed_lines
 from scenario_tui.text.styles import GLYPHS
@@ -78,7 +78,6 @@ def check(
     settings = read_settings(loaded.reference.local_parameters)
     briefing, first = _first_moment(campaign, loaded.warnings)
     folder = Path("scenario-results", "sut-check", name) if out is None else out
-    check_folder(folder, "--out")
     outputs: list[str] = []
 
     def write_outputs(printed: Mapping[str, bytes]) -> None:

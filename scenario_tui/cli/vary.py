@@ -13,6 +13,7 @@ from grammars.text.words import count_noun
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.exit_codes import wrong_usage
+from scenario_tui.cli.options import out_folder
 from scenario_tui.cli.output import plain_table, report_findings, say, stdout_console
 
 if TYPE_CHECKING:
@@ -53,9 +54,7 @@ def vary(
         ),
     ] = "random",
     levels: Annotated[int, typer.Option(min=1, max=100, help="Values per range of a grid.")] = 3,
-    out: Annotated[
-        Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write to.")
-    ] = Path(),
+    out: Annotated[Path, out_folder("Folder to write to.")] = Path(),
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace files that exist, instead of keeping them.")
     ] = False,
