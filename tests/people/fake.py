@@ -29,13 +29,7 @@ from daemon.batch.server._housekeeping import Housekeeping
 from daemon.batch.server._runtime import DaemonSettings, EventLog
 from daemon.batch.stores import Marker
 from daemon.model.assessments import AssessmentRules, RepeatPolicy
-from daemon.model.live_judgement import (
-    DoorMotion,
-    LiveJudgement,
-    LiveSignal,
-    LogLine,
-    SignalLimit,
-)
+from daemon.model.live_judgement import DoorMotion, LiveJudgement, LiveSignal, LogLine, SignalLimit
 from daemon.model.messages import RunProgress, WorkerInfo
 from daemon.model.run_state import UNFINISHED_STATES, RunState
 from daemon.model.search import SearchSubmission
@@ -51,14 +45,7 @@ from daemon.model.spec import (
     Timing,
     TraceInfo,
 )
-from daemon.model.status import (
-    DiskUsage,
-    LiveSnapshot,
-    Preparation,
-    RunRow,
-    Trouble,
-    TroubleCause,
-)
+from daemon.model.status import DiskUsage, LiveSnapshot, Preparation, RunRow, Trouble, TroubleCause
 from daemon.model.submission import Submission
 from daemon.model.verbs import OVERVIEW, SUBMIT, DaemonClient, ServerThread
 from daemon.model.verdicts import Evidence, Outcome, Verdict
@@ -411,21 +398,18 @@ class FakeDaemon(DaemonClient):
         """The campaigns as they are set, the oldest first, searches last."""
         if self.empty:
             return ()
+        searches = []
         of = {id: tuple(r for r in self.rows if r.campaign == id) for id in (CAMPAIGN, OLD)}
         campaigns = {
             OLD: Entered(OLD, "nightly", of[OLD] or NIGHTLY, NOW - 90_000.0),
             CAMPAIGN: Entered(CAMPAIGN, "first", of[CAMPAIGN], NOW - 240.0),
             **{one.id: one for one in self.more},
         }
-        searches = (
-            Entered(one.campaign, one.name, self.proposed_by(one), one.submitted_at, search=one)
-            for one in self.found
-        )
+        for one in self.found:
+            rows = tuple(row for row in self.proposed if row.campaign == one.campaign)
+            found = Entered(one.campaign, one.name, rows, one.submitted_at, search=one)
+            searches.append(found)
         return (*sorted(campaigns.values(), key=lambda one: one.submitted_at), *searches)
-
-    def proposed_by(self, search):
-        """The runs of a search."""
-        return tuple(row for row in self.proposed if row.campaign == search.campaign)
 
     def spec_of(self, row):
         """The specification of a run."""

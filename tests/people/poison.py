@@ -44,37 +44,28 @@ _KEPT = "\n\t\u200c\u200d\u00ad"
 
 def poisoned(value):
     """Return a value with poison behind every text in it that is not empty."""
-    if isinstance(value, str) and not isinstance(value, Enum):
-        return f"{value}{NAME}" if value else value
-    if isinstance(value, tuple):
-        return tuple(map(poisoned, value))
-    if isinstance(value, Mapping):
-        return {key: poisoned(one) for key, one in value.items()}
-    if isinstance(value, Scene):
-        # Joints and links are found by their names.
-        regions, doorways = poisoned(value.regions), poisoned(value.doorways)
-        return replace(value, name=poisoned(value.name), regions=regions, doorways=doorways)
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        changes = {
-            field.name: poisoned(getattr(value, field.name))
-            for field in dataclasses.fields(value)
-            if field.init and field.name not in _MEANT
-        }
-        return dataclasses.replace(value, **changes)
-    return value
+    return _changed(value, lambda text: f"{text}{NAME}" if text else text)
 
 
 def _cured(value):
     """Return a request that names what was poisoned by its own name."""
+    return _changed(value, lambda text: text.replace(NAME, ""))
+
+
+def _changed(value, change):
+    """Return a value with every text in it changed that the program does not interpret."""
     if isinstance(value, str) and not isinstance(value, Enum):
-        return value.replace(NAME, "")
+        return change(value)
     if isinstance(value, tuple):
-        return tuple(map(_cured, value))
+        return tuple(_changed(one, change) for one in value)
+    if isinstance(value, Mapping):
+        return {key: _changed(one, change) for key, one in value.items()}
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        fields = dataclasses.fields(value)
-        return dataclasses.replace(
-            value, **{f.name: _cured(getattr(value, f.name)) for f in fields}
-        )
+        names = {field.name for field in dataclasses.fields(value) if field.init} - _MEANT
+        # Joints and links of a scene are found by their names.
+        names &= {"name", "regions", "doorways"} if isinstance(value, Scene) else names
+        changes = {name: _changed(getattr(value, name), change) for name in names}
+        return dataclasses.replace(value, **changes)
     return value
 
 

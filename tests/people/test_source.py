@@ -68,27 +68,6 @@ def test_files_and_folders_are_named_once_each_and_in_order(places):
     assert [path.name for path in found] == ["1.mcap", "2.mcap", "a.mcap"]
 
 
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        ("nowhere", 'there is no campaign "nowhere"'),
-        ("corr.9", "is no run: those of corr-1 are corr-1.0 to corr-1.2"),
-        ("a/b", "there is no folder or file a/b"),
-        ("../b", r"there is no folder or file \.\./b"),
-        ("none.yaml", "there is no folder or file none.yaml"),
-        ("none.mcap", "there is no trace none.mcap"),
-        ("note.txt", "note.txt is no trace"),
-        ("corr.2", "corr-1.2 is queued: the next of its campaign"),
-        ("empty", r"empty holds no traces \(.mcap files\)"),
-    ],
-)
-def test_what_names_no_trace_is_refused(places, name, message):
-    Path("empty").mkdir()
-    Path("note.txt").touch()
-    with pytest.raises(Refused, match=message):
-        named(places, name)
-
-
 def test_without_a_ledger_only_files_and_folders_are_known(tmp_path, monkeypatch):
     monkeypatch.delenv("SCENARIO_CONNECT", raising=False)
     places = StatePaths(tmp_path / "state")

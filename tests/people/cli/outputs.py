@@ -11,7 +11,6 @@ from scenario_tui.cli.output_schemas import outputs_schema
 @cache
 def _validators():
     schema = outputs_schema()
-    Draft202012Validator.check_schema(schema)
     bodies = [body for body in schema["$defs"].values() if "properties" in body]
     for body in bodies:
         body["additionalProperties"] = False

@@ -74,10 +74,6 @@ def test_it_begins_with_a_robot_that_is_there_or_ships(scenario, here, campaigns
         (cell, *_) = load_campaign(f"tests/{name}/campaign.yaml").cells
         assert cell.robot.name == name
         assert f"for the robot {name}" in (here / "tests" / name / "suts" / "nav2.yaml").read_text()
-    answer = scenario("new", "mine", "--robot", "curier")
-    assert answer.code == 2
-    assert 'did you mean "courier"?' in answer.err
-    assert not (here / "mine").exists()
 
 
 def test_layers_lists_what_ships_and_what_is_here(scenario, here):

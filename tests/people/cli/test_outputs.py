@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from jsonschema import Draft202012Validator
 
 from scenario_tui.cli import command_line
 from scenario_tui.cli.answer import write_json
@@ -28,15 +29,12 @@ def _rows(heading):
     return [[cell.strip() for cell in line.strip("|").split(" | ")] for line in lines[2:]]
 
 
-def test_the_schema_of_outputs_is_printed_and_written(scenario, tmp_path):
-    printed = scenario("schema", "--outputs")
-    assert (printed.code, printed.err) == (0, "")
-    schema = json.loads(printed.out)
+def test_the_schema_of_outputs_is_a_schema_of_every_answer(scenario, tmp_path):
+    assert scenario("schema", "--outputs", "-o", str(tmp_path)).code == 0
+    schema = json.loads((tmp_path / "outputs.schema.json").read_text())
+    Draft202012Validator.check_schema(schema)
     names = [body["$ref"].rpartition("/")[2] for body in schema["oneOf"]]
     assert names == list(VALUES)
-    assert scenario("schema", "--outputs", "-o", str(tmp_path)).code == 0
-    assert json.loads((tmp_path / "outputs.schema.json").read_text()) == schema
-    assert scenario("schema", "campaign", "--outputs").code == 2
 
 
 def test_every_command_that_answers_does_so_for_machines():
@@ -106,7 +104,7 @@ def test_schemas_and_the_extension_are_written(scenario, tmp_path):
     assert sorted(written) == [f"{folder / kind}.schema.json" for kind in kinds]
     schema = (folder / "robot.schema.json").read_text()
     assert scenario("schema", "robot").out == schema
-    one = scenario("schema", "sut", "-o", str(tmp_path / "one")).out.splitlines()
+    one = scenario("schema", "walls", "-o", str(tmp_path / "one")).out.splitlines()
     assert one == [str(path) for path in (tmp_path / "one").iterdir()]
     assert json.loads(schema)["$schema"] == "https://json-schema.org/draft/2020-12/schema"
     with zipfile.ZipFile(scenario("schema", "--vscode", str(tmp_path)).out.strip()) as archive:

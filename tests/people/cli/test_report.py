@@ -89,26 +89,11 @@ def test_one_run_is_drawn(ledger):
     assert "4.0 s to 6.5 s of 20.0 s" in Path("part.svg").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["nowhere"], "nowhere is no trace, no folder, no campaign or run in"),
-        (["empty"], "holds no traces"),
-        (["broken"], "is not what `scenario run` leaves"),
-        ([], "is not a usable ledger"),
-    ],
-)
-def test_what_cannot_be_is_said(here, capsys, arguments, words):
-    for folder in ("empty", "broken", "state"):
-        (here / folder).mkdir()
-    if not arguments:
-        (here / "state" / "ledger.db").write_bytes(b"not a database at all" * 100)
-    (here / "broken" / "a.mcap").symlink_to(here / "traces" / "a.mcap")
-    (here / "broken" / "campaign.json").write_text('{"name": 1}')
-    assert invoke(["report", *arguments]) in (2, 3)
-    said = " ".join(capsys.readouterr().err.replace("│", " ").split())
-    assert words in said
-    assert "Traceback" not in said
+def test_a_ledger_that_cannot_be_read_is_said(here, capsys):
+    (here / "state").mkdir()
+    (here / "state" / "ledger.db").write_bytes(b"not a database at all" * 100)
+    assert invoke(["report"]) == 3
+    assert "is not a usable ledger" in capsys.readouterr().err
 
 
 def test_the_newest_folder_of_traces_is_meant_when_there_is_no_campaign(here, capsys):

@@ -153,16 +153,6 @@ def two(fake):
     return fake
 
 
-@pytest.mark.parametrize("text", ["", "[]", '{"schema": "scenario/status/1"}', "{}"])
-def test_a_file_of_anything_else_is_refused(scenario, tmp_path, text):
-    path = tmp_path / "other.json"
-    path.write_text(text)
-    said = scenario("compare", str(path), str(path))
-    assert said.code == 2
-    assert "is no file of results" in said.err
-    assert "scenario results CAMPAIGN --json" in said.err
-
-
 @pytest.mark.parametrize(("allowed", "code"), [("20 %", 1), ("60 %", 0)])
 def test_a_campaign_run_here_is_held_against_a_file(
     scenario, two, tmp_path, campaigns, monkeypatch, allowed, code

@@ -1,11 +1,9 @@
-"""The public interface: its names, its signatures, what it costs to import, its errors."""
+"""The public interface: its names, its signatures, its errors."""
 
 import ast
 import inspect
 import operator
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -13,7 +11,6 @@ import pytest
 import scenario_tui
 from scenario_tui import errors
 
-HEAVY = {"numba", "numpy", "pydantic", "textual", "textx", "zenoh", "pyarrow", "rich", "shapely"}
 SIGNATURES = Path(__file__).with_name("signatures.txt")
 EVERYTHING = Path(__file__).with_name("everything.py")
 
@@ -37,14 +34,6 @@ def test_signatures_stay_and_a_script_that_type_checkers_read_uses_every_name(go
     tree = ast.parse(EVERYTHING.read_text(encoding="utf-8"))
     used = {n.attr for n in ast.walk(tree) if isinstance(n, ast.Attribute)}
     assert {*scenario_tui.__all__, *(name.rpartition(".")[2] for name in names)} <= used
-
-
-def test_importing_it_loads_nothing_heavy():
-    code = "import sys, scenario_tui\nprint(*sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    loaded = set(done.stdout.split())
-    assert not loaded & HEAVY
-    assert not {name for name in loaded if name.startswith(("daemon", "grammars"))}
 
 
 def test_the_tree_of_errors_is_drawn_as_it_is():

@@ -11,11 +11,7 @@ from scenario_tui.text.search_text import (
     parameters_text,
     search_commands,
 )
-from tests.people.fake_search import (
-    TASK,
-    make_answer,
-    make_search,
-)
+from tests.people.fake_search import TASK, make_answer, make_search
 
 
 def test_a_value_below_nought_has_the_minus_of_margins_and_files_keep_theirs():

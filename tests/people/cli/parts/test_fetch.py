@@ -68,18 +68,6 @@ def test_traces_of_this_machine_are_copied_without_a_daemon(far, tmp_path, monke
     assert (tmp_path / name).read_bytes() == StatePaths(far.state).trace(name).read_bytes()
 
 
-def test_what_cannot_be_fetched_is_said(here, capsys):
-    assert invoke(["export", "corr-1.2", "traces"]) == 2
-    assert "corr-1.2 is queued: the next of its campaign" in capsys.readouterr().err
-    assert invoke(["export", "cor-2", "traces"]) == 2
-    assert 'there is no campaign "cor-2"' in capsys.readouterr().err
-    Path("here.mcap").write_bytes(b"\x89MCAP0\r\n")
-    assert invoke(["export", "here.mcap", "traces"]) == 2
-    assert "the trace here.mcap is here already" in capsys.readouterr().err
-    assert invoke(["export", "corr", "traces", "picture"]) == 2
-    assert "`picture` and `traces`, one at a time" in capsys.readouterr().err
-
-
 def test_commands_about_recorded_runs_bring_their_traces(here, capsys):
     assert invoke(["plot", "corr-1.1", "speed", "--json"]) == 0
     body = declared(capsys.readouterr().out)

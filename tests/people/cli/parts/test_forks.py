@@ -32,7 +32,7 @@ for command in json.loads(sys.argv[2]):
 """
 COMMANDS = [
     "judge traces --processes 2",
-    "verify traces",
+    "verify traces/one.mcap -n 1",
 ]
 
 

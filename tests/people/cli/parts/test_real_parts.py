@@ -1,13 +1,14 @@
 """The command line with nothing faked: real daemon, real worker, real traces."""
 
 import json
-import subprocess
-import time
+import signal
 
 import pytest
 
 import scenario_tui as st
 from scenario_tui.cli.exit_codes import exit_code
+from scenario_tui.library import execution
+from tests.parts import eventually
 from tests.people.cli.outputs import declared
 from tests.people.cli.real import COMMAND, call_here, endless, short_demo
 from tests.people.terminal.pseudo_terminal import terminal
@@ -115,22 +116,18 @@ def test_the_dashboard_opens_in_a_terminal_and_leaves_without_stopping_work(fini
     assert call_here("status", state=finished, cwd=place).returncode == 0
 
 
-def test_a_run_told_to_end_leaves_no_workshop_behind(place, tmp_path):
+def test_a_run_told_to_end_leaves_no_workshop_behind(place, tmp_path, monkeypatch):
     file = endless(place / "campaigns" / "demo" / "campaign.yaml")
-    process = subprocess.Popen(
-        [*COMMAND, "run", str(file), "-o", str(tmp_path)],
-        stderr=subprocess.PIPE,
-        text=True,
-        cwd=place,
-    )
-    # Once its worker is there it watches: an interrupt while it loads libraries may be lost in one.
-    while not list(tmp_path.glob(".scenario-*/spool/[!.]*")):
-        assert process.poll() is None
-        time.sleep(0.05)
-    process.terminate()
-    _, said = process.communicate()
-    assert process.returncode == 130, said
-    assert "interrupted" in said
+
+    def until_told(opened, runs, **_):
+        with opened() as daemon:
+            eventually(lambda: daemon.campaign(runs.campaign).running)
+        signal.raise_signal(signal.SIGTERM)
+
+    monkeypatch.setattr(execution, "watch", until_told)
+    done = call_here("run", str(file), "-o", str(tmp_path), state=place / "none", cwd=place)
+    assert done.returncode == 130, done.stderr
+    assert "interrupted" in done.stderr
     left = {path.name for path in tmp_path.iterdir()}
     assert "campaign.json" in left
     assert all(name.endswith(".mcap") for name in left - {"campaign.json"})

@@ -6,6 +6,7 @@ import sys
 
 import pytest
 
+from scenario_tui._own_packages import OWN_PACKAGES
 from scenario_tui.cli.commands import COMMANDS, load_command
 from tests.parts import ROOT
 
@@ -52,6 +53,9 @@ Dashboard(Feed(None), config=read_config(Path("/nowhere/config.toml")))
 """
 STEPS = {
     "words": (
+        # Pytest loads it in every project, whose packages may have names of ours.
+        ("import scenario_tui_pytest", {"scenario_tui", *OWN_PACKAGES}),
+        ("import scenario_tui", HEAVY | {"rich", *OWN_PACKAGES}),
         ("import scenario_tui.cli", HEAVY | {"rich.console"}),
         # Help and completion load a command, and print no more than its options.
         (EVERY_COMMAND, HEAVY | {"rich.console", "daemon.model.status"}),

@@ -1,8 +1,6 @@
 """The pytest plug-in in sessions of its own: items, runs from cache, messages of failures."""
 
 import shutil
-import subprocess
-import sys
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 
@@ -63,11 +61,10 @@ def run(house, pytester, monkeypatch):
     monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
     monkeypatch.chdir(folder)
 
-    def call(*arguments, more="", repeats="2", subprocess=False):
+    def call(*arguments, more="", repeats="2"):
         text = HOUSE.replace("repeats: 2", f"repeats: {repeats}")
         (folder / FILE).write_text(text + more)
-        start = pytester.runpytest_subprocess if subprocess else pytester.runpytest_inprocess
-        return start(*PLUGIN, f"--rootdir={folder}", *arguments)
+        return pytester.runpytest_inprocess(*PLUGIN, f"--rootdir={folder}", *arguments)
 
     return call
 
@@ -240,10 +237,3 @@ def test_is_wrong(scenario):
     )
     assert "✓ pass  no-contact" not in result.stdout.str()
     assert "pytest_plugin" not in result.stdout.str()
-
-
-def test_other_projects_keep_their_names():
-    """The entry point imports nothing of ours, which would take the names of four packages."""
-    program = "import sys, scenario_tui_pytest as p; print('scenario_tui' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert done.stdout == "False\n"
