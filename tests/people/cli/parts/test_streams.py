@@ -38,9 +38,7 @@ def test_an_output_that_takes_nothing_is_said():
 
 
 def test_signs_a_terminal_cannot_show_stop_nothing(tmp_path):
-    file = tmp_path / "größe.yaml"
-    file.write_text("campaign: é\n", encoding="utf-8")
-    said = _typed("check", str(file), PYTHONIOENCODING="ascii")
+    said = _typed("check", str(tmp_path / "größe.yaml"), PYTHONIOENCODING="ascii")
     assert said.returncode == ExitCode.BAD_INPUT
     assert "Traceback" not in said.stderr
 
