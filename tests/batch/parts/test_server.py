@@ -250,7 +250,7 @@ def test_runs_wait_when_unfinished_campaigns_alone_take_too_much(tmp_path):
         assert "--quota, or cancel" in trouble
         eventually(lambda: client.overview().running == 0)
         there = traces(daemon, "big")
-        assert there == client.overview().done == 4
+        assert there == client.overview().done < len(gates)
         assert client.disk().quota == 100_000
         client.cancel("big")
         eventually(lambda: not client.overview().trouble)

@@ -1,12 +1,15 @@
 """Zygotes: processes that load and compile what runs need, and from which each run is forked."""
 
+import itertools
 import os
 import signal
 import subprocess
 import sys
+import time
 from contextlib import closing
 from dataclasses import replace
 from multiprocessing.connection import wait
+from types import SimpleNamespace
 
 import psutil
 import pytest
@@ -171,8 +174,8 @@ def is_over(execution):
 
 def test_a_guardian_that_is_stopped_keeps_no_run(pool, tmp_path, scene, monkeypatch):
     execution, left = begin(pool, tmp_path / "run", scene)
-    monkeypatch.setattr(_zygotes, "_KILL_PATIENCE", 0.2)
-    monkeypatch.setattr(_zygotes, "_LAST_PATIENCE", 0.2)
+    minutes = itertools.count(time.monotonic(), 60.0)
+    monkeypatch.setattr(_zygotes, "time", SimpleNamespace(monotonic=lambda: next(minutes)))
     zygote = zygote_of_mine()
     (guardian,) = zygote.children()
     guardian.send_signal(signal.SIGSTOP)

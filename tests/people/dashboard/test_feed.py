@@ -94,7 +94,7 @@ def test_a_daemon_that_hangs_is_told_before_its_connection_is_closed(
 
 
 def test_only_what_the_screen_in_front_fetches_is_asked_for(feed, taker, fake, monkeypatch):
-    monkeypatch.setattr(feed_module, "_ASSESS_EVERY", 60.0)
+    monkeypatch.setattr(feed_module, "_ASSESS_EVERY", 3600.0)
 
     class RunFront(PageFront):
         def fetch(self, daemon, known):
