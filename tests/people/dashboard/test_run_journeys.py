@@ -11,6 +11,7 @@ from daemon.batch.client import read_snapshot
 from daemon.model.live_judgement import LiveJudgement, LogLine
 from daemon.model.live_view import to_centimetres
 from daemon.model.run_state import RunState
+from daemon.model.verdicts import Outcome
 from grammars.model.geometry import Pose2
 from grammars.text import codec
 from scenario_tui.dashboard.playback import Playback, open_playback
@@ -21,8 +22,8 @@ from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.dashboard.widgets.top_view import TopView
 from tests.people.dashboard.daemons import RecordedDaemon, RepeatingDaemon
 from tests.people.dashboard.journeys import LOOK, Journey, follow, has, opened, resized
-from tests.people.fake import CAMPAIGN, WAITING, FakeDaemon, make_judgement, make_live, make_row
-from tests.people.recorded import HIT, make_run, record_run
+from tests.people.fake import CAMPAIGN, WAITING, FakeDaemon, make_judgement, make_live
+from tests.people.recorded import HIT, record_run
 
 RUN, RUNNING = f"{CAMPAIGN}.5", f"{CAMPAIGN}.7"
 WIDE = (120, 40)
@@ -160,25 +161,15 @@ def become(state):
     )
 
 
-class Ending(FakeDaemon):
-    """Run 7 goes on until it is ``over``, then it is the recorded one."""
+class Ending(RecordedDaemon):
+    """Run 7 goes on until it is over, then it is the recorded one."""
 
-    over = False
-    trace: Path = Path()
-
-    def end(self):
-        self.over = True
-        done = make_row(7, state=RunState.DONE, trace=str(self.trace))
-        self.rows = tuple(done if row.index == 7 else row for row in self.rows)
-
-    def run(self, run):
-        found = super().run(run)
-        return replace(found, spec=make_run(7)) if self.over else found
+    indices = (7,)
 
 
 def ending(trace):
-    fake = Ending(live=tuple(make_live(7, float(t)) for t in range(10)))
-    fake.trace = trace
+    fake = Ending(trace)
+    fake.live = tuple(make_live(7, float(t)) for t in range(10))
     fake.judged[RUNNING] = make_judgement(time=9.0)
     return fake
 
@@ -246,7 +237,10 @@ JOURNEYS = {
         lambda _: FakeDaemon(live=(make_live(7, waiting="waiting for [/map] of [amcl]"),)),
         (140, 40), RUNNING,
     ),
-    "ends": Journey([LOOK, "shift+tab", told("end")], ending, run=RUNNING),
+    "ends": Journey(
+        [LOOK, "shift+tab", told("change", state=RunState.DONE, outcome=Outcome.FAIL)],
+        ending, run=RUNNING,
+    ),
     "goes-back": Journey(
         ["shift+left shift+left shift+left", heard(make_live(7, 62.0), time=62.0), "end",
          heard(make_live(7, 64.0), time=64.0), "space", heard(time=70.0), "space"],
