@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import Field
 
-from grammars.text.diagnostics import Findings, InputError, Where
+from grammars.text.diagnostics import InputError
 from grammars.text.documents import (
     OtherName,
     StrictModel,
@@ -113,47 +113,3 @@ def test_every_place_is_one_that_the_file_has(text):
 )
 def test_a_text_begins_behind_its_key_unless_it_is_laid_out_otherwise(line, place):
     assert str(parse_yaml(line, "x.yaml").where_text("d")) == place
-
-
-FILE = "a.scenery"
-
-
-def findings_of(*places):
-    findings = Findings()
-    for file, line in places:
-        findings.error(Where(file, line), "wrong")
-    return findings
-
-
-def test_all_errors_and_warnings_are_raised_once_in_source_order():
-    findings = findings_of((FILE, 7), (FILE, 1), (FILE, 1))
-    findings.warning(Where(FILE, 3), "odd")
-    with pytest.raises(InputError) as caught:
-        findings.raise_errors()
-    assert [(d.where.line, d.message) for d in caught.value.findings] == [
-        (1, "wrong"),
-        (3, "odd"),
-        (7, "wrong"),
-    ]
-
-
-def test_warnings_alone_raise_nothing():
-    findings = Findings()
-    findings.warning(Where(FILE, 3), "odd")
-    findings.raise_errors()
-    assert [d.message for d in findings.warnings] == ["odd"]
-    assert findings.errors == ()
-
-
-def test_an_input_error_ends_its_block_and_is_collected():
-    findings = Findings()
-    for line in (2, 1):
-        with findings.collecting():
-            raise InputError.at(Where(FILE, line), f"wrong in line {line}")
-    assert [d.where.line for d in findings.errors] == [1, 2]
-
-
-def test_files_keep_the_order_in_which_they_appear():
-    places = [("b", 5), ("a", 1), ("b", 2)]
-    errors = [(d.where.file, d.where.line) for d in findings_of(*places).errors]
-    assert errors == [("b", 2), ("b", 5), ("a", 1)]

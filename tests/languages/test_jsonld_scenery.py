@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from dataclasses import astuple
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from grammars.scenery import configure
 from grammars.scenery.composition import compile_scene, resolve_behaviours
 from grammars.text.diagnostics import Severity
 from tests.languages.plans import HERE, layer, model_text, two_rooms
+from tests.languages.test_scenery import outline
 
 MODELS_OF_OTHERS = {
     "door": HERE / "errors" / "door_graph" / "door.jsonld",
@@ -52,35 +54,19 @@ def building(campaigns):
     return load_floorplan(campaigns / "ortega2024" / "building_c.fpm")
 
 
-def test_a_published_door_stands_where_the_reference_puts_it(building):
-    scene = compile_scene(building, [load_scenery_jsonld(MODELS_OF_OTHERS["door"])])
-    (placed,) = scene.objects
-    assert (placed.pose.x, placed.pose.y, placed.pose.yaw) == pytest.approx(
-        (-6.456217554968386, 18.71830066760646, 2.530727415391777), abs=1e-9
-    )
-    assert placed.initial == (0.6,)
-    assert [link.mass for link in placed.links] == [100.0, 20.0]
-    assert placed.links[1].polygons[0][2] == (0.02, 0.93)
-    assert (placed.links[1].z_min, placed.links[1].z_max) == (0.01, 2.01)
-    assert placed.joints[0].anchor == (0.0, 0.03)
-    assert (placed.joints[0].lower, placed.joints[0].upper) == (0.0, 1.9)
+def test_models_of_others_are_read(golden, building):
+    """``models/others.txt``: each model, and where the door stands that its file places."""
+    lines = []
+    for path in MODELS_OF_OTHERS.values():
+        read = load_scenery_jsonld(path)
+        lines += ["", path.name, *(outline(one) for one in (*read.models, *read.instances))]
+        placed = compile_scene(building, [read]).objects if read.instances else ()
+        lines += [f"at {numbers(astuple(one.pose))}, {numbers(one.initial)}" for one in placed]
+    golden("models/others.txt", "\n    ".join(lines).replace("\n    \n    ", "\n\n").strip() + "\n")
 
 
-def test_two_leaves_slide_apart():
-    (lift,) = load_scenery_jsonld(MODELS_OF_OTHERS["lift"]).models
-    left, right = lift.joints
-    assert (left.parent, left.child, left.axis) == ("rail", "left", (1.0, 0.0))
-    assert (left.lower, left.upper, right.lower, right.upper) == (-1.0, 0.0, 0.0, 1.0)
-    panel = next(link for link in lift.links if link.name == "right")
-    assert panel.polygons[0] == ((0.0, -0.025), (1.0, -0.025), (1.0, 0.025), (0.0, 0.025))
-    assert (panel.z_min, panel.z_max) == pytest.approx((0.035, 1.975))
-
-
-def test_a_table_has_no_moving_joint():
-    (model,) = load_scenery_jsonld(MODELS_OF_OTHERS["table"]).models
-    assert model.joints == ()
-    assert [link.name for link in model.links] == ["top", "leg"]
-    assert model.links[1].polygons[0][0] == (0.34, 0.74)
+def numbers(values):
+    return " ".join(f"{value:.12g}" for value in values)
 
 
 def test_faults_of_the_published_door_are_said_and_it_is_read(tmp_path, golden):

@@ -5,8 +5,6 @@ import re
 from dataclasses import replace
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from grammars.model.geometry import Pose2
 from grammars.model.mission import Mission, Waypoint
@@ -28,10 +26,6 @@ from tests.languages.plans import HERE, answers
 
 def parse(text):
     return parse_oracle("it", text, Where("o.yaml", 1, 1))
-
-
-def predicate(text):
-    return parse(f"always({text})").judgement.predicate
 
 
 def outline(node):
@@ -68,34 +62,6 @@ def test_oracles_are_read_as_they_are_meant(golden):
     parts = (HERE / "oracles.txt").read_text("utf-8").split("\n\n")
     assert len(parts) > 50
     golden("oracles.txt", "\n\n".join(description(p.split("\n")[0]) for p in parts) + "\n")
-
-
-LENGTHS = st.sampled_from(["loc.error", "clearance", "0.5 m", "clearance(0.3 m, 0.2 m)"])
-LENGTHS = st.recursive(
-    LENGTHS,
-    lambda inner: st.one_of(
-        st.builds("({} {} {})".format, inner, st.sampled_from("+-"), inner),
-        st.builds("abs({})".format, inner),
-        st.builds("-{}".format, inner),
-        st.builds("2 * {}".format, inner),
-    ),
-    max_leaves=4,
-)
-SIGNS = st.sampled_from(["<", "<=", ">", ">="])
-PREDICATES = st.recursive(
-    st.builds("{} {} {}".format, LENGTHS, SIGNS, LENGTHS) | st.just("contact"),
-    lambda inner: st.one_of(
-        st.builds("({} {} {})".format, inner, st.sampled_from(["and", "or"]), inner),
-        st.builds("not ({})".format, inner),
-    ),
-    max_leaves=5,
-)
-
-
-@given(PREDICATES)
-def test_rendering_a_predicate_says_the_same(text):
-    rendered = render(predicate(text))
-    assert render(predicate(rendered)) == rendered
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grammars.editor import QUANTITY_EXAMPLES, quantity_pattern
-from grammars.text.diagnostics import InputError, Where
-from grammars.text.quantity import parse_quantity, read_as, read_quantity, unit_of
+from grammars.text.quantity import read_as, read_quantity, unit_of
 from grammars.text.units import DIMENSIONS, LENGTH, SPEED, TIME, from_si, read_unit, to_si
 from tests.languages.plans import HERE, answers
 
@@ -41,11 +40,6 @@ def test_a_bare_number_is_a_ratio_and_nothing_else():
         read_as(True, "length")
     with pytest.raises(ValueError, match="ratio"):
         read_as(True, "ratio")
-
-
-def test_a_refused_quantity_names_its_place():
-    with pytest.raises(InputError, match=r"doors\.scenery:3:7: .*not a unit"):
-        parse_quantity("3 furlong", Where("doors.scenery", 3, 7))
 
 
 @given(st.floats(-1e6, 1e6), st.sampled_from(["m", "rad", "s", "kg", "m/s", "N m"]))

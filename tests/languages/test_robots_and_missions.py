@@ -5,12 +5,12 @@ import math
 
 import pytest
 
-from grammars.model.geometry import Pose2
 from grammars.model.mission_files import load_mission
 from grammars.model.robot import Robot
 from grammars.model.robot_files import load_robot
 from grammars.text import codec
-from tests.languages.plans import model_text
+from tests.languages.errors.goldens import renew
+from tests.languages.plans import HERE, model_text
 
 ROBOT = model_text("box.yaml")
 
@@ -30,28 +30,19 @@ def write(folder, text):
     return path
 
 
-def test_a_robot_file_is_read_into_si_units(tmp_path):
-    robot = load_robot(write(tmp_path, ROBOT))
-    assert robot.name == "box"
-    assert robot.footprint[0] == pytest.approx((0.3, 0.2))
-    assert robot.laser.angle_max == pytest.approx(math.pi / 2)
-    assert robot.drive.timeout == 0.0
+def described(path):
+    """Return a robot or a mission in SI units, a line for each number."""
+    if "mission" in path.name:
+        mission, _ = load_mission(path)
+        return "".join(f"{one}\n" for one in (mission.start, *mission.waypoints))
+    robot = load_robot(path)
+    corners = [" ".join(f"{round(x, 6) + 0.0:g}" for x in point) for point in robot.footprint]
+    parts = (robot.name, ", ".join(corners), robot.height, robot.mass, robot.drive)
+    return "".join(f"{one}\n" for one in (*parts, *robot.lasers, robot.odometry))
 
 
-def test_a_round_robot_is_a_polygon_on_its_circle(tmp_path):
-    text = ROBOT.replace("length: 0.6 m, width: 0.4 m", "radius: 0.3 m")
-    ring = load_robot(write(tmp_path, text)).footprint
-    assert ring[0] == (0.3, 0.0)
-    assert all(math.isclose(math.hypot(x, y), 0.3) for x, y in ring)
-    assert len(set(ring)) == 32
-
-
-def test_footprint_corners_come_out_counter_clockwise(tmp_path):
-    corners = "corners: [[0 m, 0 m], [0 m, 1 m], [1 m, 1 m], [1 m, 0 m]]"
-    text = ROBOT.replace("length: 0.6 m, width: 0.4 m", corners)
-    ring = load_robot(write(tmp_path, text)).footprint
-    area = sum(ring[i - 1][0] * p[1] - p[0] * ring[i - 1][1] for i, p in enumerate(ring)) / 2
-    assert area == pytest.approx(1.0)
+def test_files_are_read_into_si_units(golden, tmp_path):
+    golden("robots.txt", renew(HERE / "robots.txt", tmp_path / "files", described))
 
 
 def test_several_lasers_are_told_apart_by_their_names(tmp_path):
@@ -100,20 +91,3 @@ def test_the_robot_the_paper_simulated_has_no_limits(campaigns):
     assert {drive.max_vx, drive.max_wz, drive.max_ax, drive.max_force} == {math.inf}
     assert (odometry.period, odometry.rate) == (0.051, pytest.approx(19.607843))
     assert codec.from_json(Robot, codec.to_json(robot)) == robot
-
-
-def test_a_mission_reads_task_files_of_navigation_stacks(tmp_path):
-    text = "waypoints:\n  - {id: a, x: 1, y: 2, yaw: 0.5, z: 0}\n  - {x: 3.5, y: -1}\n"
-    mission, _ = load_mission(write(tmp_path, text))
-    assert mission.start == Pose2()
-    assert [(w.id, w.x, w.y, w.yaw) for w in mission.waypoints] == [
-        ("a", 1.0, 2.0, 0.5),
-        ("waypoint-2", 3.5, -1.0, None),
-    ]
-
-
-def test_a_mission_takes_units_too(tmp_path):
-    text = "start: {x: 50 cm, y: 0, yaw: 90 deg}\nwaypoints: [{x: 1 m, y: 2 m}]\n"
-    mission, _ = load_mission(write(tmp_path, text))
-    assert mission.start.x == pytest.approx(0.5)
-    assert mission.start.yaw == pytest.approx(math.pi / 2)

@@ -162,18 +162,6 @@ def moved(item, positions):
     return SignalSampler(make_trace(still(time), scene=scene, joints=joints))
 
 
-@given(st.lists(st.tuples(ANGLE, COORDINATE), min_size=1, max_size=4))
-def test_links_follow_their_joints(positions):
-    tracks = moved(arm(), np.array(positions)).obstacles.tracks
-    for index, sampled in enumerate(positions):
-        poses = link_poses(arm(), sampled)
-        for frame, link in enumerate(arm().links):
-            x, y, yaw = tracks[index, frame]
-            assert (x, y) == pytest.approx((poses[link.name].x, poses[link.name].y))
-            turned = math.remainder(yaw - poses[link.name].yaw, math.tau)
-            assert turned == pytest.approx(0.0, abs=1e-9)
-
-
 def test_the_foot_of_a_carried_hinge_moves_with_its_parent():
     item, positions = arm(), np.array([(0.7, 0.0), (0.7, 0.5)])
     found = moved(item, positions).sample(Signal("arm.hinge.distance")).values

@@ -38,21 +38,6 @@ def test_movers_and_fixed_joints_in_models(tmp_path, golden):
     golden("exports/crowd.txt", "\n".join(model.read_text() for model in models))
 
 
-def test_every_file_that_a_world_names_is_written(tmp_path):
-    done = export(world("errand", *DRAWS), ["sdf", "keyframes"], tmp_path)
-    named = [
-        uri.text.removeprefix("file://")
-        for path in done.paths
-        if path.suffix in (".sdf", ".world")
-        for uri in ElementTree.parse(path).iter("uri")
-    ]
-    frames = {name for name in named if name.startswith("keyframes/")}
-    assert len(frames) >= 6
-    assert all((tmp_path / name).is_file() for name in frames)
-    models = {name.removeprefix("model://") for name in named if name.startswith("model://")}
-    assert all((tmp_path / "gazebo" / "models" / name).exists() for name in models)
-
-
 def test_equal_objects_share_a_model_and_others_do_not():
     names = [model for model, _ in models_of(scene(), {"door"}).values()]
     assert names == ["door_2", "door_2", "door_static", "sliding", "cabinet"]

@@ -110,25 +110,6 @@ def test_robots_and_goals_too_close_to_a_wall_are_moved_away_from_it():
     assert path.spacing * (len(path.points) - 1) == pytest.approx(3.65, abs=0.1)
 
 
-def brute_force(solid):
-    found = np.argwhere(solid)
-    rows, columns = np.indices(solid.shape)
-    away = np.hypot(rows[..., None] - found[:, 0], columns[..., None] - found[:, 1])
-    return away.min(axis=-1)
-
-
-@given(
-    rows=st.integers(1, 24),
-    columns=st.integers(1, 24),
-    share=st.floats(0.01, 0.9),
-    seed=st.integers(0, 2**32 - 1),
-)
-def test_distances_are_those_of_brute_force(rows, columns, share, seed):
-    solid = (np.random.default_rng(seed).random((rows, columns)) < share).astype(np.uint8)
-    solid[0, 0] = 1
-    np.testing.assert_allclose(distance_transform(solid), brute_force(solid), rtol=1e-6)
-
-
 def test_without_solid_cells_everything_is_far():
     assert (distance_transform(np.zeros((3, 5), dtype=np.uint8)) == FAR).all()
 
