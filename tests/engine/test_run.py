@@ -113,6 +113,13 @@ def test_a_trace_whose_verdicts_could_not_be_written_has_no_name(runs, tmp_path,
     assert [path.name for path in tmp_path.iterdir()] == ["run.mcap.partial"]
 
 
+def test_another_seed_gives_another_trace(runs, tmp_path):
+    spec = runs.spec(kind="idle", limit=1.0)
+    one = runs.execute(spec, tmp_path / "one.mcap")
+    other = runs.execute(replace(spec, seed=spec.seed + 1), tmp_path / "other.mcap")
+    assert one.trace.sha256 != other.trace.sha256
+
+
 def test_repeats_are_paired_across_scenarios(runs):
     seeds = {}
     for spec in runs.submission.specs:
