@@ -111,6 +111,10 @@ def test_an_image_that_is_none_is_refused(tmp_path, image, complaint):
         read_map(room(tmp_path, image))
 
 
+def test_keys_of_other_readers_are_left_alone(tmp_path):
+    assert read_map(room(tmp_path, laser_height="0.7")).grid.cells.shape == (1, 2)
+
+
 @pytest.mark.parametrize(
     "data",
     [
