@@ -194,12 +194,12 @@ class _SearchReader:
         except ValueError as error:
             self.findings.append(Finding(where, f"{oracle.name}: {error}", "", severity))
             return False
-        if not kind.led:
+        if not kind.leads:
             passed_over = ", it is passed over" if severity is Severity.WARNING else ""
             message = f"{oracle.name} cannot be searched with{passed_over}: {kind.reason}"
             hint = f"write an oracle that leads to the failure, such as {kind.better}"
             self.findings.append(Finding(where, message, hint, severity))
-        return kind.led
+        return kind.leads
 
     def _parameters(
         self, layers: Sequence[SearchLayer], cell: CampaignCell

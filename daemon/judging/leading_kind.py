@@ -1,8 +1,8 @@
-"""Leading margins before anything runs: their unit, their scale, and whether they lead.
+"""Leading margins before any run: their unit, their scale, and whether they lead.
 
-A *leading margin* is a signed margin that goes down towards the failure also where the verdict's
-margin is flat (:mod:`daemon.judging.oracles._leading`). Signals that are true or false lead where
-there is a length behind them; those that plug in do not.
+A *leading margin* is a signed margin that falls towards a failure even where the verdict's margin
+is flat (:mod:`daemon.judging.oracles._leading`). True-or-false signals lead if a length stands
+behind them; plug-in signals do not.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ from grammars.oracle import (
 from grammars.text.expressions import Comparison, Expression, Function, Logic, Not, Number, render
 
 LEADING_FLAGS: Final = frozenset({"contact", "in", "loc.inside_2sigma"})
-"""True-or-false signals that are led by a length [m]: the clearance, the way to the border of the
-place, what is left of two standard deviations."""
+"""True-or-false signals that follow a length [m]: the clearance, the way to the border of the
+place, the remainder of two standard deviations."""
 SHARE: Final = "1"
-"""Unit of margins in unlike units that are joined: each is a share of its scale."""
+"""Unit of joined margins whose own units differ: each is a share of its scale."""
 
 _CLEAR: Final = "always(clearance >= 0 m)"
 _ARRIVES: Final = "reached(mission, 0.25 m)"
@@ -42,10 +42,10 @@ _ARRIVES: Final = "reached(mission, 0.25 m)"
 class LeadingKind:
     """Usefulness of an oracle's leading margin to a search, and its ``unit``.
 
-    What is not ``led`` has a ``reason`` and a ``better`` oracle to search with.
+    An oracle that does not lead has a ``reason`` and a ``better`` oracle to search with.
     """
 
-    led: bool
+    leads: bool
     unit: str
     reason: str = ""
     better: str = ""
@@ -54,7 +54,7 @@ class LeadingKind:
 def leading_kind(oracle: Oracle) -> LeadingKind:
     """Return whether a search can follow ``oracle``, which has been checked.
 
-    Raises ``ValueError`` when it names a plug-in that cannot be used any more.
+    Raises ``ValueError`` if it names a plug-in that is no longer usable.
     """
     judgement, unit = oracle.judgement, leading_unit(oracle)
     if oracle.is_measure:
@@ -75,7 +75,7 @@ def leading_kind(oracle: Oracle) -> LeadingKind:
 def leading_unit(oracle: Oracle) -> str:
     """Return the unit of a checked oracle's leading margin; empty for a bare yes or no.
 
-    Raises ``ValueError`` when it names a plug-in that cannot be used any more.
+    Raises ``ValueError`` if it names a plug-in that is no longer usable.
     """
     match oracle.judgement:
         case Temporal(predicate=predicate) | Until(predicate=predicate):
@@ -84,10 +84,10 @@ def leading_unit(oracle: Oracle) -> str:
 
 
 def oracle_scale(oracle: Oracle, robot: Robot) -> OracleScale:
-    """Return by what the margin of ``oracle`` is divided to be compared with those of others.
+    """Return the divisor that makes the margin of ``oracle`` comparable with other margins.
 
-    The magnitude of its limit where that is not 0; of ``reached`` the tolerance; of contacts the
-    inscribed radius of the robot; 1 where there is nothing of the kind.
+    This is the magnitude of its limit, unless that is 0; for ``reached`` the tolerance; for
+    contacts the inscribed radius of the robot; otherwise 1.
     """
     match oracle.judgement:
         case Temporal(predicate=predicate) | Until(predicate=predicate):
@@ -102,7 +102,7 @@ def oracle_scale(oracle: Oracle, robot: Robot) -> OracleScale:
 
 
 def clauses_of(predicate: Expression) -> Iterator[Expression]:
-    """Yield the comparisons and the true-or-false signals of a predicate, in the order written."""
+    """Yield the comparisons and the true-or-false signals of a predicate, in their order."""
     match predicate:
         case Not(operand=operand):
             yield from clauses_of(operand)
@@ -114,9 +114,9 @@ def clauses_of(predicate: Expression) -> Iterator[Expression]:
 
 
 def predicate_unit(predicate: Expression) -> str:
-    """Return the unit of a predicate's leading margin, :data:`SHARE` where unlike ones meet.
+    """Return the unit of a predicate's leading margin, :data:`SHARE` if its clauses differ in unit.
 
-    Empty when all there is to it is true or false.
+    Empty if every clause is only true or false.
     """
     units = {_clause_unit(clause) for clause in clauses_of(predicate)}
     return units.pop() if len(units) == 1 else SHARE
@@ -128,7 +128,7 @@ def has_unlike_units(predicate: Expression) -> bool:
 
 
 def predicate_scale(predicate: Expression, robot: Robot) -> float:
-    """Return the scale of a predicate's leading margin: that of its first clause that has one."""
+    """Return the scale of a predicate's leading margin, from its first clause that has one."""
     if has_unlike_units(predicate):
         return 1.0
     scales = (_own_scale(clause, robot) for clause in clauses_of(predicate))
@@ -145,7 +145,7 @@ def _own_scale(clause: Expression, robot: Robot) -> float:
         case Comparison(left=left, right=right):
             return abs(_constant(right) or _constant(left))
         case Signal(name="contact"):
-            # With shapely, which a check of the other oracles does without.
+            # This loads shapely, which the check of other oracles does not need.
             from grammars.model.free_space import inscribed_radius
 
             return inscribed_radius(robot.footprint)
@@ -153,7 +153,7 @@ def _own_scale(clause: Expression, robot: Robot) -> float:
 
 
 def _constant(expression: Expression) -> float:
-    """Return the value of a number, 0 of anything else."""
+    """Return the value of a number, otherwise 0."""
     match expression:
         case Number(value=value):
             return value
@@ -169,8 +169,8 @@ def _clause_unit(clause: Expression) -> str:
     return "m" if isinstance(clause, Signal) and clause.name in LEADING_FLAGS else ""
 
 
-def _bare(what: str) -> str:
-    return f"{what} is true or false: no run is nearer to failing than another"
+def _bare(subject: str) -> str:
+    return f"{subject} is true or false: no run is nearer to failing than another"
 
 
 def _limited(judgement: Judgement) -> str:

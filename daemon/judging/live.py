@@ -1,4 +1,4 @@
-"""A run along time: its signals, doors and mission; and while it goes on, its judgement so far.
+"""A run over time: its signals, doors and mission, and the judgement so far of a running one.
 
 The code that judges finished runs also judges running ones: the last judgement of a run has the
 verdicts of its result.
@@ -37,25 +37,25 @@ from grammars.text.expressions import render
 from grammars.text.terminal_text import printable
 
 MOST_COLUMNS: Final = 200
-"""Parts of the time in which a signal is sent, at most."""
+"""Most parts of the time in which a signal is sent."""
 _COLUMNS_IN_ALL: Final = 1600
-"""With more than eight signals each is sent in fewer parts."""
+"""Parts of all signals together: more than eight signals are each sent in fewer parts."""
 _FEWEST_COLUMNS: Final = 40
 MOST_LINES: Final = 200
-"""Lines of the log, at most."""
+"""Most lines of the log."""
 _LINE_LENGTH: Final = 200
 _MOST_MOTIONS: Final = 1000
-"""Motions of doors, at most, the last ones: hinges may swing for hours."""
+"""Most motions of doors, counted from the last: hinges may swing for hours."""
 _USUAL: Final = {"loc.error": "m", "clearance": "m", DOOR_CLEARANCE: "m", "speed": "m/s"}
 """Signals of every run, and their units."""
 _AJAR: Final = 0.05
-"""A door this far from how it is drawn, shut, counts as open [rad or m]."""
+"""Distance from the drawn, shut position at which a door counts as open [rad or m]."""
 
 
 def judge_running(trace: Trace) -> LiveJudgement:
-    """Return the judgement of a run by ``trace``, all that is recorded of it until now.
+    """Return the judgement of a run by ``trace``, its recording until now.
 
-    ``run`` is left empty: a trace does not know its name in a queue. Nothing is raised.
+    ``run`` stays empty: a trace does not know its name in a queue. Raises nothing.
     """
     sampler = None if trace_problems(trace) else SignalSampler(trace)
     lines = run_log(trace)
@@ -72,9 +72,9 @@ def judge_running(trace: Trace) -> LiveJudgement:
 
 
 def least_margin(so_far: Sequence[Verdict]) -> Verdict | None:
-    """Return the verdict that a list shows of a run that goes on, if any has a margin.
+    """Return the verdict that a list shows for a running run, if any has a margin.
 
-    By the rule of finished runs, :func:`daemon.model.verdicts.deciding_verdict`.
+    The rule is that of finished runs, :func:`daemon.model.verdicts.deciding_verdict`.
     """
     return deciding_verdict(
         verdict
@@ -84,18 +84,18 @@ def least_margin(so_far: Sequence[Verdict]) -> Verdict | None:
 
 
 def sample_run_signals(sampler: SignalSampler) -> tuple[RunSignal, ...]:
-    """Sample the usual signals and all that the run's oracles read, each once.
+    """Sample the usual signals and every signal of the run's oracles, each once.
 
-    A usual signal is left out if no oracle reads it and nothing of it is known.
+    Leave out a usual signal without values that no oracle reads.
     """
     oracles = [oracle_timeline(one, sampler) for one in sampler.trace.spec.oracles]
-    asked = {render(signal): signal for oracle in oracles for signal in oracle.signals}
+    judged = {render(signal): signal for oracle in oracles for signal in oracle.signals}
     signals = []
-    for name, signal in ({name: language.Signal(name) for name in _USUAL} | asked).items():
+    for name, signal in ({name: language.Signal(name) for name in _USUAL} | judged).items():
         values = sampler.sample(signal).values
-        if name not in asked and not np.isfinite(values).any():
+        if name not in judged and not np.isfinite(values).any():
             continue
-        kind = kind_of(signal) if name in asked else None
+        kind = kind_of(signal) if name in judged else None
         unit = _USUAL.get(name) or ("bool" if kind is None else kind.unit)
         readers = [o for o in oracles if name in {render(read) for read in o.signals}]
         signals.append(
@@ -117,9 +117,9 @@ def limits_of(signal: str, compared: Iterable[ComparedLimit]) -> tuple[SignalLim
             sides.setdefault(one.value, set()).add(one.against)
     limits = []
     for value in sorted(sides):
-        meant = sides[value] - {""}
-        # Two oracles that want opposite things: neither side is free.
-        limits.append(SignalLimit(value, meant.pop() if len(meant) == 1 else ""))
+        against = sides[value] - {""}
+        # Oracles with opposite limits leave neither side free.
+        limits.append(SignalLimit(value, against.pop() if len(against) == 1 else ""))
     return tuple(limits)
 
 
@@ -132,7 +132,7 @@ def _thinned_signals(sampler: SignalSampler) -> tuple[LiveSignal, ...]:
 
 
 def door_motions(joints: JointTrack) -> tuple[DoorMotion, ...]:
-    """Return when every joint left or came back to how it is drawn, by time."""
+    """Return the moments at which a joint left or came back to its drawn position, in order."""
     motions = []
     for column, name in enumerate(joints.names):
         open_ = np.abs(joints.position[:, column]) > _AJAR
@@ -142,7 +142,7 @@ def door_motions(joints: JointTrack) -> tuple[DoorMotion, ...]:
 
 
 def reached_moments(trace: Trace) -> tuple[float, ...]:
-    """Return the moments [s] at which waypoints were reported as done, in order."""
+    """Return the moments [s] at which waypoints were reported done, in order."""
     moments: list[float] = []
     for record in trace.progress:
         moments += [record.time] * (record.reached - len(moments))

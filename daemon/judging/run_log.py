@@ -1,4 +1,4 @@
-"""Lines of the log of a run: its mission, contacts, and what the tested system reported."""
+"""Lines of the log of a run: its mission, its contacts, reports of the tested system."""
 
 from __future__ import annotations
 
@@ -10,34 +10,34 @@ from daemon.model.sut import BehaviorTreeLog, CollisionMonitorState, SpeedLimit
 from daemon.trace import Trace
 
 _SAME_TOUCH: Final = 0.5
-"""Contacts of two bodies that are not farther apart [s] are one touch: bodies that bounce or scrape
-are in contact in some steps and not in others."""
+"""Longest pause [s] between two contacts of one touch: bodies that bounce or scrape are in contact
+in some steps and not in others."""
 
 
 def run_log(trace: Trace) -> list[LogLine]:
-    """Return the lines of a run, over or not, in the order of time."""
+    """Return the lines of a finished or running run, in the order of time."""
     events = (LogLine(event.time, event.source, event.text, event.level) for event in trace.events)
     lines = [*_mission(trace), *_touches(trace), *_reports(trace), *events]
     return sorted(lines, key=lambda line: line.time)
 
 
 def ended_run_log(trace: Trace) -> tuple[LogLine, ...]:
-    """Return the lines of a run that is over; the last one says how it ended."""
+    """Return the lines of a finished run; the last one says how it ended."""
     end = trace.ended or "cut off: the recording has no end"
     lines = run_log(trace)
-    # The reason of a system that cannot go on is an event, too.
+    # If the system could not go on, its reason is an event already.
     note = "" if any(line.text == trace.note for line in lines) else trace.note
     return (*lines, LogLine(trace.valid_until, "run", f"{end}{f', {note}' if note else ''}"))
 
 
 def _mission(trace: Trace) -> Iterator[LogLine]:
     names = [waypoint.id for waypoint in trace.spec.mission.waypoints]
-    before = 0
+    reported = 0
     for progress in trace.progress:
-        for index in range(before, min(progress.reached, len(names))):
+        for index in range(reported, min(progress.reached, len(names))):
             count = f"{index + 1} of {len(names)}"
             yield LogLine(progress.time, "mission", f"{names[index]} reached, {count}")
-        before = max(before, progress.reached)
+        reported = max(reported, progress.reached)
         if progress.state != "active":
             yield LogLine(progress.time, "mission", progress.state)
 
@@ -50,7 +50,7 @@ def _reports(trace: Trace) -> Iterator[LogLine]:
                 for change in changes:
                     if change.starts_recovery:
                         yield LogLine(time, "behavior tree", f"{change.node} begins", "warn")
-                    # Conditions fail all the time, but are never RUNNING.
+                    # Conditions fail all the time, but never run.
                     elif (change.previous, change.current) == ("RUNNING", "FAILURE"):
                         yield LogLine(time, "behavior tree", f"{change.node} failed")
             case CollisionMonitorState(time=time):

@@ -1,4 +1,4 @@
-"""Signals over a run: every sample of a recorded run, parts of the time of one that goes on."""
+"""Signals over a run: every sample of a recorded run, parts of the time of a running one."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from grammars.model.geometry import Floats
 TimeSpan: TypeAlias = tuple[float, float]
 
 _MOST_LIMITS: Final = 1000
-"""Limits of a thinned signal: with more the lines cannot be told apart."""
+"""Most limits of a thinned signal: more lines cannot be told apart."""
 _DIGITS: Final = 4
 """Significant digits of thinned values: more are not visible."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunSignal:
-    """A signal over simulated time, known from the first to the last of its moments.
+    """A signal over simulated time, from the first to the last of its moments.
 
     ``low`` and ``high`` (n,) are its least and greatest value from each moment of ``time`` (n,) [s]
-    to the next, in SI units, NaN where unknown; ``low is high`` when every sample is recorded.
-    ``unit`` is ``bool`` for what is true or false. Oracles compare it with ``limits``; ``readers``
-    name the oracles that read it, and ``against`` are the stretches [s] in which the run spoke
-    against one of these.
+    to the next, in SI units, NaN where unknown. ``low is high`` if every sample is recorded.
+    ``unit`` is ``bool`` for true or false. Oracles compare the signal with ``limits``. ``readers``
+    name the oracles that read it; ``against`` are the stretches [s] in which one of them is
+    violated.
     """
 
     name: str
@@ -50,7 +50,7 @@ class RunSignal:
 
 
 def merge_spans(stretches: Iterable[TimeSpan], gap: float = 0.0) -> tuple[TimeSpan, ...]:
-    """Return stretches of time as few, ascending and disjoint ones, more than ``gap`` [s] apart."""
+    """Join stretches of time that overlap or are at most ``gap`` [s] apart; ascending."""
     merged: list[TimeSpan] = []
     for start, end in sorted(stretches):
         if merged and start <= merged[-1][1] + gap:
@@ -63,9 +63,9 @@ def merge_spans(stretches: Iterable[TimeSpan], gap: float = 0.0) -> tuple[TimeSp
 def thin_signal(signal: RunSignal, start: float, end: float, columns: int) -> LiveSignal:
     """Return the least and the greatest value in each of ``columns`` equal parts of the time.
 
-    A part without a sample holds the last value before it, as between two samples; values keep four
-    significant digits. Stretches that are less than a part apart become one, so that there are not
-    more of them than parts.
+    A part without a sample holds the last value before it, as between two samples. Values keep four
+    significant digits. Stretches less than a part apart become one, so there are never more
+    stretches than parts.
     """
     span = max(end - start, 1e-9)
     column = np.floor((signal.time - start) / span * columns).astype(np.int64)
@@ -76,8 +76,8 @@ def thin_signal(signal: RunSignal, start: float, end: float, columns: int) -> Li
     np.maximum.at(high, column[finite], signal.high[finite])
     last = np.searchsorted(column, np.arange(columns), side="right") - 1
     empty = np.bincount(column, minlength=columns) == 0
-    held = empty & (last >= 0) & finite[np.maximum(last, 0)]
-    low[held], high[held] = signal.low[last[held]], signal.high[last[held]]
+    filled = empty & (last >= 0) & finite[np.maximum(last, 0)]
+    low[filled], high[filled] = signal.low[last[filled]], signal.high[last[filled]]
     return LiveSignal(
         signal.name, signal.unit, start, end, _rounded(low), _rounded(high),
         signal.limits[:_MOST_LIMITS], merge_spans(signal.against, span / columns), signal.readers,
@@ -94,7 +94,7 @@ def _rounded(values: Floats) -> tuple[float | None, ...]:
 
 
 def received_signal(thinned: LiveSignal) -> RunSignal:
-    """Return the signal that :func:`thin_signal` thinned; its last part ends at its last moment."""
+    """Return a signal from :func:`thin_signal` again; its last part ends at its last moment."""
     low, high = (
         np.array([*parts, parts[-1]], dtype=np.float64) for parts in (thinned.low, thinned.high)
     )

@@ -1,9 +1,9 @@
-"""Small samples told honestly: exact and t intervals, effect sizes, many tests at once.
+"""Statistics of small samples: exact and t intervals, effect sizes, many tests at once.
 
-Rates come from counts by the exact interval of Clopper and Pearson (Biometrika 26, 1934): its
-bounds are quantiles of beta distributions; it covers at least as often as it says, for any number
-of runs, which is what a test of a robot with five repeats needs. The beta and t distributions are
-those of scipy, which is loaded when first needed: few commands ask for an interval.
+Rates come from counts by the exact interval of Clopper and Pearson (Biometrika 26, 1934). Its
+bounds are quantiles of beta distributions. It covers at least as often as it says, for any number
+of runs, as a test of a robot with five repeats needs. The beta and t distributions come from scipy,
+which is loaded when first needed: few commands ask for an interval.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ CONFIDENCE: Final = 0.95
 EACH_SIDE: Final = 0.5 * (1.0 + CONFIDENCE)
 """Confidence of each bound of a two-sided interval."""
 _TOO_MANY: Final = 1_000_000
-"""More runs than anybody has [runs]: a rate that needs them is out of reach."""
+"""Upper limit of a realistic campaign [runs]: a rate that needs more is out of reach."""
 
 
 def at_least(passed: int, n: int, confidence: float = CONFIDENCE) -> float:
     """Return the rate that ``passed`` of ``n`` runs show at least, one-sided.
 
-    Raises ``ValueError`` for counts that cannot be.
+    Raises ``ValueError`` for impossible counts.
     """
     _check(passed, n)
     if passed == 0:
@@ -46,11 +46,11 @@ def proportion_interval(passed: int, n: int, confidence: float = CONFIDENCE) -> 
 
 
 def chance_correlation(n: int, groups: int = 2, confidence: float = CONFIDENCE) -> float:
-    """Return what chance alone keeps correlations of ``n`` runs below, 0 to 1, on either side.
+    """Return the bound, 0 to 1, that correlations of ``n`` runs stay within by chance alone.
 
-    With two groups that is the t bound of a correlation coefficient, Spearman's among them; with
-    more it is the F bound of the correlation ratio of a choice among so many. 1 where there are
-    too few runs to tell.
+    With two groups this is the t bound of a correlation coefficient, such as Spearman's. With more
+    it is the F bound of the correlation ratio of a choice among that many. With too few runs to
+    tell it is 1.
     """
     between = max(groups, 2) - 1
     if n - between <= 1:
@@ -59,35 +59,35 @@ def chance_correlation(n: int, groups: int = 2, confidence: float = CONFIDENCE) 
 
 
 def runs_needed(passed: int, n: int, rate: float, confidence: float = CONFIDENCE) -> int | None:
-    """Return how many more runs, all of them passing, would show ``rate``; 0 when it is shown.
+    """Return the number of further passing runs that would show ``rate``; 0 if it is shown.
 
-    ``None`` when no number of runs does: nothing shows a rate of 1.
+    ``None`` if no number of runs can: a rate of 1 cannot be shown.
     """
     _check(passed, n)
     if rate >= 1.0:
         return None
 
-    def shown(more: int) -> bool:
+    def is_shown(more: int) -> bool:
         return at_least(passed + more, n + more, confidence) >= rate
 
-    if shown(0):
+    if is_shown(0):
         return 0
     high = 1
-    while not shown(high):
+    while not is_shown(high):
         if high > _TOO_MANY:
             return None
         high *= 2
     low = high // 2
-    # The bound grows with every run that passes, so the first number that is enough is bisected.
+    # The bound grows with every passing run, so bisection finds the first sufficient number.
     while high - low > 1:
         middle = (low + high) // 2
-        low, high = (low, middle) if shown(middle) else (middle, high)
+        low, high = (low, middle) if is_shown(middle) else (middle, high)
     return high
 
 
 def cut_percentage(rate: float) -> str:
-    """Return a lower bound such as ``54.9 %``, cut and not rounded: no more than was shown."""
-    # The 1e-9 give back what binary floats took: 0.549 * 1000 is 549.0 or a last bit less.
+    """Return a lower bound such as ``54.9 %``, cut instead of rounded, so it never claims more."""
+    # The 1e-9 undoes binary rounding: 0.549 * 1000 is 549.0 or a last bit less.
     return f"{int(rate * 1000 + 1e-9) / 10:g} %"
 
 
@@ -104,7 +104,7 @@ def _t_quantile(q: float, freedom: float) -> float:
 
 
 def _t_probability(t: float, freedom: float) -> float:
-    """Return how probable a value of at most ``t`` is, by Student's t distribution."""
+    """Return the probability of a value of at most ``t`` by Student's t distribution."""
     from scipy.special import stdtr
 
     return float(stdtr(freedom, t))
@@ -119,7 +119,7 @@ def _check(passed: int, n: int) -> None:
 class MeanInterval:
     """A mean of ``n`` values, their standard deviation, the two-sided t interval of the mean.
 
-    With one value there is neither deviation nor interval.
+    A single value has neither deviation nor interval.
     """
 
     n: int
@@ -133,9 +133,9 @@ class MeanInterval:
 class MeanDifference:
     """Difference of the means of two samples, the first minus the second.
 
-    ``low`` and ``high`` are one-sided bounds, each of its own: the mean difference is shown to be
-    at least ``low``, or at most ``high``. ``n`` counts pairs, or the smaller sample; ``error`` is
-    the standard error and ``freedom`` the degrees of freedom of the t distribution.
+    ``low`` and ``high`` are separate one-sided bounds: the mean difference is shown to be at least
+    ``low``, or at most ``high``. ``n`` counts pairs, or the smaller sample. ``error`` is the
+    standard error and ``freedom`` the degrees of freedom of the t distribution.
     """
 
     n: int
@@ -170,7 +170,7 @@ def mean_interval(values: Sequence[float], confidence: float = CONFIDENCE) -> Me
     """Return mean, deviation and t interval of at least one value; raises ``ValueError``."""
     if not values:
         raise ValueError("the mean of no values is unknown")
-    # fsum: the same mean in whatever order the runs came in.
+    # fsum gives the same mean for any order of the runs.
     n, mean = len(values), math.fsum(values) / len(values)
     if n == 1:
         return MeanInterval(1, mean, None, None, None)
@@ -182,11 +182,11 @@ def mean_interval(values: Sequence[float], confidence: float = CONFIDENCE) -> Me
 def mean_difference(
     left: Mapping[Key, float], right: Mapping[Key, float], confidence: float = CONFIDENCE
 ) -> MeanDifference | None:
-    """Return left minus right, by pairs if there are keys in common, otherwise of the means.
+    """Return left minus right: by pairs if any keys are shared, otherwise between the means.
 
-    ``None`` for less than two pairs or values: then nothing is known of how they vary. A single
-    pair is no reason to throw away that it is one. Without pairs the degrees of freedom are those
-    of Welch and Satterthwaite; the variances may differ.
+    ``None`` for fewer than two pairs or values, whose variation is unknown. A single pair still
+    rules out the comparison of means. Without pairs the degrees of freedom are those of Welch and
+    Satterthwaite; the variances may differ.
     """
     pairs = sorted(left.keys() & right.keys())
     n = len(pairs) if pairs else min(len(left), len(right))
@@ -201,7 +201,7 @@ def mean_difference(
         a, b = (_deviation((*side.values(),)) ** 2 / len(side) for side in (left, right))
         error, freedom = math.sqrt(a + b), 1.0
         if error > 0.0:
-            # As shares, because squares of tiny variances would underflow.
+            # Shares, because squares of tiny variances would underflow.
             p, q = a / (a + b), b / (a + b)
             freedom = 1.0 / (p * p / (len(left) - 1) + q * q / (len(right) - 1))
     half = _t_quantile(confidence, freedom) * error
@@ -211,7 +211,7 @@ def mean_difference(
 
 def _deviation(values: Sequence[float]) -> float:
     """Return the sample's standard deviation; exactly 0 for equal values."""
-    # numpy's would be some 1e-17 for equal values, and every difference significant.
+    # numpy returns about 1e-17 for equal values, which would make every difference significant.
     if min(values) == max(values):
         return 0.0
     import numpy as np
@@ -220,7 +220,7 @@ def _deviation(values: Sequence[float]) -> float:
 
 
 def cliffs_delta(left: Sequence[float], right: Sequence[float]) -> float:
-    """Return how much more often a value of left is larger than one of right than smaller, -1 to 1.
+    """Return how much more often a left value is larger than a right one than smaller, -1 to 1.
 
     Cliff, "Dominance statistics", Psychological Bulletin 114 (1993). Raises ``ValueError`` for an
     empty side.
@@ -245,7 +245,7 @@ def effect_magnitude(delta: float) -> str:
 
 
 def holm_adjusted(p_values: Sequence[float]) -> tuple[float, ...]:
-    """Return p values adjusted for being many, after Holm (Scand. J. Statistics 6, 1979)."""
+    """Return p values adjusted for multiple tests, after Holm (Scand. J. Statistics 6, 1979)."""
     order = sorted(range(len(p_values)), key=lambda i: p_values[i])
     adjusted = [0.0] * len(p_values)
     largest = 0.0

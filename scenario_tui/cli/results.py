@@ -171,7 +171,7 @@ def _print_listed(rows: tuple[RunRow, ...], results: CampaignResults) -> None:
     marks = results.expectations
     _print_runs(rows, marks)
     letters = "".join(marks.mark(row).letter for row in rows)
-    for mark in marks.known:
+    for mark in marks.failures:
         if mark.letter in letters:
             print_line(known_text(mark))
     _print_folder(rows)

@@ -139,7 +139,7 @@ def _tally_parts(
     if conclusion is not None and conclusion.word == "fail":
         parts.append(Text(f"! {conclusion.text}", style=NEWS))
     if conclusion is not None and conclusion.known:
-        reasons = "; ".join(mark.reason for mark in conclusion.expectations.known)
+        reasons = "; ".join(mark.reason for mark in conclusion.expectations.failures)
         parts.append(Text(f"{conclusion.known} known: {reasons}", style=KNOWN))
     return parts
 

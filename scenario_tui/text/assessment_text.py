@@ -42,7 +42,7 @@ _MANY: Final = 20
 
 def known_lines(results: CampaignResults) -> list[Text]:
     """Return a line for each reason of a failure that happened."""
-    return [known_text(mark) for mark in results.expectations.known]
+    return [known_text(mark) for mark in results.expectations.failures]
 
 
 def cell_text(cell: CellAssessment, results: CampaignResults, *, alone: bool = False) -> Text:

@@ -197,6 +197,6 @@ def heat_legend(results: CampaignResults) -> Text:
         text.append(_BARS[0], style="inconclusive").append(" tight ", style=QUIET)
         text.append(_BARS[-1], style="pass").append(" clear pass  ", style=QUIET)
     text.append("!", style=NEWS).append(" unexpected", style=QUIET)
-    if results.expectations.known:
+    if results.expectations.failures:
         text.append("  a", style=KNOWN).append(" known", style=QUIET)
     return text

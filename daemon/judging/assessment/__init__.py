@@ -1,4 +1,4 @@
-"""From run records and what their campaign declares to cells, comparisons and surprises."""
+"""Assessment of a campaign: from run records and declarations to cells, comparisons, surprises."""
 
 from daemon.judging.assessment._assess import (
     assess,

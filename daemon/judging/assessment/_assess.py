@@ -1,10 +1,10 @@
-"""From the records of a campaign's runs to its assessment: cells, comparisons, surprises."""
+"""Assessment of a campaign's run records: cells, comparisons, surprises."""
 
 from __future__ import annotations
 
 import functools
 from collections import Counter
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -40,13 +40,13 @@ from grammars.text.diagnostics import InputError, Where
 from grammars.text.words import format_quantity
 
 PairKey: TypeAlias = tuple[str, int, int]
-"""What makes two runs a pair: the variant of the floor plan, the repeat, the seed."""
+"""Key that two runs of a pair share: the variant of the floor plan, the repeat, the seed."""
 
 
 @dataclass(frozen=True, slots=True)
 class _ComparedSide:
     values: dict[PairKey, float]
-    left_out: int
+    missing: int
 
 
 def comparison_verdicts(
@@ -57,7 +57,7 @@ def comparison_verdicts(
     suts: dict[str, set[str]] = {}
     for record in records:
         suts.setdefault(record.sut, set()).add(base_name(record.scenario))
-    # Both scenarios or their variants, with the same system: one that ran only one is not asked.
+    # Skip a system that ran only one of the scenarios, or of their variants.
     return [
         _cell(comparison, sut, [r for r in records if r.sut == sut], declared)
         for sut, scenarios in suts.items()
@@ -79,8 +79,8 @@ def _cell(
     difference = mean_difference(left.values, right.values)
     compared = [r for r in records if base_name(r.scenario) in (comparison.left, comparison.right)]
     both = mean_difference(left.values, right.values, EACH_SIDE)
-    left_out = left.left_out + right.left_out
-    note = _left_out_text(comparison, left_out, compared)
+    missing = left.missing + right.missing
+    note = _missing_text(comparison, missing, compared)
     verdict, note = _verdict(comparison, difference, note, differences)
     expected, why = expected_verdict(declared.expectations, comparison.left, comparison.name, sut)
     failed, passed = int(verdict is Outcome.FAIL), int(verdict is Outcome.PASS)
@@ -92,7 +92,7 @@ def _cell(
         unit=comparison.unit,
         limit=comparison.limit,
         n=difference.n if difference else len(differences),
-        left_out=left_out,
+        left_out=missing,
         differences=differences,
         mean=difference.mean if difference else mean,
         low=difference.low if difference else None,
@@ -112,17 +112,17 @@ def _compared_side(
     comparison: ScenarioComparison, scenario: str, records: Sequence[RunRow]
 ) -> _ComparedSide:
     values: dict[PairKey, float] = {}
-    left_out = 0
+    missing = 0
     for record in records:
         if base_name(record.scenario) != scenario:
             continue
         value = _value(comparison, record)
         if value is None:
-            left_out += 1
+            missing += 1
         else:
             variant = record.scenario.partition("@")[2]
             values[(variant, record.repeat, record.seed)] = value
-    return _ComparedSide(values, left_out)
+    return _ComparedSide(values, missing)
 
 
 def _value(comparison: ScenarioComparison, record: RunRow) -> float | None:
@@ -134,7 +134,7 @@ def _value(comparison: ScenarioComparison, record: RunRow) -> float | None:
 
 
 def mission_completed(record: RunRow) -> bool:
-    """Return whether the mission was ended: only then its time says anything about a delay."""
+    """Return whether a run ended its mission: only then can its time tell a delay."""
     arrived = all(v.outcome is Outcome.PASS for v in record.verdicts if _asks_for_arrival(v.text))
     return record.ended == "finished" and arrived
 
@@ -142,12 +142,12 @@ def mission_completed(record: RunRow) -> bool:
 @functools.lru_cache(maxsize=256)
 def _asks_for_arrival(text: str) -> bool:
     """Return whether an oracle judges by ``reached``."""
-    # The parser of the language takes long to load, and few campaigns compare delays.
+    # The parser of the language loads slowly, and few campaigns compare delays.
     from grammars.oracle import Reached, parse_oracle
 
     try:
         oracle = parse_oracle("", text, Where("an oracle"))
-    except InputError:  # of a plug-in that is not installed here
+    except InputError:  # by a plug-in that is not installed here
         return False
     return isinstance(oracle.judgement, Reached)
 
@@ -158,22 +158,22 @@ def _verdict(
     note: str,
     differences: Sequence[float],
 ) -> tuple[Outcome, str]:
-    """Return the verdict and what stands in its way; ``note`` says which runs are left out."""
+    """Return the verdict and its obstacle; ``note`` says which runs have no value."""
     if difference is None:
         few = "only one pair" if differences else "nothing to compare"
         return Outcome.INCONCLUSIVE, f"{few}; {note}" if note else few
     verdict = _judge(comparison, difference)
-    # Those that took too long to be measured might have been the worst.
+    # Runs that took too long for a measurement might have been the worst.
     if verdict is Outcome.PASS and note:
         return Outcome.INCONCLUSIVE, note
     return verdict, note
 
 
-def _left_out_text(comparison: ScenarioComparison, left_out: int, records: Sequence[RunRow]) -> str:
-    """Return which of the compared runs have no value and why, empty when all have one."""
-    missing = Counter(record.state for record in records if record.state in MISSING_STATES)
-    parts = [f"{_runs(missing[state])} {state}" for state in MISSING_STATES if missing[state]]
-    if others := left_out - missing.total():
+def _missing_text(comparison: ScenarioComparison, missing: int, records: Sequence[RunRow]) -> str:
+    """Return how many compared runs have no value and why; empty if all have one."""
+    states = Counter(record.state for record in records if record.state in MISSING_STATES)
+    parts = [f"{_runs(states[state])} {state}" for state in MISSING_STATES if states[state]]
+    if others := missing - states.total():
         why = "did not end the mission" if comparison.quantity == DELAY else "left out"
         parts.append(f"{_runs(others)} {why}")
     return ", ".join(parts)
@@ -200,10 +200,10 @@ AS_EXPECTED, UNEXPECTED, INFRASTRUCTURE, UNDECIDED = 0, 1, 3, 4  # 2 is bad inpu
 
 
 def assess(declared: AssessmentRules, records: Iterable[RunRow]) -> Assessment:
-    """Judge the runs of a campaign by what the campaign declares.
+    """Judge the runs of a campaign by its declarations.
 
-    Pure: the same declaration and the same records give the same assessment, whoever asks. Runs
-    without a result count as repeats of which nothing is known.
+    Pure: the same declaration and records always give the same assessment. Runs without a result
+    count as unknown repeats.
     """
     runs = tuple(records)
     cells = tuple(_assess_cell(group, declared) for group in group_by_cell(runs).values())
@@ -225,8 +225,8 @@ def undecided_cells(
 ) -> tuple[tuple[str, str], ...]:
     """Return the cells, (scenario, SUT), whose oracles more repeats could still decide.
 
-    Not those with a run that has no result (what is broken is not repeated), nor oracles of which
-    nothing is expected or that some repeat could not judge.
+    Leave out cells with a run that has no result, since broken runs are not repeated. An oracle
+    counts only if something is expected of it and every repeat could judge it.
     """
     undecided = []
     for group in group_by_cell(records).values():
@@ -245,7 +245,7 @@ def _can_be_decided(oracle: CellVerdict) -> bool:
 
 def _assess_cell(records: Sequence[RunRow], declared: AssessmentRules) -> CellAssessment:
     verdicts = [v for r in records for v in trusted_verdicts(r)]
-    # A trace that cannot be trusted gives errors for measures too; they are no oracles for that.
+    # Untrustworthy traces give errors for measures too; that does not make them oracles.
     measures = {v.oracle for v in verdicts if v.outcome is Outcome.MEASURE}
     names = dict.fromkeys(v.oracle for v in verdicts if v.oracle not in measures)
     oracles = tuple(cell_verdict(name, records, declared) for name in names)
@@ -273,7 +273,7 @@ def _broken(record: RunRow) -> bool:
 
 
 def _exit_code(records: Sequence[RunRow], statuses: Collection[ExpectationStatus]) -> int:
-    """Return 1, 3, 4 or 0: a finding counts even when other runs broke."""
+    """Return 1, 3, 4 or 0: a finding counts even if other runs broke."""
     if ExpectationStatus.CONTRADICTED in statuses:
         return UNEXPECTED
     if any(_broken(record) for record in records):
@@ -285,14 +285,13 @@ def _exit_code(records: Sequence[RunRow], statuses: Collection[ExpectationStatus
 
 
 def _unexpected_verdict(oracle: CellVerdict, records: Sequence[RunRow]) -> UnexpectedVerdict:
-    """Return what contradicts: the worst run, or the first that passes where it should not."""
+    """Return the run that contradicts: the worst, or the first that passes unexpectedly."""
     worst = oracle.worst
     run, repeat, verdict = (worst.run, worst.repeat, worst.verdict) if worst else ("", None, None)
     subject = f"{oracle.sut} {oracle.scenario} {oracle.oracle}"
     if oracle.expected != "pass":
-        # It should have failed: the worst run is what was wanted, a passing one is the surprise.
-        first = next((pair for pair in _passing_runs(oracle, records)), None)
-        run, repeat, verdict = first if first else (run, repeat, verdict)
+        # It should have failed: the worst run was expected, a passing one is the surprise.
+        run, repeat, verdict = next(_passing_runs(oracle, records), (run, repeat, verdict))
         text = f"{subject}  passes {oracle.passed} of {oracle.n}, expected {oracle.expected}"
     else:
         text = f"{subject}  {evidence_text(verdict)}" if verdict else subject
@@ -313,7 +312,7 @@ def _unexpected_verdict(oracle: CellVerdict, records: Sequence[RunRow]) -> Unexp
 
 def _passing_runs(
     oracle: CellVerdict, records: Sequence[RunRow]
-) -> Iterable[tuple[str, int, Verdict]]:
+) -> Iterator[tuple[str, int, Verdict]]:
     for record in records:
         if (record.scenario, record.sut) == (oracle.scenario, oracle.sut):
             for verdict in trusted_verdicts(record):

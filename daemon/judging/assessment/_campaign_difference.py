@@ -1,8 +1,8 @@
 """Two campaigns side by side: which verdicts changed, which quantities, what got worse.
 
 Repeats of equal number and seed met the same doors and the same noise, so they are paired. All
-quantities are tested at once, hence the p values are Holm's. Worse is a smaller margin and a
-longer duration; whether a measure should be small or large, nobody said.
+quantities are tested at once, hence the p values are Holm's. Worse means a smaller margin or a
+longer duration; campaigns do not say whether a measure should be small or large.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ SIGNIFICANT: Final = 0.05
 
 @dataclass(frozen=True, slots=True)
 class JudgedCampaign:
-    """A campaign with its runs, as it is compared: ``name`` is how people call it."""
+    """A campaign with its runs, ready to compare; ``name`` is for people."""
 
     name: str
     declared: AssessmentRules
@@ -44,7 +44,7 @@ class JudgedCampaign:
 
 @dataclass(frozen=True, slots=True)
 class VerdictChange:
-    """An oracle's verdict on a cell before and after; ``None`` where it was not judged."""
+    """An oracle's verdict on a cell before and after; ``None`` if it was not judged."""
 
     scenario: str
     sut: str
@@ -64,10 +64,10 @@ class VerdictChange:
 class QuantityChange:
     """A quantity of one cell before and after: means [``unit``] and what their difference shows.
 
-    ``mean`` is after minus before, ``low`` to ``high`` its two-sided 95 % interval; ``delta`` is
-    Cliff's, from -1 (always smaller now) to 1. ``p`` is two-sided and Holm's: ``changed`` when it
-    is below 5 %. ``worse`` when it is shown, Holm's again, to have got worse by more than the gate
-    allows. Without enough values all of these are ``None`` or false.
+    ``mean`` is after minus before, ``low`` to ``high`` its two-sided 95 % interval. ``delta`` is
+    Cliff's, from -1 (always smaller now) to 1. ``p`` is two-sided and Holm's; ``changed`` means it
+    is below 5 %. ``worse`` means that it got worse by more than the gate allows, again by Holm's p
+    value. Without enough values all of these are ``None`` or false.
     """
 
     scenario: str
@@ -92,8 +92,8 @@ class QuantityChange:
 class CampaignDifference:
     """Differences between two campaigns, and the cells, (scenario, SUT), that only one has.
 
-    Of campaigns that go on what has finished is compared; ``unfinished_before`` and
-    ``unfinished_after`` are how many of their runs wait or run.
+    Unfinished campaigns are compared by their finished runs; ``unfinished_before`` and
+    ``unfinished_after`` count their other runs.
     """
 
     before: str
@@ -125,11 +125,11 @@ def compare_campaigns(
 ) -> CampaignDifference:
     """Compare two campaigns cell by cell.
 
-    ``worse_by`` is how much, as a share of what it was before, a margin or a duration may get
-    worse; ``None`` asks for no such thing.
+    ``worse_by`` is the share of its previous value by which a margin or a duration may get worse;
+    ``None`` disables this gate.
     """
-    # Only cells that both have are compared: a scenario that was added is no change of the others,
-    # and would make Holm's correction harder for them.
+    # Only shared cells are compared: an added scenario does not change the others, and would make
+    # Holm's correction harder for them.
     sides = tuple(group_by_cell(side.records) for side in (before, after))
     shared = [key for key in sides[1] if key in sides[0]]
     shifts = [
@@ -159,8 +159,7 @@ def _verdicts(
     old, new = (_oracles(assess(side.declared, side.records)) for side in (before, after))
     for key in dict.fromkeys((*new, *old)):
         scenario, sut, oracle = key
-        # With the rules of its own side each: an expectation that was changed changes no verdict, a
-        # policy may.
+        # Each side has its own rules: a changed expectation changes no verdict, a policy may.
         was, now = old.get(key), new.get(key)
         if (scenario, sut) not in shared or (was and now and was.verdict is now.verdict):
             continue
@@ -181,7 +180,7 @@ def _verdicts(
 
 
 def _is_open(verdict: CellVerdict | None, records: Sequence[RunRow]) -> bool:
-    """Return whether runs that go on may still decide an oracle of a cell."""
+    """Return whether unfinished runs may still decide an oracle of a cell."""
     undecided = verdict is None or verdict.verdict is Outcome.INCONCLUSIVE
     return undecided and any(not record.settled for record in records)
 
@@ -192,7 +191,7 @@ def _oracles(assessment: Assessment) -> Mapping[tuple[str, str, str], CellVerdic
 
 @dataclass(frozen=True, slots=True)
 class _TestedChange:
-    """A shift with what its tests say, before all of them are adjusted together."""
+    """A shift with the p values of its tests, before all are adjusted together."""
 
     shift: QuantityChange
     p_different: float | None
@@ -212,7 +211,7 @@ def _quantities(records: Iterable[RunRow]) -> dict[str, tuple[QuantityKind, str]
     quantities: dict[str, tuple[QuantityKind, str]] = {}
     for record in records:
         for verdict in record.verdicts:
-            # An error says neither what an oracle is nor in which unit.
+            # An error tells neither the kind of an oracle nor its unit.
             if verdict.outcome is Outcome.ERROR:
                 continue
             kind: QuantityKind = "measure" if verdict.outcome is Outcome.MEASURE else "margin"
@@ -233,7 +232,7 @@ def _values(
 
 
 def _margin(record: RunRow, name: str) -> float | None:
-    # An inconclusive margin is a bound, not a value; means of bounds say nothing.
+    # An inconclusive margin is a bound; means of bounds are meaningless.
     decided = (Outcome.PASS, Outcome.FAIL)
     margins = (
         v.margin for v in trusted_verdicts(record) if v.oracle == name and v.outcome in decided
@@ -278,11 +277,11 @@ def _test_change(
 def _p_worse(
     difference: MeanDifference, kind: QuantityKind, before: float, worse_by: float | None
 ) -> float | None:
-    """Return the p value for "worse by more than allowed"; ``None`` when nobody asks."""
+    """Return the p value for "worse by more than allowed"; ``None`` without a gate."""
+    # Measures have no gate: whether more is worse is unknown.
     if worse_by is None or kind == "measure":
         return None
-    # Measures are not gated: nobody said whether more of them is worse. ``before`` may be negative.
-    allowed = worse_by * abs(before)
+    allowed = worse_by * abs(before)  # it may be negative
     # A margin gets worse downwards.
     if kind == "duration":
         return difference.p_above(allowed)
@@ -290,8 +289,8 @@ def _p_worse(
 
 
 def _adjust_together(tested: Sequence[_TestedChange]) -> tuple[QuantityChange, ...]:
-    """Return the shifts with p values that know how many they are."""
-    # Two families, because they answer two questions: what changed, and what the gate forbids.
+    """Return the shifts with p values adjusted for their number."""
+    # Two families, because there are two questions: what changed, and what the gate forbids.
     different = _holm_or_none([one.p_different for one in tested])
     worse = _holm_or_none([one.p_worse for one in tested])
     return tuple(

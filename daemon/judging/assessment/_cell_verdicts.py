@@ -1,4 +1,4 @@
-"""One cell, all repeats: what each oracle shows, what was measured, whether that was expected."""
+"""Verdicts of one cell over all repeats: evidence of each oracle, measures, expectations."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ Cell: TypeAlias = tuple[str, str]
 """A scenario (or one of its variants) with a system under test."""
 
 BY_GRAVITY: Final = (Outcome.FAIL, Outcome.ERROR, Outcome.INCONCLUSIVE, Outcome.PASS)
-"""What is said first of a cell: a failure is a finding, an error may hide one."""
+"""Outcomes, the most important first: a failure is a finding, an error may hide one."""
 
 
 def group_by_cell(records: Iterable[RunRow]) -> dict[Cell, list[RunRow]]:
-    """Return the runs of each cell by repeat; the cells are in the order of their appearance."""
+    """Return the runs of each cell by repeat; cells keep the order of their appearance."""
     groups: dict[Cell, list[RunRow]] = {}
     for record in records:
         groups.setdefault((record.scenario, record.sut), []).append(record)
@@ -64,20 +64,20 @@ def expectation_matches(expectation: Expectation, scenario: str, oracle: str, su
 
 
 def matches_scenario(pattern: str, scenario: str) -> bool:
-    """Return whether a pattern matches a scenario, or the one that it is a variant of."""
+    """Return whether a pattern matches a scenario, or the base scenario of a variant."""
     return any(fnmatchcase(name, pattern) for name in (scenario, base_name(scenario)))
 
 
 def matches_sut(patterns: Sequence[str], sut: str) -> bool:
-    """Return whether one of some patterns matches a system under test; no pattern matches all."""
+    """Return whether any pattern matches a system under test; an empty list matches all."""
     return any(fnmatchcase(sut, pattern) for pattern in patterns or ("*",))
 
 
 def expected_verdict(
     expectations: Sequence[Expectation], scenario: str, oracle: str, sut: str
 ) -> tuple[ExpectedVerdict, str]:
-    """Return the verdict expected and why: that of the last expectation that matches, or pass."""
-    # The last one counts, so that a file goes from the rule to its exceptions.
+    """Return the expected verdict and why, from the last matching expectation; otherwise pass."""
+    # The last one counts, so that a file can go from the rule to its exceptions.
     for expectation in reversed(expectations):
         if expectation_matches(expectation, scenario, oracle, sut):
             return expectation.verdict, expectation.why
@@ -87,10 +87,10 @@ def expected_verdict(
 def expectation_status(
     expected: ExpectedVerdict, verdict: Outcome, *, passed: int, failed: int, n: int
 ) -> ExpectationStatus:
-    """Compare what came out of ``n`` repeats with what was expected.
+    """Compare the result of ``n`` repeats with the expectation.
 
-    ``pass`` is about the verdict, which follows the policy; ``fail`` and ``mixed`` are about single
-    repeats: what is known to be broken must not pass by chance either.
+    ``pass`` is about the verdict, which follows the policy. ``fail`` and ``mixed`` are about single
+    repeats: a known failure must not pass by chance either.
     """
     if expected == "any":
         return ExpectationStatus.MET
@@ -106,7 +106,7 @@ def expectation_status(
 
 
 def measured_value(record: RunRow, name: str) -> float | None:
-    """Return what the measure ``name`` found in a run, ``None`` when there is nothing to trust."""
+    """Return the value of the measure ``name`` in a run, ``None`` if there is no trusted one."""
     if record.outcome is None or record.ended == "crashed":
         return None
     verdict = record.verdict(name)
@@ -116,7 +116,7 @@ def measured_value(record: RunRow, name: str) -> float | None:
 
 
 def duration(record: RunRow) -> float | None:
-    """Return the simulated time a run took [s]."""
+    """Return the simulated time of a run [s]."""
     return None if record.result is None else record.result.timing.simulated
 
 
@@ -154,7 +154,7 @@ def _cell_measure(name: str, unit: str, records: Sequence[RunRow]) -> CellMeasur
 
 
 def trusted_verdicts(record: RunRow) -> tuple[Verdict, ...]:
-    """Return the verdicts of a run as they count: none is trusted when its system crashed."""
+    """Return the verdicts of a run as they count: all are errors if its system crashed."""
     if record.ended != "crashed":
         return record.verdicts
     return tuple(_distrust(verdict, record.note) for verdict in record.verdicts)
@@ -166,7 +166,7 @@ def _distrust(verdict: Verdict, note: str) -> Verdict:
 
 
 def cell_verdict(name: str, records: Sequence[RunRow], declared: AssessmentRules) -> CellVerdict:
-    """Return what the oracle ``name`` says about the repeats of one cell."""
+    """Return the verdict of the oracle ``name`` on the repeats of one cell."""
     pairs = [(r, v) for r in records for v in trusted_verdicts(r) if v.oracle == name]
     verdicts = [v for _, v in pairs]
     counts, n = Counter(v.outcome for v in verdicts), len(records)
@@ -180,7 +180,7 @@ def cell_verdict(name: str, records: Sequence[RunRow], declared: AssessmentRules
     waiting = sum(not record.settled for record in records)
     statement = _statement(policy, passed, failed, n, needed)
     if waiting and verdict is Outcome.INCONCLUSIVE:
-        # What so many repeats show is said when there are so many.
+        # What these repeats show can only be said once all have finished.
         statement = f"{passed} of {n} pass, {waiting} not finished"
     return CellVerdict(
         scenario=scenario,
@@ -192,7 +192,7 @@ def cell_verdict(name: str, records: Sequence[RunRow], declared: AssessmentRules
         errors=counts[Outcome.ERROR],
         missing=n - len(verdicts),
         n=n,
-        # As if what was not judged had failed for the lower bound, and passed for the upper one.
+        # The lower bound takes repeats without a verdict for failures, the upper one for passes.
         low=proportion_interval(passed, n)[0],
         high=proportion_interval(n - failed, n)[1],
         at_least=at_least(passed, n, confidence),
@@ -210,8 +210,8 @@ def cell_verdict(name: str, records: Sequence[RunRow], declared: AssessmentRules
 def confidence_of(policy: RepeatPolicy) -> float:
     """Return the confidence of each look at a cell.
 
-    Whoever looks again and again until something shows finds it by chance: with ``k`` looks each
-    may err in 5 %/k (Bonferroni), so that all of them together err in at most 5 %.
+    Looking again and again until something shows would find it by chance. With ``k`` looks each may
+    err in 5 %/k (Bonferroni), so that all of them together err in at most 5 %.
     """
     return 1.0 - (1.0 - CONFIDENCE) / len(policy.looks)
 
@@ -223,15 +223,15 @@ def _policy_verdict(policy: RepeatPolicy, verdicts: Sequence[Verdict], n: int) -
         if gravest and gravest[0] is not Outcome.INCONCLUSIVE:
             return gravest[0]
         return Outcome.PASS if counts[Outcome.PASS] == n else Outcome.INCONCLUSIVE
-    # What the sound repeats show holds whatever the broken ones would have been: those matter only
-    # if nothing is shown.
+    # The result of the sound repeats holds whatever the broken ones would have been: those matter
+    # only while the result is open.
     outcome = _rate(policy, counts, n) if policy.rule == "rate" else _mean(policy, verdicts, n)
     undecided = outcome is Outcome.INCONCLUSIVE
     return Outcome.ERROR if undecided and counts[Outcome.ERROR] else outcome
 
 
 def _rate(policy: RepeatPolicy, counts: Counter[Outcome], n: int) -> Outcome:
-    """Judge by the rate that is shown; a repeat that was not judged may have been either."""
+    """Judge by the rate; a repeat without a verdict may have passed or failed."""
     confidence = confidence_of(policy)
     if at_least(counts[Outcome.PASS], n, confidence) >= policy.rate:
         return Outcome.PASS
@@ -241,7 +241,7 @@ def _rate(policy: RepeatPolicy, counts: Counter[Outcome], n: int) -> Outcome:
 
 
 def _mean(policy: RepeatPolicy, verdicts: Sequence[Verdict], n: int) -> Outcome:
-    """Judge by the mean margin; one that is not known leaves everything open."""
+    """Judge by the mean margin; an unknown margin leaves the result open."""
     margins = [
         v.margin
         for v in verdicts
@@ -249,7 +249,7 @@ def _mean(policy: RepeatPolicy, verdicts: Sequence[Verdict], n: int) -> Outcome:
     ]
     if len(margins) < max(n, 2):
         return Outcome.INCONCLUSIVE
-    # A bound of a two-sided interval is a one-sided bound with half the doubt.
+    # Each bound of a two-sided interval is a one-sided bound with half the doubt.
     interval = mean_interval(margins, 2.0 * confidence_of(policy) - 1.0)
     if interval.low is not None and interval.low >= 0.0:
         return Outcome.PASS
@@ -285,6 +285,6 @@ def _worst_run(pairs: Sequence[tuple[RunRow, Verdict]]) -> WorstRun | None:
 
 
 def severity(verdict: Verdict) -> tuple[int, bool, float]:
-    """Return a key that sorts the gravest verdict first, those of an outcome by margin."""
+    """Return a key that sorts the gravest verdict first, equal outcomes by margin."""
     margin = verdict.margin
     return BY_GRAVITY.index(verdict.outcome), margin is None, margin or 0.0

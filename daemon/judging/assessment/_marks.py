@@ -22,7 +22,7 @@ from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome
 
 NEWS: Final = "!"
-"""The sign beside everything that is not as expected."""
+"""The sign beside everything unexpected."""
 _LETTERS: Final = "abcdefghijklmnopqrstuvwxyz"
 
 
@@ -30,13 +30,13 @@ _LETTERS: Final = "abcdefghijklmnopqrstuvwxyz"
 class Expectations:
     """Marks of the cells, comparisons and runs of a campaign.
 
-    Each reason that the campaign gives has one of the ``letters``, in the order of its file.
-    ``known`` are the marks of failures that happened. ``oracles`` by cell, (scenario,
-    SUT), are those that fail or contradict; ``runs`` have marks by id and outcome.
+    Each reason in the campaign has one of the ``letters``, in the order of its file. ``failures``
+    are the marks of known failures that happened. ``oracles`` are those that fail or contradict, by
+    cell (scenario, SUT); ``runs`` are marks by id and outcome.
     """
 
     letters: Mapping[str, str] = field(default_factory=dict)
-    known: tuple[Mark, ...] = ()
+    failures: tuple[Mark, ...] = ()
     oracles: Mapping[tuple[str, str], Mapping[str, CellVerdict]] = field(default_factory=dict)
     runs: Mapping[tuple[str, Outcome | None], Mark] = field(default_factory=dict)
 
@@ -55,11 +55,11 @@ class Expectations:
         return {oracle: mark for oracle, mark in marks.items() if mark.kind}
 
     def mark_cells(self, cells: Iterable[CellAssessment]) -> Mark:
-        """Return the mark of cells together: news first, with the letters of known failures."""
+        """Return the joint mark of cells: news first, with the letters of known failures."""
         return _join(self.mark_verdict(oracle) for cell in cells for oracle in cell.oracles)
 
     def mark_verdict(self, verdict: CellVerdict | ComparisonVerdict) -> Mark:
-        """Return the mark of an oracle over all repeats of a cell, or that of a comparison."""
+        """Return the mark of a comparison, or of an oracle over all repeats of a cell."""
         if verdict.status is ExpectationStatus.CONTRADICTED:
             return Mark("news", NEWS, f"expected {verdict.expected}")
         return self._known(verdict) if _fails_as_known(verdict) else NO_MARK
@@ -102,7 +102,7 @@ def find_marks(
 
 
 def _join(marks: Iterable[Mark]) -> Mark:
-    """Return one mark for several: news first, and then for that reason."""
+    """Return one mark for several: news first, with the reasons of that kind alone."""
     ordered = sorted((mark for mark in marks if mark.kind), key=lambda mark: mark.kind == "known")
     kind = ordered[0].kind if ordered else ""
     letters = dict.fromkeys(mark.letter for mark in ordered)
@@ -111,7 +111,7 @@ def _join(marks: Iterable[Mark]) -> Mark:
 
 
 def _fails_as_known(verdict: CellVerdict | ComparisonVerdict) -> bool:
-    """Return whether something failed that was not expected to pass."""
+    """Return whether a verdict failed that was not expected to pass."""
     if isinstance(verdict, CellVerdict):
         return verdict.failed > 0 and verdict.expected != "pass"
     return verdict.verdict is Outcome.FAIL and verdict.expected != "pass"

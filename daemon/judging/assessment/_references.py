@@ -1,4 +1,4 @@
-"""Reference values beside what the runs of a campaign give; nothing is judged by them."""
+"""Reference values beside the values of a campaign's runs; they judge nothing."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ _STATISTICS: Final[dict[str, Callable[[Sequence[float]], float]]] = {
 def reference_comparisons(
     references: Sequence[ReferenceValue], assessment: Assessment
 ) -> tuple[ReferenceComparison, ...]:
-    """Return every reference value beside what was found here, in the order of the file.
+    """Return every reference value beside the value of the runs, in the order of the file.
 
-    One for each scenario and system under test that it speaks of and that was run.
+    There is one comparison for each executed scenario and system under test that it names.
     """
-    return tuple(found for r in references for found in _compared(r, assessment))
+    return tuple(one for r in references for one in _compared(r, assessment))
 
 
 def _compared(reference: ReferenceValue, assessment: Assessment) -> Iterator[ReferenceComparison]:
@@ -57,7 +57,7 @@ def _measured(cell: CellAssessment, name: str) -> tuple[float, ...]:
 
 
 def _of_verdict(reference: ReferenceValue, verdict: CellVerdict) -> ReferenceComparison:
-    # As everywhere: a run that was not judged may have passed or failed.
+    # As everywhere, a run without a verdict may have passed or failed.
     low = proportion_interval(verdict.passed, verdict.n)[0]
     high = proportion_interval(verdict.n - verdict.failed, verdict.n)[1]
     rate = verdict.passed / verdict.n if verdict.n else None

@@ -1,15 +1,16 @@
-"""Oracles: signals read from a trace, judged, with evidence. Never the simulator."""
+"""Oracles: they judge signals of a trace, never of the simulator, and give evidence."""
 
 from daemon.judging.oracles._judge import (
+    OracleTimeline,
     judge,
     judge_so_far,
+    oracle_timeline,
     overall_outcome,
     warm_up,
     written_oracle,
 )
 from daemon.judging.oracles._leading import judge_leading
 from daemon.judging.oracles._obstacles import footprint_box
-from daemon.judging.oracles._oracle_timeline import OracleTimeline, oracle_timeline
 from daemon.judging.oracles._sampler import DOOR_CLEARANCE, SignalSampler
 from daemon.judging.oracles._validity import trace_problems
 

@@ -1,4 +1,4 @@
-"""Clearance: how far the nearest obstacle is outside a box around the robot, signed.
+"""Clearance: signed distance of the nearest obstacle from a box around the robot.
 
 ``clearance(hx, hy)`` is the minimum over all obstacle points (x, y) in the body frame of
 ``max(|x| - hx, |y| - hy)``: positive outside the box, negative inside. One function is both the
@@ -24,10 +24,9 @@ from grammars.model.geometry import Floats, Point2
 
 _SQRT_2: Final = 1.4142135623730951
 _SLACK: Final = 1e-9
-"""Added to the radius of circles [m], whose rounding must not skip the nearest polygon."""
+"""Margin added to the radius of circles [m]: rounding must not skip the nearest polygon."""
 _AROUND: Final = 1.0
-"""What stands so much farther [m] than anything that may count is looked at again when the robot
-has come as far."""
+"""Extra distance [m] beyond which polygons are skipped until the robot has moved this far."""
 
 
 @kernel
@@ -60,33 +59,33 @@ def _edge_minimum(ax: float, ay: float, bx: float, by: float, hx: float, hy: flo
 @kernel
 def _polygon_minimum(
     corners: Floats, first: int, last: int, c: float, s: float, tx: float, ty: float,
-    hx: float, hy: float, known: float,
+    hx: float, hy: float, bound: float,
 ) -> float:  # fmt: skip
     """Return the minimum of ``g`` over a filled convex polygon moved by (c, s, tx, ty).
 
-    What is larger than ``known`` may be any larger number: walls are long, so that their circles
-    rule out few of them, but most of their edges lie off one side of the box.
+    A minimum above ``bound`` is not exact, only above it: the circles of long walls rule out few
+    of them, but most of their edges lie off one side of the box.
     """
     best = math.inf
-    left = right = True
+    all_left = all_right = True
     px = tx + c * corners[last - 1, 0] - s * corners[last - 1, 1]
     py = ty + s * corners[last - 1, 0] + c * corners[last - 1, 1]
     for k in range(first, last):
         qx = tx + c * corners[k, 0] - s * corners[k, 1]
         qy = ty + s * corners[k, 0] + c * corners[k, 1]
         side = px * qy - py * qx
-        left = left and side >= 0.0
-        right = right and side <= 0.0
+        all_left = all_left and side >= 0.0
+        all_right = all_right and side <= 0.0
         least = max(
             max(min(px, qx), -max(px, qx)) - hx,
             max(min(py, qy), -max(py, qy)) - hy,
         )
-        if least <= min(best, known) + _SLACK:
+        if least <= min(best, bound) + _SLACK:
             best = min(best, _edge_minimum(px, py, qx, qy, hx, hy))
         px, py = qx, qy
-    # Every edge has the box centre on the same side, whichever way the ring turns: it is inside. On
-    # all of them (both) it is only when the polygon has no area.
-    if left != right:
+    # The centre is inside if it is on the same side of every edge, whichever way the ring turns. It
+    # is on every edge (both sides) only if the polygon has no area.
+    if all_left != all_right:
         return -min(hx, hy)
     return best
 
@@ -103,25 +102,24 @@ def box_clearance(
 
     A polygon whose circle is at distance d from the box centre has ``g >= d / sqrt(2) - max(hx,
     hy)``, so most are skipped; starting from the previous sample's nearest one keeps it tight.
-    Those that have stood still so far and are far away are not even asked for d: none of them is
-    nearer than ``beyond`` to (ox, oy), where the box centre was when they were last looked at.
+    Polygons that are far away and have not moved yet are skipped without computing d: each is at
+    least ``beyond`` away from (ox, oy), the box centre when they were last checked.
     """
     samples, polygons = len(poses), len(frame)
     values = np.empty(samples)
     nearest = np.empty(samples, dtype=np.int32)
     hx, hy = half[0], half[1]
     reach = max(hx, hy)
-    # The nearest polygon of the sample before is tried first: between two samples the robot moves a
-    # few centimetres, so it mostly is the nearest again and rules out all that are farther.
+    # The nearest polygon of the previous sample comes first: the robot moves a few centimetres
+    # between samples, so it is mostly the nearest again and rules out all farther ones.
     guess = 0
-    # Doors rest most of the time: cosine and sine of a frame are those of the sample before while
-    # its yaw is.
+    # Doors rest most of the time: keep cosine and sine of a frame while its yaw stays the same.
     frames = tracks.shape[1]
     yaws, moves = np.empty(frames), np.empty(frames, dtype=np.bool_)
     cosines, sines = np.empty(frames), np.empty(frames)
     for f in range(frames):
         yaws[f], moves[f] = math.nan, False
-    asked = np.arange(polygons)
+    candidates = np.arange(polygons)
     count, beyond, ox, oy = polygons, -math.inf, 0.0, 0.0
     for i in range(samples):
         for f in range(frames):
@@ -138,7 +136,7 @@ def box_clearance(
         best, owner = math.inf, -1
         for again in range(2):
             for step in range(-1, count):
-                p = guess if step < 0 else asked[step]
+                p = guess if step < 0 else candidates[step]
                 f = frame[p]
                 wx, wy = circle[p, 0], circle[p, 1]
                 lc, ls, lx, ly = 1.0, 0.0, 0.0, 0.0
@@ -146,19 +144,19 @@ def box_clearance(
                     lx, ly = tracks[i, f, 0], tracks[i, f, 1]
                     lc, ls = cosines[f], sines[f]
                     wx, wy = lx + lc * wx - ls * wy, ly + ls * wx + lc * wy
-                # Farther than this no point of the circle can be as near as the best so far.
+                # Beyond this limit no point of the circle can be as near as the best so far.
                 limit = (best + reach) * _SQRT_2 + circle[p, 2] + _SLACK
                 if (wx - bx) ** 2 + (wy - by) ** 2 > limit * limit:
                     continue
-                found = _polygon_minimum(
+                minimum = _polygon_minimum(
                     corners, offsets[p], offsets[p + 1],
                     c * lc + s * ls, c * ls - s * lc,
                     c * (lx - bx) + s * (ly - by), c * (ly - by) - s * (lx - bx),
                     hx, hy, best,
                 )  # fmt: skip
-                # By index among equals, or the name in the evidence would depend on the guess.
-                if found < best or (found == best and p < owner):
-                    best, owner = found, p
+                # Equals go by index, or the name in the evidence would depend on the guess.
+                if minimum < best or (minimum == best and p < owner):
+                    best, owner = minimum, p
             limit = (best + reach) * _SQRT_2 + _SLACK
             moved = math.hypot(bx - ox, by - oy)
             if again or (beyond - moved > limit and moved < _AROUND):
@@ -176,7 +174,7 @@ def box_clearance(
                 if (f < 0 or not moves[f]) and away > limit + _AROUND:
                     beyond = min(beyond, away)
                 else:
-                    asked[count] = p
+                    candidates[count] = p
                     count += 1
         values[i], nearest[i] = best, owner
         guess = owner

@@ -1,7 +1,7 @@
-"""The robot in relation to things and places: distances between outlines, being inside.
+"""Distance of the robot from things and places, and presence inside places.
 
 Distances are Euclidean, between the robot's footprint and filled outlines, and 0 where they meet.
-:mod:`daemon.judging.oracles._clearance` measures along the sides of a box, and goes on below 0.
+:mod:`daemon.judging.oracles._clearance` measures along the sides of a box, also below 0.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ def nearest_polygons(
     samples: IndexArray,
     reach: float = math.inf,
 ) -> tuple[Floats, ObjectIndices]:
-    """Return the distance (k,) [m] of the footprint to the nearest polygon, and which it is (k,).
+    """Return distance (k,) [m] and index (k,) of the polygon nearest to the footprint.
 
     ``samples`` (k,) choose from the ``poses`` (n, 3), which are at the same times as the tracks of
-    ``obstacles``. Of equally near polygons the first one counts. Infinite and -1 where none is
-    within ``reach`` [m]; polygons that move are within any.
+    ``obstacles``. Of equally near polygons the first one counts. Without a polygon within ``reach``
+    [m] the result is infinite and -1; moving polygons count at any distance.
     """
     robot = placed_polygons(np.array(footprint, dtype=np.float64), poses[samples])
     nearest = np.full(len(samples), np.inf)
@@ -53,12 +53,12 @@ def nearest_polygons(
     still = np.flatnonzero(obstacles.frame < 0)
     if len(still):
         tree = shapely.STRtree([Polygon(parts[index]) for index in still])
-        (which, item), away = tree.query_nearest(
+        (sample, item), away = tree.query_nearest(
             robot, max_distance=None if math.isinf(reach) else reach, return_distance=True
         )
-        # Equally near ones follow each other: written last is the first.
-        order = np.lexsort((-item, which))
-        nearest[which[order]], owner[which[order]] = away[order], still[item[order]]
+        # Equally near ones follow each other; the first one is assigned last.
+        order = np.lexsort((-item, sample))
+        nearest[sample[order]], owner[sample[order]] = away[order], still[item[order]]
     for index in np.flatnonzero(obstacles.frame >= 0):
         track = obstacles.tracks[samples, obstacles.frame[index]]
         away = shapely.distance(robot, placed_polygons(parts[index], track))
@@ -81,13 +81,13 @@ def inside_series(outline: Ring, poses: Floats, name: str) -> SignalSeries:
 
 
 def place_outline(scene: Scene, name: str) -> Ring:
-    """Return the outline [m] of a space or doorway; raises ``KeyError`` when there is none."""
+    """Return the outline [m] of a space or doorway; raises ``KeyError`` for an unknown one."""
     doorways = {doorway.name: doorway.footprint for doorway in scene.doorways}
     return (doorways | {region.name: region.outline for region in scene.regions})[name]
 
 
 def placed_polygons(corners: Floats, poses: Floats) -> Any:
-    """Return the polygons (n,) that ``corners`` (k, 2) make at ``poses`` (n, 3)."""
+    """Return the polygons (n,) with ``corners`` (k, 2) placed at ``poses`` (n, 3)."""
     c, s = cos_sin(poses[:, 2].copy())
     x, y = corners[:, 0], corners[:, 1]
     placed = np.stack(

@@ -1,18 +1,17 @@
-"""Leading margins: how near a run was to failing by an oracle, for those who search for failures.
+"""Leading margins: how near a run came to failing by an oracle, for searches.
 
-A verdict's margin is flat where nothing of what it speaks of happened: ``never(contact)`` has the
-same one whether the robot passed a box at 30 cm or at 2 cm. A leading margin has the verdict's sign
-and goes on where that stops. No verdict and no trace contains any of it.
+A verdict's margin is flat until its event happens: ``never(contact)`` has the same margin whether
+the robot passed a box at 30 cm or at 2 cm. A leading margin has the verdict's sign and continues
+there. No verdict and no trace contains leading margins.
 
-- ``always``, ``never``, ``eventually``, ``until``: quantitative semantics over signals that lead. A
-  clause has the sign that it has for the verdict, at every sample; where clauses are measured in
-  different units, each is divided by its scale. A release that never came: the smallest distance
-  to it.
-- ``time``, ``longest``, ``fraction``, ``count``: the verdict's margin, and while the amount is 0
-  also the smallest distance to the condition; likewise while it holds all the time.
+- ``always``, ``never``, ``eventually``, ``until``: quantitative semantics over signals that lead.
+  At every sample a clause keeps the sign that it has for the verdict. If the units of clauses
+  differ, each is divided by its scale. For a release that never came: the smallest distance to it.
+- ``time``, ``longest``, ``fraction``, ``count``: the verdict's margin. While the amount is 0, or
+  the condition always holds, the smallest distance to a change is added.
 - ``max``, ``min``, ``median``, ``final``, ``p95``: of the signal that leads; ``mean``: as judged.
-- ``reached``: what was missing to the first waypoint that was not reached, and the legs behind it.
-- Oracles that plug in: the verdict's.
+- ``reached``: the way missing to the first unreached waypoint, and the legs behind it.
+- Plug-in oracles: the verdict's.
 """
 
 from __future__ import annotations
@@ -64,14 +63,11 @@ from grammars.text.diagnostics import InputError
 from grammars.text.expressions import Comparison, Expression
 
 _LEAST: Final = 1e-6
-"""The smallest leading margin [SI] that is not 0: a touch without depth is a failure by so much."""
+"""The smallest leading margin [SI] that is not 0: a touch without depth fails by this much."""
 
 
 class _Lead(NamedTuple):
-    """A margin before it gets the verdict's sign, and the evidence for it.
-
-    ``waypoint`` is the one it is about, if it is about one.
-    """
+    """A margin before it gets the verdict's sign, its evidence and its ``waypoint``, if any."""
 
     margin: float
     evidence: Evidence
@@ -81,53 +77,52 @@ class _Lead(NamedTuple):
 def judge_leading(
     trace: Trace, oracles: Sequence[OracleText]
 ) -> tuple[tuple[Verdict, ...], tuple[LeadingMargin, ...]]:
-    """Judge ``trace`` by each oracle, in order; return the leading margin of each with a limit too.
+    """Judge ``trace`` by each oracle, in order; add the leading margins of oracles with a limit.
 
     The verdicts are those of :func:`daemon.judging.oracles.judge`. A leading margin is negative
-    exactly where the verdict is ``fail``; it is ``None`` where that is ``error`` or
-    ``inconclusive``, and where a run that passes says nothing (there is nothing to run into).
-    Nothing is raised.
+    exactly if the verdict is ``fail``. It is ``None`` for ``error`` and ``inconclusive``, and for a
+    passing run without anything to come near to. Nothing is raised.
     """
     sampler = None if trace_problems(trace) else SignalSampler(trace)
     verdicts = judge(trace, oracles, sampler=sampler)
     margins = []
-    for written, verdict in zip(oracles, verdicts, strict=True):
-        oracle = written_oracle(written)
+    for text, verdict in zip(oracles, verdicts, strict=True):
+        oracle = written_oracle(text)
         if verdict.outcome is Outcome.MEASURE or (oracle is not None and oracle.is_measure):
             continue
         if sampler is None or verdict.outcome not in (Outcome.PASS, Outcome.FAIL):
-            margins.append(LeadingMargin(written.name, None, _unit_or_nothing(oracle)))
+            margins.append(LeadingMargin(text.name, None, _unit_or_empty(oracle)))
         else:
-            margins.append(_leading_margin(written, verdict, sampler))
+            margins.append(_leading_margin(text, verdict, sampler))
     return verdicts, tuple(margins)
 
 
-def _unit_or_nothing(oracle: Oracle | None) -> str:
-    """Return the unit of an oracle that may not have been understood."""
+def _unit_or_empty(oracle: Oracle | None) -> str:
+    """Return the unit of an oracle, empty for an unreadable one."""
     try:
         return "" if oracle is None else leading_unit(oracle)
-    except ValueError:  # a plug-in that cannot be used
+    except ValueError:  # an unusable plug-in
         return ""
 
 
-def _leading_margin(written: OracleText, verdict: Verdict, sampler: SignalSampler) -> LeadingMargin:
+def _leading_margin(text: OracleText, verdict: Verdict, sampler: SignalSampler) -> LeadingMargin:
     lead = None
     try:
-        oracle = bind_oracle(written, sampler.trace)
+        oracle = bind_oracle(text, sampler.trace)
         unit = leading_unit(oracle)
         lead = _lead(oracle, verdict, sampler)
     except (InputError, PluginError, ValueError):
-        # The verdict is there, so it is a plug-in that answers differently when asked again.
+        # There is a verdict, so this is a plug-in that answers differently the second time.
         unit = verdict.unit
     lead = lead or _Lead(_verdict_margin(verdict), verdict.evidence)
     about = lead.evidence.object or verdict.evidence.object
     moment = verdict.evidence.time if lead.evidence.time is None else lead.evidence.time
     waypoint = lead.waypoint or _waypoint_ahead(moment, sampler)
-    return LeadingMargin(written.name, _signed(verdict, lead.margin), unit, about, waypoint)
+    return LeadingMargin(text.name, _signed(verdict, lead.margin), unit, about, waypoint)
 
 
 def _waypoint_ahead(moment: float | None, sampler: SignalSampler) -> str:
-    """Return the waypoint being approached at a moment [s], as reported; or nothing."""
+    """Return the reported waypoint being approached at a moment [s], empty if there is none."""
     time = sampler.time_base.time
     if moment is None or not len(time):
         return ""
@@ -138,12 +133,12 @@ def _waypoint_ahead(moment: float | None, sampler: SignalSampler) -> str:
 
 
 def _verdict_margin(verdict: Verdict) -> float:
-    """Return the verdict's margin, infinite where it has none."""
+    """Return the verdict's margin, infinite if it has none."""
     return math.inf if verdict.margin is None else verdict.margin
 
 
 def _signed(verdict: Verdict, margin: float) -> float | None:
-    """Return a margin with the sign of its verdict; ``None``: passed, nothing to be near to."""
+    """Return a margin with the sign of its verdict; ``None`` if a pass came near to nothing."""
     if verdict.outcome is Outcome.FAIL:
         return min(margin if math.isfinite(margin) else _verdict_margin(verdict), -_LEAST)
     # + 0.0 makes 0.0 of -0.0.
@@ -151,7 +146,7 @@ def _signed(verdict: Verdict, margin: float) -> float | None:
 
 
 def _lead(oracle: Oracle, verdict: Verdict, sampler: SignalSampler) -> _Lead | None:
-    """Return the margin that leads, ``None`` where that is the verdict's."""
+    """Return the margin that leads, ``None`` if it is the verdict's."""
     match oracle.judgement:
         case Temporal(predicate=predicate) as judgement:
             lead = _clause_lead(predicate, sampler)
@@ -168,7 +163,7 @@ def _lead(oracle: Oracle, verdict: Verdict, sampler: SignalSampler) -> _Lead | N
 
 
 def _decisive(interval: MarginInterval) -> _Lead:
-    """Return the bound of an interval that is known."""
+    """Return the known bound of an interval."""
     margin = interval.upper if math.isinf(interval.lower) else interval.lower
     return _Lead(margin, interval.evidence)
 
@@ -186,8 +181,8 @@ def _lead_clause(
 ) -> PredicateSeries:
     """Return a comparison or a true-or-false signal as a margin that leads, or a share of it.
 
-    At least 0 where it holds and at most -:data:`_LEAST` where it does not, NaN where that is not
-    known; infinite where there is nothing to be led by.
+    It is at least 0 where the clause holds, at most -:data:`_LEAST` where it does not, and NaN
+    where that is unknown. It is infinite without anything to follow.
     """
     (evaluated,) = judged.clauses
     value, margin = evaluated.value, judged.margin
@@ -203,13 +198,13 @@ def _lead_clause(
         value, margin = flag, -flag.values if negated else flag.values
     margin = _with_sign(margin, judged.margin)
     if shares:
-        # Divided by a large scale a failure must remain one.
+        # A failure must remain one after division by a large scale.
         margin = _with_sign(margin / clause_scale(clause, sampler.trace.spec.robot), margin)
     return PredicateSeries(margin, judged.decided, (replace(evaluated, value=value),))
 
 
 def _with_sign(margin: Floats, judged: Floats) -> Floats:
-    """Return ``margin`` with the sign of ``judged``, NaN where that is."""
+    """Return ``margin`` with the sign of ``judged``, NaN where ``judged`` is NaN."""
     signed = np.where(judged >= 0.0, np.maximum(margin, 0.0), np.minimum(margin, -_LEAST))
     return np.where(np.isnan(judged), np.nan, signed)
 
@@ -217,7 +212,7 @@ def _with_sign(margin: Floats, judged: Floats) -> Floats:
 def _lead_until(
     oracle: Oracle, judgement: Until, verdict: Verdict, sampler: SignalSampler
 ) -> _Lead:
-    """Lead to what is forbidden before the release, or to a release that never came."""
+    """Lead to a violation before the release, or to a release that never came."""
     predicate, release = judgement.predicate, judgement.release
     lead = _clause_lead(predicate, sampler)
     worst = _decisive(judge_until(oracle, judgement, sampler, lead))
@@ -228,8 +223,8 @@ def _lead_until(
     nearest = _decisive(judge_temporal(replace(oracle, guard=None), awaited, sampler, lead))
     if predicate_unit(predicate) == predicate_unit(release):
         return nearest
-    # The verdict's unit is that of the predicate: the distance to the release is converted, by what
-    # each of them is measured with.
+    # The verdict has the unit of the predicate, so the distance to the release is converted by the
+    # scales of both.
     robot = sampler.trace.spec.robot
     factor = predicate_scale(predicate, robot) / predicate_scale(release, robot)
     return nearest._replace(margin=nearest.margin * factor)
@@ -238,7 +233,7 @@ def _lead_until(
 def _lead_amount(
     oracle: Oracle, judgement: Amount, verdict: Verdict, sampler: SignalSampler
 ) -> _Lead | None:
-    """Lead to the condition while the amount cannot change: it held never, or all the time."""
+    """Lead to a change of the condition if it held never or all the time."""
     predicate, limit = judgement.predicate, judgement.limit
     if limit is None or limit.operator in ("==", "!="):
         return None
@@ -246,7 +241,7 @@ def _lead_amount(
     allowed = scope_of(oracle, sampler, window_of(oracle, sampler), judged).allowed
     holds = judged[allowed] >= 0.0
     never, always = not holds.any(), bool(holds.all())
-    # A condition that holds all the time was met once: it counts once more only after it did not.
+    # A condition that holds all the time counts once; to count again it must end first.
     if not never and (not always or judgement.operator == "count"):
         return None
     condition = Temporal("eventually" if never else "always", predicate)
@@ -266,14 +261,14 @@ def _lead_statistic(oracle: Oracle, judgement: Statistic, sampler: SignalSampler
         allowed = scope_of(oracle, sampler, window_of(oracle, sampler), plain).allowed
         if plain[allowed].any():
             return None
-        # While all of it is 0, the nearest it came to anything else.
+        # While all values are 0, take the one nearest to a change.
         below = bool((signal.values[allowed] <= 0.0).all())
         judgement = replace(judgement, operator="max" if below else "min")
     return _decisive(judge_statistic(oracle, judgement, sampler, signal))
 
 
 def _lead_reached(oracle: Oracle, judgement: Reached, sampler: SignalSampler) -> _Lead:
-    """Return minus the way [m] that was missing, straight from waypoint to waypoint."""
+    """Return minus the missing way [m], straight from waypoint to waypoint."""
     usable, tolerance = usable_visits(oracle, sampler), judgement.tolerance.value
     ahead, start = list(sampler.trace.spec.mission.waypoints), 0
     while (distance := waypoint_distance(sampler, usable, ahead[0])[start:]).min() <= tolerance:

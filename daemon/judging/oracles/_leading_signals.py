@@ -1,8 +1,8 @@
 """Signals that lead where those of the oracle language are flat.
 
-``contact`` is true or false; what leads to it is the clearance while the robot is clear, and the
-depth once it is not. ``in`` is led by the way to the border of the place, ``loc.inside_2sigma`` by
-what is left of two standard deviations; ``contact.depth`` and ``distance`` go on below their 0.
+``contact`` is true or false: the clearance leads to it, and the depth once the robot touches. The
+way to the border of the place leads to ``in``, the remainder of two standard deviations to
+``loc.inside_2sigma``. ``contact.depth`` and ``distance`` continue below 0.
 """
 
 from __future__ import annotations
@@ -22,11 +22,14 @@ from grammars.oracle import Signal, obstacle_names, thing_of
 from grammars.text.expressions import Expression, Function
 
 _NEAR: Final = 0.5
-"""Up to here [m] the outline of the robot counts, and not the box around it."""
+"""Distance [m] up to which the outline of the robot counts instead of the box around it."""
 
 
 def leading_flag(signal: Signal, sampler: SignalSampler) -> SignalSeries | None:
-    """Return what leads to a true-or-false signal: larger the truer [m]; ``None``: nothing does."""
+    """Return the length [m] that leads to a true-or-false signal; ``None`` if there is none.
+
+    It is larger the truer the signal is.
+    """
     match signal.name:
         case "contact":
             return _contact(_thing(signal), sampler)
@@ -38,9 +41,9 @@ def leading_flag(signal: Signal, sampler: SignalSampler) -> SignalSeries | None:
 
 
 def leading_quantity(expression: Expression, sampler: SignalSampler) -> SignalSeries | None:
-    """Return a signal that goes on below 0, ``None`` for all that are not flat there.
+    """Return a signal continued below 0, ``None`` if it is not flat there.
 
-    Only what stands alone: in a product or a magnitude going on would change what is meant.
+    It must stand alone: below 0 a product or a magnitude would change its meaning.
     """
     match expression:
         case Function(name="-", operands=(operand,)):
@@ -60,7 +63,7 @@ def _thing(signal: Signal) -> str:
 
 
 def _contact(thing: str, sampler: SignalSampler) -> SignalSeries:
-    """Return the depth [m] in contact, and elsewhere minus the clearance; -inf: nothing to hit."""
+    """Return the depth [m] in contact, otherwise minus the clearance; -inf without obstacles."""
     named = (Signal(thing),) if thing else ()
     touched = sampler.sample(Signal("contact.depth", named))
     objects = touched.objects
@@ -69,8 +72,8 @@ def _contact(thing: str, sampler: SignalSampler) -> SignalSeries:
     touching = objects >= 0
     near = sampler.sample(Signal("clearance", named))
     clear = _refine(near, thing, sampler)
-    # What is recorded decides: a contact between two samples may be over at the next one, and the
-    # physics lets things overlap a little before it calls that a contact.
+    # The recorded contact decides: one between two samples may be over at the next one, and the
+    # physics lets things overlap a little before it reports a contact.
     values = np.where(touching, touched.values, -np.maximum(clear.values, 0.0))
     values = np.where(np.isnan(values), -np.inf, values)
     if clear.objects is None:
@@ -81,7 +84,7 @@ def _contact(thing: str, sampler: SignalSampler) -> SignalSeries:
 
 
 def _distance(signal: Signal, sampler: SignalSampler) -> SignalSeries:
-    """Return the distance [m], and minus the depth of contact where that is 0."""
+    """Return the distance [m], or minus the depth of contact where the distance is 0."""
     sampled, thing = sampler.sample(signal), _thing(signal)
     if thing not in obstacle_names(sampler.trace.scene):
         return sampled
@@ -91,7 +94,7 @@ def _distance(signal: Signal, sampler: SignalSampler) -> SignalSeries:
 
 
 def _inside(signal: Signal, sampler: SignalSampler) -> SignalSeries:
-    """Return how deep [m] the robot's base is in a place, minus how far outside."""
+    """Return the depth [m] of the robot's base in a place, negative outside."""
     sampled = sampler.sample(signal)
     border = Polygon(place_outline(sampler.trace.scene, _thing(signal))).exterior
     away = shapely.distance(shapely.points(sampler.poses[:, :2]), border)
@@ -101,8 +104,8 @@ def _inside(signal: Signal, sampler: SignalSampler) -> SignalSeries:
 def _refine(near: SignalSeries, thing: str, sampler: SignalSampler) -> SignalSeries:
     """Return the clearance of the robot's outline instead of that of the box around it.
 
-    The same if the outline is a box; otherwise for everything that is near, where the difference
-    counts. It grows with both, so that a robot that is nearer never has the larger one.
+    Both are the same if the outline is a box; otherwise only near obstacles differ. The result
+    grows with both, so that a nearer robot never has the larger value.
     """
     footprint = sampler.trace.spec.robot.footprint
     close = np.flatnonzero(near.values < _NEAR)
@@ -110,7 +113,7 @@ def _refine(near: SignalSeries, thing: str, sampler: SignalSampler) -> SignalSer
         return near
     obstacles = obstacles_named(sampler.obstacles, thing) if thing else sampler.obstacles
     values, objects = near.values.copy(), np.array(near.objects)
-    # The outline is nowhere nearer than the box around it: where that is _NEAR, so is this.
+    # The outline is nowhere nearer than the box around it, so _NEAR limits it too.
     away, owner = nearest_polygons(obstacles, footprint, sampler.poses, close, reach=_NEAR)
     values[close], within = np.minimum(away, _NEAR), owner >= 0
     objects[close[within]] = owner[within]

@@ -36,8 +36,8 @@ def cos_sin(angles: Floats) -> tuple[Floats, Floats]:
 def joint_positions(trace: Trace, obj: SceneObject, time: Floats) -> Floats:
     """Return recorded positions (n, joints) of ``obj`` [rad or m] on ``time`` (n,).
 
-    Between recorded samples positions are interpolated, as :class:`daemon.trace.JointTrack` asks;
-    joints stand at their initial position until first recorded.
+    Positions between recorded samples are interpolated, as :class:`daemon.trace.JointTrack` asks.
+    Joints stand at their initial position until first recorded.
     """
     track = trace.joints
     column = {name: index for index, name in enumerate(track.names)}
@@ -57,9 +57,9 @@ def joint_positions(trace: Trace, obj: SceneObject, time: Floats) -> Floats:
 
 
 def link_tracks(obj: SceneObject, positions: Floats) -> dict[str, Floats]:
-    """Return :func:`grammars.model.kinematics.link_tracks`, compiled where it is slow.
+    """Return :func:`grammars.model.kinematics.link_tracks`, with compiled trigonometry.
 
-    Most doors never move: theirs are computed once and cannot be written to.
+    Most doors never move: their tracks are computed once and are read-only.
     """
     if len(positions) < 2 or (positions != positions[:1]).any():
         return kinematics.link_tracks(obj, positions, cos_sin)
@@ -68,7 +68,7 @@ def link_tracks(obj: SceneObject, positions: Floats) -> dict[str, Floats]:
 
 
 def hinge_foot(obj: SceneObject, joint: Joint, positions: Floats) -> tuple[Floats, Floats]:
-    """Return where the anchor of ``joint`` is in the world over time: x (n,), y (n,) [m]."""
+    """Return the place of the anchor of ``joint`` in the world over time: x (n,), y (n,) [m]."""
     if joint.parent == WORLD:
         parent = np.tile((obj.pose.x, obj.pose.y, obj.pose.yaw), (len(positions), 1))
     else:
@@ -87,7 +87,7 @@ class ObstaclePolygons:
 
     ``corners`` (v, 2) [m]; polygon ``p`` has corners ``offsets[p]:offsets[p + 1]`` in the frame
     ``frame[p]`` (-1: world), inside the circle ``circle[p]`` = (x, y, radius). ``tracks``
-    (n, frames, 3) are the poses of the frames over time. ``names`` (p,) say whose each is.
+    (n, frames, 3) are the poses of the frames over time. ``names`` (p,) are their owners.
     """
 
     corners: Floats
@@ -106,7 +106,7 @@ def footprint_box(footprint: Ring) -> tuple[Point2, Point2]:
 
 
 def obstacles_of(trace: Trace, time: Floats) -> ObstaclePolygons:
-    """Collect what the robot's body can hit: solids and links that overlap its height."""
+    """Collect the obstacles of the robot's body: solids and links that overlap its height."""
     building = DigestedScene(trace.spec.scene, trace.scene)
     shapes = _obstacle_shapes(building, trace.spec.robot.height)
     tracks: list[Floats] = []
@@ -124,7 +124,7 @@ def _side_by_side(tracks: list[Floats], count: int) -> Floats:
     """Return tracks (count, 3) as one array (count, tracks, 3)."""
     stacked = np.empty((count, len(tracks), 3))
     if count and tracks:
-        # All as they begin, in one go: what moves is then written over it.
+        # Fill in all initial poses at once, then overwrite the moving tracks.
         stacked[:] = np.stack([track[0] for track in tracks])
         for index, track in enumerate(tracks):
             if track.strides[0]:
@@ -134,7 +134,7 @@ def _side_by_side(tracks: list[Floats], count: int) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class DigestedScene:
-    """A scene as a key: equal when its ``digest`` is; the hash of its polygons would take long."""
+    """A scene as a key, equal by its ``digest``: hashing its polygons would take long."""
 
     digest: str
     scene: Scene = field(compare=False)
@@ -142,7 +142,7 @@ class DigestedScene:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _ObstacleShapes:
-    """Obstacles of a building without their tracks, and the links whose tracks they are."""
+    """Obstacles of a building without their tracks, and the moving links that have tracks."""
 
     still: ObstaclePolygons
     moving: tuple[tuple[SceneObject, tuple[str, ...]], ...]
@@ -185,7 +185,7 @@ def obstacles_named(obstacles: ObstaclePolygons, *names: str) -> ObstaclePolygon
 
 
 def belongs_to(owner: str, name: str) -> bool:
-    """Return whether the polygon or contact of ``owner`` is one of the thing called ``name``."""
+    """Return whether the polygon or contact of ``owner`` belongs to the thing called ``name``."""
     return owner == name or owner.startswith(f"{name}.")
 
 

@@ -1,18 +1,17 @@
 """The operators of the oracle language on one trace: always, fraction, max, until, reached.
 
-Between two samples everything is held constant. On a trace that was cut, the unknown rest of the
-run (at most until its time limit) widens the interval of the margin; what was already seen stays.
+Between two samples everything is constant. On a trace that was cut, the unknown rest of the run (at
+most until its time limit) widens the interval of the margin; recorded violations stay.
 
 ``always(...) until (...)``: the margin is that of the predicate before the release, in the
-predicate's unit; a release that never came has no amount in that unit, so it is missed by as
-little as a number can say.
+predicate's unit. A release that never came has no amount in that unit, so it is missed by the
+smallest possible number.
 
 ``reached(mission, tolerance)``: all waypoints, in strict order, by the true position. A run is as
 good as its best reading: of all ways to name a moment for every waypoint, in order, the one whose
-worst distance is smallest. That distance against the tolerance is the margin, so a waypoint
-passed at 0.26 m instead of 0.25 m misses by 0.01 m, whatever comes after it. Waypoints that also
-give a heading are judged on position only: the paper's requirement is to reach them (section
-4.1.1).
+worst distance is smallest. The margin is the tolerance minus that distance, so a waypoint passed at
+0.26 m instead of 0.25 m misses by 0.01 m, whatever comes after it. Waypoints with a heading are
+judged by position only: the paper's requirement is to reach them (section 4.1.1).
 """
 
 from __future__ import annotations
@@ -46,7 +45,7 @@ from grammars.text.expressions import render
 
 _RELEASED = "what it waits for held from the start"
 _SHARES: Final = {"median": 0.5, "p95": 0.95}
-"""Statistics that are quantiles of time, by the share of it that they cover."""
+"""Statistics that are quantiles of time, with the share of time that they cover."""
 
 
 def judge_temporal(
@@ -62,16 +61,16 @@ def judge_temporal(
         return unknown_margin(scope.reason)
     eventually = judgement.operator == "eventually"
     margin = np.where(allowed, series.margin, -math.inf if eventually else math.inf)
-    # The decisive moment: of what must always hold the worst one, of what must once hold the best.
+    # The decisive moment is the worst one, for ``eventually`` the best one.
     index = int(margin.argmax() if eventually else margin.argmin())
     worst = float(margin[index])
     first = _first_note(time_base, allowed & ((series.margin >= 0.0) == eventually), index)
     evidence = _evidence_at_sample(series, time_base, index, first, scope.note, window.cut)
     flat = lead is None and not unit_of_margin(judgement.predicate)
     if flat and (worst >= 0.0) != eventually:
-        # True or false, and nothing happened: no moment of the run is more telling than another.
+        # A predicate that is only true or false and never changed has no telling moment.
         evidence = Evidence(note=join_notes(*series.notes, scope.note, window.cut))
-    # What is still to come can only make the best better, and the worst worse.
+    # The rest of the run can only make the best better, and the worst worse.
     if eventually:
         return MarginInterval(worst, worst if closed else math.inf, evidence)
     return MarginInterval(worst if closed else -math.inf, worst, evidence)
@@ -90,15 +89,15 @@ def judge_amount(oracle: Oracle, judgement: Amount, sampler: SignalSampler) -> M
     value, low, high = _amount(judgement.operator, time_base, window, allowed, holds)
     if math.isnan(value):
         return unknown_margin("no time has passed", measured=limit is None)
-    # What to look at is the longest stretch of what the limit is against: of "at least" where it
-    # does not hold, of "at most" (and of a mere measure) where it does.
-    wants_more = limit is not None and limit.operator in (">=", ">")
-    stretch = _longest(time_base, allowed & ~holds if wants_more else holds)
+    # The evidence is the longest stretch that speaks against the limit: for "at least" where the
+    # predicate does not hold, for "at most" (and a mere measure) where it does.
+    is_lower_limit = limit is not None and limit.operator in (">=", ">")
+    stretch = _longest(time_base, allowed & ~holds if is_lower_limit else holds)
     note = join_notes(*series.notes, scope.note, window.cut)
     evidence = Evidence(value=value, note=note)
     if stretch is not None:
         inside = series.margin[stretch]
-        index = stretch.start + int(inside.argmin() if wants_more else inside.argmax())
+        index = stretch.start + int(inside.argmin() if is_lower_limit else inside.argmax())
         clause = series.clauses[series.decided[index]]
         evidence = Evidence(
             float(time_base.time[stretch.start]), value, None, clause.value.object_at(index), note
@@ -109,9 +108,9 @@ def judge_amount(oracle: Oracle, judgement: Amount, sampler: SignalSampler) -> M
 def judge_statistic(
     oracle: Oracle, judgement: Statistic, sampler: SignalSampler, lead: SignalSeries | None = None
 ) -> MarginInterval:
-    """Judge or measure a statistic of a signal, ``max(speed)`` say.
+    """Judge or measure a statistic of a signal, such as ``max(speed)``.
 
-    With ``lead`` it is that of this signal, which goes on where the written one is flat.
+    ``lead`` replaces the signal by one that continues where it is flat.
     """
     time_base, limit = sampler.time_base, judgement.limit
     signal = lead or evaluate_quantity(judgement.signal, sampler)
@@ -121,7 +120,7 @@ def judge_statistic(
         return unknown_margin(scope.reason, measured=limit is None)
     value, index = _statistic(judgement.operator, time_base, scope.allowed, signal.values)
     low, high = value, value
-    # A maximum so far can only grow, a minimum only shrink; of the others nothing is known yet.
+    # A maximum so far can only grow, a minimum only shrink; the others are still unknown.
     if not window.closed:
         low = value if judgement.operator == "max" else -math.inf
         high = value if judgement.operator == "min" else math.inf
@@ -137,16 +136,16 @@ def judge_statistic(
 def _amount(
     operator: str, time_base: TimeBase, window: JudgedWindow, allowed: SampleMask, holds: SampleMask
 ) -> tuple[float, float, float]:
-    """Return the amount so far and the bounds of what it can be at the end of the run."""
+    """Return the amount so far and its bounds at the end of the run."""
     rest = window.remaining
-    held = float(time_base.weight[holds].sum())
+    duration = float(time_base.weight[holds].sum())
     if operator == "time":
-        return held, held, held + rest
+        return duration, duration, duration + rest
     if operator == "fraction":
         total = float(time_base.weight[allowed].sum())
         if total <= 0.0:
             return math.nan, 0.0, 1.0
-        return held / total, held / (total + rest), (held + rest) / (total + rest)
+        return duration / total, duration / (total + rest), (duration + rest) / (total + rest)
     if operator == "longest":
         lengths = [float(time_base.weight[s].sum()) for s in true_stretches(holds)]
         longest = max(lengths, default=0.0)
@@ -160,7 +159,7 @@ def _amount(
 def _statistic(
     operator: str, time_base: TimeBase, allowed: SampleMask, values: Floats
 ) -> tuple[float, int | None]:
-    """Return the statistic and the sample that decides it (``None``: all of them)."""
+    """Return the statistic and its deciding sample, ``None`` if all samples decide."""
     indices = np.flatnonzero(allowed)
     judged, weight = values[indices], time_base.weight[indices]
     if weight.sum() <= 0.0:
@@ -168,12 +167,12 @@ def _statistic(
     if operator == "mean":
         return float(np.average(judged, weights=weight)), None
     if operator in _SHARES:
-        chosen = quantile_index(judged, weight, _SHARES[operator])
+        place = quantile_index(judged, weight, _SHARES[operator])
     elif operator == "final":
-        chosen = len(indices) - 1
+        place = len(indices) - 1
     else:
-        chosen = int(judged.argmax() if operator == "max" else judged.argmin())
-    return float(judged[chosen]), int(indices[chosen])
+        place = int(judged.argmax() if operator == "max" else judged.argmin())
+    return float(judged[place]), int(indices[place])
 
 
 def _compare_with_limit(
@@ -185,7 +184,7 @@ def _compare_with_limit(
     target = limit.number.value
     judged = Evidence(evidence.time, evidence.value, target, evidence.object, evidence.note)
     ends = np.array([low, high])
-    # The margin of an equality is largest, or smallest, inside of an interval that holds the limit.
+    # The margin of an equality has its extreme at the limit, if the interval contains it.
     if limit.operator in ("==", "!=") and low <= target <= high:
         ends = np.array([low, target, high])
     margins = margin_of(limit.operator, ends, np.full(len(ends), target))
@@ -203,7 +202,7 @@ def _longest(time_base: TimeBase, holds: SampleMask) -> slice | None:
 
 
 def _first_note(time_base: TimeBase, samples: SampleMask, decisive: int) -> str:
-    """Say when it first happened, when that is not the decisive moment."""
+    """Return when it first happened, empty if that is the decisive moment."""
     if not samples.any():
         return ""
     index = int(samples.argmax())
@@ -213,7 +212,7 @@ def _first_note(time_base: TimeBase, samples: SampleMask, decisive: int) -> str:
 def _evidence_at_sample(
     series: PredicateSeries, time_base: TimeBase, index: int, *notes: str
 ) -> Evidence:
-    """Return the evidence for a predicate at sample ``index``: of the clause that decided there."""
+    """Return the evidence for a predicate at sample ``index``, from the deciding clause."""
     clause = series.clauses[series.decided[index]]
     value = float(clause.value.values[index])
     limit = None if clause.limit is None else float(clause.limit[index])
@@ -227,38 +226,38 @@ def judge_until(
 ) -> MarginInterval:
     """Judge ``always`` or ``never`` a predicate until another one holds.
 
-    The release counts wherever it comes inside the window; the guard says where the predicate is
-    judged. Violated before the release: fail, whatever comes. With ``lead``, return the margin of
-    the predicate that leads, also when the release never came.
+    The release counts anywhere inside the window; the guard says where the predicate is judged. A
+    violation before the release is a failure, whatever comes. With ``lead``, return the margin of
+    the predicate that leads, even if the release never came.
     """
     time_base, negated = sampler.time_base, judgement.operator == "never"
     window, closed, awaited = _window_within(oracle, judgement, sampler)
-    held = evaluate_predicate(judgement.predicate, sampler, negated=negated, lead=lead)
+    required = evaluate_predicate(judgement.predicate, sampler, negated=negated, lead=lead)
     release = evaluate_predicate(judgement.release, sampler)
-    scope = scope_of(oracle, sampler, window, held.margin)
+    scope = scope_of(oracle, sampler, window, required.margin)
     came = awaited & (release.margin >= 0.0)
     first = int(came.argmax()) if came.any() else len(came)
     before = scope.allowed & awaited & (np.arange(len(came)) < first)
     if not before.any():
         at_once = came.any() and scope.allowed.any()
         return unknown_margin(f"vacuous: {_RELEASED}" if at_once else scope.reason)
-    margin = np.where(before, held.margin, math.inf)
+    margin = np.where(before, required.margin, math.inf)
     index = int(margin.argmin())
     worst = float(margin[index])
     if lead is None and not came.any() and closed and worst >= 0.0:
         return _release_never_came(judgement, release, sampler, awaited)
     ended = f"until {time_base.time[first]:.2f} s" if came.any() else window.cut
-    evidence = _evidence_at_sample(held, time_base, index, scope.note, ended)
+    evidence = _evidence_at_sample(required, time_base, index, scope.note, ended)
     if lead is None and not unit_of_margin(judgement.predicate) and worst >= 0.0:
-        # True or false, and nothing happened: no moment is more telling than another.
-        evidence = Evidence(note=join_notes(*held.notes, scope.note, ended))
+        # A predicate that is only true or false and never changed has no telling moment.
+        evidence = Evidence(note=join_notes(*required.notes, scope.note, ended))
     return MarginInterval(worst if came.any() or closed else -math.inf, worst, evidence)
 
 
 def _window_within(
     oracle: Oracle, judgement: Temporal | Until, sampler: SignalSampler
 ) -> tuple[JudgedWindow, bool, SampleMask]:
-    """Return the window, whether what is waited for can come no more, and where it would count."""
+    """Return the window, whether it is over for good, and the samples in which events count."""
     window = window_of(oracle, sampler)
     if judgement.within is None:
         return window, window.closed, window.inside
@@ -270,7 +269,7 @@ def _window_within(
 def _release_never_came(
     judgement: Until, release: PredicateSeries, sampler: SignalSampler, awaited: SampleMask
 ) -> MarginInterval:
-    """Fail, with the moment at which the release was nearest, if it can be near."""
+    """Fail, with the moment at which the release was nearest, if it has a distance."""
     margin = JUST_BELOW if unit_of_margin(judgement.predicate) else -1.0
     note = f"{render(judgement.release)} never came"
     nearness = np.where(awaited & ~np.isnan(release.margin), release.margin, -math.inf)
@@ -281,7 +280,7 @@ def _release_never_came(
 
 
 def judge_reached(oracle: Oracle, judgement: Reached, sampler: SignalSampler) -> MarginInterval:
-    """Judge the mission; with a guard, only positions where it holds count as visits."""
+    """Judge the mission; positions count as visits only where the guard, if any, holds."""
     time_base, tolerance = sampler.time_base, judgement.tolerance.value
     if not len(time_base.time):
         return unknown_margin("nothing was recorded")
@@ -298,14 +297,14 @@ def judge_reached(oracle: Oracle, judgement: Reached, sampler: SignalSampler) ->
 
 
 def usable_visits(oracle: Oracle, sampler: SignalSampler) -> SampleMask:
-    """Return the samples (n,) that count as visits: those at which the guard, if any, holds."""
+    """Return the samples (n,) that count as visits: those where the guard, if any, holds."""
     if oracle.guard is None:
         return np.full(len(sampler.time_base.time), True)
     return evaluate_predicate(oracle.guard, sampler).margin >= 0.0
 
 
 def waypoint_distance(sampler: SignalSampler, usable: SampleMask, waypoint: Waypoint) -> Floats:
-    """Return the distance [m] at every sample, infinite where a guard forbids to count it."""
+    """Return the distance [m] at every sample, infinite where it is not ``usable``."""
     distance = np.hypot(sampler.x - waypoint.x, sampler.y - waypoint.y)
     distance[~usable] = math.inf
     return distance
@@ -314,8 +313,8 @@ def waypoint_distance(sampler: SignalSampler, usable: SampleMask, waypoint: Wayp
 def _closest(sampler: SignalSampler, usable: SampleMask, waypoints: tuple[Waypoint, ...]) -> float:
     """Return the smallest worst distance [m] over all ways to visit the waypoints in order."""
     # Dynamic programming over the waypoints: best[i] is the smallest worst distance of all ways to
-    # visit those so far by sample i. One pass of numpy each, where all readings would be n to the
-    # power of the waypoints.
+    # visit those so far by sample i. Each takes one pass of numpy; the number of readings is n to
+    # the power of the waypoints.
     best = np.zeros(len(sampler.time_base.time))
     for waypoint in waypoints:
         worst = np.maximum(best, waypoint_distance(sampler, usable, waypoint))
@@ -330,7 +329,7 @@ def _decisive_visit(
     closest: float,
     tolerance: float,
 ) -> Evidence:
-    """Return where the worst distance of the best reading comes about."""
+    """Return the evidence for the worst distance of the best reading."""
     time, start = sampler.time_base.time, 0
     worst, decisive, when = -math.inf, 0, 0
     for index, waypoint in enumerate(waypoints):
@@ -352,7 +351,7 @@ def _decisive_visit(
 
 
 def _first_visit(distance: Floats, within: float) -> slice:
-    """Return the first unbroken stay within a distance that is known to be reached."""
+    """Return the first unbroken stay within a distance, which is reached at least once."""
     near = distance <= within
     first = int(near.argmax())
     away = ~near[first:]

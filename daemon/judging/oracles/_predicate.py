@@ -1,8 +1,8 @@
 """Expressions and predicates over sampled signals, and the part of a run an oracle judges.
 
-A predicate becomes a margin per sample: >= 0 where it holds, < 0 where it does not, NaN where it
-cannot be known. Negations are pushed down to the comparisons, so that ``<`` and ``<=`` keep their
-exact meaning. An oracle judges the whole of a run, or the leg of one waypoint.
+A predicate becomes a margin per sample: >= 0 where it holds, < 0 where it does not, NaN where it is
+unknown. Negations are pushed down to the comparisons, so that ``<`` and ``<=`` keep their exact
+meaning. An oracle judges a whole run, or the leg of one waypoint.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ SampleMask = npt.NDArray[np.bool_]
 VACUOUS = "vacuous: the guard never held"
 
 JUST_BELOW: Final = -float(np.finfo(np.float64).tiny)
-"""Margin of a strict comparison whose sides are equal: it does not hold, by nothing."""
+"""Margin of a strict comparison whose sides are equal: it fails by the smallest number."""
 
 NEGATED: Final = {"<=": ">", "<": ">=", ">=": "<", ">": "<=", "==": "!=", "!=": "=="}
 
@@ -52,7 +52,7 @@ class PredicateClause:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PredicateSeries:
-    """A predicate on the time base: ``margin`` (n,), and which clause decided (n,)."""
+    """A predicate on the time base: ``margin`` (n,), and the index of the deciding clause (n,)."""
 
     margin: Floats
     decided: ObjectIndices
@@ -65,12 +65,12 @@ class PredicateSeries:
 
 
 ClauseLead: TypeAlias = Callable[[Expression, PredicateSeries, bool], PredicateSeries]
-"""Turns a clause, as evaluated (perhaps negated), into one whose margins can be compared with those
-of all other clauses of its predicate."""
+"""Turns an evaluated, perhaps negated, clause into one whose margins can be compared with those of
+the other clauses of its predicate."""
 
 
 def unit_of_margin(predicate: Expression) -> str:
-    """Return the unit of a predicate's margin; empty when it only holds or not."""
+    """Return the unit of a predicate's margin; empty if it is only true or false."""
     kind = margin_kind(predicate)
     return "" if kind is None else kind.unit
 
@@ -82,7 +82,10 @@ def evaluate_predicate(
     negated: bool = False,
     lead: ClauseLead | None = None,
 ) -> PredicateSeries:
-    """Evaluate a checked predicate, or its negation, on the time base; its clauses by ``lead``."""
+    """Evaluate a checked predicate, or its negation, on the time base.
+
+    ``lead`` changes each clause.
+    """
     match predicate:
         case Not(operand=operand):
             return evaluate_predicate(operand, sampler, negated=not negated, lead=lead)
@@ -140,9 +143,9 @@ def _arithmetic(operator: str, left: SignalSeries, right: SignalSeries) -> Signa
 
 
 def _extreme(name: str, sides: Sequence[SignalSeries]) -> SignalSeries:
-    """Return the smallest or largest of some series, about the object of that one."""
+    """Return the smallest or largest of some series, with the object of that one."""
     values = np.stack([side.values for side in sides])
-    # A value that is not known is the extreme one for numpy too.
+    # numpy takes an unknown value (NaN) for the extreme one, as it should be here.
     extreme = values.argmin(axis=0) if name == "min" else values.argmax(axis=0)
     picked = (extreme, np.arange(values.shape[1]))
     names: tuple[str, ...] = ()
@@ -170,11 +173,10 @@ def margin_of(operator: str, value: Floats, limit: Floats) -> Floats:
             margin = 0.0 - np.abs(value - limit)
         case _:
             margin = np.abs(value - limit)
-    # So that the sign alone says whether it holds, also where a strict comparison is met exactly;
-    # + 0.0 makes 0.0 of -0.0.
+    # The sign alone tells whether it holds, even if the sides of a strict comparison are equal.
     if operator in ("<", ">", "!="):
         margin = np.where(margin == 0.0, JUST_BELOW, margin)
-    return margin + 0.0
+    return margin + 0.0  # makes 0.0 of -0.0
 
 
 def _evaluate_comparison(
@@ -208,16 +210,16 @@ def _combine_predicates(
 ) -> PredicateSeries:
     """Join predicates by ``and`` (``every``) or ``or``, in Kleene's three-valued logic.
 
-    Margins in unlike units only keep their sign.
+    Only the signs of margins in different units count.
     """
     # ``and`` is the minimum of margins and ``or`` the maximum, as in robust semantics of temporal
-    # logic; one that is unknown decides nothing unless the others settle it.
+    # logic; an unknown one leaves the result unknown unless the others settle it.
     margins = np.stack([p.margin if comparable else _sign(p.margin) for p in parts])
     unknown = np.isnan(margins)
-    known = np.where(unknown, np.inf if every else -np.inf, margins)
-    winner = known.argmin(axis=0) if every else known.argmax(axis=0)
+    bounds = np.where(unknown, np.inf if every else -np.inf, margins)
+    winner = bounds.argmin(axis=0) if every else bounds.argmax(axis=0)
     columns = np.arange(margins.shape[1])
-    margin = known[winner, columns]
+    margin = bounds[winner, columns]
     settled = (margin < 0.0) if every else (margin >= 0.0)
     margin = np.where(unknown.any(axis=0) & ~settled, np.nan, margin)
     shifts = np.cumsum([0, *(len(p.clauses) for p in parts[:-1])])
@@ -232,10 +234,10 @@ def _sign(margin: Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JudgedWindow:
-    """Samples (n,) that are ``inside``, and what is still unknown of them.
+    """Samples (n,) ``inside`` the judged part of a run, and its unknown rest.
 
-    ``start`` and ``end`` [s] span what is recorded; ``closed``: nothing can be added to it,
-    otherwise up to ``remaining`` seconds. ``absent`` says why it is empty, if it must be.
+    ``start`` and ``end`` [s] span the recorded part. A ``closed`` window is complete; otherwise up
+    to ``remaining`` seconds may follow. ``absent`` says why the window is empty, if it is.
     """
 
     inside: SampleMask
@@ -247,13 +249,13 @@ class JudgedWindow:
 
     @property
     def cut(self) -> str:
-        """A note that more of it is to come, empty when all of it is known."""
+        """A note that more is to come, empty if the window is closed."""
         return "" if self.closed else f"the trace ends at {self.end:.2f} s, before the run"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JudgedSamples:
-    """Samples to judge (n,); why there are none, if so; from when on there are."""
+    """Samples to judge (n,), the ``reason`` if there are none, and a note when they begin."""
 
     allowed: SampleMask
     reason: str
@@ -261,7 +263,7 @@ class JudgedSamples:
 
 
 def window_of(oracle: Oracle, sampler: SignalSampler) -> JudgedWindow:
-    """Return the part of the run that ``oracle`` is about."""
+    """Return the part of the run that ``oracle`` judges."""
     time_base = sampler.time_base
     if oracle.leg is None:
         everything = np.full(len(time_base.time), True)
@@ -272,43 +274,43 @@ def window_of(oracle: Oracle, sampler: SignalSampler) -> JudgedWindow:
 
 
 def _leg_window(leg: Leg, sampler: SignalSampler, time_base: TimeBase) -> JudgedWindow:
-    """Return the first unbroken time in which the leg's waypoint is approached.
+    """Return the first unbroken time in which the robot approaches the leg's waypoint.
 
-    Coming back to it later does not count: otherwise a leg would never be known to be over.
+    A later return does not count: otherwise a leg would never be over for certain.
     """
     number = leg_number(leg, sampler.trace.spec.mission)
-    # By what the system under test reports, not by distances: it decides when a waypoint is done.
-    there = sampler.current == number - 1
-    first = int(there.argmax()) if there.any() else len(there)
-    gone = np.flatnonzero(~there[first:])
-    last = first + int(gone[0]) if len(gone) else len(there)
-    inside = np.zeros(len(there), dtype=np.bool_)
+    # The system under test decides when a waypoint is done, so its report counts, not a distance.
+    on_leg = sampler.current == number - 1
+    first = int(on_leg.argmax()) if on_leg.any() else len(on_leg)
+    departures = np.flatnonzero(~on_leg[first:])
+    last = first + int(departures[0]) if len(departures) else len(on_leg)
+    inside = np.zeros(len(on_leg), dtype=np.bool_)
     inside[first:last] = True
-    if last < len(there):
+    if last < len(on_leg):
         return JudgedWindow(
             inside, float(time_base.time[first]), float(time_base.time[last]), True, 0.0
         )
-    start = float(time_base.time[first]) if first < len(there) else time_base.end
-    absent = "" if there.any() else f"vacuous: {leg} was never begun"
+    start = float(time_base.time[first]) if first < len(on_leg) else time_base.end
+    absent = "" if on_leg.any() else f"vacuous: {leg} was never begun"
     return JudgedWindow(inside, start, time_base.end, time_base.closed, time_base.remaining, absent)
 
 
 def scope_of(
     oracle: Oracle, sampler: SignalSampler, window: JudgedWindow, values: Floats
 ) -> JudgedSamples:
-    """Return where in ``window`` the guard holds and ``values`` (n,) are known."""
+    """Return the samples in ``window`` where the guard holds and ``values`` (n,) are known."""
     time = sampler.time_base.time
-    known = window.inside & ~np.isnan(values)
+    is_known = window.inside & ~np.isnan(values)
     if not len(time):
-        return JudgedSamples(known, "nothing was recorded", "")
+        return JudgedSamples(is_known, "nothing was recorded", "")
     if window.absent:
-        return JudgedSamples(known, window.absent, "")
-    first = int(known.argmax())
-    late = known.any() and first > int(window.inside.argmax())
-    note = f"known from {time[first]:.2f} s on" if late else ""
+        return JudgedSamples(is_known, window.absent, "")
+    first = int(is_known.argmax())
+    is_late = is_known.any() and first > int(window.inside.argmax())
+    note = f"known from {time[first]:.2f} s on" if is_late else ""
     reason = "what it speaks of was not recorded"
     if oracle.guard is None:
-        return JudgedSamples(known, reason, note)
+        return JudgedSamples(is_known, reason, note)
     guard = evaluate_predicate(oracle.guard, sampler).margin
-    held = window.inside & ~np.isnan(guard) & (guard >= 0.0)
-    return JudgedSamples(known & held, reason if held.any() else VACUOUS, note)
+    holds = window.inside & (guard >= 0.0)
+    return JudgedSamples(is_known & holds, reason if holds.any() else VACUOUS, note)

@@ -1,6 +1,6 @@
 """Signals of a trace, sampled on its time base when an oracle asks for them.
 
-Also running signals and oracles of other people: read-only in, checked values out.
+Plug-in signals and oracles run here too: they get read-only arrays, and their values are checked.
 """
 
 from __future__ import annotations
@@ -60,21 +60,21 @@ from grammars.text.expressions import Number
 from grammars.text.plugins import explain_plugin_error
 
 DOOR_CLEARANCE: Final = "clearance(doors)"
-"""Name of a signal that no oracle can read: the least ``clearance`` of any object that moves."""
+"""Name of a signal for people, unknown to oracles: the least ``clearance`` of any moving object."""
 
 T = TypeVar("T")
 
 
 class PluginError(Exception):
-    """A plug-in raised or answered nonsense; the message says which and what."""
+    """A plug-in raised an error or returned nonsense; the message names both."""
 
 
 def sample_plugin_signal(
     name: str, sampler: SignalSampler, arguments: tuple[float, ...]
 ) -> SignalSeries:
-    """Sample a signal that plugs in; raises :class:`PluginError`."""
+    """Sample a plug-in signal; raises :class:`PluginError`."""
     declared = _require_plugin(custom_signal(name), "signal", name)
-    # Read-only views of everything: a plug-in is somebody else's code, in the same process.
+    # Pass read-only views: a plug-in is somebody else's code, in the same process.
     time = read_only_view(sampler.time_base.time)
     answer = _call_plugin(
         f'the signal "{name}"', declared.sample, sampler.read_only_trace, time, *arguments
@@ -92,7 +92,7 @@ def sample_plugin_signal(
 
 
 def judge_by_plugin(judgement: CustomCall, sampler: SignalSampler) -> MarginInterval:
-    """Judge by an oracle that plugs in; raises :class:`PluginError`."""
+    """Judge by a plug-in oracle; raises :class:`PluginError`."""
     name = f'the oracle "{judgement.name}"'
     declared = _require_plugin(custom_oracle(judgement.name), "oracle", judgement.name)
     arguments = tuple(number.value for number in judgement.arguments)
@@ -100,19 +100,19 @@ def judge_by_plugin(judgement: CustomCall, sampler: SignalSampler) -> MarginInte
     lower, upper, evidence = _interval(answer, name)
     if sampler.time_base.closed or declared.judges_prefixes:
         return MarginInterval(lower, upper, evidence)
-    # What it says of a trace that was cut is what it would say of a run that ended there.
+    # It judges a trace that was cut like a run that ended there, so its bounds do not hold.
     return MarginInterval(-math.inf, math.inf, evidence)
 
 
 def read_only_view(array: Floats) -> Floats:
-    """Return a view of ``array`` that nobody can write through."""
+    """Return a read-only view of ``array``."""
     view = array.view()
     view.flags.writeable = False
     return view
 
 
 def read_only_copy(value: T) -> T:
-    """Return a value type whose arrays, however deep, are read-only views; lists stay as they are.
+    """Return a dataclass value whose arrays, at any depth, are read-only views; lists stay.
 
     A plug-in that writes into a trace would change the verdicts of every other oracle.
     """
@@ -134,41 +134,41 @@ def _require_plugin(declared: T | None, kind: str, name: str) -> T:
     return declared
 
 
-def _call_plugin(what: str, function: Any, *arguments: object) -> object:
+def _call_plugin(plugin: str, function: Any, *arguments: object) -> object:
     try:
         answer: object = function(*arguments)
     except (Exception, SystemExit) as error:  # sys.exit() in a plug-in must not end a worker
-        raise PluginError(explain_plugin_error(f"{what} failed", error, __file__)) from error
+        raise PluginError(explain_plugin_error(f"{plugin} failed", error, __file__)) from error
     return answer
 
 
-def _as_floats(answer: object, what: str) -> Floats:
+def _as_floats(answer: object, plugin: str) -> Floats:
     try:
         return np.array(answer, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise PluginError(f"{what} gave no numbers: {error}") from error
+        raise PluginError(f"{plugin} gave no numbers: {error}") from error
 
 
-def _interval(answer: object, what: str) -> tuple[float, float, Evidence]:
+def _interval(answer: object, plugin: str) -> tuple[float, float, Evidence]:
     """Read ``(lower, upper)`` or ``(lower, upper, evidence)``."""
     if not isinstance(answer, tuple) or len(answer) not in (2, 3):
-        raise PluginError(f"{what} must return (lower, upper) or (lower, upper, Evidence)")
+        raise PluginError(f"{plugin} must return (lower, upper) or (lower, upper, Evidence)")
     evidence = answer[2] if len(answer) == 3 else Evidence()
     if not isinstance(evidence, Evidence):
-        raise PluginError(f"{what} gave {type(evidence).__name__} instead of Evidence")
-    lower, upper = _as_floats(answer[:2], what).tolist()
-    # Not ``lower > upper``: nan is refused as well.
+        raise PluginError(f"{plugin} gave {type(evidence).__name__} instead of Evidence")
+    lower, upper = _as_floats(answer[:2], plugin).tolist()
+    # Unlike ``lower > upper``, this refuses NaN as well.
     if not lower <= upper:
-        raise PluginError(f"{what} gave the interval [{lower}, {upper}]")
-    return lower, upper, _plain_evidence(evidence, what)
+        raise PluginError(f"{plugin} gave the interval [{lower}, {upper}]")
+    return lower, upper, _plain_evidence(evidence, plugin)
 
 
-def _plain_evidence(evidence: Evidence, what: str) -> Evidence:
-    """Return evidence with nothing in it but finite floats and text, as ledgers keep it."""
+def _plain_evidence(evidence: Evidence, plugin: str) -> Evidence:
+    """Return evidence of only finite floats and text, as ledgers keep it."""
     numbers = (evidence.time, evidence.value, evidence.limit)
-    given = [number for number in numbers if number is not None]
-    if not np.isfinite(_as_floats(given, what)).all():
-        raise PluginError(f"{what} gave evidence that is not finite")
+    present = [number for number in numbers if number is not None]
+    if not np.isfinite(_as_floats(present, plugin)).all():
+        raise PluginError(f"{plugin} gave evidence that is not finite")
     time, value, limit = (None if number is None else float(number) for number in numbers)
     return Evidence(time, value, limit, str(evidence.object), str(evidence.note))
 
@@ -181,7 +181,7 @@ class SignalSampler:
         self.time_base = time_base_of(trace)
         count = len(self.time_base.time)
         truth = trace.ground_truth
-        # The time base is the ground truth up to where it is valid; everything has its length.
+        # The time base is the valid part of the ground truth; every array has its length.
         self.x, self.y = truth.x[:count], truth.y[:count]
         self.poses = np.column_stack((self.x, self.y, truth.yaw[:count]))
         self._cache: dict[tuple[str, str, tuple[float, ...]], SignalSeries] = {}
@@ -190,7 +190,7 @@ class SignalSampler:
     def sample(self, signal: Signal) -> SignalSeries:
         """Return ``signal`` on the time base; it must have passed the static checks.
 
-        Raises :class:`PluginError` for a signal of one's own that fails.
+        Raises :class:`PluginError` if a plug-in signal fails.
         """
         named = thing_of(signal)
         thing = "" if named is None else named.name
@@ -201,9 +201,9 @@ class SignalSampler:
         return self._cache[key]
 
     def with_trace(self, trace: Trace) -> SignalSampler:
-        """Return a sampler of ``trace``, which differs in nothing but how its run ended.
+        """Return a sampler of ``trace``, which differs only in how its run ended.
 
-        What either samples, the other has sampled as well.
+        Both share their sampled signals.
         """
         other = copy.copy(self)
         other.trace, other.time_base = trace, time_base_of(trace)
@@ -212,7 +212,7 @@ class SignalSampler:
 
     @functools.cached_property
     def read_only_trace(self) -> Trace:
-        """The trace as plug-ins get it: none of its arrays can be written to."""
+        """The trace for plug-ins, with read-only arrays."""
         return read_only_copy(self.trace)
 
     @functools.cached_property
@@ -221,9 +221,9 @@ class SignalSampler:
 
     @functools.cached_property
     def current(self) -> Floats:
-        """The waypoint being approached (n,), from 0, as reported; NaN before the first report.
+        """The reported index of the waypoint being approached (n,); NaN before the first report.
 
-        The number of waypoints once all are done.
+        It is the number of waypoints once all are done.
         """
         return self._progress([float(p.current) for p in self.trace.progress])
 
@@ -285,13 +285,13 @@ class SignalSampler:
 
     @functools.cached_property
     def obstacles(self) -> ObstaclePolygons:
-        """Everything the robot's body can hit, over time."""
+        """Obstacles of the robot's body over time."""
         return obstacles_of(self.trace, self.time_base.time)
 
     def _contacts(self, thing: str) -> tuple[Floats, ObjectIndices, tuple[str, ...]]:
-        """Deepest contact of the robot per sample, since the previous sample, and with what.
+        """Return the deepest contact since the previous sample: depth, index of the object, names.
 
-        With ``thing``, only contacts with that.
+        ``thing`` limits this to contacts with it.
         """
         time = self.time_base.time
         depth = np.zeros(len(time))
@@ -303,8 +303,8 @@ class SignalSampler:
             other = record.second if record.first == ROBOT else record.first
             if thing and not belongs_to(other, thing):
                 continue
-            # Contacts are recorded with the next state: each belongs to the first sample that is
-            # not before it.
+            # Contacts are recorded with the next state: each belongs to the first sample at or
+            # after it.
             index = int(np.searchsorted(time, record.time - 1e-9))
             if index < len(time) and (objects[index] < 0 or record.depth > depth[index]):
                 depth[index] = max(depth[index], record.depth)
@@ -323,16 +323,16 @@ class SignalSampler:
         return np.cumsum(steps)
 
     def _leg(self) -> Floats:
-        """The waypoint being approached (n,), from 0; the last one stays once all are done."""
+        """Return the index of the waypoint being approached (n,), the last one when done."""
         return np.minimum(self.current, len(self.trace.spec.mission.waypoints) - 1.0)
 
     def _leg_elapsed(self) -> Floats:
         leg, time = self._leg(), self.time_base.time
-        begun: dict[float, float] = {}
+        begins: dict[float, float] = {}
         for now, value in zip(time.tolist(), leg.tolist(), strict=True):
-            begun.setdefault(value, now)
-        # Before the first report there is no leg; a NaN is not found again, not even by itself.
-        since = [begun.get(value, math.nan) for value in leg.tolist()]
+            begins.setdefault(value, now)
+        # Before the first report there is no leg; a NaN never equals a key, not even itself.
+        since = [begins.get(value, math.nan) for value in leg.tolist()]
         elapsed: Floats = time - np.array(since)
         return elapsed
 

@@ -1,8 +1,9 @@
-"""Signals on the time base of judging: ground-truth samples, how long each counts, what is unknown.
+"""Time base of judging, recorded signals and localisation signals.
 
-Signals that are recorded as they are (true motion, commands, the estimate) and the localisation
-signals: an estimate is compared with the true pose at the time it was taken (its stamp),
-interpolated between ground-truth samples, and held until the next one.
+The time base has the ground-truth samples, the weight of each, and the unknown rest of the run.
+Recorded signals are the true motion, commands and the estimate. Localisation signals compare an
+estimate with the true pose at its stamp, interpolated between ground-truth samples, and hold the
+result until the next estimate.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from grammars.model.geometry import Floats
 ObjectIndices = npt.NDArray[np.int32]
 
 _ROUNDING: Final = 1e-9
-"""Recorded nanoseconds are read as seconds [s]; times meant equal differ by less than this."""
+"""Largest difference of equal times [s], since recorded nanoseconds are read as seconds."""
 
 _TREE: Final = "behavior tree"
 """Word of a behaviour tree in the key ``record``."""
@@ -43,8 +44,8 @@ RECORDED_SIGNALS = frozenset({*_TRUTH, *_COMMAND, *_ESTIMATE, "estimate.particle
 class SignalSeries:
     """A signal on the time base: ``values`` (n,) in SI units, 1 or 0 for true or false.
 
-    NaN where the signal is not known (yet). ``objects`` (n,) index into ``names``, -1 for none:
-    the object the value is about, such as the nearest wall. ``note`` says where it comes from.
+    NaN where the signal is unknown. ``objects`` (n,) index into ``names``, -1 for none: the object
+    behind the value, such as the nearest wall. ``note`` names the source of the signal.
     """
 
     values: Floats
@@ -53,7 +54,7 @@ class SignalSeries:
     note: str = ""
 
     def object_at(self, index: int) -> str:
-        """Return the name of the object involved at sample ``index``, or nothing."""
+        """Return the name of the object involved at sample ``index``, empty if there is none."""
         if self.objects is None or self.objects[index] < 0:
             return ""
         return self.names[int(self.objects[index])]
@@ -61,11 +62,11 @@ class SignalSeries:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TimeBase:
-    """Samples of a trace that can be trusted.
+    """The trusted samples of a trace.
 
     ``time`` (n,) [s]; ``weight`` (n,) [s]: a sample counts until the next one, the last one until
-    ``end``. ``closed``: the end of the trace is the end of the run; otherwise up to ``remaining``
-    seconds are unknown.
+    ``end``. If ``closed``, the trace ends with the run; otherwise up to ``remaining`` seconds are
+    unknown.
     """
 
     time: Floats
@@ -83,7 +84,7 @@ class TimeBase:
 def time_base_of(trace: Trace) -> TimeBase:
     """Return the time base of ``trace``: its ground truth up to ``valid_until``.
 
-    A run that crashed counts as cut: what the robot would have done is unknown.
+    A crashed run counts as cut, since the rest of its motion is unknown.
     """
     recorded = np.asarray(trace.ground_truth.time, dtype=np.float64)
     count = int(np.searchsorted(recorded, trace.valid_until + _ROUNDING, side="right"))
@@ -100,8 +101,8 @@ def time_base_of(trace: Trace) -> TimeBase:
 def quantile_index(values: Floats, weight: Floats, share: float) -> int:
     """Return the index of the first of ``values`` (n,) that covers ``share`` of their time.
 
-    ``weight`` (n,) [s] is how long each held: a quantile of time, since samples are not evenly
-    apart.
+    ``weight`` (n,) [s] is the duration of each: samples are not evenly apart, so this is a
+    quantile of time.
     """
     order = np.argsort(values, kind="stable")
     covered = np.cumsum(weight[order])
@@ -123,22 +124,22 @@ def hold_last(stamps: Floats, values: Floats, time: Floats) -> Floats:
 def hold_longest(stamps: Floats, values: Floats, time: Floats) -> Floats:
     """Sample ``values`` (m,) taken at ``stamps`` (m,): the largest since the sample before.
 
-    Held where there is none; NaN before the first. Other than with :func:`hold_last` nothing that
-    was recorded between two samples is passed over.
+    A sample without a new value holds the last one; NaN before the first. Unlike
+    :func:`hold_last`, this skips no value between two samples.
     """
     index = np.searchsorted(time, stamps - _ROUNDING)
     inside = index < len(time)
     largest = np.full(len(time), np.nan)
     np.fmax.at(largest, index[inside], values[inside])
-    known = ~np.isnan(largest)
-    return hold_last(time[known], largest[known], time)
+    has_value = ~np.isnan(largest)
+    return hold_last(time[has_value], largest[has_value], time)
 
 
 def recorded_signal(trace: Trace, name: str, time: Floats) -> Floats:
     """Return a recorded signal at ``time`` (n,), the first samples of the ground truth.
 
-    Commands and estimates are held until the next one; NaN before the first. So is the latency of
-    an external system, but of those between two samples the longest counts: each is judged.
+    Commands and estimates are held until the next one; NaN before the first. The latency of an
+    external system is held too; of several between two samples the longest counts.
     """
     if name in _TRUTH:
         channel: Floats = getattr(trace.ground_truth, _TRUTH[name])[: len(time)]
@@ -155,15 +156,15 @@ def recorded_signal(trace: Trace, name: str, time: Floats) -> Floats:
 def tree_signal(trace: Trace, name: str, node: str, time: Floats) -> Floats:
     """Return ``bt.recoveries`` or ``bt.node(node)`` at ``time`` (n,), NaN if no tree is recorded.
 
-    A node that ran between two samples, however short, counts at the later one.
+    A node that ran only between two samples counts at the later one.
     """
     if _TREE not in trace.spec.sut.recorded:
         return np.full(len(time), np.nan)
     logs = [report for report in trace.reports if isinstance(report, BehaviorTreeLog)]
     changes = [(log.time, change) for log in logs for change in log.changes]
     if name == "bt.recoveries":
-        begun = np.array([moment for moment, change in changes if change.starts_recovery])
-        return np.searchsorted(begun, time + _ROUNDING, side="right").astype(np.float64)
+        begins = np.array([moment for moment, change in changes if change.starts_recovery])
+        return np.searchsorted(begins, time + _ROUNDING, side="right").astype(np.float64)
     values = np.zeros(len(time))
     since: dict[int, float] = {}
     for moment, change in changes:
@@ -177,13 +178,13 @@ def tree_signal(trace: Trace, name: str, node: str, time: Floats) -> Floats:
 
 
 def _mark(values: Floats, time: Floats, begin: float, end: float) -> None:
-    """Set the first sample that is not before ``begin`` to 1, and on to that for ``end``."""
+    """Set the samples to 1, from the first at or after ``begin`` to the first one for ``end``."""
     first, last = np.searchsorted(time, np.array([begin, end]) - _ROUNDING)
     values[first : last + 1] = 1.0
 
 
 class LocalisationSignals:
-    """Samples ``loc.*`` of one trace on ``time`` (n,)."""
+    """Sampler of the signals ``loc.*`` of one trace on ``time`` (n,)."""
 
     def __init__(self, trace: Trace, time: Floats) -> None:
         self._trace, self._time = trace, time
@@ -211,13 +212,13 @@ class LocalisationSignals:
         return self._hold(estimate, values, "")
 
     def inside_margin(self) -> SignalSeries:
-        """Return what is left [m] of two standard deviations, on the axis that is nearer to them.
+        """Return the remainder [m] of two standard deviations, on the axis with the smaller one.
 
-        At least 0 where ``loc.inside_2sigma`` is true.
+        It is at least 0 where ``loc.inside_2sigma`` is true.
         """
         dx, dy, _ = self._difference(self._spread)
-        left = np.minimum(2.0 * self._sigma(0) - np.abs(dx), 2.0 * self._sigma(1) - np.abs(dy))
-        return self._hold(self._spread, left, self._note)
+        rest = np.minimum(2.0 * self._sigma(0) - np.abs(dx), 2.0 * self._sigma(1) - np.abs(dy))
+        return self._hold(self._spread, rest, self._note)
 
     def _hold(self, track: PoseTrack, values: Floats, note: str) -> SignalSeries:
         return SignalSeries(hold_last(track.time, values, self._time), note=note)
@@ -228,7 +229,7 @@ class LocalisationSignals:
         return sigma
 
     def _inside(self) -> Floats:
-        """Equation 1 of the paper, on x and on y: ``|mean - truth| <= 2 sigma``."""
+        """Return equation 1 of the paper, on x and on y: ``|mean - truth| <= 2 sigma``."""
         dx, dy, _ = self._difference(self._spread)
         inside = (np.abs(dx) <= 2.0 * self._sigma(0)) & (np.abs(dy) <= 2.0 * self._sigma(1))
         return inside.astype(np.float64)
@@ -241,8 +242,8 @@ class LocalisationSignals:
             return empty, empty, empty
         x = np.interp(stamps, truth.time, truth.x)
         y = np.interp(stamps, truth.time, truth.y)
-        # Unwrapped before interpolating: between pi - e and -pi + e lies pi, not 0.
+        # Unwrap before interpolating: between pi - e and -pi + e lies pi, not 0.
         yaw = np.interp(stamps, truth.time, np.unwrap(truth.yaw))
-        # Into (-pi, pi]. Not ``wrap_angle``, whose last bits differ: verdicts hang on them.
+        # Into (-pi, pi]. ``wrap_angle`` differs in the last bits, and verdicts depend on them.
         turned = np.pi - np.mod(np.pi - (track.yaw - yaw), 2.0 * np.pi)
         return track.x - x, track.y - y, turned

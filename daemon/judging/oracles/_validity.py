@@ -1,8 +1,8 @@
 """Validity of a trace: a fault of the recording is an error, never the robot's failure.
 
 An invalid trace says nothing about the robot: a damaged recording, impossible clocks, numbers and
-motion, a simulator that did not simulate. A stack that gave up before it set off, claimed
-success at once or never commanded anything has been tested, and is judged.
+motion, a simulator that did not simulate. A stack that gave up before it set off, claimed success
+at once or never gave a command has been tested, and is judged.
 """
 
 from __future__ import annotations
@@ -17,28 +17,28 @@ from grammars.model.geometry import Floats
 from grammars.model.robot import Drive
 
 _SHORTEST_LEAP: Final = 0.5
-"""Shortest step [m] between two samples that may be an explosion of the physics: ten times the way
-of a fast robot (1 m/s) between two samples."""
+"""Shortest step [m] between two samples that may be an explosion of the physics: ten steps of a
+fast robot (1 m/s)."""
 _LEAP_SPEED_FACTOR: Final = 5.0
 _FASTEST_ROBOT: Final = 20.0
-"""A step is impossible when it is so many times faster than the robot can drive, or as fast [m/s]
-when nothing limits its drive."""
+"""A step is impossible if it is this many times faster than the robot can drive, or this fast [m/s]
+if the drive has no limit."""
 MOVED_DISTANCE: Final = 0.01
 MOVED_ANGLE: Final = 0.05
 """A robot that has not left a circle of this radius [m], nor turned by this angle [rad], has never
 moved; a door or a person may have pushed it a little."""
 AT_START_DISTANCE: Final = 0.1
-"""A mission asks a robot to move when a waypoint is farther [m] than this from where it starts."""
+"""A mission requires motion if a waypoint is farther [m] than this from the start."""
 _CLEAR_FACTOR: Final = 10.0
-"""A command is clear when it asks for this many times the way that counts as having moved. A drive
-that follows it, and friction, take less than that away."""
+"""A command is clear if it asks for this many times the way that counts as motion: the drive and
+friction take less than that away."""
 
 
 def trace_problems(trace: Trace) -> tuple[str, ...]:
-    """Return why ``trace`` cannot be trusted, in words; empty when it can.
+    """Return the reasons not to trust ``trace``, in words.
 
-    These are the problems of its recording; leaps no robot can make; a robot that did not move
-    during a whole run although it was commanded to and nothing was in its way.
+    These are problems of its recording, impossible leaps of the robot, and a robot that never moved
+    in a whole run although it was commanded to and touched nothing.
     """
     # In this order: a problem makes the checks after it meaningless.
     return trace.problems or tuple(_leaps(trace) or _without_effect(trace))
@@ -49,7 +49,7 @@ def _leaps(trace: Trace) -> list[str]:
     if len(truth.time) < 2:
         return []
     steps = np.hypot(np.diff(truth.x), np.diff(truth.y))
-    # Generously: a robot that a door pushes may be faster than it can drive.
+    # The factor is generous: a door may push a robot faster than it can drive.
     fastest = min(_FASTEST_ROBOT, _LEAP_SPEED_FACTOR * float(np.hypot(drive.max_vx, drive.max_vy)))
     leaps = np.flatnonzero(steps > np.maximum(_SHORTEST_LEAP, fastest * np.diff(truth.time)))
     if not len(leaps):
@@ -59,14 +59,17 @@ def _leaps(trace: Trace) -> list[str]:
 
 
 def _without_effect(trace: Trace) -> list[str]:
-    """Tell commands that moved nothing: then the world stood still, not the robot's stack."""
+    """Report commands without effect: then the world stood still, not the robot's stack."""
     if not never_moved(trace) or trace.contacts or not _was_commanded_to_move(trace):
         return []
     return [f"the robot never moved and touched nothing, though {_command_summary(trace)}"]
 
 
 def never_moved(trace: Trace) -> bool:
-    """Judge whole runs only: as long as a run goes on, the robot may still set off."""
+    """Return whether the robot stood still for a whole run that required motion.
+
+    ``False`` for an unfinished run, in which the robot may still set off.
+    """
     truth, waypoints = trace.ground_truth, trace.spec.mission.waypoints
     if not trace.complete or not len(truth.time):
         return False
@@ -78,7 +81,7 @@ def never_moved(trace: Trace) -> bool:
 
 
 def _was_commanded_to_move(trace: Trace) -> bool:
-    """Return True if a command held so long that any robot with this drive must have moved."""
+    """Return whether a command lasted so long that any robot with this drive must have moved."""
     command, drive = trace.command, trace.spec.robot.drive
     lasts = _durations(command, drive, float(trace.ground_truth.time[-1]))
     way, angle = _CLEAR_FACTOR * MOVED_DISTANCE, _CLEAR_FACTOR * MOVED_ANGLE
@@ -92,7 +95,7 @@ def _was_commanded_to_move(trace: Trace) -> bool:
 
 
 def _durations(command: CommandTrack, drive: Drive, end: float) -> Floats:
-    """Return for how long [s] each command moves the base: until the next one, or its timeout."""
+    """Return the duration [s] of each command: until the next one, or its timeout."""
     lasts = np.diff(command.time, append=end)
     return np.minimum(lasts, drive.timeout) if drive.timeout > 0.0 else lasts
 
@@ -100,9 +103,9 @@ def _durations(command: CommandTrack, drive: Drive, end: float) -> Floats:
 def _farthest(
     speed: Floats, lasts: Floats, fastest: float, acceleration: float, loss: float
 ) -> float:
-    """Return the way that one unbroken series of commands in one direction asks for at least.
+    """Return the least way that one unbroken series of commands in one direction asks for.
 
-    The unit is that of ``speed`` times seconds; a base at rest needs part of it to get going.
+    The unit is that of ``speed`` times seconds; a base at rest needs part of it to accelerate.
     """
     remaining = np.maximum(np.minimum(np.abs(speed), fastest) - loss, 0.0)
     direction = np.where(remaining > 0.0, np.sign(speed), 0.0)
@@ -117,7 +120,7 @@ def _farthest(
 
 
 def _command_summary(trace: Trace) -> str:
-    """Return the extent of the commands, where the reason is to be looked for."""
+    """Return the extent of the commands, as a hint to the reason."""
     command = trace.command
     if not len(command.time):
         return "no command was given"
@@ -129,7 +132,7 @@ def _command_summary(trace: Trace) -> str:
 
 
 def standstill_note(trace: Trace) -> str:
-    """Return why a robot never moved, as far as its stack reported; empty if it moved."""
+    """Return why a robot never moved, by the reports of its stack; empty if it moved."""
     if not never_moved(trace):
         return ""
     note = f"the robot never moved: {_command_summary(trace)}"

@@ -160,7 +160,7 @@ def leads(family, text):
 def kind_and_scale(_, text):
     oracle = parse_oracle("it", text, Where("o.yaml", 1, 1))
     kind = leading_kind(oracle)
-    if not kind.led:
+    if not kind.leads:
         for suggested in kind.better.split(" or "):
             assert leading_kind(parse_oracle("it", suggested, Where("o.yaml", 1, 1))).led
         return f"flat: {kind.reason}; better: {kind.better}"
