@@ -162,7 +162,7 @@ def kind_and_scale(_, text):
     kind = leading_kind(oracle)
     if not kind.leads:
         for suggested in kind.better.split(" or "):
-            assert leading_kind(parse_oracle("it", suggested, Where("o.yaml", 1, 1))).led
+            assert leading_kind(parse_oracle("it", suggested, Where("o.yaml", 1, 1))).leads
         return f"flat: {kind.reason}; better: {kind.better}"
     scale = oracle_scale(oracle, ROBOT)
     assert (kind.reason, kind.better, scale.unit) == ("", "", kind.unit)
