@@ -1,12 +1,12 @@
 """JSON Schemas that editors complete and check YAML files with.
 
-Pydantic's own schema describes what a model holds; people write something else: quantities are
-text with a unit, lists of one may be the one, unset keys are left out. This module says so, and
-takes each key's description from the string below its field.
+Pydantic's own schema describes the values of a model. The written form differs: quantities are
+text with a unit, a list of one item may be that item, unset keys are left out. This module
+describes the written form and takes each key's description from the string below its field.
 
-The regular expressions of quantities accept what :func:`grammars.text.quantity.read_as` accepts in
-the usual spellings, and refuse a missing unit and a unit of something else. They keep to what
-ECMA-262 with the ``u`` flag and Python's ``re`` have in common.
+The regular expressions of quantities accept the usual spellings that
+:func:`grammars.text.quantity.read_as` reads. They refuse a missing unit and a unit of another
+dimension. They use the common subset of ECMA-262 with the ``u`` flag and Python's ``re``.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ _PER: Final = r"\s*/\s*"
 _TIMES: Final = r"(?:\s*\*\s*|\s+)"
 _FACTOR: Final = r"[A-Za-z°]+(?:\^[0-9.]+|[²³])?"
 _LONG_PRODUCT: Final = rf"{_FACTOR}(?:(?:{_PER}|{_TIMES}){_FACTOR}){{2,5}}"
-"""Three factors or more: spelled out in base units, which only the reader can judge."""
+"""Three factors or more in base units; only the reader can check their dimension."""
 
 _SIGNS: Final = {"/": _PER, "^2": r"(?:\^2|²)", "^0.5": _ROOT}
-"""How what stands between and behind the words of a unit may be spelled."""
+"""Spellings of the signs between and behind the words of a unit."""
 
 QUANTITY_EXAMPLES: Final = {
     "ratio": "5 %",
@@ -67,27 +67,27 @@ _UNUSUAL: Final = {
     "noise per root length": f"{_LENGTH}(?:{_PER}{_LENGTH})?{_ROOT}",
     "noise per root angle": f"{_ANGLE}(?:{_PER}{_ANGLE})?{_ROOT}",
 }
-"""Units of which parts may be left out or change places."""
+"""Units whose parts are optional or may change places."""
 
 _SIMPLE: Final = ("ratio", "length", "angle", "time", "mass", "frequency")
 
 
 def quantity_pattern(dimension: str, *, signed: bool = True, nonzero: bool = False) -> str:
-    """Return the expression a whole text must match to be a quantity of ``dimension``.
+    """Return the expression that a quantity of ``dimension`` matches as a whole.
 
-    ``signed`` allows a minus, ``nonzero`` wants a digit other than 0 before the unit.
+    ``signed`` allows a minus, ``nonzero`` requires a digit other than 0 before the unit.
     """
     parts = re.findall(r"[A-Za-z]+|\^[\d.]+|/", unit_of(dimension))
     unit = _UNUSUAL.get(dimension) or "".join(map(_spelling, parts))
     if dimension not in _SIMPLE:
         unit = f"(?:{unit}|{_LONG_PRODUCT})"
     sign = "[+-]?" if signed else r"\+?"
-    some = "(?=[^A-Za-z]*[1-9])" if nonzero else ""
-    return rf"^\s*{some}{sign}{_NUMBER}\s*{unit}\s*$"
+    digit = "(?=[^A-Za-z]*[1-9])" if nonzero else ""
+    return rf"^\s*{digit}{sign}{_NUMBER}\s*{unit}\s*$"
 
 
 def _spelling(part: str) -> str:
-    """Return the expression for a sign of a unit, or for all words for the same as a word of it."""
+    """Return the expression for a sign of a unit, or for all synonyms of a word of it."""
     return _SIGNS.get(part) or words_of(UNIT_WORDS[part][1])
 
 
@@ -100,7 +100,7 @@ _BOUNDS: Final = {
     "lt": "exclusiveMaximum",
     "le": "maximum",
 }
-"""Bounds as pydantic names them where JSON Schema's words have no place, beside ``anyOf``."""
+"""Pydantic's names of bounds beside ``anyOf``, where JSON Schema's words do not apply."""
 
 _WORDS: Final = {
     "exclusiveMinimum": "above",
@@ -114,11 +114,11 @@ def editor_schema(model: type[Any], title: str) -> Schema:
     """Return the JSON Schema (draft 2020-12) of files read by ``model``.
 
     ``model`` is a pydantic model or pydantic dataclass; strings below its fields become
-    descriptions. Definitions are called after their classes.
+    descriptions. Definitions are named after their classes.
     """
-    # Names of definitions are those of classes: renaming a class ...Text changes published schemas.
+    # Definitions take the names of classes: renaming a class ...Text changes published schemas.
     raw = TypeAdapter(model).json_schema(by_alias=True)
-    classes = {found.__name__: found for found in _reachable(model, set())}
+    classes = {kind.__name__: kind for kind in _reachable(model, set())}
     definitions = raw.pop("$defs", {})
     schema: Schema = {"$schema": DIALECT, "title": title}
     schema |= _with_descriptions(raw, model)
@@ -130,17 +130,17 @@ def editor_schema(model: type[Any], title: str) -> Schema:
     return schema
 
 
-def _reachable(kind: Any, seen: set[Any]) -> Iterator[type[Any]]:
+def _reachable(kind: Any, visited: set[Any]) -> Iterator[type[Any]]:
     """Yield the classes with fields that ``kind`` is made of."""
     if isinstance(kind, type) and (issubclass(kind, BaseModel) or dataclasses.is_dataclass(kind)):
-        if kind in seen:
+        if kind in visited:
             return
-        seen.add(kind)
+        visited.add(kind)
         yield kind
         for hint in typing.get_type_hints(kind, include_extras=True).values():
-            yield from _reachable(hint, seen)
+            yield from _reachable(hint, visited)
     for argument in typing.get_args(kind):
-        yield from _reachable(argument, seen)
+        yield from _reachable(argument, visited)
 
 
 def _short(name: str) -> str:
@@ -148,7 +148,7 @@ def _short(name: str) -> str:
 
 
 def _with_descriptions(raw: Schema, owner: type[Any]) -> Schema:
-    """Return the schema of one class in the words of its docstrings."""
+    """Return the schema of one class, described by its docstrings."""
     schema: Schema = _as_written(raw)
     schema.setdefault("description", " ".join((owner.__doc__ or "").split()))
     words = _field_docs(owner)
@@ -158,8 +158,8 @@ def _with_descriptions(raw: Schema, owner: type[Any]) -> Schema:
         if field.alias
     }
     for key, body in schema.get("properties", {}).items():
-        said = words.get(aliases.get(key, key), "")
-        parts = [part for part in (said, body.get("description", "")) if part]
+        text = words.get(aliases.get(key, key), "")
+        parts = [part for part in (text, body.get("description", "")) if part]
         if parts:
             schema["properties"][key] = {"description": " ".join(parts)} | {
                 k: v for k, v in body.items() if k != "description"
@@ -168,7 +168,7 @@ def _with_descriptions(raw: Schema, owner: type[Any]) -> Schema:
 
 
 def _field_docs(owner: type[Any]) -> dict[str, str]:
-    """Return the strings written below the fields of a class and those it inherits."""
+    """Return the strings below the fields of a class, inherited fields included."""
     docs: dict[str, str] = {}
     for base in owner.__bases__:
         if base is not BaseModel and (
@@ -189,7 +189,7 @@ def _field_docs(owner: type[Any]) -> dict[str, str]:
 
 
 def _as_written(node: Any) -> Any:
-    """Rewrite a pydantic schema, from the leaves up, into what people write."""
+    """Rewrite a pydantic schema, from the leaves up, for the written form."""
     if isinstance(node, list):
         return [_as_written(item) for item in node]
     if not isinstance(node, dict):
@@ -200,7 +200,7 @@ def _as_written(node: Any) -> Any:
     if "$ref" in schema:
         schema["$ref"] = f"#/$defs/{_short(schema['$ref'].rpartition('/')[2])}"
     if "prefixItems" in schema:
-        # Both items are alike, and older drafts read a plain "items" as well.
+        # Both items are alike, and older drafts also read a plain "items".
         schema["items"] = schema.pop("prefixItems")[0]
     if "patternProperties" in schema:
         schema["additionalProperties"] = False
@@ -210,7 +210,7 @@ def _as_written(node: Any) -> Any:
 
 
 def _values(key: str, value: Any) -> Any:
-    """Polish a value; under ``properties`` every key is a name, ``title`` as well."""
+    """Rewrite the value of a key; under ``properties`` every key is a name, even ``title``."""
     if key in ("properties", "patternProperties", "$defs"):
         return {name: _as_written(body) for name, body in value.items()}
     return (
@@ -219,7 +219,7 @@ def _values(key: str, value: Any) -> Any:
 
 
 def _without_null(schema: Schema) -> Schema:
-    """Leave out the choice of ``null``: what is not set is not written."""
+    """Leave out the choice of ``null``: unset keys are not written."""
     choices = [c for c in schema.get("anyOf", ()) if c != {"type": "null"}]
     if len(choices) == len(schema.get("anyOf", ())):
         return schema
@@ -228,7 +228,7 @@ def _without_null(schema: Schema) -> Schema:
 
 
 def _quantity(node: Schema) -> Schema:
-    """Return the schema of a quantity: text with a unit, a plain number where that is read."""
+    """Return the schema of a quantity: text with a unit, or also a number if the key allows it."""
     dimension, plain = node["quantity"]["dimension"], node["quantity"]["plain"]
     bounds = {_BOUNDS.get(k, k): v for k, v in node.items() if _BOUNDS.get(k, k) in _WORDS}
     low, above = bounds.get("minimum"), bounds.get("exclusiveMinimum")
@@ -240,16 +240,16 @@ def _quantity(node: Schema) -> Schema:
     schema: Schema = {"description": _quantity_sentence(dimension, limits, plain)}
     schema["type"] = "string"
     if plain or dimension == "ratio":
-        # Patterns speak of strings alone and bounds of numbers alone.
+        # Patterns apply to strings only and bounds to numbers only.
         schema |= {"type": ["number", "string"]} | bounds
     schema["pattern"] = quantity_pattern(
         dimension,
         signed=low is None and above is None,
         nonzero=above is not None or (low is not None and low > 0),
     )
-    # Read by the YAML language server; unknown keywords mean nothing to others.
+    # The YAML language server reads these keywords; other tools ignore them.
     schema |= {"errorMessage": f"{expected}{limits and ', '}{limits}", "examples": [example]}
-    # A default that is infinite or out of bounds stands for a key that is not written.
+    # An infinite or out-of-bounds default stands for an unset key.
     default = node.get("default", math.inf)
     if default not in (None, above, math.inf) and not (low is not None and default < low):
         schema["default"] = default if plain else _quantity_text(default, dimension)
@@ -274,7 +274,7 @@ def _quantity_text(value: float, dimension: str) -> str:
 
 
 def nullable(body: Schema) -> Schema:
-    """Return a schema that takes ``null`` too, which takes an inherited value away."""
+    """Return a schema that also accepts ``null``, which removes an inherited value."""
     if "anyOf" in body:
         return body | {"anyOf": [*body["anyOf"], {"type": "null"}]}
     if "$ref" in body:
@@ -284,7 +284,7 @@ def nullable(body: Schema) -> Schema:
     if "type" in body:
         kinds = body["type"] if isinstance(body["type"], list) else [body["type"]]
         changed["type"] = [*kinds, "null"]
-    # A constant of one value or null is a choice of two.
+    # A constant that may be null is a choice of two values.
     if "const" in body:
         changed["enum"] = [changed.pop("const")]
     if "enum" in changed:

@@ -1,4 +1,4 @@
-"""JSON Schema of oracle layers, whose words are those of the grammar of the oracle language."""
+"""JSON Schema of oracle layers, with the operators of the oracle grammar."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ _TOKEN: Final = re.compile(
 
 @cache
 def literals(package: str, grammar: str) -> Mapping[str, tuple[str, ...]]:
-    """Return by rule the quoted words and signs of a textX grammar file, in file order.
+    """Return the quoted words and signs of a textX grammar file by rule, in file order.
 
     ``package`` holds the file ``grammar``: ``literals("grammars.oracle", "oracle.tx")``.
     """
     text = (files(package) / grammar).read_text(encoding="utf-8")
-    found: dict[str, list[str]] = {}
+    by_rule: dict[str, list[str]] = {}
     rule = ""
     for match in _TOKEN.finditer(text):
         if match["rule"]:
             rule = match["rule"]
         elif match["literal"] is not None:
-            found.setdefault(rule, []).append(match["literal"])
-    return MappingProxyType({rule: tuple(words) for rule, words in found.items()})
+            by_rule.setdefault(rule, []).append(match["literal"])
+    return MappingProxyType({rule: tuple(words) for rule, words in by_rule.items()})
 
 
 def oracle_schema(title: str) -> dict[str, Any]:
-    """Return the JSON Schema of an oracle layer; what a line says is checked as it begins."""
+    """Return the JSON Schema of an oracle layer; it checks the operator of each line."""
     rules = literals("grammars.oracle", "oracle.tx")
     operators = [word for rule in _RULES for word in rules[rule] if word.isalnum()]
     operators.remove("mission")

@@ -1,4 +1,4 @@
-"""What is written about one element: quantities with units or variables, and its location."""
+"""Attributes of one element: quantities with units or variables, and its location."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from grammars.text.diagnostics import (
 from grammars.text.units import NAMES, read_unit, to_si
 
 LARGEST: Final = 1e6
-"""Greatest number of metres or radians in a plan."""
+"""Largest number of metres or radians in a plan."""
 _UNIT_ADVICE: Final = {
     "length": "write a length, in m, cm or mm",
     "angle": "write an angle, in deg or rad",
@@ -26,22 +26,22 @@ PlanDimension: TypeAlias = Literal["length", "angle"]
 
 
 class ElementReader(Findings):
-    """Reads the quantities of one plan; broken ones are reported and read as NaN."""
+    """Reader of the quantities of one plan: reports broken ones and reads them as NaN."""
 
     def __init__(self, source: SourceText) -> None:
         super().__init__(source)
         self._variables: dict[str, list[SyntaxNode]] = {}
-        self._given: Mapping[str, float] = {}
+        self._values: Mapping[str, float] = {}
 
-    def define(self, variables: Sequence[SyntaxNode], given: Mapping[str, float]) -> None:
-        """Take over the variables of the plan; ``given`` holds other values [m or rad] for some."""
-        self._given = given
+    def define(self, variables: Sequence[SyntaxNode], values: Mapping[str, float]) -> None:
+        """Define the variables of the plan; ``values`` [m or rad] replace the written ones."""
+        self._values = values
         for variable in variables:
             self._variables.setdefault(variable.name, []).append(variable)
         for variable in variables:
             if kind_of(variable.unit) not in _UNIT_ADVICE:
                 message = f'variable "{variable.name}" is in {variable.unit}'
-                self.error(variable, message, "a plan has lengths and angles alone")
+                self.error(variable, message, "a plan has only lengths and angles")
         for name, nodes in self._variables.items():
             for node in nodes[1:]:
                 first = self.where(nodes[0]).line
@@ -82,16 +82,16 @@ class ElementReader(Findings):
 
     def _variable(self, node: SyntaxNode, kind: PlanDimension) -> float:
         name = node.variable
-        known = self._variables.get(name, [])
-        if not known:
+        nodes = self._variables.get(name, [])
+        if not nodes:
             hint = did_you_mean(name, self._variables) or f'define it: "var {name} = 1.0 m"'
             self.error(node, f'unknown variable "{name}"', hint)
             return math.nan
-        if len(known) > 1:
-            lines = " and ".join(str(self.where(v).line) for v in known)
+        if len(nodes) > 1:
+            lines = " and ".join(str(self.where(v).line) for v in nodes)
             self.error(node, f'variable "{name}" is not unique: defined in lines {lines}')
             return math.nan
-        variable = known[0]
+        variable = nodes[0]
         if kind_of(variable.unit) != kind:
             self.error(
                 node,
@@ -99,11 +99,11 @@ class ElementReader(Findings):
                 _UNIT_ADVICE[kind],
             )
             return math.nan
-        return self._given[name] if name in self._given else self._literal(variable, node, kind)
+        return self._values[name] if name in self._values else self._literal(variable, node, kind)
 
 
 def kind_of(unit: str) -> str:
-    """Return the dimension of a unit, such as ``length``; the unit itself where it has none."""
+    """Return the dimension of a unit, such as ``length``, or the unit itself if it has none."""
     return NAMES.get(read_unit(unit)[1], unit)
 
 
@@ -134,9 +134,9 @@ _IN_WALL: Final = {"translation": "xz", "rotation": "y"}
 
 @dataclass(frozen=True, slots=True)
 class Location:
-    """The written parts of a location; ``offset`` has the values per ``translation.x`` and so on.
+    """Written parts of a location: syntax nodes by keyword, values by name in ``offset``.
 
-    Components that are not written are 0. ``parts`` are the syntax nodes by keyword.
+    Names are ``translation.x`` and so on; components that are not written are 0.
     """
 
     parts: dict[str, SyntaxNode]
@@ -151,7 +151,7 @@ class Location:
 
 
 def read_location(element: SyntaxNode, kind: str, reader: ElementReader) -> Location:
-    """Return the location of an element; what is wrong or missing in it is reported."""
+    """Return the location of an element; report wrong and missing parts."""
     parts: dict[str, SyntaxNode] = {}
     offset: dict[str, float] = {}
     for node in element.parts:
@@ -180,7 +180,7 @@ def _read_vector(
     offset: dict[str, float],
     reader: ElementReader,
 ) -> None:
-    """Read the components of a translation or rotation; axes out of its plane must be 0."""
+    """Read the components of a translation or rotation; those out of its plane must be 0."""
     free = (_IN_WALL if kind in ("entryway", "window") else _IN_FLOOR)[key]
     for component in node.components:
         name = f"{key}.{component.axis}"
@@ -197,5 +197,5 @@ def _read_vector(
                 else f"the {key} of {with_article(kind)} along {component.axis} must be 0",
                 f"only {allowed} can be given",
             )
-        # "-0 m" is 0 as well.
+        # "-0 m" becomes 0.
         offset[name] = value or 0.0

@@ -1,6 +1,6 @@
-"""From the text of a plan to world geometry: names, values, placement, everything at its place.
+"""Compiler from the syntax tree of a plan to world geometry: names, values, placement.
 
-Last come the warnings about geometry that has a meaning, though probably not the intended one.
+The last step warns of valid geometry that is probably not intended.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ from grammars.text.diagnostics import (
 def compile_plan(
     tree: SyntaxNode, source: SourceText, values: Mapping[str, float] | None = None
 ) -> FloorPlan:
-    """Return the plan a syntax tree means, its variables with other ``values`` [m or rad] if given.
+    """Return the plan of a syntax tree; ``values`` [m or rad] replace those of its variables.
 
-    Raises ``InputError`` with all errors found.
+    Raises ``InputError`` with all errors.
     """
     reader = ElementReader(source)
-    # In this order, so that each step finds what it refers to, and none ends the compilation:
-    # people get everything that is wrong with a plan at once. Nothing is built of refused parts.
+    # Each step refers only to earlier ones. No error ends the compilation early: people get all
+    # errors of a plan at once. Only an error-free plan is built.
     _check_order(tree, reader)
     reader.define(tree.variables, values or {})
     dimensions = _dimensions(tree.defaults, reader)
@@ -67,7 +67,7 @@ def compile_plan(
 
 
 def _check_order(tree: SyntaxNode, reader: ElementReader) -> None:
-    """Defaults come first, once, then variables, then elements."""
+    """Check that Defaults come first, once, then variables, then elements."""
     elements = (*tree.spaces, *tree.features, *tree.openings)
     ranked = [
         (node._tx_position, rank, node)
@@ -79,9 +79,9 @@ def _check_order(tree: SyntaxNode, reader: ElementReader) -> None:
         if rank == 0 and node is not tree.defaults[0]:
             reader.error(node, '"Defaults:" is given twice')
         elif rank < reached:
-            what = '"Defaults:"' if rank == 0 else f'variable "{node.name}"'
+            label = '"Defaults:"' if rank == 0 else f'variable "{node.name}"'
             reader.error(
-                node, f"{what} comes too late", "first Defaults, then variables, then elements"
+                node, f"{label} comes too late", "first Defaults, then variables, then elements"
             )
         reached = max(reached, rank)
 
@@ -121,12 +121,12 @@ def _draft_space(
     return SpaceDraft(node, node.name, ring, thickness, height, location)
 
 
-def _check_names(nodes: Sequence[SyntaxNode], what: str, reader: ElementReader) -> None:
+def _check_names(nodes: Sequence[SyntaxNode], kind: str, reader: ElementReader) -> None:
     first: dict[str, SyntaxNode] = {}
     for node in nodes:
         if node.name in first:
             line = reader.where(first[node.name]).line
-            reader.error(node, f'{what} "{node.name}" is already defined in line {line}')
+            reader.error(node, f'{kind} "{node.name}" is already defined in line {line}')
         first.setdefault(node.name, node)
 
 
@@ -140,14 +140,14 @@ def _draft_features(
         (d, d.node.features) for d in drafts
     ]
     groups.append((None, top_level))
-    found: list[FeatureDraft] = []
+    features: list[FeatureDraft] = []
     for owner, nodes in groups:
         _check_names(nodes, "feature", reader)
         for node in nodes:
             feature = draft_feature(node, owner, spaces, reader)
             if feature is not None:
-                found.append(feature)
-    return sorted(found, key=lambda feature: feature.node._tx_position)
+                features.append(feature)
+    return sorted(features, key=lambda feature: feature.node._tx_position)
 
 
 def _draft_openings(
@@ -156,13 +156,13 @@ def _draft_openings(
     reader: ElementReader,
 ) -> list[OpeningDraft]:
     _check_names(nodes, "opening", reader)
-    found = []
+    openings = []
     for node in nodes:
         location = read_location(node, node.kind.lower(), reader)
         opening = draft_opening(node, location, spaces, reader)
         if opening is not None:
-            found.append(opening)
-    return found
+            openings.append(opening)
+    return openings
 
 
 def _build(
@@ -175,7 +175,7 @@ def _build(
     world = place_all(drafts)
     spaces = tuple(build_space(draft, world[draft.name], reader) for draft in drafts)
     walls = {(wall.space, wall.index): wall for space in spaces for wall in space.walls}
-    # Names of features may repeat in other spaces; published identifiers may not.
+    # Features of different spaces may share a name; published identifiers are unique.
     names = Counter(feature.node.name for feature in features)
     plan = FloorPlan(
         name,
@@ -205,7 +205,7 @@ def _check_gaps(drafts: Sequence[SpaceDraft], findings: Findings) -> None:
         location, other = draft.location, draft.against
         if other is None or draft.own is None or draft.other is None:
             continue
-        # Only walls that face each other without a turn have a gap that one number tells.
+        # One number describes the gap only if the walls face each other without a turn.
         if "spaced" in location or "not aligned" in location or location.get("rotation.z"):
             continue
         gap = location.get("translation.y")

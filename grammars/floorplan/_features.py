@@ -16,7 +16,7 @@ from grammars.text.diagnostics import SyntaxNode, Where
 
 @dataclass(frozen=True, slots=True)
 class FeatureDraft:
-    """A feature before its space is placed; ``against`` is a space, ``wall`` one of its walls."""
+    """Feature before its space is placed; ``against`` is a space, ``wall`` one of its walls."""
 
     node: SyntaxNode
     owner: SpaceDraft | None
@@ -33,7 +33,7 @@ def draft_feature(
     spaces: dict[str, SpaceDraft],
     reader: ElementReader,
 ) -> FeatureDraft | None:
-    """Read a feature of ``owner`` (none: of the plan), or return ``None`` after reporting."""
+    """Return a feature of ``owner`` (``None``: the plan), or ``None`` after an error."""
     ring = floor_outline(node.shape, reader)
     height = reader.length(node.height)
     if height <= 0.0:
@@ -65,7 +65,7 @@ def _reference_space(
                 'name the space: "wrt: hall", or write the feature into its "features:"',
             )
         return owner
-    # A space may be called world; then it is what is meant here.
+    # A space may be called world; then the reference means this space.
     if reference.name == "world" and "world" not in spaces:
         reader.error(reference, "features stand in a space, not in the world", 'write "wrt: hall"')
         return None
@@ -110,7 +110,7 @@ def build_feature(
 
 @dataclass(frozen=True, slots=True)
 class OpeningDraft:
-    """An opening before its walls are placed; ``walls`` are (space name, wall index)."""
+    """Opening before its walls are placed; ``walls`` are (space name, wall index)."""
 
     node: SyntaxNode
     ring: tuple[Point3, ...]
@@ -124,19 +124,19 @@ def draft_opening(
     spaces: dict[str, SpaceDraft],
     reader: ElementReader,
 ) -> OpeningDraft | None:
-    """Read an opening, or return ``None`` after reporting what is wrong with it."""
+    """Return an opening, or ``None`` after an error."""
     ring = wall_outline(node.shape, reader)
     if "in" not in location:
         return None
     references = location.parts["in"].walls
     walls = [_cut_wall(reference, spaces, reader) for reference in references]
-    known = tuple(wall for wall in walls if wall is not None)
+    resolved = tuple(wall for wall in walls if wall is not None)
     if len(references) > 2:
         reader.error(references[2], "an opening cuts one or two walls", "make a second opening")
-    elif len(known) == 2 and known[0] == known[1]:
+    elif len(resolved) == 2 and resolved[0] == resolved[1]:
         reader.error(references[1], "an opening cannot cut the same wall twice")
-    elif len(known) == len(references):
-        return OpeningDraft(node, ring, location, known)
+    elif len(resolved) == len(references):
+        return OpeningDraft(node, ring, location, resolved)
     return None
 
 
@@ -163,10 +163,10 @@ def _cut_wall(
 
 
 def build_opening(draft: OpeningDraft, walls: tuple[Wall, ...], reader: ElementReader) -> Opening:
-    """Return the opening in the world frame; ``walls`` are those it cuts, in order.
+    """Return the opening in the world frame; it cuts ``walls`` in this order.
 
-    ``World(opening) = World(first wall) . Translate(x, 0, z) . Ry(tilt)``; the far ring has the
-    same x and z with y replaced by the depth, the summed thickness of the walls.
+    ``World(opening) = World(first wall) . Translate(x, 0, z) . Ry(tilt)``. The far ring has the
+    same x and z; its y is the depth, the total thickness of the walls.
     """
     location = draft.location
     kind: Literal["entryway", "window"] = "entryway" if draft.node.kind == "Entryway" else "window"
@@ -189,7 +189,7 @@ def build_opening(draft: OpeningDraft, walls: tuple[Wall, ...], reader: ElementR
 
 @dataclass(frozen=True, slots=True)
 class OpeningPrism:
-    """The cut of an opening: near ring in its own frame, depth, height and tilt of that frame."""
+    """Cut of an opening: near ring in its own frame, depth, height and tilt of that frame."""
 
     ring: tuple[Point3, ...]
     depth: float
@@ -213,7 +213,7 @@ def opening_at(
     # leans).
     turned = [(c * px + s * pz, py, c * pz - s * px) for px, py, pz in prism.ring]
     low, high = min(p[0] for p in turned), max(p[0] for p in turned)
-    # A polygon may lean out of the face of its wall; the footprint goes from there to the far face.
+    # A polygon may lean out of the face of its wall; the footprint begins at its nearest point.
     near_y = min(p[1] for p in turned)
     return Opening(
         kind=kind,

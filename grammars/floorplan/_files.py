@@ -27,14 +27,14 @@ from grammars.text.units import to_si
 def load_floorplan(path: str | Path) -> FloorPlan:
     """Read and compile a ``.fpm`` file (UTF-8).
 
-    Raises :class:`InputError` with everything that is wrong with it; warnings are in the plan.
+    Raises :class:`InputError` with all errors; warnings are in the plan.
     """
     return read_floorplan(path).compile()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanVariable:
-    """A variable of a plan: ``value`` [m or rad], ``text`` as written, and where."""
+    """Variable of a plan: ``value`` [m or rad], ``text`` as written, and its place."""
 
     name: str
     value: float
@@ -45,7 +45,7 @@ class PlanVariable:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ParsedFloorPlan:
-    """The text of a plan, parsed: it can be compiled again and again with other values."""
+    """Parsed plan that can be compiled many times with different values."""
 
     source: SourceText
     _tree: SyntaxNode
@@ -58,12 +58,12 @@ class ParsedFloorPlan:
     ) -> FloorPlan:
         """Return the plan, as :func:`load_floorplan` does.
 
-        ``values`` are other values for variables of the plan, as somebody wrote them (``"0.8 m"``)
-        at ``where``; ``places`` says where each of them is written, where that is known.
+        ``values`` replace values of variables; they are text such as ``"0.8 m"``, written at
+        ``where``. ``places`` holds the exact place of a value, if known.
         """
         whole = where or Where(self.source.file)
-        given = _read_values(self._tree, values, whole, places or {}) if values else {}
-        return compile_plan(self._tree, self.source, given)
+        numbers = _read_values(self._tree, values, whole, places or {}) if values else {}
+        return compile_plan(self._tree, self.source, numbers)
 
     @property
     def variables(self) -> tuple[PlanVariable, ...]:
@@ -81,15 +81,15 @@ class ParsedFloorPlan:
 
 
 def read_floorplan(path: str | Path) -> ParsedFloorPlan:
-    """Read a ``.fpm`` file and parse it; raises :class:`InputError` for what is no plan."""
+    """Read and parse a ``.fpm`` file; raises :class:`InputError` if it is not a plan."""
     source = SourceText(read_text(path, "the plan"), str(path))
     return ParsedFloorPlan(source, parse_syntax(source))
 
 
 def parse_floorplan(text: str, file: str = "<text>") -> FloorPlan:
-    """Compile the text of a plan; ``file`` is its name in diagnostics.
+    """Compile the text of a plan; diagnostics name it ``file``.
 
-    Raises :class:`InputError` with everything that is wrong with it; warnings are in the plan.
+    Raises :class:`InputError` with all errors; warnings are in the plan.
     """
     source = SourceText(text, file)
     return compile_plan(parse_syntax(source), source)
@@ -98,7 +98,7 @@ def parse_floorplan(text: str, file: str = "<text>") -> FloorPlan:
 def _read_values(
     tree: SyntaxNode, values: Mapping[str, object], whole: Where, places: Mapping[str, Where]
 ) -> dict[str, float]:
-    """Return the values given to variables in SI; raises :class:`InputError` with all faults."""
+    """Return the values of variables in SI units; raises :class:`InputError` with all errors."""
     variables = {variable.name: variable for variable in tree.variables}
     read: dict[str, float] = {}
     faults: list[Finding] = []
@@ -122,7 +122,7 @@ def _read_values(
             message = f"{name} is {with_article(kind)}, not {value}"
             faults.append(Finding(where, message, example))
         elif abs(quantity.value) > LARGEST:
-            faults.append(Finding(where, f"{name}: {value} is too large", "1000 km at most"))
+            faults.append(Finding(where, f"{name}: {value} is too large", "the limit is 1000 km"))
         else:
             read[name] = quantity.value
     if faults:

@@ -1,4 +1,4 @@
-"""Flaws of plans: rooms, openings and features that are placed suspiciously, and by how much."""
+"""Flaws of plans: suspicious places of rooms, openings and features, measured."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from grammars.floorplan.model import FloorPlan, Opening, Wall
 from grammars.text.diagnostics import Findings, Where
 
 _TOUCHING: Final = 1e-3
-"""How far walls may be apart and still touch, or openings stick out [m]."""
+"""Distance up to which walls touch, or openings may stick out [m]."""
 _OVERLAP: Final = 1e-2
-"""Area two rooms may share before it is worth a word [m²]."""
+"""Area that two rooms may share without a warning [m²]."""
 _TURNED: Final = 1e-6
-"""One less the cosine of the angle by which facing walls may be turned."""
+"""One minus the cosine of the angle by which facing walls may be turned."""
 
 
 @dataclass(frozen=True, slots=True)
 class Flaw:
-    """Something in a plan that has a meaning, though probably not the intended one.
+    """Valid geometry in a plan that is probably not intended.
 
-    ``key`` names it in all variants of a plan. ``extent`` measures it, in the unit of ``slack``:
-    up to there it is none.
+    ``key`` names it in all variants of a plan. It counts as a flaw only if ``extent`` is beyond
+    ``slack``; both have the same unit.
     """
 
     key: str
@@ -35,14 +35,14 @@ class Flaw:
 
 
 def warn_of(flaws: Iterable[Flaw], findings: Findings) -> None:
-    """Add a warning for every flaw that goes beyond its slack."""
+    """Add a warning for every flaw beyond its slack."""
     for flaw in flaws:
         if flaw.extent > flaw.slack:
             findings.warning(flaw.where, flaw.message, flaw.hint)
 
 
 def geometric_flaws(plan: FloorPlan) -> Iterator[Flaw]:
-    """Yield the flaws of a plan, measured, also those within their slack."""
+    """Yield the measured flaws of a plan, including those within their slack."""
     walls = {wall.id: wall for wall in plan.walls}
     for opening in plan.openings:
         yield from _of_opening(opening, [walls[name] for name in opening.walls])
@@ -51,7 +51,7 @@ def geometric_flaws(plan: FloorPlan) -> Iterator[Flaw]:
 
 
 def _of_opening(opening: Opening, walls: Sequence[Wall]) -> Iterator[Flaw]:
-    """Yield how far an opening sticks out of its walls, and how well two walls fit."""
+    """Yield the distances by which an opening sticks out of its walls, and a misfit of two."""
     name, where = opening.name, opening.where
     label = f'{opening.kind} "{name}"'
     for wall in walls:
@@ -72,12 +72,12 @@ def _of_opening(opening: Opening, walls: Sequence[Wall]) -> Iterator[Flaw]:
 
 
 def _ends(wall: Wall, first: float, last: float) -> tuple[float, float]:
-    """Return between which ends of a wall an opening from ``first`` to ``last`` must lie [m]."""
+    """Return the ends of a wall that limit an opening from ``first`` to ``last`` [m]."""
     inner = wall.length / 2
     if first > -inner or last < inner:
         return -inner, inner
-    # An opening takes the whole wall away that joins two spaces. In a corner that points outwards
-    # the outer face is the longer one, and what is taken of it is of this wall as well.
+    # The opening removes the whole wall between two spaces. In a corner that points outwards the
+    # outer face is longer than the inner one; the part beyond it belongs to this wall too.
     to_wall = wall.frame.inverse()
     ends = [to_wall.apply(corner)[0] for corner in wall.footprint]
     return min(ends), max(ends)
@@ -86,7 +86,7 @@ def _ends(wall: Wall, first: float, last: float) -> tuple[float, float]:
 def _of_pair(opening: Opening, first: Wall, second: Wall) -> Flaw:
     relative = first.frame.inverse() @ second.frame
     label = f'{opening.kind} "{opening.name}": {first.id} and {second.id}'
-    # Facing each other is half a turn apart.
+    # Walls that face each other are half a turn apart.
     turned = 1.0 + math.cos(relative.yaw)
     if turned > _TURNED:
         message = f"{label} do not face each other"
@@ -100,10 +100,10 @@ def _of_pair(opening: Opening, first: Wall, second: Wall) -> Flaw:
 
 
 def overlaps(plan: FloorPlan) -> Iterator[Flaw]:
-    """Yield the spaces that share floor, also those that only touch."""
+    """Yield the pairs of spaces that share floor or touch."""
     import shapely
 
-    # A tree, because all pairs of rooms of a large plan are too many.
+    # A large plan has too many pairs of rooms to test them all, hence the tree.
     outlines = [shapely.Polygon(space.outline, space.holes) for space in plan.spaces]
     first, second = shapely.STRtree(outlines).query(outlines, predicate="intersects")
     for a, b in sorted(zip(first.tolist(), second.tolist(), strict=True)):

@@ -17,14 +17,14 @@ from grammars.floorplan.model import Point3
 from grammars.model.geometry import Point2, Ring
 from grammars.text.diagnostics import SyntaxNode, TypedNode, with_article
 
-# As FloorPlan DSL v1 approximated circles: 40 corners, the first at (0, r), clockwise, so that
-# walls grow outwards. Every edge is a wall with a number; circles of objects have no such numbers
-# and fewer corners (grammars.scenery._objects).
+# FloorPlan DSL v1 approximated circles by 40 corners, clockwise from (0, r), so that walls grow
+# outwards. Every edge is a wall with a number. Circles of objects have no such numbers and fewer
+# corners (grammars.scenery._objects).
 CIRCLE_CORNERS: Final = 40
 SAME_POINT: Final = 1e-9
 """Corners closer than this [m] are one corner."""
-# 1 + cosine of the turn at a corner below which the outline turns back on itself: the mitre of
-# outer_corners divides by this number.
+# The outline turns back on itself if 1 + the cosine of a corner's turn is below this number. The
+# mitre of outer_corners divides by the sum.
 _SPIKE: Final = 1e-9
 
 
@@ -48,15 +48,15 @@ class RectangleNode(TypedNode):
     height: SyntaxNode | None
 
     def outline(self, second: Literal["length", "height"], reader: ElementReader) -> Ring:
-        """Return the ring, empty when it was refused."""
+        """Return the ring, empty after an error."""
         other = "height" if second == "length" else "length"
         width = _positive(self.width, "the width of a rectangle", reader)
         node = self.length if second == "length" else self.height
         if node is None:
-            what = "opening" if second == "height" else "space or feature"
+            owner = "opening" if second == "height" else "space or feature"
             reader.error(
                 self,
-                f"the rectangle of {with_article(what)} has a {second}, not a {other}",
+                f"the rectangle of {with_article(owner)} has a {second}, not a {other}",
                 f"write Rectangle width=…, {second}=…",
             )
             return ()
@@ -85,7 +85,7 @@ SHAPE_NODES: Final = (RectangleNode, CircleNode, PolygonNode)
 
 
 def floor_outline(shape: ShapeNode, reader: ElementReader) -> Ring:
-    """Return the ring of a space or feature, empty when it was refused."""
+    """Return the ring of a space or feature, empty after an error."""
     if not isinstance(shape, PolygonNode):
         return shape.outline("length", reader)
     points = _points(shape, reader)
@@ -98,7 +98,7 @@ def floor_outline(shape: ShapeNode, reader: ElementReader) -> Ring:
 
 
 def wall_outline(shape: ShapeNode, reader: ElementReader) -> tuple[Point3, ...]:
-    """Return the ring of an opening in its frame, x along the wall, z up; empty when refused."""
+    """Return the ring of an opening, x along the wall, z up; empty after an error."""
     if not isinstance(shape, PolygonNode):
         return tuple((x, 0.0, z) for x, z in shape.outline("height", reader))
     points = _points(shape, reader)
@@ -114,15 +114,15 @@ def wall_outline(shape: ShapeNode, reader: ElementReader) -> tuple[Point3, ...]:
     return tuple(solid[k] for k in _corners([(p[0], p[2]) for p in solid], shape, reader))
 
 
-def _positive(node: SyntaxNode, what: str, reader: ElementReader) -> float:
+def _positive(node: SyntaxNode, label: str, reader: ElementReader) -> float:
     value = reader.length(node)
     if value <= 0.0:
-        reader.error(node, f"{what} must be positive, not {value:g} m")
+        reader.error(node, f"{label} must be positive, not {value:g} m")
     return value
 
 
 def _points(shape: PolygonNode, reader: ElementReader) -> list[tuple[float, ...]]:
-    """Return the points as they are written; none when one of them is broken."""
+    """Return the points as written, or none if one of them is broken."""
     points = [tuple(map(reader.length, node.coordinates)) for node in shape.points]
     odd = [k for k, point in enumerate(points) if not 2 <= len(point) <= 3]
     for k in odd:
@@ -133,11 +133,11 @@ def _points(shape: PolygonNode, reader: ElementReader) -> list[tuple[float, ...]
 def _corners(
     points: Sequence[Point2], shape: PolygonNode, reader: ElementReader
 ) -> tuple[int, ...]:
-    """Return which points are corners of a simple polygon; none if it is no such polygon."""
+    """Return the indices of the corners of a simple polygon, or none after an error."""
     if len(points) < len(shape.points):
         return ()  # one of them is broken and has been reported
-    kept = _without_repeats(points)
-    ring = tuple(points[k] for k in kept)
+    corners = _without_repeats(points)
+    ring = tuple(points[k] for k in corners)
     if len(set(ring)) < 3:
         reader.error(shape, f"a polygon needs 3 different points, not {len(set(ring))}")
         return ()
@@ -151,21 +151,21 @@ def _corners(
     if problem:
         reader.error(shape, problem, "list the points in order around the area")
         return ()
-    return kept
+    return corners
 
 
 def _without_repeats(points: Sequence[Point2]) -> tuple[int, ...]:
-    kept: list[int] = []
+    corners: list[int] = []
     for k, point in enumerate(points):
-        if not kept or math.dist(point, points[kept[-1]]) > SAME_POINT:
-            kept.append(k)
-    while len(kept) > 1 and math.dist(points[kept[0]], points[kept[-1]]) <= SAME_POINT:
-        kept.pop()
-    return tuple(kept)
+        if not corners or math.dist(point, points[corners[-1]]) > SAME_POINT:
+            corners.append(k)
+    while len(corners) > 1 and math.dist(points[corners[0]], points[corners[-1]]) <= SAME_POINT:
+        corners.pop()
+    return tuple(corners)
 
 
 def _spike(ring: Ring) -> str:
-    """Say where the outline turns back on itself, if it does: no mitre exists there."""
+    """Return a message if the outline turns back on itself, where no mitre exists."""
     yaws = [frame.yaw for frame in wall_frames(ring)]
     turns = [1.0 + math.cos(yaw - yaws[k - 1]) for k, yaw in enumerate(yaws)]
     worst = turns.index(min(turns))
@@ -176,7 +176,7 @@ def _spike(ring: Ring) -> str:
 
 
 def _crossing(ring: Ring) -> str:
-    """Say where the outline crosses or touches itself, if it does."""
+    """Return a message if the outline crosses or touches itself."""
     import shapely
 
     reason, _, place = shapely.is_valid_reason(shapely.Polygon(ring)).partition("[")

@@ -1,7 +1,7 @@
-"""Spaces: their walls in their own frame, and their place in the world.
+"""Walls of spaces in their own frame, and the place of spaces in the world.
 
-Formulas: wall frames and mitred corners from the outline; a placement relates an own frame to
-another one, ``world_from_space = world_from_wrt @ T(x, y, yaw) @ inverse(space_from_of)``.
+A placement relates a frame of the space to another frame:
+``world_from_space = world_from_wrt @ T(x, y, yaw) @ inverse(space_from_of)``.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ IDENTITY = Pose2()
 
 @dataclass(slots=True, eq=False)
 class SpaceDraft:
-    """A space while it is being compiled; its outline is empty, its sizes NaN if they are refused.
+    """Space during compilation; after errors its outline is empty or its sizes are NaN.
 
-    ``own`` is the wall index of the ``of`` frame, ``against`` and ``other`` name the space and the
-    wall of the ``wrt`` frame (no space: the world); an index is ``None`` for the frame of the space
-    itself.
+    ``own`` is the wall index of the ``of`` frame. ``against`` and ``other`` are the space and the
+    wall index of the ``wrt`` frame (no space: the world). An index of ``None`` means the frame of
+    the space itself.
     """
 
     node: SyntaxNode
@@ -42,7 +42,7 @@ class SpaceDraft:
 
 
 def wall_frames(ring: Ring) -> tuple[Pose2, ...]:
-    """Return the frame of every edge: on its middle, x along it, y to its left."""
+    """Return the frame of every edge: at its middle, x along it, y to its left."""
     frames = []
     for (x0, y0), (x1, y1) in zip(ring, ring[1:] + ring[:1], strict=True):
         frames.append(Pose2((x0 + x1) / 2, (y0 + y1) / 2, math.atan2(y1 - y0, x1 - x0)))
@@ -52,8 +52,9 @@ def wall_frames(ring: Ring) -> tuple[Pose2, ...]:
 def outer_corners(ring: Ring, thickness: float) -> Ring:
     """Return the corners of the offset outline, mitred.
 
-    ``O_i = P_i + t (n_(i-1) + n_i) / (1 + n_(i-1) . n_i)`` with the left normals n of the edges;
-    it holds for collinear neighbours too and fails only for a spike, which must be refused before.
+    ``O_i = P_i + t (n_(i-1) + n_i) / (1 + n_(i-1) . n_i)`` with the left normals n of the edges.
+    The formula also holds for collinear neighbours. It fails only for a spike, which the caller
+    must refuse.
     """
     normals: list[Point2] = []
     for (x0, y0), (x1, y1) in zip(ring, ring[1:] + ring[:1], strict=True):
@@ -62,7 +63,7 @@ def outer_corners(ring: Ring, thickness: float) -> Ring:
     corners: list[Point2] = []
     for k, (x, y) in enumerate(ring):
         (ax, ay), (bx, by) = normals[k - 1], normals[k]
-        # No limit to the mitre, as in the published tools: a sharp corner reaches far out.
+        # The mitre has no limit, as in the published tools: a sharp corner reaches far out.
         reach = thickness / (1.0 + ax * bx + ay * by)
         corners.append((x + reach * (ax + bx), y + reach * (ay + by)))
     return tuple(corners)
@@ -76,7 +77,7 @@ def find_wall(node: SyntaxNode, draft: SpaceDraft, reader: ElementReader) -> int
     if not -count <= index < count:
         reader.error(node, f'wall index {index}: space "{draft.name}" has walls 0..{count - 1}')
         return None
-    # Version 2 of the published tools takes it, so plans may have it.
+    # Version 2 of the published tools accepts it, so plans may contain it.
     if index < 0:
         reader.warning(
             node, f"wall index {index} counts from the end", f"write walls[{index + count}]"
@@ -87,7 +88,7 @@ def find_wall(node: SyntaxNode, draft: SpaceDraft, reader: ElementReader) -> int
 def find_space(
     node: SyntaxNode, spaces: dict[str, SpaceDraft], reader: ElementReader
 ) -> SpaceDraft | None:
-    """Return the space a frame reference names, or ``None`` after reporting it."""
+    """Return the space that a frame reference names, or ``None`` after an error."""
     draft = spaces.get(node.name)
     if draft is None:
         reader.error(node, f'unknown space "{node.name}"', did_you_mean(node.name, spaces))
@@ -97,7 +98,7 @@ def find_space(
 def resolve_placement(
     draft: SpaceDraft, spaces: dict[str, SpaceDraft], reader: ElementReader
 ) -> None:
-    """Resolve what a space is placed against and check the flags of its location."""
+    """Resolve the frames of a space's location and check its flags."""
     location = draft.location
     if not {"of", "wrt"} <= location.parts.keys():
         return
@@ -164,7 +165,7 @@ def _check_flags(draft: SpaceDraft, location: Location, reader: ElementReader) -
 
 
 def check_anchored(drafts: list[SpaceDraft], reader: ElementReader) -> None:
-    """Report every loop of placements: nothing ties its spaces to the world."""
+    """Report every loop of placements, whose spaces have no place in the world."""
     # Every space is walked over once; a walk that ends on a space of its own turn went in a circle.
     state: dict[int, int] = {}
     for turn, start in enumerate(drafts):
@@ -185,7 +186,7 @@ def check_anchored(drafts: list[SpaceDraft], reader: ElementReader) -> None:
 
 
 def pose_in_world(draft: SpaceDraft, world: dict[str, Pose2]) -> Pose2:
-    """Return the world pose of a space whose ``against`` is already in ``world``."""
+    """Return the world pose of a space; ``world`` already holds that of its ``against``."""
     other = draft.against
     # World(space) = World(wrt) T inverse(M(space <- of)).
     base = IDENTITY if other is None else world[other.name] @ other.frame(draft.other)
@@ -202,21 +203,20 @@ def offset_of(draft: SpaceDraft) -> Pose2:
         if "spaced" in location:
             y += draft.thickness + other.thickness
         if "not aligned" not in location:
-            # The half turn makes two walls face each other, y of one against y of the other. It is
-            # added for counter-clockwise outlines too, where it mirrors: the published tools do so
-            # as well.
+            # The half turn makes two walls face each other, y against y. As in the published tools,
+            # it also applies to counter-clockwise outlines, where it mirrors.
             yaw += math.pi
     return Pose2(x, y, yaw)
 
 
 def frame_id(name: str, wall: int | None) -> str:
-    """Return the published identifier of the frame of a space (none: the world) or its wall."""
+    """Return the published frame identifier of a space (no name: the world) or its wall."""
     return f"{name or 'world'}-frame" if wall is None else f"{name}-wall-{wall}-frame"
 
 
 def place_all(drafts: list[SpaceDraft]) -> dict[str, Pose2]:
     """Return the world pose of every space; placements must be free of loops."""
-    # Without recursion: a chain of rooms may be longer than the stack of calls.
+    # Not recursive: a chain of rooms may be longer than the call stack.
     world: dict[str, Pose2] = {}
     for start in drafts:
         chain: list[SpaceDraft] = []
@@ -251,9 +251,8 @@ def space_at(
     where: Where,
     placement: Placement | None = None,
 ) -> Space:
-    """Return a space whose outline in its own frame is ``ring``, with the walls it implies."""
+    """Return a space with the outline ``ring`` in its own frame, and its walls."""
     count = len(ring)
-    # Here too, not only in the draft: plans read from JSON-LD come this way.
     frames, outer = wall_frames(ring), outer_corners(ring, thickness)
     walls = []
     for k in range(count):

@@ -1,4 +1,4 @@
-"""From text to syntax tree, with syntax errors told in the words of the language."""
+"""Parser from text to syntax tree, with syntax errors in the words of the language."""
 
 from __future__ import annotations
 
@@ -62,15 +62,15 @@ class _FloorPlanLanguage(Language):
         return [match.start() for match in _ELEMENT_START.finditer(without_comments(text))]
 
     def phrases(self, fault: SyntaxFault) -> Sequence[str]:
-        left = set(fault.expected)
+        keys = set(fault.expected)
         phrases: list[str] = []
         for members, phrase in _GROUPS:
-            if len(left & members) > 1:
+            if len(keys & members) > 1:
                 phrases.append(phrase)
-                left -= members
-        if phrases and len(left) > 1:
-            left -= _CONTINUATIONS
-        return sorted(_WORDS.get(key, f'"{key}"') for key in left) + phrases
+                keys -= members
+        if phrases and len(keys) > 1:
+            keys -= _CONTINUATIONS
+        return sorted(_WORDS.get(key, f'"{key}"') for key in keys) + phrases
 
     def hint(self, fault: SyntaxFault) -> str:
         word, done, rest = fault.word, fault.done, fault.rest
@@ -88,8 +88,8 @@ class _FloorPlanLanguage(Language):
             return "walls are not written: every edge of a space's shape is a wall"
         if word in _HINTS:
             return _HINTS[word]
-        known = sorted(set(fault.expected) - set(_WORDS))
-        close = difflib.get_close_matches(word, known, n=1, cutoff=0.7)
+        keywords = sorted(set(fault.expected) - set(_WORDS))
+        close = difflib.get_close_matches(word, keywords, n=1, cutoff=0.7)
         return f'did you mean "{close[0]}"?' if close else ""
 
 

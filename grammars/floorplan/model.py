@@ -1,8 +1,8 @@
-"""What a floor plan means: world-frame geometry of spaces, walls, features and openings.
+"""Compiled floor plan: world-frame geometry of spaces, walls, features and openings.
 
-Frames follow the FloorPlan language: a wall's frame sits on the middle of its inner edge, x along
+Frames follow the FloorPlan language: a wall's frame is at the middle of its inner edge, x along
 the edge, y through the thickness (outwards for clockwise rooms), z up. Every frame has a published
-identifier (:func:`frames`). Metres and radians.
+identifier (:func:`frames`). Units are metres and radians.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from grammars.text.diagnostics import Finding, Where
 Point3: TypeAlias = tuple[float, float, float]
 NOWHERE = Where("<unknown>")
 WALLS_ENDING: Final = ".walls.yaml"
-"""What the name of every walls layer ends with (:mod:`grammars.maps`)."""
+"""Ending of the file name of every walls layer (:mod:`grammars.maps`)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Placement:
-    """How an element was placed: its outline in its own frame, and that frame against another.
+    """Placement of an element: its outline in its own frame, and that frame against another.
 
-    ``of`` and ``wrt`` are published frame identifiers; ``of`` is a frame of the element itself (a
-    space may be placed by one of its walls). ``offset`` is the transform ``of`` -> ``wrt``, its yaw
-    not wrapped. ``outline`` lies at z = 0 for what stands on the floor; that of an opening is its
-    near ring before it is lifted and tilted.
+    ``of`` and ``wrt`` are published frame identifiers. ``of`` is a frame of the element itself; a
+    space may be placed by one of its walls. ``offset`` is the transform ``of`` -> ``wrt``, its yaw
+    not wrapped. ``outline`` lies on the floor (z = 0); the outline of an opening is its near ring
+    before it is lifted and tilted.
     """
 
     of: str
@@ -37,9 +37,9 @@ class Placement:
 
 @dataclass(frozen=True, slots=True)
 class Wall:
-    """One edge of a space's outline, thickened; ``footprint`` is uncut, as the language defines.
+    """One thickened edge of a space's outline; openings do not cut its ``footprint``.
 
-    ``footprint`` corners: outer start, outer end, inner end, inner start.
+    Corners of ``footprint``: outer start, outer end, inner end, inner start.
     """
 
     space: str
@@ -52,16 +52,16 @@ class Wall:
 
     @property
     def id(self) -> str:
-        """The published identifier, ``<space>-wall-<index>``."""
+        """Published identifier, ``<space>-wall-<index>``."""
         return f"{self.space}-wall-{self.index}"
 
 
 @dataclass(frozen=True, slots=True)
 class Space:
-    """A room, corridor or hall with its walls; ``outline`` is the clear floor area.
+    """Room, corridor or hall with its walls; ``outline`` is the clear floor area.
 
-    A space of a walls layer has no walls of its own, but may have ``holes``: rings inside of the
-    outline that are not its floor.
+    A space of a walls layer has no walls of its own. It may have ``holes``: rings inside the
+    outline that are not floor.
     """
 
     name: str
@@ -75,11 +75,11 @@ class Space:
 
 @dataclass(frozen=True, slots=True)
 class Feature:
-    """A column or divider standing on the floor; ``space`` is empty for a top-level feature.
+    """Column or divider on the floor; ``space`` is empty for a top-level feature.
 
-    ``id`` is unique in the plan: the plain name where that is unique, else ``<space>-<name>``.
-    In a walls layer walls are features too (kind ``wall``, ``footprint`` as drawn), and what
-    stands may have ``holes``.
+    ``id`` is unique in the plan: the name if it is unique, otherwise ``<space>-<name>``. In a walls
+    layer walls are features too (kind ``wall``, ``footprint`` as drawn), and features may have
+    ``holes``.
     """
 
     kind: Literal["column", "divider", "wall"]
@@ -96,13 +96,13 @@ class Feature:
 
 @dataclass(frozen=True, slots=True)
 class Opening:
-    """An entryway or window: a prism cut through one or two walls.
+    """Entryway or window: a prism cut through one or two walls.
 
-    In a walls layer an entryway is a gap that was left between walls: it lists none.
+    In a walls layer an entryway is a gap between walls and lists no walls.
 
     ``frame`` is the opening's frame projected on the floor (x along the first wall, y through
-    it); ``z`` its height above the floor and ``tilt`` its rotation about y. ``near`` and ``far``
-    are the world-frame rings of the prism, ``footprint`` its outline seen from above.
+    it), ``z`` its height above the floor and ``tilt`` its rotation about y. ``near`` and ``far``
+    are the world-frame rings of the prism; ``footprint`` is its outline from above.
     """
 
     kind: Literal["entryway", "window"]
@@ -144,7 +144,7 @@ class Opening:
 
 @dataclass(frozen=True, slots=True)
 class FloorPlan:
-    """A whole plan in one world frame, elements in source order."""
+    """Whole plan in one world frame, with its elements in source order."""
 
     name: str
     spaces: tuple[Space, ...]
@@ -166,12 +166,12 @@ def frames(plan: FloorPlan) -> dict[str, Pose2]:
 
     ``world-frame``, ``<space>-frame``, ``<space>-wall-<i>-frame``, ``column-<id>-frame``,
     ``divider-<id>-frame``, ``entryway-<id>-frame`` and ``window-<id>-frame``. The frame of an
-    opening is the one on the floor; its height is :attr:`Opening.z`.
+    opening lies on the floor; its height is :attr:`Opening.z`.
     """
-    found = {WORLD_FRAME: Pose2()}
+    poses = {WORLD_FRAME: Pose2()}
     for space in plan.spaces:
-        found[f"{space.name}-frame"] = space.frame
-        found.update((f"{wall.id}-frame", wall.frame) for wall in space.walls)
-    found.update((f"{f.kind}-{f.id}-frame", f.frame) for f in plan.features)
-    found.update((f"{o.kind}-{o.id}-frame", o.frame) for o in plan.openings)
-    return found
+        poses[f"{space.name}-frame"] = space.frame
+        poses.update((f"{wall.id}-frame", wall.frame) for wall in space.walls)
+    poses.update((f"{f.kind}-{f.id}-frame", f.frame) for f in plan.features)
+    poses.update((f"{o.kind}-{o.id}-frame", o.frame) for o in plan.openings)
+    return poses

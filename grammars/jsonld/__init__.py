@@ -1,8 +1,7 @@
-"""Models in JSON-LD: floor plans and scenery in the published vocabulary, written and read.
+"""JSON-LD exchange: floor plans and scenery in the published vocabulary, written and read.
 
-Files are in the vocabulary of the comp-rob2b and secorolab metamodels, for exchange with other
-tools. PyLD expands what others wrote, and the SHACL shapes in ``shapes/`` say what a model must
-have (:mod:`grammars.jsonld.rdf`).
+Files use the vocabulary of the comp-rob2b and secorolab metamodels. PyLD expands the documents;
+the SHACL shapes in ``shapes/`` define valid models (:mod:`grammars.jsonld.rdf`).
 """
 
 from grammars.jsonld._layer_writer import objects_document, scene_document, scenery_document

@@ -1,9 +1,8 @@
-"""Checks of a model: the shapes, and what no shape can say.
+"""Checks of a model: the shapes, and rules that shapes cannot express.
 
-References lead to the right class, everything has the values it needs, once, in known units: this
-is in ``shapes/*.ttl``. Here: coordinates are seen by the frame of their pose, poses are a tree from
-the world and from every object, limits of joints are in order, states lie between them, axes are on
-both bodies.
+The shapes in ``shapes/*.ttl`` check classes of references, and that values are complete, unique and
+in known units. This module checks the frames of coordinates and that poses form a tree from the
+world and from every object. It also checks limits, states and axes of joints.
 """
 
 from __future__ import annotations
@@ -32,49 +31,48 @@ _TOLERANCE: Final = 1e-9
 
 
 def check_nodes(nodes: NodeGraph, *, partial: bool = False) -> None:
-    """Add everything that is wrong with ``nodes`` to their diagnostics.
+    """Check ``nodes`` and add errors and warnings to their findings.
 
-    A ``partial`` model is one layer. It describes its own namespaces completely. References into
-    namespaces of which it describes nothing, and those to the floor plan it stands in, lead
-    elsewhere and are not followed.
+    A ``partial`` model is one layer. It describes its own namespaces completely. Its references to
+    the floor plan and into namespaces without nodes lead elsewhere and are not checked.
     """
     from grammars.jsonld.rdf import check_shapes
 
     homes = {_home(node.id) for node in nodes.by_id.values() if node.types}
 
     def is_elsewhere(predicate: str, target: str) -> bool:
-        # Earlier models have the names of plan and objects in one namespace.
+        # Earlier models keep the names of plan and objects in one namespace.
         return partial and (predicate in _OF_THE_PLAN or _home(target) not in homes)
 
     check_shapes(nodes, is_elsewhere)
     _check_coordinates(nodes)
     _check_views(nodes)
     _check_pose_tree(nodes, partial)
-    # Of joints that fit their shapes, which have both limits, two bodies and two lines.
+    # Joints that fit their shapes have both limits, two bodies and two lines.
     if not nodes.errors:
         _check_joints(nodes)
 
 
 def refuse_broken(nodes: NodeGraph, *, partial: bool = False) -> None:
-    """Check ``nodes``: add warnings to their diagnostics, raise ``InputError`` for errors."""
+    """Check ``nodes``: add warnings to their findings, raise ``InputError`` for errors."""
     check_nodes(nodes, partial=partial)
     if nodes.errors:
         raise InputError(nodes.errors)
 
 
 _OF_THE_PLAN: Final = (REL["with-respect-to"], COORD["as-seen-by"], OBJ["world"])
-"""What leads from a layer to the floor plan it is for."""
+"""Predicates that lead from a layer to its floor plan."""
 
 
 def _home(id: str) -> str:
-    """Return what belongs together: a namespace, or an object of ours with all its parts."""
+    """Return the namespace of ``id``; each object of ours has one of its own."""
     if id.startswith(ITEMS):
         return id.partition(".")[0]
     return namespace_of(id)
 
 
 def _check_coordinates(nodes: NodeGraph) -> None:
-    """Report coordinates that are words: of these many nodes, shapes would take a second more."""
+    """Report coordinates that are not numbers; for so many nodes shapes take a second longer."""
     for node in nodes.by_id.values():
         for name in ("x", "y", "z", "alpha", "beta"):
             for value in node.all(COORD[name]):
@@ -83,26 +81,26 @@ def _check_coordinates(nodes: NodeGraph) -> None:
 
 
 def _check_views(nodes: NodeGraph) -> None:
-    """Report coordinates of poses that another frame sees than their pose is with respect to."""
+    """Report pose coordinates seen by a frame that is not the reference frame of the pose."""
     for node in nodes.of_type(COORD["PoseCoordinate"]):
         for pose in (nodes.by_id.get(id) for id in node.refs(COORD["of-pose"])):
-            seen = node.ref(COORD["as-seen-by"])
+            observer = node.ref(COORD["as-seen-by"])
             wrt = pose.ref(REL["with-respect-to"]) if pose is not None else None
-            if seen is not None and wrt is not None and seen != wrt:
+            if observer is not None and wrt is not None and observer != wrt:
                 nodes.add_error(
                     node.id,
-                    f"{local_name(node.id)} is seen by {local_name(seen)}, "
+                    f"{local_name(node.id)} is seen by {local_name(observer)}, "
                     f"its pose is with respect to {local_name(wrt)}",
                     "write the coordinates in the frame the pose is with respect to",
                 )
 
 
 def _check_pose_tree(nodes: NodeGraph, partial: bool) -> None:
-    """Report loops of poses, and frames that no chain of poses connects to the world."""
+    """Report loops of poses, and frames without a chain of poses to the world."""
     frames = [node.id for node in nodes.of_type(GEOM["Frame"])]
     groups = _Groups()
     placings = index_by(nodes.by_id, REL["Pose"], REL["of"])
-    # Frames that are placed several times come last: if poses form a loop, one of these closes it.
+    # Frames with several poses come last: if poses form a loop, one of these closes it.
     poses = sorted(
         ((of, pose) for of, several in placings.items() for pose in several),
         key=lambda pair: len(placings[pair[0]]),
@@ -122,11 +120,11 @@ def _check_pose_tree(nodes: NodeGraph, partial: bool) -> None:
         )
     defined = frozenset(frames)
     anchors = {groups.top(root) for root in _roots(nodes)}
-    # What leads to a frame of another file may be connected there.
+    # A frame of another file may be connected there.
     if partial:
         anchors |= {groups.top(id) for id in groups.members() if id not in defined}
     if nodes.of_type(FP["FloorPlan"]) and not any(local_name(id) == "world-frame" for id in frames):
-        return  # the reader of plans says so
+        return  # the reader of plans reports it
     loose: dict[str, list[str]] = {}
     for frame in frames:
         if groups.top(frame) not in anchors:
@@ -156,7 +154,7 @@ def _roots(nodes: NodeGraph) -> list[str]:
 
 
 class _Groups:
-    """Frames in disjoint sets of those that poses connect."""
+    """Disjoint sets of frames that poses connect."""
 
     def __init__(self) -> None:
         self._above: dict[str, str] = {}
@@ -165,7 +163,7 @@ class _Groups:
         return list(self._above)
 
     def top(self, member: str) -> str:
-        """Return the frame that stands for the set of ``member``."""
+        """Return the frame that represents the set of ``member``."""
         above = self._above
         while above.setdefault(member, member) != member:
             above[member] = above[above[member]]
@@ -173,14 +171,14 @@ class _Groups:
         return member
 
     def join(self, one: str, other: str) -> bool:
-        """Put two sets together; return whether they were apart."""
+        """Unite two sets; return whether they were apart."""
         a, b = self.top(one), self.top(other)
         self._above[a] = b
         return a != b
 
 
 def _check_joints(nodes: NodeGraph) -> None:
-    """Report limits in the wrong order, states outside of them, axes on one body alone."""
+    """Report limits in the wrong order, states outside of them, and axes on only one body."""
     bounds = limits(nodes)
     states = index_by(nodes.by_id, ST["JointState"], ST["joint"])
     for joint in nodes.of_type(KC["Joint"]):

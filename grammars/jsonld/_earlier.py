@@ -1,9 +1,9 @@
-"""Models that were published before the current vocabulary, read as current ones.
+"""Conversion of earlier published models to the current vocabulary.
 
-Floor plans of 2023 have walls without thickness and height whose corners are in the frame of their
-space, features without a place, and identifiers with the kind in front (``space-hall``). Their
-files and those of objects refer to each other with prefixes that only one of them declares.
-Every assumption is a warning.
+Walls in floor plans of 2023 lack thickness and height, and their corners are in the frame of their
+space. Features have no place, and identifiers begin with the kind (``space-hall``). Files of plans
+and of objects refer to each other with prefixes that only one of them declares. Every assumption
+is a warning.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ from grammars.jsonld.vocabulary import (
 from grammars.model.geometry import Point2, Pose2
 
 WALL_HEIGHT: Final = 2.5
-"""Height [m] of walls whose model gives none: that of the published building C."""
+"""Default height of walls [m]: that of the published building C."""
 _SAME: Final = 1e-6
 _DIGITS: Final = 12
 
 
 def rename_terms(nodes: NodeGraph) -> NodeGraph:
-    """Put earlier words of ``nodes`` into those of the current vocabulary, and return them."""
+    """Replace earlier terms of ``nodes`` by current ones, and return ``nodes``."""
     examples: dict[str, str] = {}
     for node in nodes.by_id.values():
         for fix in (_yaw, _degrees, _quantity, _features):
@@ -56,7 +56,7 @@ def _yaw(node: Node) -> str:
     for old in (COORD["theta"], POLY["theta"]):
         if old in node.values:
             node.values[COORD["alpha"]] = node.values.pop(old)
-            return '"theta" is an outdated word for "alpha"'
+            return '"theta" is an outdated term for "alpha"'
     return ""
 
 
@@ -65,17 +65,16 @@ def _degrees(node: Node) -> str:
     if UNKNOWN["degrees"] not in units:
         return ""
     units[units.index(UNKNOWN["degrees"])] = Ref(UNIT["DEG"])
-    return '"degrees" is no unit of QUDT'
+    return '"degrees" is not a unit of QUDT'
 
 
 def _quantity(node: Node) -> str:
-    # comp-rob2b defines "value" only inside the type Quantity now; door files of 2023 lack the
-    # type.
+    # comp-rob2b now defines "value" only for the type Quantity, which door files of 2023 lack.
     if QUDT["value"] not in node.values or QUDT["Quantity"] in node.types:
         return ""
     node.add_type(QUDT["Quantity"])
-    what = "the value of a joint" if KC_STATE["of-joint"] in node.values else "a value"
-    return f'{what} needs the type "Quantity"; without, RDF tools drop it'
+    label = "the value of a joint" if KC_STATE["of-joint"] in node.values else "a value"
+    return f'{label} needs the type "Quantity"; without it, RDF tools drop the value'
 
 
 def _features(node: Node) -> str:
@@ -86,7 +85,7 @@ def _features(node: Node) -> str:
 
 
 def settle_models(nodes: NodeGraph) -> None:
-    """Read everything in ``nodes`` that is said in an earlier way as it is said today."""
+    """Rewrite earlier forms in ``nodes`` as current ones."""
     _settle_limits(nodes)
     if not nodes.is_earlier:
         return
@@ -99,57 +98,57 @@ def settle_models(nodes: NodeGraph) -> None:
 
 
 def _settle_limits(nodes: NodeGraph) -> None:
-    """Positions that a state refers to are not limits, whatever their type says."""
+    """Remove limit types from positions that a state refers to."""
     for state in nodes.of_type(ST["JointState"]):
         for pose in (nodes.get(id) for id in state.refs(ST["pose"])):
             for kind in (OBJ["JointLowerLimit"], OBJ["JointUpperLimit"]):
                 if kind in pose.types:
                     pose.types.remove(kind)
-                    message = f"{local_name(pose.id)} is the position of a state and typed "
-                    hint = "it is not taken as a limit; remove the type"
+                    message = f"{local_name(pose.id)} is the position of a state and has the type "
+                    hint = "it is not read as a limit; remove the type"
                     nodes.add_warning(pose.id, f"{message}{local_name(kind)}", hint)
 
 
 def _settle_identifiers(nodes: NodeGraph) -> None:
-    """Let references meet what they mean where one of two files does not declare a prefix.
+    """Redirect a reference without a node to the only node of its local name.
 
-    A reference to nothing means the only node of its local name.
+    Earlier files often fail to declare the prefix of another file.
     """
-    described = {node.id for node in nodes.by_id.values() if node.types}
-    named: dict[str, list[str]] = {}
-    for id in described:
-        named.setdefault(local_name(id), []).append(id)
-    meant: dict[str, str] = {}
-    # By namespaces, the written and the meant one: who refers to what.
+    existing = {node.id for node in nodes.by_id.values() if node.types}
+    by_name: dict[str, list[str]] = {}
+    for id in existing:
+        by_name.setdefault(local_name(id), []).append(id)
+    redirects: dict[str, str] = {}
+    # By the written and the right namespace: the first owner of every stray reference.
     strays: dict[tuple[str, str], dict[str, str]] = {}
     for node in nodes.by_id.values():
         for predicate in node.values:
             for target in node.refs(predicate):
-                namesakes = named.get(local_name(target), ())
-                if target not in described and len(namesakes) == 1:
-                    meant[target] = namesakes[0]
+                namesakes = by_name.get(local_name(target), ())
+                if target not in existing and len(namesakes) == 1:
+                    redirects[target] = namesakes[0]
                     homes = namespace_of(target), namespace_of(namesakes[0])
                     strays.setdefault(homes, {}).setdefault(target, node.id)
     for (_, right), owners in strays.items():
         (stray, owner), *_ = owners.items()
         more = f" and {len(owners) - 1} more" if len(owners) > 1 else ""
-        # An identifier without a prefix is shown as it was written.
-        shown = local_name(stray) if stray.startswith("file:") else stray
-        hint = f"what has that name in <{right}> is taken: is a prefix missing, or not declared?"
-        nodes.add_warning(owner, f'nothing is called "{shown}"{more}', hint)
+        # An identifier without a prefix is shown as written.
+        label = local_name(stray) if stray.startswith("file:") else stray
+        hint = f"the node of that name in <{right}> is used: is a prefix missing or not declared?"
+        nodes.add_warning(owner, f'no node has the identifier "{label}"{more}', hint)
 
     def current(value: Value) -> Value:
         if isinstance(value, tuple):
             return tuple(current(item) for item in value)
-        return Ref(meant.get(value, value)) if isinstance(value, Ref) else value
+        return Ref(redirects.get(value, value)) if isinstance(value, Ref) else value
 
-    for node in nodes.by_id.values() if meant else ():
+    for node in nodes.by_id.values() if redirects else ():
         for predicate, values in node.values.items():
             node.values[predicate] = [current(value) for value in values]
 
 
 def _settle_origins(nodes: NodeGraph) -> None:
-    """A position is with respect to a point: of a frame, its origin is meant."""
+    """Replace the frame that a position is with respect to by its origin."""
     settled = []
     for node in nodes.of_type(REL["Position"]):
         for id in node.refs(REL["with-respect-to"]):
@@ -159,11 +158,11 @@ def _settle_origins(nodes: NodeGraph) -> None:
                 settled.append(node.id)
     if settled:
         message = f"{local_name(settled[0])} is with respect to a frame"
-        nodes.add_warning(settled[0], message, "its origin is taken")
+        nodes.add_warning(settled[0], message, "the origin of the frame is used")
 
 
 def _settle_walls(nodes: NodeGraph, walls: list[Node]) -> None:
-    """Give walls the thickness their outline has, and a height; give spaces their names."""
+    """Give walls the thickness of their outline and a height, and spaces their names."""
     geometry = _Geometry(nodes)
     moved = [
         wall
@@ -174,8 +173,8 @@ def _settle_walls(nodes: NodeGraph, walls: list[Node]) -> None:
     if moved:
         nodes.add_warning(
             moved[0].id,
-            f"the corners of {_count(moved, 'wall')} are said to be seen by the wall and given in "
-            "the frame of its space",
+            f"the corners of {_count(moved, 'wall')} name the frame of the wall, "
+            "but are in the frame of its space",
             "read in the frame of the space",
         )
     for wall in walls:
@@ -190,15 +189,15 @@ def _settle_walls(nodes: NodeGraph, walls: list[Node]) -> None:
         nodes.add_warning(
             without[0].id,
             f"the height of {_count(without, 'wall')} is not given",
-            f"{WALL_HEIGHT:g} m is taken; the thickness is that of the outline",
+            f"{WALL_HEIGHT:g} m is used; the thickness is that of the outline",
         )
     if not (nodes.of_type(FP["Entryway"]) or nodes.of_type(FP["Window"])):
         nodes.add_warning(
             walls[0].id,
-            "no entryways and windows are given: every room is closed",
-            "the .fpm text it was made from has them, if there are any",
+            "there are no entryways and windows: every room is closed",
+            "if the building has any, they are in the .fpm text of the plan",
         )
-    # space-hall is called hall, as in the text it was made from.
+    # space-hall is called hall in the text of the plan.
     for space in nodes.of_type(FP["Space"]):
         name = local_name(space.id).removeprefix("space-")
         if name and name != local_name(space.id):
@@ -211,7 +210,7 @@ def _count(nodes: list[Node], word: str) -> str:
 
 
 class _Geometry:
-    """Coordinates of points and frames by what they are of."""
+    """Coordinates of points and frames."""
 
     def __init__(self, nodes: NodeGraph) -> None:
         self._nodes = nodes
@@ -221,20 +220,20 @@ class _Geometry:
         self._frames = index_by(nodes.by_id, COORD["PoseCoordinate"], COORD["of-pose"])
 
     def corners(self, element: Node) -> list[tuple[Node, Point2]]:
-        """Return the coordinates of an element's outline, or nothing when one is missing."""
+        """Return the coordinates of an element's outline, or nothing if one is missing."""
         shape = self._nodes.by_id.get(element.ref(FP["shape"]) or "")
-        found = []
+        corners = []
         for point in shape.refs(POLY["points"]) if shape is not None else ():
             positions = self._positions.get(point, ())
             numbers = [c for p in positions for c in self._points.get(p.id, ())][:1]
             ats = [(each, at) for each in numbers if (at := _point(each)) is not None]
             if not ats:
                 return []
-            found += ats
-        return found
+            corners += ats
+        return corners
 
     def pose(self, frame: str, wrt: str) -> tuple[Node, Pose2] | None:
-        """Return the coordinates of a frame in another one that it is placed against."""
+        """Return the coordinates of a frame in the frame it is placed against."""
         for pose in self._poses.get(frame, ()):
             for numbers in self._frames.get(pose.id, ()):
                 at, yaw = _point(numbers), scaled(numbers, COORD["alpha"], ANGLES)
@@ -243,7 +242,7 @@ class _Geometry:
         return None
 
     def to_own_frame(self, space: Node, wall: Node, index: int) -> bool:
-        """Put the corners of a wall into its own frame where they are in that of its space."""
+        """Transform the corners of a wall from the frame of its space to its own, if necessary."""
         ring, corners = self.corners(space), self.corners(wall)
         if len(corners) != 4 or index >= len(ring):
             return False
@@ -267,10 +266,10 @@ class _Geometry:
         return True
 
     def _implied(self, numbers: Node, pose: Pose2, ring: list[Point2], index: int) -> Pose2:
-        """Return the frame that the outline implies for a wall, and write it, if that is it.
+        """Return and write the frame that the outline implies for a wall, if ``pose`` is close.
 
-        Published angles are rounded: a room placed by its wall would come back from an export of
-        ours with other last digits.
+        Published angles are rounded. Without the exact frame, a room placed by its wall would come
+        back from our export with other last digits.
         """
         if not has_mitres(tuple(ring)):
             return pose
@@ -283,7 +282,7 @@ class _Geometry:
         return implied
 
     def thickness(self, wall: Node) -> float | None:
-        """Return the distance [m] of the outer edge of a wall from the inner one."""
+        """Return the distance between the inner and outer edge of a wall [m]."""
         corners = [at for _, at in self.corners(wall)]
         if len(corners) != 4:
             return None
@@ -306,20 +305,20 @@ def _point(numbers: Node) -> Point2 | None:
 
 
 def _leave_out_features(nodes: NodeGraph) -> None:
-    """Leave out features without coordinates: columns and dividers whose place is unknown."""
+    """Remove features without coordinates: columns and dividers whose place is unknown."""
     geometry = _Geometry(nodes)
-    lost = [node for node in nodes.of_type(FP["Feature"]) if not geometry.corners(node)]
-    if not lost:
+    unplaced = [node for node in nodes.of_type(FP["Feature"]) if not geometry.corners(node)]
+    if not unplaced:
         return
     nodes.add_warning(
-        lost[0].id,
-        f"no coordinates are given for {_count(lost, 'feature')}: left out",
-        "the .fpm text it was made from has them",
+        unplaced[0].id,
+        f"{_count(unplaced, 'feature')} without coordinates: left out",
+        "the .fpm text of the plan has them",
     )
-    gone = {node.id for node in lost}
-    for id in gone | {shape for node in lost for shape in node.refs(FP["shape"])}:
+    ids = {node.id for node in unplaced}
+    for id in ids | {shape for node in unplaced for shape in node.refs(FP["shape"])}:
         nodes.by_id.pop(id, None)
     for owner in nodes.by_id.values():
         if FP["features"] in owner.values:
-            kept = tuple(id for id in owner.refs(FP["features"]) if id not in gone)
-            owner.values[FP["features"]] = [kept]
+            remaining = tuple(id for id in owner.refs(FP["features"]) if id not in ids)
+            owner.values[FP["features"]] = [remaining]

@@ -1,7 +1,7 @@
-"""From the text of a JSON-LD document to nodes, with everything unreadable reported in its place.
+"""Expansion of a JSON-LD document to nodes; errors name their place in the text.
 
-JSON is read strictly, and PyLD expands it. Keys and types that no context defines get IRIs of
-their own (``UNKNOWN``), so that they are reported instead of vanishing.
+JSON is read strictly, and PyLD expands it. Keys and types that no context defines get their own
+IRIs (``UNKNOWN``), so that they are reported instead of vanishing.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from grammars.jsonld.vocabulary import (
 )
 from grammars.text.diagnostics import Finding, InputError, Severity, SourceText, Where
 
-# Documents come from outside: one with a million mistakes is refused after the first few, and
-# contexts of strangers may refer to each other in a circle.
+# Documents come from outside: one may have a million mistakes, and contexts may refer to each other
+# in a circle.
 _MOST_FINDINGS: Final = 50
 _MOST_CONTEXTS: Final = 64
 _ID: Final = re.compile(r'"(?:@id|id)"\s*:\s*"([^"\\]*)"')
@@ -38,10 +38,10 @@ _NUMERIC: Final = frozenset(
 
 
 def expand_text(text: str, file: str, base: str = "") -> NodeGraph:
-    """Return the nodes that the JSON-LD ``text`` describes.
+    """Return the nodes of the JSON-LD ``text``.
 
-    Relative identifiers resolve against the text's own ``@base``, else against ``base``, else
-    against the address of ``file``. Raises :class:`InputError` with every problem.
+    Relative identifiers resolve against the ``@base`` of the text, otherwise ``base``, otherwise
+    the address of ``file``. Raises :class:`InputError` with all errors.
     """
     source = _JsonSource(text, file)
     document = source.parsed()
@@ -57,10 +57,10 @@ def expand_text(text: str, file: str, base: str = "") -> NodeGraph:
         reader = _NodeReader(source, process(document, ()))
         missing = reader.missing_contexts()
         if missing:
-            # Once more, with the contexts that define those types in front of the document's own.
+            # Expand again, with the contexts of those types in front of the document's own.
             reader = _NodeReader(source, process(document, sorted(missing)))
     except Exception as error:
-        # PyLD answers some malformed documents with errors of Python, of whatever class.
+        # PyLD lets any Python error escape for some malformed documents.
         raise InputError(_problems(source, document, process, error)) from error
     return reader.finished(outdated, missing)
 
@@ -75,15 +75,15 @@ _Process = Callable[[Any, Iterable[str]], list[Any]]
 
 
 def _processor(base: str, outdated: set[str]) -> _Process:
-    """Return PyLD's expansion with the contexts stored here; nothing is fetched.
+    """Return PyLD's expansion with our stored contexts, without network access.
 
     ``outdated`` collects former addresses of contexts.
     """
-    # PyLD takes a while to import, and few layers are JSON-LD.
+    # PyLD is slow to import, and few layers are JSON-LD.
     from pyld import jsonld
     from pyld.context_resolver import ContextResolver
 
-    def loaded(address: str, options: Any = None) -> dict[str, Any]:
+    def load(address: str, options: Any = None) -> dict[str, Any]:
         context = context_for(address, outdated)
         return {"document": {"@context": context}, "documentUrl": address, "contextUrl": None}
 
@@ -91,8 +91,8 @@ def _processor(base: str, outdated: set[str]) -> _Process:
         options = {
             "base": base,
             "expandContext": [*contexts, {"@vocab": UNKNOWN}],
-            "documentLoader": loaded,
-            "contextResolver": ContextResolver({}, loaded, _MOST_CONTEXTS),
+            "documentLoader": load,
+            "contextResolver": ContextResolver({}, load, _MOST_CONTEXTS),
         }
         expanded: list[Any] = jsonld.expand(document, options)
         return expanded
@@ -101,7 +101,7 @@ def _processor(base: str, outdated: set[str]) -> _Process:
 
 
 def _mark_nodes(item: Any) -> None:
-    """Give every node its identifier as written for an ``@index``, which expansion keeps."""
+    """Store the written identifier of every node as its ``@index``, which expansion keeps."""
     if isinstance(item, list):
         for part in item:
             _mark_nodes(part)
@@ -109,26 +109,26 @@ def _mark_nodes(item: Any) -> None:
         for key, part in item.items():
             if key != "@context":
                 _mark_nodes(part)
-        written = item.get("@id", item.get("id"))
-        if isinstance(written, str):
-            item["@index"] = written
+        label = item.get("@id", item.get("id"))
+        if isinstance(label, str):
+            item["@index"] = label
 
 
 def _problems(
     source: _JsonSource, document: Any, process: _Process, error: Exception
 ) -> Iterable[Finding]:
-    """Return what PyLD refuses of each node by itself, else of the document as a whole."""
+    """Return the errors of each node by itself, or ``error`` if every node alone is valid."""
     whole = document if isinstance(document, dict) and "@graph" in document else {}
-    found: list[Finding] = []
-    # The contexts alone first: with a broken one there is nothing to say about nodes.
+    findings: list[Finding] = []
+    # The contexts alone come first: with a broken one, no node can be checked.
     for node in ({}, *_parts(document)):
         try:
             process({**whole, "@graph": [node]}, ())
         except Exception as fault:
-            found.append(Finding(source.where(node.get("@id")), _explanation(fault)))
-            if not node or len(found) == _MOST_FINDINGS:
+            findings.append(Finding(source.where(node.get("@id")), _explanation(fault)))
+            if not node or len(findings) == _MOST_FINDINGS:
                 break
-    return found or [Finding(source.where(None), _explanation(error))]
+    return findings or [Finding(source.where(None), _explanation(error))]
 
 
 def _explanation(error: BaseException) -> str:
@@ -146,29 +146,30 @@ def _explanation(error: BaseException) -> str:
 
 
 class _NodeReader:
-    """Reads an expanded document into nodes."""
+    """Reader of an expanded document into nodes."""
 
     def __init__(self, source: _JsonSource, expanded: list[Any]) -> None:
         self._source = source
         self._nodes = NodeGraph()
         self._blanks = 0
-        self._written: dict[str, str] = {}
+        # Identifiers as written in the document, by IRI.
+        self._labels: dict[str, str] = {}
         self._unknown: dict[str, list[str]] = {}
         self._types: dict[str, str] = {}
         for node in expanded:
             self._node(node)
 
     def missing_contexts(self) -> dict[str, list[str]]:
-        """Return the published contexts of types that no context of the document defines.
+        """Return, by address, published contexts that define types unknown to the document.
 
-        By address the types, the first user of the first one in front.
+        Each entry lists a node that uses the first type, then the types.
         """
-        found: dict[str, list[str]] = {}
+        by_address: dict[str, list[str]] = {}
         for name, user in self._types.items():
             address = context_of_type(name)
             if address:
-                found.setdefault(address, [user]).append(name)
-        return found
+                by_address.setdefault(address, [user]).append(name)
+        return by_address
 
     def finished(self, outdated: Iterable[str], missing: dict[str, list[str]]) -> NodeGraph:
         """Return the nodes, with warnings; raises :class:`InputError` for errors."""
@@ -187,30 +188,30 @@ class _NodeReader:
                 f'"{key}" of {_called(users[0])}{more} is in no context: ignored',
                 "RDF tools drop it; add a context that defines it or remove it",
             )
-        for iri, written in self._written.items():
-            self._nodes.places[iri] = self._source.where(written)
+        for iri, label in self._labels.items():
+            self._nodes.places[iri] = self._source.where(label)
         return self._nodes
 
-    def _warn(self, written: str, message: str, hint: str) -> None:
-        where = self._source.where(written)
+    def _warn(self, label: str, message: str, hint: str) -> None:
+        where = self._source.where(label)
         self._nodes.findings.append(Finding(where, message, hint, Severity.WARNING))
 
-    def _error(self, written: str, message: str, hint: str = "") -> None:
-        self._nodes.findings.append(Finding(self._source.where(written), message, hint))
+    def _error(self, label: str, message: str, hint: str = "") -> None:
+        self._nodes.findings.append(Finding(self._source.where(label), message, hint))
 
     def _node(self, data: dict[str, Any]) -> Ref:
         """Add a node object and the nodes in it; return a reference to it."""
-        written = data.get("@index", "")
-        id = self._identify(data, written)
+        label = data.get("@index", "")
+        id = self._identify(data, label)
         if data.keys() <= {"@id", "@index"}:
             return Ref(id)
         node = self._nodes.get(id)
         for kind in data.get("@type", ()):
             if kind.startswith(UNKNOWN):
-                self._types.setdefault(kind.removeprefix(UNKNOWN), written)
-                self._ignore(kind, written)
+                self._types.setdefault(kind.removeprefix(UNKNOWN), label)
+                self._ignore(kind, label)
             else:
-                node.add_type(self._checked(kind, written))
+                node.add_type(self._checked(kind, label))
         for predicate, values in data.items():
             if predicate in ("@graph", "@included"):
                 for part in values:
@@ -220,21 +221,21 @@ class _NodeReader:
                     for subject in subjects:
                         self._nodes.get(self._node(subject)).add(verb, Ref(id))
             elif predicate.startswith(UNKNOWN):
-                self._ignore(predicate, written)
+                self._ignore(predicate, label)
             elif predicate[:1] != "@":
-                self._add(node, self._checked(predicate, written), values, written)
+                self._add(node, self._checked(predicate, label), values, label)
         return Ref(id)
 
-    def _add(self, node: Node, predicate: str, values: list[Any], written: str) -> None:
+    def _add(self, node: Node, predicate: str, values: list[Any], label: str) -> None:
         for item in values:
-            value = self._value(item, written)
+            value = self._value(item, label)
             if value is not None:
                 node.add(predicate, value)
 
-    def _ignore(self, iri: str, written: str) -> None:
-        self._unknown.setdefault(iri.removeprefix(UNKNOWN), []).append(written)
+    def _ignore(self, iri: str, label: str) -> None:
+        self._unknown.setdefault(iri.removeprefix(UNKNOWN), []).append(label)
 
-    def _identify(self, data: dict[str, Any], written: str) -> str:
+    def _identify(self, data: dict[str, Any], label: str) -> str:
         id: str | None = data.get("@id")
         if id is None:
             self._blanks += 1
@@ -242,57 +243,58 @@ class _NodeReader:
             id = f"_:{self._source.file}# {self._blanks}"
         elif id.startswith("_:"):
             id = f"_:{self._source.file}#{id[2:]}"
-        # What a unit or kind without a context may have meant is known where those are read.
+        # The readers of units and kinds report values without a context.
         elif not id.startswith(UNKNOWN):
-            self._checked(id, written or id)
+            self._checked(id, label or id)
         if len(data) > 2 or "@id" not in data:
-            self._written.setdefault(id, written)
+            self._labels.setdefault(id, label)
         return id
 
-    def _checked(self, iri: str, written: str) -> str:
+    def _checked(self, iri: str, label: str) -> str:
         if _NO_IRI.search(iri):
-            self._error(written, f'"{iri}" is no IRI', "an address has neither spaces nor brackets")
+            hint = "an address has neither spaces nor brackets"
+            self._error(label, f'"{iri}" is not an IRI', hint)
         return iri
 
-    def _value(self, item: dict[str, Any], written: str) -> Value | None:
+    def _value(self, item: dict[str, Any], label: str) -> Value | None:
         if "@list" in item:
-            values = (self._value(part, written) for part in item["@list"])
+            values = (self._value(part, label) for part in item["@list"])
             return tuple(value for value in values if value is not None)
         if "@value" in item:
-            return self._literal(item["@value"], item.get("@type", ""), written)
+            return self._literal(item["@value"], item.get("@type", ""), label)
         return self._node(item)
 
-    def _literal(self, value: Any, kind: str, written: str) -> Value | None:
+    def _literal(self, value: Any, kind: str, label: str) -> Value | None:
         if isinstance(value, bool):
             return value
         if kind in _NUMERIC or isinstance(value, int | float):
             try:
                 number = float(value)
             except (TypeError, ValueError, OverflowError):
-                self._error(written, f"{_short(value)} of {_called(written)} is not a number")
+                self._error(label, f"{_short(value)} of {_called(label)} is not a number")
                 return None
             if not math.isfinite(number):
-                self._error(written, f"a number of {_called(written)} is not finite")
+                self._error(label, f"a number of {_called(label)} is not finite")
                 return None
             # 1 of a term typed as double is 1.0, as in RDF.
             return value if isinstance(value, int) and kind != _DOUBLE else number
         if isinstance(value, str):
             return value
-        self._error(written, f"{_short(value)} is no value")
+        self._error(label, f"{_short(value)} is not a value")
         return None
 
 
-def _called(written: str) -> str:
-    return written or "a node without @id"
+def _called(label: str) -> str:
+    return label or "a node without @id"
 
 
 def _short(value: Any) -> str:
-    shown = json.dumps(value, ensure_ascii=False, default=str)
-    return shown if len(shown) <= 40 else f"{shown[:39]}…"
+    text = json.dumps(value, ensure_ascii=False, default=str)
+    return text if len(text) <= 40 else f"{text[:39]}…"
 
 
 class _JsonSource:
-    """The text of a JSON-LD document, able to tell where an ``@id`` stands in it."""
+    """Text of a JSON-LD document, with the place of every ``@id``."""
 
     def __init__(self, text: str, file: str) -> None:
         self.text = text
@@ -307,7 +309,7 @@ class _JsonSource:
         return SourceText(self.text, self.file)
 
     def parsed(self) -> Any:
-        """Return the JSON in the text; raises :class:`InputError` when it is none."""
+        """Return the parsed JSON; raises :class:`InputError` if the text is not JSON."""
         try:
             return json.loads(self.text, object_pairs_hook=_unique, parse_constant=_refused)
         except json.JSONDecodeError as error:
@@ -320,7 +322,7 @@ class _JsonSource:
             raise InputError.at(self._fault(error), f"is not JSON: {reason}") from error
 
     def _fault(self, error: Exception) -> Where:
-        """Return where something stands that the JSON reader refuses without a place."""
+        """Return the place of an error that the JSON reader reports without a place."""
         words = re.search(r'the key ("[^"]*")|^(-?Infinity|NaN)', str(error))
         pattern = r"-?\d{1000,}|[\[{](?:\s*[\[{]){20}"
         if words is not None:
@@ -330,17 +332,17 @@ class _JsonSource:
         return self._source.where(places[-1 if last else 0] if places else 0)
 
     def where(self, id: Any) -> Where:
-        """Return where an ``@id``, as written, first stands."""
+        """Return the first place of an ``@id`` as written."""
         position = self._ids.get(id) if isinstance(id, str) else None
         return Where(self.file, 1, 1) if position is None else self._source.where(position)
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) < len(pairs):
+    values = dict(pairs)
+    if len(values) < len(pairs):
         twice, _ = Counter(key for key, _ in pairs).most_common(1)[0]
         raise ValueError(f'the key "{twice}" is written twice in one object')
-    return found
+    return values
 
 
 def _refused(constant: str) -> float:

@@ -1,4 +1,4 @@
-"""Geometry in a graph: frames joined by relative poses, joints, and the nodes of shapes."""
+"""Geometry in a graph: frames, relative poses, joints, and the nodes of shapes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _LARGEST: Final = 1e6
 
 @dataclass(frozen=True, slots=True)
 class PoseEdge:
-    """One relative pose: the transform ``of`` -> ``wrt``, its height and its tilt about y."""
+    """Relative pose: the transform ``of`` -> ``wrt``, its height and its tilt about y."""
 
     id: str
     of: str
@@ -40,7 +40,7 @@ class PoseEdge:
 
 @dataclass(frozen=True, slots=True)
 class PlacedFrame:
-    """A frame seen from a root; ``edge`` is the pose it was reached by, ``parent`` from where."""
+    """Frame in root coordinates; ``edge`` is the pose that connects it to ``parent``."""
 
     pose: Pose2
     z: float = 0.0
@@ -50,25 +50,24 @@ class PlacedFrame:
 
     @property
     def offset(self) -> Pose2:
-        """The transform this frame -> ``parent``."""
+        """Transform from this frame to ``parent``."""
         if self.edge is None:
             return Pose2()
         return self.edge.pose if self.edge.wrt == self.parent else self.edge.pose.inverse()
 
 
 def scaled(node: Node, predicate: str, units: dict[str, float]) -> float | None:
-    """Return a number of ``node`` in metres or radians, by the first fitting unit it names."""
+    """Return a number of ``node`` in metres or radians, converted from the first fitting unit."""
     value = node.number(predicate)
     if value is None:
         return None
-    # Coordinates of a pose name two units, one of length and one of angle. Without any they are in
-    # metres and radians.
+    # Coordinates of a pose name a unit of length and one of angle; the default is metres, radians.
     factor = next((units[u] for u in node.refs(QUDT["unit"]) if u in units), 1.0)
     return value if factor == 1.0 else value * factor
 
 
 class PoseGraph:
-    """Every relative pose of a graph, ready to be walked from any frame."""
+    """Relative poses of a graph as edges between frames."""
 
     def __init__(self, nodes: NodeGraph) -> None:
         self._nodes = nodes
@@ -91,43 +90,42 @@ class PoseGraph:
         return PoseEdge(node.id, of, wrt, Pose2(x, y, alpha), z, beta)
 
     def reach(self, root: str) -> dict[str, PlacedFrame]:
-        """Return every frame that is connected to ``root``, in the root's coordinates.
+        """Return every frame connected to ``root``, in coordinates of the root.
 
-        A frame reached against its direction hangs on the frame it is placed by: the wall by which
-        a room is placed is put, once the room is known, where the room has it.
+        A frame reached against the direction of its pose is placed anew from its target. For
+        example, the wall by which a room is placed finally takes its place from the room.
         """
-        found = {root: PlacedFrame(Pose2())}
+        placed = {root: PlacedFrame(Pose2())}
         queue = [root]
         for frame in queue:
             edges = self._around.get(frame, ())
             for edge in [e for e in edges if e.of == frame]:
-                if edge.wrt not in found:
-                    here = found[frame]
+                if edge.wrt not in placed:
+                    here = placed[frame]
                     back = here.pose @ edge.pose.inverse()
-                    found[edge.wrt] = PlacedFrame(
+                    placed[edge.wrt] = PlacedFrame(
                         back, here.z - edge.z, here.tilt - edge.tilt, frame, edge
                     )
                     queue.append(edge.wrt)
-                    # Composing a pose with its inverse changes the last digits. A room placed by
-                    # one of its walls is therefore put anew from that wall, as the language does
-                    # it: plans come back bit by bit.
+                    # Composing a pose with its inverse changes the last digits. Placing the frame
+                    # anew, as the language does, gives the same bits as the text of the plan.
                     if frame != root:
                         settled = back @ edge.pose
-                        found[frame] = PlacedFrame(
+                        placed[frame] = PlacedFrame(
                             settled, here.z, here.tilt, here.parent, here.edge
                         )
-            here = found[frame]
+            here = placed[frame]
             for edge in edges:
-                if edge.wrt == frame and edge.of not in found:
-                    found[edge.of] = PlacedFrame(
+                if edge.wrt == frame and edge.of not in placed:
+                    placed[edge.of] = PlacedFrame(
                         here.pose @ edge.pose, here.z + edge.z, here.tilt + edge.tilt, frame, edge
                     )
                     queue.append(edge.of)
-        return found
+        return placed
 
 
 class Positions:
-    """Where points are: the frame that sees them, and their coordinates in it [m]."""
+    """Places of points: the frame that sees them, and their coordinates in it [m]."""
 
     def __init__(self, nodes: NodeGraph) -> None:
         self._frames: dict[str, str] = {}
@@ -141,21 +139,21 @@ class Positions:
         for position in nodes.of_type(REL["Position"]):
             point = position.refs(REL["of"])[0]
             for coordinate in numbers.get(position.id, [])[:1]:
-                # Layers of others may leave out who sees a point: then it is the frame with that
-                # origin.
-                seen = coordinate.ref(COORD["as-seen-by"]) or origins.get(
+                # Other tools may omit the frame that sees a point: then it is the frame of the
+                # origin that the position is with respect to.
+                observer = coordinate.ref(COORD["as-seen-by"]) or origins.get(
                     position.ref(REL["with-respect-to"]) or ""
                 )
-                if seen is None:
+                if observer is None:
                     continue
                 x, y, z = (
                     scaled(coordinate, COORD[axis], LENGTHS) or 0.0 for axis in ("x", "y", "z")
                 )
-                self._frames[point] = seen
+                self._frames[point] = observer
                 self._points[point] = (x, y, z)
 
     def outline(self, points: Iterable[str]) -> tuple[str, tuple[Point3, ...]] | None:
-        """Return the one frame that sees all ``points``, and their coordinates; else nothing."""
+        """Return the frame that sees all ``points`` and their coordinates, if there is only one."""
         names = list(points)
         frames = {self._frames.get(name) for name in names}
         if len(frames) != 1 or None in frames:
@@ -167,13 +165,13 @@ _SLOTS: Final = ("vector-x", "vector-y", "vector-z")
 
 
 def limits(nodes: NodeGraph) -> dict[str, tuple[list[Node], list[Node]]]:
-    """Return the lower and upper limit nodes of every joint that has some."""
-    found: dict[str, tuple[list[Node], list[Node]]] = {}
+    """Return the lower and upper limit nodes of every joint with limits."""
+    by_joint: dict[str, tuple[list[Node], list[Node]]] = {}
     for side, kind in enumerate(("JointLowerLimit", "JointUpperLimit")):
         for node in nodes.of_type(OBJ[kind]):
             for joint in node.refs(KC_STATE["of-joint"]):
-                found.setdefault(joint, ([], []))[side].append(node)
-    return found
+                by_joint.setdefault(joint, ([], []))[side].append(node)
+    return by_joint
 
 
 def is_turning(joint: Node) -> bool:
@@ -192,19 +190,19 @@ def joint_position(node: Node, joint: Node) -> float:
 
 
 def axis_vectors(nodes: NodeGraph, joint: Node) -> list[Ref]:
-    """Return the vectors of the line a joint turns about or slides along."""
+    """Return the vectors of the line that a joint turns about or slides along."""
     axis = nodes.by_id.get(joint.ref(KC["common-axis"]) or "")
     return axis.refs(REL["lines"]) if axis is not None else []
 
 
 def slots(nodes: NodeGraph) -> dict[str, list[tuple[str, str]]]:
-    """Return of every vector the frames it is an axis of, with the axis (``x``, ``y``, ``z``)."""
-    found: dict[str, list[tuple[str, str]]] = {}
+    """Return, by vector, the frames whose axis it is, with the axis (``x``, ``y``, ``z``)."""
+    by_vector: dict[str, list[tuple[str, str]]] = {}
     for frame in nodes.of_type(GEOM["Frame"]):
         for slot in _SLOTS:
             for vector in frame.refs(GEOM[slot]):
-                found.setdefault(vector, []).append((frame.id, slot[-1]))
-    return found
+                by_vector.setdefault(vector, []).append((frame.id, slot[-1]))
+    return by_vector
 
 
 Json: TypeAlias = dict[str, Any]
@@ -227,7 +225,7 @@ def pose_nodes(
 ) -> list[Json]:
     """Return the pose of frame ``of`` with respect to ``wrt``, and its coordinates.
 
-    ``ids`` are the identifiers of both.
+    ``ids`` are the identifiers of these two nodes.
     """
     return [
         {"@id": ids[0], "@type": "Pose", "of": of, "with-respect-to": wrt},
@@ -251,7 +249,7 @@ def position_nodes(
 ) -> list[Json]:
     """Return the position of a point in a frame with this origin, and its coordinates.
 
-    ``ids`` are the identifiers of both.
+    ``ids`` are the identifiers of these two nodes.
     """
     x, y, z = at
     return [
@@ -270,7 +268,7 @@ def position_nodes(
 
 
 def polyhedron_node(id: str, points: list[str]) -> Json:
-    """Return a prism: its near ring, then the far one, as many corners each."""
+    """Return a prism; the first half of ``points`` is its near ring, the second its far ring."""
     count = len(points) // 2
     sides = [[k, (k + 1) % count, (k + 1) % count + count, k + count] for k in range(count)]
     faces = [list(range(count)), list(range(count, 2 * count)), *sides]

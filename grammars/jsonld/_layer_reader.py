@@ -1,7 +1,6 @@
-"""From JSON-LD to scenery layers: objects of anybody, sentences in the scenery language.
+"""Reader of scenery layers from JSON-LD: published objects, sentences in the scenery language.
 
-Frames of the floor plan are published as ``hall-wall-2-frame`` and called ``hall.walls[2]`` in a
-layer.
+A frame published as ``hall-wall-2-frame`` is ``hall.walls[2]`` in a layer.
 """
 
 from __future__ import annotations
@@ -23,16 +22,16 @@ from grammars.text.diagnostics import InputError, Where
 _WALL: Final = re.compile(r"(?P<space>.+)-wall-(?P<index>\d{1,9})-frame")
 _FEATURE: Final = re.compile(r"(?:column|divider|wall)-(?P<name>.+)-frame")
 _OPENING: Final = re.compile(r"(?:entryway|window)-(?P<name>.+)-frame")
-# As frames were called in 2023: frame-hall-wall-2, frame-center-hall.
+# Frame names of 2023: frame-hall-wall-2, frame-center-hall.
 _EARLIER_WALL: Final = re.compile(r"frame-(?P<space>.+)-wall-(?P<index>\d{1,9})")
 _EARLIER_SPACE: Final = re.compile(r"frame-center-(?P<name>.+)")
 _ON_FLOOR: Final = 1e-6
 
 
 def read_layers(nodes: NodeGraph, file: str) -> tuple[SceneryLayer, ...]:
-    """Return the scenery layers in ``nodes``, in order; objects of no layer make one of their own.
+    """Return the scenery layers in ``nodes``, in order; objects without a layer form another one.
 
-    Raises :class:`InputError` with everything that cannot be read.
+    Raises :class:`InputError` with all errors.
     """
     reader = _LayerReader(nodes, file)
     layers = sorted(nodes.of_type(SCN["Layer"]), key=_number)
@@ -61,12 +60,12 @@ class _LayerReader:
                 self._parts.setdefault(layer, []).append(node)
 
     def layer(self, node: Node) -> SceneryLayer:
-        """Return a layer we wrote."""
+        """Return a layer that our writer wrote."""
         name = node.text(SCN["name"]) or scenery_name(local_name(node.id))
         return self._made(name, sorted(self._parts.get(node.id, []), key=_number))
 
     def loose(self) -> SceneryLayer | None:
-        """Return a layer of the objects and instances of no layer, in order of appearance."""
+        """Return the layer of all objects and instances without a layer, in order of writing."""
         parts = [
             node
             for kind in ("Object", "ObjectInstance")
@@ -94,11 +93,11 @@ class _LayerReader:
         )
 
     def _part(self, node: Node) -> SceneryLayer:
-        """Return what a part of a layer says, as a layer of its own."""
+        """Return one part of a layer as a layer of its own."""
         where = self._nodes.where(node.id, Where(self._file, 1))
         text = node.text(SCN["text"])
         if text is not None:
-            # The text has columns of its own, which are none of the file.
+            # Columns of the text are not columns of the file.
             return parse_scenery(text, self._file, Where(where.file, where.line))
         if OBJ["Object"] in node.types:
             model = self._objects.read(node)
@@ -106,13 +105,13 @@ class _LayerReader:
         if OBJ["ObjectInstance"] in node.types:
             return SceneryLayer("", self._file, instances=(self._instance(node, where),))
         hint = "give it scn:text, a sentence of the scenery language"
-        raise InputError.at(where, f"{local_name(node.id)} says nothing", hint)
+        raise InputError.at(where, f"{local_name(node.id)} has no content", hint)
 
     def _instance(self, node: Node, where: Where) -> Instance:
-        """Return an instance that says by its pose where it stands."""
+        """Return an instance placed by its pose."""
         of = node.ref(OBJ["of-object"])
         if of is None:
-            raise InputError.at(where, f"instance {local_name(node.id)} is of no object")
+            raise InputError.at(where, f"instance {local_name(node.id)} has no object")
         owner = self._nodes.get(of)
         model = self._nodes.get(owner.ref(SCN["mirror-of"]) or of)
         state = node.ref(ST["start-state"])
@@ -121,18 +120,17 @@ class _LayerReader:
         return Instance(name_of(node), Word(name_of(model), where), place, starts, False, where)
 
     def _place(self, node: Node, where: Where) -> At:
-        """Return the pose of an instance in the first frame of the floor plan it leads to."""
+        """Return the pose of an instance in the first frame of the floor plan on its chain."""
         frame = node.ref(OBJ["frame"])
         base = namespace_of(node.ref(OBJ["world"]) or "")
         placed = self._poses.reach(frame) if frame is not None else {}
         for id, view in placed.items():
             node_there = self._nodes.by_id.get(id)
             elsewhere = node_there is None or GEOM["Frame"] not in node_there.types
-            # The first frame on the way that is of another file or of the plan: those before it are
-            # the object's own.
+            # Frames before the first one of another file or of the plan belong to the object.
             if id == frame or not (elsewhere or (base and id.startswith(base))):
                 continue
-            # The origin of an opening is in its middle, that of any other frame on the floor.
+            # The origin of an opening is in its middle; other origins lie on the floor.
             is_on_floor = _OPENING.fullmatch(local_name(id)) is None
             if abs(view.tilt) > _ON_FLOOR or (abs(view.z) > _ON_FLOOR and is_on_floor):
                 message = f"instance {local_name(node.id)} is lifted or tilted"
@@ -142,7 +140,7 @@ class _LayerReader:
             edge = view.edge
             pose = view.pose.inverse()
             if edge is not None and edge.of == frame:
-                # The pose as it is written, without the rounding of inverting it twice.
+                # The written pose has no rounding from two inversions.
                 pose = edge.pose
             return At(_frame_name(local_name(id), where), pose.x, pose.y, pose.yaw)
         message = f"instance {local_name(node.id)} is not connected to a frame of the floor plan"
@@ -151,7 +149,7 @@ class _LayerReader:
 
 
 def _frame_name(published: str, where: Where) -> FrameName:
-    """Return what the scenery language calls a published frame."""
+    """Return the name of a published frame in the scenery language."""
     if published == WORLD_FRAME:
         return FrameName("world", None, "", where)
     wall = _WALL.fullmatch(published) or _EARLIER_WALL.fullmatch(published)

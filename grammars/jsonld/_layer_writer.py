@@ -1,7 +1,7 @@
-"""Scenery as JSON-LD: objects in the published vocabulary, sentences as they are written.
+"""Writer of scenery as JSON-LD: objects in the published vocabulary, sentences as text.
 
-Every instance has its pose in the world. Published tools go astray on the way to it from rooms
-that are placed by a wall at their side, and they know no entryways to fit doors into.
+Every instance gets its pose in the world. Published tools miscompute poses through rooms that are
+placed by a side wall, and they cannot fit doors into entryways.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from grammars.floorplan import WORLD_FRAME, FloorPlan
 from grammars.jsonld._kinematics import Json
 from grammars.jsonld._object_writer import object_frame_nodes, object_nodes, object_pose_nodes
 from grammars.jsonld._plan_writer import PlanWriter
-from grammars.jsonld._written_contexts import plain_context
+from grammars.jsonld.vocabulary import plain_context
 from grammars.model.behaviour import Behaviour, Hold, KeyFrames, Trigger
 from grammars.scenery import SceneryLayer
 from grammars.scenery.composition import (
@@ -43,10 +43,10 @@ def scene_document(
     behaviours: Iterable[Behaviour] = (),
     states: Iterable[tuple[str, Iterable[tuple[str, float]]]] = (),
 ) -> Json:
-    """Return a scene as one graph: its plan, its layers in order, and how its objects move.
+    """Return a scene as one graph: its plan, its layers in order, and the moves of its objects.
 
-    ``left_out`` are objects of the layers that the scene does without. ``states`` gives names to
-    positions [rad or m] of joints by their scene-wide names. Raises :class:`InputError` for what
+    ``left_out`` are objects of the layers that the scene omits. ``states`` names positions
+    [rad or m] of joints, which have scene-wide names. Raises :class:`InputError` for objects that
     cannot be placed.
     """
     writer = LayerWriter(PlanWriter(plan), layers, left_out)
@@ -62,7 +62,7 @@ def scenery_document(
 ) -> Json:
     """Return a layer as one JSON-LD document; ``layers`` are all of the scenario, in order.
 
-    Raises :class:`InputError` for what cannot be placed.
+    Raises :class:`InputError` for objects that cannot be placed.
     """
     writer = LayerWriter(PlanWriter(plan), layers or (layer,))
     writer.write_layer(layer)
@@ -72,9 +72,9 @@ def scenery_document(
 def objects_document(
     plan: FloorPlan, layers: Sequence[SceneryLayer], left_out: Collection[str] = ()
 ) -> Json:
-    """Return the objects of all layers as one document, for published tools: without sentences.
+    """Return the objects of all layers as one document without sentences, for published tools.
 
-    Raises :class:`InputError` for what cannot be placed.
+    Raises :class:`InputError` for objects that cannot be placed.
     """
     writer = LayerWriter(PlanWriter(plan), layers, left_out)
     for layer in layers:
@@ -83,7 +83,7 @@ def objects_document(
 
 
 def _moves(behaviour: Behaviour, states: Mapping[tuple[str, float], str]) -> Iterator[Json]:
-    """Yield where a behaviour takes a joint, and when: at a time [s] or within a distance [m]."""
+    """Yield the moves of a joint, each with its time [s] or trigger distance [m]."""
     name, _, joint = behaviour.joint.partition(".")
     moves: list[tuple[float, str, float]] = []
     if isinstance(behaviour, Hold):
@@ -102,7 +102,7 @@ def _moves(behaviour: Behaviour, states: Mapping[tuple[str, float], str]) -> Ite
 
 
 class LayerWriter:
-    """Builds the nodes of layers; ``left_out`` are objects that are not written."""
+    """Builder of the nodes of layers; ``left_out`` are objects to omit."""
 
     def __init__(
         self,
@@ -122,16 +122,16 @@ class LayerWriter:
         return {"@context": plain_context(self.frames.base), "@graph": nodes}
 
     def write_layer(self, layer: SceneryLayer) -> None:
-        """Write a layer and its parts; each says which layer it is in, and its place there."""
+        """Write a layer and its parts; each part names its layer and its place there."""
         id = f"item:layer.{layer.name}"
         number = self._layers.index(layer)
         node = {"@id": id, "@type": "scn:Layer", "scn:name": layer.name, "scn:number": number}
         self._add([node])
         parts = self.write_objects(layer)
         for part in (*layer.groups, *layer.parameters, *layer.settings, *layer.sentences):
-            named = [] if isinstance(part, Parameter) else self._about(layer, part)
-            about = [{"@id": f"item:{name}"} for name in named if name not in self._left_out]
-            if named and not about:
+            names = [] if isinstance(part, Parameter) else self._about(layer, part)
+            about = [{"@id": f"item:{name}"} for name in names if name not in self._left_out]
+            if names and not about:
                 continue
             sentence: Json = {"@id": f"{id}.{len(parts)}", "@type": "scn:Sentence"}
             sentence |= {"scn:text": part.text} | ({"scn:about": about} if about else {})
@@ -142,8 +142,8 @@ class LayerWriter:
     def write_objects(self, layer: SceneryLayer) -> list[Json]:
         """Write the models and instances of a layer and return the node of each."""
         models = [self._model(model) for model in layer.models]
-        standing = (one for one in layer.instances if one.name not in self._left_out)
-        return models + [self._instance(instance) for instance in standing]
+        instances = (one for one in layer.instances if one.name not in self._left_out)
+        return models + [self._instance(instance) for instance in instances]
 
     def _add(self, nodes: list[Json]) -> Json:
         """Add nodes and return the last of them."""
@@ -184,7 +184,7 @@ class LayerWriter:
         return self._add([*object_frame_nodes(f"{id}.frame"), *pose, node])
 
     def _doorway(self, place: In) -> Json:
-        """Return the entryway that an object stands in, and the space its leaf opens into."""
+        """Return links to the entryway of an object and to the space its leaf opens into."""
         plan, ids = self.frames.plan, self.frames.ids
         opening = next(o for o in plan.openings if o.name == place.entryway.text)
         links = {"scn:stands-in": {"@id": f"fpm:{ids[opening.kind, opening.id]}"}}
@@ -224,7 +224,7 @@ class LayerWriter:
         return id
 
     def _about(self, layer: SceneryLayer, part: Group | Setting | Sentence) -> list[str]:
-        """Return the objects a sentence is about, none where its names are of another scenario."""
+        """Return the objects a sentence is about, or none if a name is unknown."""
         subject = part.members if isinstance(part, Group) else part.subject
         try:
             targets = self._catalogue.targets(layer, subject)

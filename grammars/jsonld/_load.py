@@ -1,8 +1,8 @@
-"""Models in files: floor plans and layers written in JSON-LD, read and checked.
+"""Loader of JSON-LD files: reads and checks floor plans and layers.
 
-Published models are several ``.json`` files in a folder, linked by their identifiers: a plan is
-skeleton, shapes, relations, coordinates and elements, an object has its states and its instances
-apart. Naming the folder names the model.
+A published model is a folder of ``.json`` files, linked by identifiers. A plan has files for its
+skeleton, shapes, relations, coordinates and elements; an object has separate files for its states
+and its instances. The path of a model is its folder.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ _OF_OBJECTS: Final = (
 def load_floorplan_jsonld(path: str | Path, base: str = "") -> FloorPlan:
     """Read a floor plan from JSON-LD in the published vocabulary.
 
-    ``path`` is a file or a folder, whose objects are left out. Relative identifiers resolve against
-    ``base``, else against the address of their file. Raises :class:`InputError` with everything
-    that is wrong; warnings are in the plan.
+    ``path`` is a file or a folder, whose objects are ignored. Relative identifiers resolve against
+    ``base``, by default the address of their file. Raises :class:`InputError` with all errors;
+    warnings are in the plan.
     """
     nodes = _model(path, base, lambda part: not _is_of_objects(part))
     refuse_broken(nodes)
@@ -46,13 +46,13 @@ def load_floorplan_jsonld(path: str | Path, base: str = "") -> FloorPlan:
 def load_scenery_jsonld(
     path: str | Path, warnings: list[Finding] | None = None, base: str = ""
 ) -> SceneryLayer:
-    """Read a scenery layer from JSON-LD: objects, states, instances, and behaviours of ours.
+    """Read a scenery layer from JSON-LD: objects, states, instances, and our own behaviours.
 
-    ``path`` is a file or a folder, whose floor plan is left out. Relative identifiers resolve
-    against ``base``, else against the address of their file. A layer is complete without the floor
-    plan and the objects of other layers that it refers to. Names become such that sentences can
-    contain them (``door-instance-1`` is ``door_instance_1``). Readings that are assumptions are
-    added to ``warnings``. Raises :class:`InputError` with everything that is wrong.
+    ``path`` is a file or a folder, whose floor plan is ignored. Relative identifiers resolve
+    against ``base``, by default the address of their file. A layer may refer to a floor plan and to
+    objects of other layers outside of ``path``. Names change so that sentences can contain them
+    (``door-instance-1`` is ``door_instance_1``). Assumptions are added to ``warnings``. Raises
+    :class:`InputError` with all errors.
     """
     nodes = _model(path, base, _is_of_objects)
     refuse_broken(nodes, partial=True)
@@ -61,16 +61,16 @@ def load_scenery_jsonld(
         if warnings is not None:
             warnings.extend(dict.fromkeys(nodes.findings))
         return layers[0]
-    hint = "an Object, an ObjectInstance or a layer of ours is needed"
+    hint = "add an Object, an ObjectInstance or a scenery layer"
     message = f"there are {len(layers)} layers in it" if layers else "there is no scenery in it"
     raise InputError.at(Where(str(path), 1, 1), message, "" if layers else hint)
 
 
 def check_jsonld(path: str | Path, base: str = "") -> tuple[Finding, ...]:
-    """Return everything that is wrong with a file or folder, errors and warnings.
+    """Return the errors and warnings of a file or folder.
 
-    Without a floor plan in it, it is one layer, which refers to a plan that is elsewhere. Raises
-    :class:`InputError` when it cannot be read at all.
+    A model without a floor plan is one layer, which refers to a plan elsewhere. Raises
+    :class:`InputError` if a file cannot be read at all.
     """
     nodes = _model(path, base, lambda part: True)
     findings = Findings()
@@ -85,9 +85,9 @@ def check_jsonld(path: str | Path, base: str = "") -> tuple[Finding, ...]:
 
 
 def _model(path: str | Path, base: str, is_part: Callable[[NodeGraph], bool]) -> NodeGraph:
-    """Read the files of a model, of a folder only its parts.
+    """Read a file, or those files of a folder for which ``is_part`` holds.
 
-    Raises :class:`InputError` with everything that cannot be read.
+    Raises :class:`InputError` for files that cannot be read.
     """
     path = Path(path)
     findings = Findings()

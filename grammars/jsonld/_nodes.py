@@ -1,6 +1,6 @@
-"""A graph as nodes with typed values: what documents expand to and rdflib graphs are read into.
+"""Graph of nodes with typed values, the expanded form of documents.
 
-Plain dictionaries, because everything that writes, reads or checks composable models walks them.
+It consists of plain dictionaries, because every reader and check of models walks them.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from grammars.text.diagnostics import Finding, Severity, Where
 
 
 class Ref(str):
-    """An IRI or blank node that stands as a value."""
+    """An IRI or blank node as a value."""
 
     __slots__ = ()
 
@@ -24,21 +24,20 @@ Value: TypeAlias = "Ref | str | float | int | bool | tuple[Value, ...]"
 
 @dataclass(slots=True)
 class Node:
-    """Everything said about one IRI; ``values`` by predicate, in the order they were said."""
+    """All statements about one IRI: types, and values by predicate in the order of writing."""
 
     id: str
     types: list[str] = field(default_factory=list)
     values: dict[str, list[Value]] = field(default_factory=dict)
 
     def add(self, predicate: str, value: Value) -> None:
-        """Say something more; what was said already is not repeated."""
-        known = self.values.setdefault(predicate, [])
-        # A graph is a set of statements: layers that say the same say it once.
-        if value not in known:
-            known.append(value)
+        """Add a value, unless the predicate already has it: a graph is a set of statements."""
+        values = self.values.setdefault(predicate, [])
+        if value not in values:
+            values.append(value)
 
     def add_type(self, kind: str) -> None:
-        """Give the node one more type."""
+        """Add a type, unless the node already has it."""
         if kind not in self.types:
             self.types.append(kind)
 
@@ -47,7 +46,7 @@ class Node:
         return self.values.get(predicate, [])
 
     def refs(self, predicate: str) -> list[Ref]:
-        """Return every reference among the values of ``predicate``, lists opened."""
+        """Return every reference among the values of ``predicate``, also those in lists."""
         return list(_references(self.values.get(predicate, ())))
 
     def ref(self, predicate: str) -> Ref | None:
@@ -82,9 +81,9 @@ def _references(values: list[Value] | tuple[Value, ...]) -> Iterator[Ref]:
 
 @dataclass(slots=True)
 class NodeGraph:
-    """A whole graph: nodes by IRI, where they were written, and what was found on the way.
+    """Whole graph: nodes and their places by IRI, and the findings about them.
 
-    ``is_earlier`` if a document names contexts by an address they no longer have.
+    ``is_earlier`` holds if a document names contexts by former addresses.
     """
 
     by_id: dict[str, Node] = field(default_factory=dict)
@@ -93,36 +92,36 @@ class NodeGraph:
     is_earlier: bool = False
 
     def get(self, id: str) -> Node:
-        """Return the node called ``id``, made when there is none yet."""
+        """Return the node called ``id``; add it if it does not exist."""
         node = self.by_id.get(id)
         if node is None:
             node = self.by_id[id] = Node(id)
         return node
 
     def of_type(self, kind: str) -> list[Node]:
-        """Return the nodes of a type, in the order they came."""
+        """Return the nodes of a type, in the order of writing."""
         return [node for node in self.by_id.values() if kind in node.types]
 
     def where(self, id: str, default: Where | None = None) -> Where:
-        """Return where ``id`` was written."""
+        """Return the place of ``id`` in its file."""
         return self.places.get(id) or default or Where(_shown(id))
 
     @property
     def errors(self) -> tuple[Finding, ...]:
-        """The errors among the diagnostics, each once."""
+        """The errors among the findings, each once."""
         errors = (d for d in self.findings if d.severity is Severity.ERROR)
         return tuple(dict.fromkeys(errors))
 
     def add_error(self, id: str, message: str, hint: str = "") -> None:
-        """Note an error about ``id``."""
+        """Add an error about ``id``."""
         self.findings.append(Finding(self.where(id), message, hint))
 
     def add_warning(self, id: str, message: str, hint: str = "") -> None:
-        """Note a warning about ``id``."""
+        """Add a warning about ``id``."""
         self.findings.append(Finding(self.where(id), message, hint, Severity.WARNING))
 
     def merge(self, other: NodeGraph) -> None:
-        """Take over everything ``other`` says; equal IRIs become one node."""
+        """Add all nodes and findings of ``other``; equal IRIs become one node."""
         for id, node in other.by_id.items():
             mine = self.by_id.get(id)
             if mine is None:
@@ -144,10 +143,10 @@ def _shown(id: str) -> str:
 
 
 def index_by(nodes: Mapping[str, Node], kind: str, predicate: str) -> dict[str, list[Node]]:
-    """Return the nodes of type ``kind`` by what their ``predicate`` refers to."""
-    found: dict[str, list[Node]] = {}
+    """Return the nodes of type ``kind`` by the targets of their ``predicate``."""
+    index: dict[str, list[Node]] = {}
     for node in nodes.values():
         if kind in node.types:
             for target in node.refs(predicate):
-                found.setdefault(target, []).append(node)
-    return found
+                index.setdefault(target, []).append(node)
+    return index

@@ -1,4 +1,4 @@
-"""From objects in the published vocabulary to :class:`ObjectModel` values, whoever wrote them."""
+"""Reader of :class:`ObjectModel` values from the published vocabulary, of any writer."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _LEVEL: Final = 1e-6
 
 
 class LinkShapes:
-    """Reads the shapes of links; problems are noted in the nodes' diagnostics."""
+    """Reader of the shapes of links; adds problems to the findings of the nodes."""
 
     def __init__(self, nodes: NodeGraph) -> None:
         self._nodes = nodes
@@ -43,15 +43,15 @@ class LinkShapes:
                 self._views.setdefault(body, views)
 
     def of(self, body: str) -> list[Node]:
-        """Return what shows the shapes of a body: for collisions, else for the eye."""
+        """Return the representations of a body, for collisions if there are any, or visual."""
         return self._views.get(body, [])
 
     def shape(
         self, view: Node, here: PlacedFrame, placed: dict[str, PlacedFrame]
     ) -> tuple[Ring, tuple[float, float]] | None:
-        """Return the outline and the lowest and highest point of a shape, in the object frame.
+        """Return the outline, the lowest and the highest point of a shape, in the object frame.
 
-        ``here`` is the frame of its link; ``None`` after noting why it cannot be read.
+        ``here`` is the frame of its link. Returns ``None`` after an error.
         """
         shape = self._nodes.by_id.get(view.ref(OBJ["polytope"]) or "")
         if shape is None:
@@ -91,12 +91,13 @@ class LinkShapes:
         if shapely.Polygon(ring).is_valid and abs(shapely.Polygon(ring).area - hull.area) < 1e-9:
             return ring, (min(heights), max(heights))
         outline = [(float(x), float(y)) for x, y in hull.exterior.coords[:-1]]
-        message = f"shape {local_name(shape.id)} is no convex prism: its convex hull is taken"
+        message = f"shape {local_name(shape.id)} is not a convex prism: its convex hull is used"
         self._nodes.add_warning(shape.id, message)
         return _tidy_ring(tuple(reversed(outline))), (min(heights), max(heights))
 
 
 def is_level(placed: PlacedFrame) -> bool:
+    """Return whether a frame is not tilted."""
     return abs(placed.tilt) < _LEVEL
 
 
@@ -110,13 +111,13 @@ _Motion: TypeAlias = tuple[Point2, Point2, tuple[float, float]]
 
 
 def scenery_name(name: str) -> str:
-    """Return a name the scenery language can say: letters, digits and underscores."""
+    """Return a valid name of the scenery language: letters, digits and underscores."""
     word = re.sub(r"\W+", "_", name).strip("_") or "unnamed"
     return f"_{word}" if word[0].isdigit() else word
 
 
 def name_of(node: Node, owner: Node | None = None) -> str:
-    """Return what a node is called: as it says, or by its identifier without its owner's."""
+    """Return the name of a node: its own, or its identifier without that of its owner."""
     name = node.text(SCN["name"])
     if name is not None:
         return name
@@ -127,7 +128,7 @@ def name_of(node: Node, owner: Node | None = None) -> str:
 
 
 class ObjectReader:
-    """Reads object models; problems are noted in the nodes' diagnostics."""
+    """Reader of object models; adds problems to the findings of the nodes."""
 
     def __init__(self, nodes: NodeGraph, file: str) -> None:
         self._nodes = nodes
@@ -141,8 +142,8 @@ class ObjectReader:
         self._states = index_by(nodes.by_id, ST["JointState"], ST["joint"])
 
     def read(self, node: Node) -> ObjectModel | None:
-        """Return the model an ``Object`` node describes, or ``None`` after noting why not."""
-        before = len(self._nodes.findings)
+        """Return the model of an ``Object`` node, or ``None`` after an error."""
+        previous = len(self._nodes.findings)
         placed = self._poses.reach(node.refs(OBJ["object-frame"])[0])
         order = {str(id): k for k, id in enumerate(node.refs(SCN["order"]))}
         bodies = self._bodies(node, order)
@@ -154,7 +155,7 @@ class ObjectReader:
         )
         joints = {str(id): self._joint(self._nodes.get(id), node, bodies, placed) for id in ids}
         states = self._object_states(node, joints, order)
-        if any(d.severity is Severity.ERROR for d in self._nodes.findings[before:]):
+        if any(d.severity is Severity.ERROR for d in self._nodes.findings[previous:]):
             return None
         return ObjectModel(
             name_of(node),
@@ -165,7 +166,7 @@ class ObjectReader:
         )
 
     def _bodies(self, node: Node, order: dict[str, int]) -> dict[str, Node]:
-        """Return the object links of an object by their body, in order."""
+        """Return the links of an object by body, in order."""
         ids = sorted(node.refs(OBJ["object-links"]), key=lambda id: order.get(id, len(order)))
         bodies: dict[str, Node] = {}
         for id in ids:
@@ -204,7 +205,7 @@ class ObjectReader:
             mass = inertia.number(DYN["mass"])
             if mass is not None:
                 return mass
-        self._nodes.add_warning(body, f"link {name} has no mass", "1 kg is taken")
+        self._nodes.add_warning(body, f"link {name} has no mass", "1 kg is used")
         return 1.0
 
     def _joint(
@@ -240,15 +241,15 @@ class ObjectReader:
     def _motion(
         self, joint: Node, name: str, parent: str, placed: dict[str, PlacedFrame]
     ) -> _Motion | None:
-        """Return how a joint moves in the object frame, or ``None`` after noting why not."""
+        """Return the motion of a joint in the object frame, or ``None`` after an error."""
         frame, slot = self._axis_frame(joint, parent)
         here = placed.get(frame)
         if here is None or not is_level(here):
             self._nodes.add_error(joint.id, f"joint {name} has no axis in its object")
             return None
         if is_turning(joint) != (slot == "z"):
-            what = "turns about a lying axis" if is_turning(joint) else "slides up and down"
-            message = f"joint {name} {what}: only motion in the plane is simulated"
+            motion = "turns about a horizontal axis" if is_turning(joint) else "slides up and down"
+            message = f"joint {name} {motion}: only motion in the plane is simulated"
             self._nodes.add_error(joint.id, message)
             return None
         axis = (0.0, 0.0)
@@ -262,12 +263,12 @@ class ObjectReader:
     def _ends(
         self, joint: Node, bodies: dict[str, Node], placed: dict[str, PlacedFrame]
     ) -> tuple[str, str] | None:
-        """Return parent and child body: as the tree says, else the nearer to the object frame."""
+        """Return parent and child body: from the tree, or the body nearer to the object first."""
         for tree in self._trees.get(joint.id, []):
             parent, children = tree.ref(OBJ["parent"]), tree.refs(OBJ["children"])
             if parent is not None and len(children) == 1 and children[0] in bodies:
                 return parent, children[0]
-        # Frames come in the order in which poses lead to them from the object's frame.
+        # Frames are in the order of their distance from the object's frame.
         near = list(placed)
         both = joint.refs(KC["between-attachments"])
         if len(both) != 2:
@@ -281,7 +282,7 @@ class ObjectReader:
         return (parent, child) if child in bodies else None
 
     def _axis_frame(self, joint: Node, parent: str) -> tuple[str, str]:
-        """Return the frame of the parent whose axis the joint moves along, and which axis."""
+        """Return the frame and the axis of the parent that the joint moves along."""
         members = set(self._nodes.get(parent).refs(GEOM["simplices"]))
         lines = sorted(axis_vectors(self._nodes, joint), key=lambda line: line not in members)
         for line in lines:
@@ -290,7 +291,7 @@ class ObjectReader:
         return "", ""
 
     def _needed(self, joints: dict[str, Joint | None]) -> tuple[Joint, ...]:
-        """Leave out fixed joints to what stands still: such links need no joint here."""
+        """Return the joints without fixed joints to links that stand still."""
         readable = {id: joint for id, joint in joints.items() if joint is not None}
         moving = {id for id in readable if is_moving(self._nodes.get(id))}
         moved = {readable[id].child for id in moving}

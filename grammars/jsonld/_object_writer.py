@@ -1,4 +1,4 @@
-"""Object models in the published vocabulary: bodies, frames, joints, shapes, states."""
+"""Writer of object models in the published vocabulary: bodies, joints, shapes, states."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ _SQUARE: Final = 1e-9
 
 
 def trim_rounding(value: float) -> float:
-    """Return ``value`` without the dust of adding and subtracting decimals."""
+    """Return ``value`` without rounding errors of sums of decimals."""
     return round(value, _DIGITS) + 0.0
 
 
 def joint_axis(joint: Joint) -> tuple[Pose2, str]:
-    """Return the joint frame in the object frame, and which of its axes the joint moves along."""
+    """Return the joint frame in the object frame, and its axis that the joint moves along."""
     x, y = joint.anchor
     if joint.kind == "revolute":
         return Pose2(x, y, 0.0), "z"
@@ -38,7 +38,7 @@ def joint_axis(joint: Joint) -> tuple[Pose2, str]:
 
 
 def relative(parent: Pose2, child: Pose2) -> Pose2:
-    """Return the transform child frame -> parent frame of two frames of one object."""
+    """Return the transform from child frame to parent frame."""
     pose = parent.inverse() @ child
     return Pose2(trim_rounding(pose.x), trim_rounding(pose.y), pose.yaw)
 
@@ -46,7 +46,7 @@ def relative(parent: Pose2, child: Pose2) -> Pose2:
 def link_frame(link: Link) -> tuple[Pose2, float]:
     """Return the frame of a link in the object frame, and its height: centred for boxes."""
     box = box_of(link)
-    # A cuboid of the vocabulary has a size and no place: it stands around the frame of its link.
+    # A cuboid of the vocabulary has a size but no place: its centre is the frame of its link.
     # Corners of other shapes are in the frame of the object.
     if box is None:
         return Pose2(), 0.0
@@ -54,7 +54,7 @@ def link_frame(link: Link) -> tuple[Pose2, float]:
 
 
 def box_of(link: Link) -> tuple[Pose2, float, float] | None:
-    """Return centre and edge lengths of a link that is one rectangle, else nothing."""
+    """Return centre and edge lengths of a link that is one rectangle, otherwise ``None``."""
     if len(link.polygons) != 1 or len(link.polygons[0]) != 4:
         return None
     a, b, c, d = link.polygons[0]
@@ -99,7 +99,7 @@ _VECTOR: Final = ["3D", "Euclidean", "Vector", "BoundVector", "UnitLength"]
 _FRAME: Final = ["Frame", "Orthonormal", "RigidBody", "RightHanded", "OriginVectorsXYZ"]
 _MATERIAL: Final = "Grey"
 RESISTANCES: Final = ("friction", "stiffness", "damping", "rest")
-"""Our own words about a joint."""
+"""Our own terms for properties of a joint."""
 
 
 def object_pose_nodes(of: str, wrt: str, pose: Pose2, z: float = 0.0) -> list[Json]:
@@ -159,10 +159,9 @@ class _ObjectWriter:
         return f"{self.id}.joint.{joint}"
 
     def _own(self, link: str, nodes: list[Json]) -> None:
-        """Add nodes that are part of the body of a link, its frame the first of them."""
+        """Add nodes to the body of a link, its frame first."""
         self.nodes += nodes
-        # The published generator of Gazebo models takes the first simplex of a body for the frame
-        # that joints are placed in.
+        # The published generator of Gazebo models places joints in the first simplex of a body.
         ids = sorted(nodes, key=lambda node: "Frame" not in node["@type"])
         self.members[link] += [node["@id"] for node in ids]
 
@@ -171,8 +170,8 @@ class _ObjectWriter:
         axis, slot = joint_axis(joint)
         parent, parent_z = self.frames.get(joint.parent, (Pose2(), 0.0))
         child, child_z = self.frames[joint.child]
-        # Two frames in one place while the joint is at zero, one on each body: their axes are the
-        # two lines the vocabulary wants to be collinear.
+        # Each body has a frame; both coincide while the joint is at zero. Their axes are the two
+        # collinear lines that the vocabulary requires.
         ends = f"{id}.parent", f"{id}.child"
         for frame, link in zip(ends, (joint.parent, joint.child), strict=True):
             vector = f"{frame}.axis"
@@ -260,7 +259,7 @@ class _ObjectWriter:
             *("RigidBodyInertia", "Mass"),
             *("RotationalInertia", "PrincipalMomentsOfInertiaXYZ"),
         ]
-        # Of other shapes, those of the box around them: published readers take none for granted.
+        # Published readers require moments: other shapes get those of the box around them.
         length, width = box[1:] if box is not None else _extent(link)
         inertia |= moments(link.mass, length, width, link.z_max - link.z_min)
         self.nodes.append(inertia)
@@ -283,7 +282,7 @@ class _ObjectWriter:
         )
 
     def _prism(self, link: Link, id: str, ring: Ring) -> None:
-        """Write a polygon as a prism, its corners placed in the frame of the link."""
+        """Write a polygon as a prism with corners in the frame of the link."""
         frame = self._frame_id(link.name)
         corners = [(*p, link.z_min) for p in ring] + [(*p, link.z_max) for p in ring]
         points = [f"{id}.corner-{k}" for k in range(len(corners))]
@@ -317,7 +316,7 @@ class _ObjectWriter:
         states = [f"{self.id}.state.{state.name}" for state in self.model.states]
         node: Json = {"@id": self.id, "@type": ["Object"], "object-frame": base}
         node |= {"object-links": links, "scn:name": self.model.name}
-        # RDF has no order of its own; links and joints come back as they were written.
+        # RDF has no order; this list preserves that of links and joints.
         order = [*links, *joints, *states]
         node["scn:order"] = {"@list": [{"@id": part} for part in order]}
         if joints:

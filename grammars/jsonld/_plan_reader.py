@@ -1,4 +1,4 @@
-"""From nodes in the published vocabulary to a :class:`FloorPlan`, whoever wrote them."""
+"""Reader of a :class:`FloorPlan` from nodes in the published vocabulary, of any writer."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from grammars.text.diagnostics import (
 )
 
 _LARGEST: Final = 1e6
-# To others, a wall of ours is a divider as well.
+# For other tools, one of our free walls is also a divider.
 _FEATURES: Final[dict[str, Literal["column", "divider", "wall"]]] = {
     SCN["Wall"]: "wall",
     FP["Column"]: "column",
@@ -43,10 +43,10 @@ _FEATURES: Final[dict[str, Literal["column", "divider", "wall"]]] = {
 
 
 def read_plan(nodes: NodeGraph, file: str = "") -> FloorPlan:
-    """Return the floor plan that ``nodes`` describe.
+    """Return the floor plan in ``nodes``.
 
-    Raises :class:`InputError` with everything that keeps them from being one; what was read
-    although it was written in an outdated or incomplete way is among the plan's warnings.
+    Raises :class:`InputError` with all errors. The plan's warnings name outdated and incomplete
+    parts.
     """
     return _PlanReader(nodes, file).read()
 
@@ -77,14 +77,14 @@ class _PlanReader:
             for node in self.nodes.of_type(FP[kind])
         ]
         self._refuse()
-        # Openings are found by their type, a plan need not list them: the list only gives an order.
+        # A plan need not list its openings: the list only gives their order.
         listed = {str(iri): k for k, iri in enumerate(root.refs(FP["openings"]))}
         readable = [o for o in openings if o is not None]
         readable.sort(key=lambda pair: listed.get(pair[0], len(listed)))
         plan = FloorPlan(
             _name(root),
             tuple(
-                # A space may be placed against one that comes later: all names are known now.
+                # A space may be placed against a later one, so placements need all names.
                 replace(space, placement=self._placement(*self.outlines[space.name]))
                 for space in spaces
                 if space is not None
@@ -108,7 +108,7 @@ class _PlanReader:
         raise InputError(self.nodes.errors)
 
     def _world(self, root: Node) -> str:
-        """Return the world frame: declared the old way, or called so beside the plan."""
+        """Return the world frame: a ``WorldFrame`` of 2023, or the frame of that name."""
         for node in self.nodes.of_type(OBJ["WorldFrame"]):
             frame = node.ref(OBJ["frame"])
             if frame is not None:
@@ -117,7 +117,7 @@ class _PlanReader:
         world = namespace_of(root.id) + WORLD_FRAME
         frames = [node.id for node in self.nodes.of_type(GEOM["Frame"])]
         if world not in self.nodes.by_id:
-            # Plans of 2023 have their frames and their elements in namespaces of their own.
+            # Plans of 2023 have separate namespaces for frames and elements.
             called = [id for id in frames if local_name(id) == WORLD_FRAME]
             if len(called) != 1:
                 near = map(local_name, frames)
@@ -133,21 +133,21 @@ class _PlanReader:
         return [self.nodes.by_id[id] for id in owner.refs(predicate)]
 
     def _outline(self, node: Node, predicate: str) -> tuple[str, tuple[Point3, ...]] | None:
-        """Return the frame an element's shape is drawn in, and its corners."""
+        """Return the frame of an element's shape, and the corners in it."""
         shape = self.nodes.by_id.get(node.ref(predicate) or "")
         points = shape.refs(POLY["points"]) if shape else []
-        what = f"the {'body' if predicate == FP['3d-shape'] else 'shape'} of {local_name(node.id)}"
+        label = f"the {'body' if predicate == FP['3d-shape'] else 'shape'} of {local_name(node.id)}"
         if len(points) < 3:
-            self.nodes.add_error(node.id, f"{what} has no points", "list at least three of them")
+            self.nodes.add_error(node.id, f"{label} has no points", "list at least three of them")
             return None
         outline = self.positions.outline(points)
         if outline is None:
             self.nodes.add_error(
-                node.id, f"{what} is not drawn in one frame", "give every position"
+                node.id, f"{label} is not drawn in one frame", "give every position"
             )
             return None
         if max(abs(v) for point in outline[1] for v in point) > _LARGEST:
-            self.nodes.add_error(node.id, f"{what} is larger than 1000 km")
+            self.nodes.add_error(node.id, f"{label} is larger than 1000 km")
             return None
         return outline
 
@@ -191,7 +191,7 @@ class _PlanReader:
             hole = self.nodes.by_id.get(id)
             outline = self.positions.outline(hole.refs(POLY["points"])) if hole else None
             if outline is None or len(outline[1]) < 3:
-                message = f"hole {local_name(id)} of {local_name(node.id)} is no polygon"
+                message = f"hole {local_name(id)} of {local_name(node.id)} is not a polygon"
                 self.nodes.add_error(node.id, message, "list its points and give every position")
                 continue
             holes.append(placed.pose.apply_ring(flat(outline[1])))
@@ -202,12 +202,12 @@ class _PlanReader:
         placed = self._frame(node, outline[0], f"{space}-wall-{index}-frame") if outline else None
         thickness = scaled(node, FP["thickness"], LENGTHS)
         height = scaled(node, FP["height"], LENGTHS)
-        # The shapes make sure of both numbers.
+        # The SHACL shapes guarantee both numbers.
         if outline is None or placed is None or thickness is None or height is None:
             return None
         if len(outline[1]) != 4:
             self.nodes.add_error(
-                node.id, f"the shape of wall {local_name(node.id)} has not 4 corners"
+                node.id, f"the shape of wall {local_name(node.id)} does not have 4 corners"
             )
             return None
         local = flat(outline[1])
@@ -218,17 +218,17 @@ class _PlanReader:
     def _made(
         self, node: Node, name: str, placed: PlacedFrame, ring: Ring, walls: list[Wall]
     ) -> Space:
-        """Return the space its outline implies where that is what is published, bit by bit."""
+        """Return the space that the outline implies, or the published one if it differs."""
         where = self.nodes.where(node.id, Where(self.file, 1, 1))
         published = Space(name, placed.pose, placed.pose.apply_ring(ring), tuple(walls), where)
         return implied_space(published, ring) or published
 
     def _placement(self, frame: str, outline: tuple[Point3, ...]) -> Placement | None:
-        """Return how a frame was placed, in names of frames; nothing when a name is unknown."""
+        """Return the placement of a frame in names of frames, if both names are known."""
         placed = self.placed[frame]
         of = frame
         if placed.edge is not None and placed.edge.wrt == frame:
-            # Placed by one of its own walls: that one's pose says where.
+            # The space is placed by one of its own walls.
             of = placed.parent
             placed = self.placed[of]
         names = (self.names.get(of), self.names.get(placed.parent))
@@ -246,7 +246,7 @@ class _PlanReader:
             for node in self.nodes.of_type(FP[kind]):
                 if node.id not in features:
                     message = f"{kind.lower()} {local_name(node.id)} is in no space's features"
-                    self.nodes.add_warning(node.id, message, "it is taken as a feature of the plan")
+                    self.nodes.add_warning(node.id, message, "it is read as a feature of the plan")
                     self._feature(node.id, root, "", features)
         order = {str(id): k for k, id in enumerate(root.refs(SCN["order"]))}
         ids = sorted(features, key=lambda id: order.get(id, len(order)))
@@ -259,7 +259,7 @@ class _PlanReader:
         types = node.types if node is not None else []
         kind = next((kind for type, kind in _FEATURES.items() if type in types), None)
         if node is None or kind is None:
-            message = f"{local_name(owner.id)} lists {local_name(id)}, no column or divider"
+            message = f"{local_name(owner.id)} lists {local_name(id)}, not a column or divider"
             self.nodes.add_error(owner.id, message)
             return
         height, outline = scaled(node, FP["height"], LENGTHS), self._outline(node, FP["shape"])
@@ -270,7 +270,7 @@ class _PlanReader:
             self.nodes.add_error(node.id, message, "give each its own identifier: <space>-<name>")
             return
         local = local_name(id)
-        # Our writer had to rename it because another element has its name.
+        # Our writer renamed it, because another element has its name.
         if node.text(SCN["name"]) is not None:
             local = local.removeprefix(f"{kind}-")
         placed = self._frame(node, outline[0], f"{kind}-{local}-frame") if outline else None
@@ -300,7 +300,7 @@ class _PlanReader:
         voids = [(id, self.walls.get(id)) for id in dict.fromkeys(node.refs(FP["voids"]))]
         for id, wall in voids:
             if wall is None:
-                message = f"{kind} {local_name(node.id)} voids {local_name(id)}, which is no wall"
+                message = f"{kind} {local_name(node.id)} voids {local_name(id)}, not a wall"
                 hint = did_you_mean(local_name(id), map(local_name, self.walls))
                 self.nodes.add_error(node.id, message, hint)
         name = _name(node)
@@ -327,5 +327,5 @@ class _PlanReader:
 
 
 def _name(node: Node) -> str:
-    """Return what an element is called, where its identifier had to be another one."""
+    """Return the name of an element, which may differ from its identifier."""
     return node.text(SCN["name"]) or local_name(node.id)

@@ -1,8 +1,7 @@
-"""A floor plan as the six published JSON-LD files.
+"""Writer of a floor plan as the six published JSON-LD files.
 
-Nothing is computed that the plan does not hold: poses and outlines are those its text gives, so a
-reader gets the same numbers back, bit by bit. Where published walls are those that the outline
-implies, the outline's own numbers are written.
+Poses and outlines are those of the plan's text, so a reader gets the same numbers back, bit by bit.
+For walls that the outline implies, the numbers of the outline are written.
 """
 
 from __future__ import annotations
@@ -32,15 +31,14 @@ from grammars.jsonld._kinematics import (
     pose_nodes,
     position_nodes,
 )
-from grammars.jsonld._written_contexts import plan_context
-from grammars.jsonld.vocabulary import PLANS, SCN, rob2b, secoro
+from grammars.jsonld.vocabulary import PLANS, SCN, plan_context, rob2b, secoro
 from grammars.model.geometry import Pose2, Ring, signed_area
 
 _SAME: Final = 1e-9
 
 
 def implied_space(space: Space, ring: Ring) -> Space | None:
-    """Return the space that the language makes of the outline ``ring``, if ``space`` is the same.
+    """Return the space that the outline ``ring`` implies, if it is the same as ``space``.
 
     ``ring`` is in the frame of the space.
     """
@@ -57,7 +55,7 @@ def is_polygon(ring: Ring) -> bool:
 
 
 def has_mitres(ring: Ring) -> bool:
-    """Return whether every corner has one: no edge without length, none that turns back."""
+    """Return whether every corner has a mitre: no edge has length zero or turns back."""
     edges = [(q[0] - p[0], q[1] - p[1]) for p, q in zip(ring, ring[1:] + ring[:1], strict=True)]
     if any(math.hypot(*edge) < _SAME for edge in edges):
         return False
@@ -97,12 +95,12 @@ FILES: Final = {
     ],
     "floorplan": [_QUDT, secoro("floorplan/floorplan.json")],
 }
-"""The published files, in order, and the contexts each refers to."""
+"""Published files, in order, with the contexts of each."""
 
 
 @dataclass(slots=True)
 class PlanWriter:
-    """Builds the nodes of every file; ``files`` holds them by file name."""
+    """Builder of the nodes of every file; ``files`` holds them by file name."""
 
     plan: FloorPlan
     files: dict[str, list[Json]] = field(default_factory=lambda: {name: [] for name in FILES})
@@ -121,22 +119,21 @@ class PlanWriter:
 
     @property
     def nodes(self) -> list[Json]:
-        """The nodes of the six files, one after the other."""
+        """The nodes of all six files."""
         return [node for nodes in self.files.values() for node in nodes]
 
     @property
     def base(self) -> str:
-        """The IRI every identifier of the plan is relative to."""
+        """Base IRI of the plan's identifiers."""
         return plan_base(self.plan.name)
 
     def frame(self, published: str) -> str:
-        """Return the identifier of a frame as written here."""
+        """Return the identifier of a frame in these files."""
         return self.ids.get(("frame", published), published)
 
     def _name_everything(self) -> None:
-        """Give every element an identifier of its own; spaces keep their names."""
-        # A room may be called like the plan or like a door of it; in a graph that would be one
-        # thing.
+        """Give every element a unique identifier; spaces keep their names."""
+        # A room may have the name of the plan or of a door; in a graph they would be one node.
         names = {f"{WORLD}-frame", WORLD}
         for space in self.plan.spaces:
             id = space.name if space.name not in names else f"space-{space.name}"
@@ -185,18 +182,18 @@ class PlanWriter:
         self._place(f"{stem}-frame", opening, opening.z, opening.tilt)
 
     def _solid(self, id: str, stem: str, corners: tuple[Point3, ...]) -> None:
-        """Write an element with a body; the first half of the corners is its outline."""
+        """Write the body of an element; the first half of the corners is its outline."""
         self._frame_of(stem)
         points = self._outline(id, stem, corners, len(corners) // 2)
         self.files["polyhedron"].append(polyhedron_node(f"{id}-polyhedron", points))
 
     def _holes(self, id: str, stem: str, element: Space | Feature) -> None:
-        """Write the outlines of holes, in the frame of the element they are in."""
+        """Write the outlines of holes in the frame of their element."""
         for number, ring in enumerate(map(element.frame.inverse().apply_ring, element.holes)):
             self._outline(f"{id}-hole-{number}", stem, _level_ring(ring, 0.0), len(ring))
 
     def _outline(self, id: str, stem: str, corners: tuple[Point3, ...], outline: int) -> list[str]:
-        """Write corners, of which the first ones are the outline, and return their names."""
+        """Write corners and return their names; the first ``outline`` corners are the outline."""
         frame, origin = f"{stem}-frame", f"{stem}-origin"
         points = [f"{id}-corner-{k}" for k in range(len(corners))]
         polygon = {"@id": f"{id}-polygon", "@type": "Polygon", "points": points[:outline]}
@@ -213,15 +210,15 @@ class PlanWriter:
     def _place(
         self, of: str, element: Space | Feature | Opening, z: float = 0.0, tilt: float = 0.0
     ) -> None:
-        """Write how an element was placed; one of a plan that does not say it is in the world."""
+        """Write the placement of an element, by default its pose in the world."""
         placed = element.placement
         wrt = self.frame(placed.wrt if placed else f"{WORLD}-frame")
         self._pose(of, wrt, placed.offset if placed else element.frame, z, tilt)
 
     def _pose(self, of: str, wrt: str, pose: Pose2, z: float = 0.0, tilt: float = 0.0) -> None:
-        # Published readers turn round the pose before one whose identifier has "wall" in it twice:
-        # they take a room to be placed by its wall against another wall. One that is placed by its
-        # wall against something else would stand elsewhere without the word.
+        # If an identifier contains "wall" twice, published readers invert the pose before it: they
+        # assume a room placed by its wall against another wall. A room placed by its wall against
+        # another frame needs the second "wall" too.
         own = of.startswith(f"{wrt.removesuffix('frame')}wall-")
         by_wall = _WALL_FRAME.search(of) and not _WALL_FRAME.search(wrt) and not own
         id = f"pose-{'wall-' if by_wall else ''}{of}-wrt-{wrt}"
@@ -252,7 +249,7 @@ class PlanWriter:
         nodes.extend(self._opening_node(opening) for opening in plan.openings)
 
     def _named(self, node: Json, name: str) -> Json:
-        """Keep a name the identifier had to differ from."""
+        """Add the name to a node whose identifier differs from it."""
         return node if node["@id"] == name else node | {SCN["name"]: name}
 
     def _space_node(self, space: Space) -> Json:
@@ -265,7 +262,7 @@ class PlanWriter:
             "features": inside,
             "shape": f"{id}-polygon",
         }
-        # The published vocabulary knows no space without walls, and no holes.
+        # The published vocabulary has no spaces without walls, and no holes.
         if not space.walls:
             node |= {"@type": ["Space", SCN["Area"]], **_hole_list(id, space.holes)}
         return self._named(node, space.name)
@@ -279,7 +276,7 @@ class PlanWriter:
         id = self.ids[feature.kind, feature.id]
         body = {"height": feature.height, "unit": "M"}
         node = {"@id": id, "@type": feature.kind.capitalize(), **_shapes(id), **body}
-        # To others a wall that belongs to no space is a divider: it stands in the building.
+        # For other tools, a wall without a space is a divider.
         if feature.kind == "wall":
             node |= {"@type": ["Divider", SCN["Wall"]], **_hole_list(id, feature.holes)}
         return self._named(node, feature.name)
@@ -295,12 +292,12 @@ class PlanWriter:
 
 
 def plan_base(name: str) -> str:
-    """Return the IRI the identifiers of a plan are relative to."""
+    """Return the base IRI of a plan's identifiers."""
     return f"{PLANS}{name}/"
 
 
 def plan_documents(plan: FloorPlan) -> dict[str, Json]:
-    """Return the six published files of a plan by name (without ``.json``)."""
+    """Return the six published files of a plan by name, without ``.json``."""
     writer = PlanWriter(plan)
     return {
         name: {"@context": plan_context(writer.base, FILES[name]), "@graph": writer.files[name]}
@@ -309,14 +306,13 @@ def plan_documents(plan: FloorPlan) -> dict[str, Json]:
 
 
 def _walls(space: Space, ring: Ring) -> list[tuple[Pose2, Ring]]:
-    """Return pose in the space and own footprint of every wall.
+    """Return the pose of every wall in the space, and its footprint in its own frame.
 
-    Where the walls are those that the outline implies (always, but for plans others published),
-    the numbers are those of the outline itself: both faces exactly level, the inner one at y = 0,
-    which consumers test with equality.
+    Walls that the outline implies get the numbers of the outline: both faces exactly level, the
+    inner one at y = 0. Only plans published by others have different walls.
     """
     # The published mesh generator thickens an opening by moving corners with y == 0 one way and all
-    # others the other way: a corner at 1e-17 would go with the others.
+    # others the other way: a corner at 1e-17 would move with the others.
     if implied_space(space, ring) is None:
         return [
             (
@@ -339,7 +335,7 @@ def _walls(space: Space, ring: Ring) -> list[tuple[Pose2, Ring]]:
 
 
 def _level(ring: Ring) -> Ring:
-    """Return a ring whose corners on the x axis are there exactly."""
+    """Return a ring with y = 0 exactly for corners on the x axis."""
     return tuple((x, y if abs(y) > _SAME else 0.0) for x, y in ring)
 
 
@@ -366,7 +362,7 @@ def _prism(ring: Ring, height: float) -> tuple[Point3, ...]:
 
 
 def _untilted(opening: Opening) -> tuple[Point3, ...]:
-    """Return the near ring in the opening's own frame: neither lifted nor tilted."""
+    """Return the near ring in the opening's own frame, neither lifted nor tilted."""
     to_local = opening.frame.inverse()
     c, s = math.cos(opening.tilt), math.sin(opening.tilt)
     corners = []

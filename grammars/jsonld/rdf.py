@@ -1,7 +1,7 @@
-"""Models as an rdflib graph, and the shapes that such a graph is held to.
+"""Models as rdflib graphs, and their validation against the shapes.
 
-The only module that needs rdflib and pyshacl, which take a while to import: it is imported where a
-model in JSON-LD is read.
+Only this module needs rdflib and pyshacl, which are slow to import. Import it only where a JSON-LD
+model is read.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ _DOUBLE: Final = URIRef(XSD["double"])
 
 
 def graph_of(nodes: NodeGraph) -> Graph:
-    """Return an rdflib graph that says what ``nodes`` say; numbers keep every digit."""
+    """Return ``nodes`` as an rdflib graph; numbers keep every digit."""
     graph = Graph()
     for prefix, namespace in PREFIXES.items():
         graph.bind(prefix, str(namespace))
@@ -67,7 +67,7 @@ def graph_of(nodes: NodeGraph) -> Graph:
 
 
 class _GraphFiller:
-    """Adds nodes to a graph; terms are made once."""
+    """Writer of nodes into a graph; each term is made once."""
 
     def __init__(self, graph: Graph) -> None:
         self._store: Any = graph.store
@@ -86,7 +86,7 @@ class _GraphFiller:
                     self._add(subject, verb, self._value(value))
 
     def _add(self, subject: Term, predicate: Term, value: Term) -> None:
-        # The store directly: Graph.add checks types that are right by construction.
+        # Use the store directly: Graph.add checks types that are right by construction.
         self._store.add((subject, predicate, value), self._graph)
 
     def _term(self, id: str) -> URIRef | BNode:
@@ -100,7 +100,7 @@ class _GraphFiller:
             return self._term(value)
         if isinstance(value, tuple):
             return self._list(value)
-        # 1, 1.0 and True are equal keys but different literals, and so are 0.0 and -0.0.
+        # 1, 1.0 and True are equal keys but different literals, as are 0.0 and -0.0.
         key = (type(value), value if value != 0 else repr(value))
         literal = self._literals.get(key)
         if literal is None:
@@ -123,28 +123,28 @@ class _GraphFiller:
 
 @functools.cache
 def shapes() -> Graph:
-    """Return the shapes of everything that a model may contain.
+    """Return the shapes of all parts of a model.
 
-    Every part of a shape has the targets of its shape itself. pyshacl then looks at all nodes of a
-    part at once, in a quarter of the time: 0.6 s instead of 2.1 s for building C.
+    Every property of a shape gets the targets of its shape. pyshacl then checks all nodes of a
+    property at once: 0.6 s instead of 2.1 s for building C.
     """
     graph = Graph()
     for file in sorted(Path(__file__).with_name("shapes").glob("*.ttl")):
         graph.parse(file, format="turtle")
     for shape, part in list(graph.subject_objects(SH.property)):
-        for how in (SH.targetClass, SH.targetSubjectsOf):
-            for target in list(graph.objects(shape, how)):
-                graph.add((part, how, target))
+        for predicate in (SH.targetClass, SH.targetSubjectsOf):
+            for target in list(graph.objects(shape, predicate)):
+                graph.add((part, predicate, target))
                 graph.add((part, RDF.type, SH.PropertyShape))
                 graph.remove((shape, SH.property, part))
     return graph
 
 
 def check_shapes(nodes: NodeGraph, is_elsewhere: Callable[[str, str], bool]) -> None:
-    """Add to the diagnostics of ``nodes`` everything that does not fit the shapes.
+    """Validate ``nodes`` against the shapes and add the results to their findings.
 
-    ``is_elsewhere`` tells of a predicate and an identifier that is not described here whether
-    another model may describe it.
+    ``is_elsewhere`` tells, for a predicate and an unknown identifier, whether another model may
+    describe the identifier.
     """
     from pyshacl import validate
 
@@ -159,12 +159,12 @@ def check_shapes(nodes: NodeGraph, is_elsewhere: Callable[[str, str], bool]) -> 
 
 
 _MOST_HINTS: Final = 20
-"""Looking for similar names takes time in a large graph: later errors go without."""
+"""The search for similar names is slow in a large graph: later errors get no hint."""
 _MOST_SHOWN: Final = 4
 
 
 class _Explanation:
-    """Turns the report of a validation into diagnostics."""
+    """Translator of a validation report into findings."""
 
     def __init__(
         self, nodes: NodeGraph, graph: Graph, report: Any, is_elsewhere: Callable[[str, str], bool]
@@ -176,29 +176,29 @@ class _Explanation:
         self._hints = 0
 
     def explain(self) -> None:
-        # The report is itself a graph, without an order.
+        # The report is a graph too and has no order.
         order = {id: k for k, id in enumerate(self._nodes.by_id)}
-        found = []
+        results = []
         for result in self._report.subjects(RDF.type, SH.ValidationResult):
             explained = self._explained(result)
             if explained is not None:
                 term = self._report.value(result, SH.focusNode)
                 focus = f"_:{term}" if isinstance(term, BNode) else str(term)
-                found.append((order.get(focus, -1), focus, *explained))
-        for _, focus, message, hint, severity in sorted(found):
+                results.append((order.get(focus, -1), focus, *explained))
+        for _, focus, message, hint, severity in sorted(results):
             note = self._nodes.add_error
             if severity is Severity.WARNING:
                 note = self._nodes.add_warning
             note(focus, message, hint)
 
     def _explained(self, result: Any) -> tuple[str, str, Severity] | None:
-        """Return message, hint and severity of one result; nothing where none is at fault."""
-        told = self._report.value
-        focus, value = told(result, SH.focusNode), told(result, SH.value)
-        rule = told(result, SH.sourceConstraintComponent)
-        shape = told(result, SH.sourceShape)
+        """Return message, hint and severity of one result, or ``None`` for a valid reference."""
+        value_of = self._report.value
+        focus, value = value_of(result, SH.focusNode), value_of(result, SH.value)
+        rule = value_of(result, SH.sourceConstraintComponent)
+        shape = value_of(result, SH.sourceShape)
         path = shapes().value(shape, SH.path)
-        severity = told(result, SH.resultSeverity)
+        severity = value_of(result, SH.resultSeverity)
         level = Severity.WARNING if severity == SH.Warning else Severity.ERROR
         if rule == SH.ClassConstraintComponent:
             predicate = path if isinstance(path, URIRef) else shapes().value(path, RDF.first)
@@ -206,10 +206,10 @@ class _Explanation:
             return None if explained is None else (*explained, level)
         if rule == SH.MaxCountConstraintComponent and isinstance(path, URIRef):
             values = sorted(_called(each) for each in self._graph.objects(focus, path))
-            shown = ", ".join(values[:_MOST_SHOWN])
-            message = f"{_called(focus)} has {len(values)} values of {local_name(path)}: {shown}"
+            listing = ", ".join(values[:_MOST_SHOWN])
+            message = f"{_called(focus)} has {len(values)} values of {local_name(path)}: {listing}"
             return message, "do two things share this identifier?", level
-        message = f"{_called(focus)}: {told(result, SH.resultMessage)}"
+        message = f"{_called(focus)}: {value_of(result, SH.resultMessage)}"
         if value is not None and value != focus:
             message += f", found {_called(value)}"
         return message, "", level
@@ -217,14 +217,14 @@ class _Explanation:
     def _reference(
         self, focus: Term, predicate: str, value: Term, shape: Term
     ) -> tuple[str, str] | None:
-        """Explain a reference to something of another class than its shape allows."""
+        """Explain a reference to a node of the wrong class."""
         kind = shapes().value(shape, SH["class"])
         kinds = sorted(local_name(str(each)) for each in self._graph.objects(value, RDF.type))
         words = f'"{local_name(predicate)}" of {_called(focus)} is {_called(value)}'
         if kinds or isinstance(value, Literal):
-            what = with_article(", ".join(kinds) or "value")
-            return f"{words}, {what}", f"expected {with_article(local_name(str(kind)))}"
-        # A list, which an empty one is too, is of this model.
+            label = with_article(", ".join(kinds) or "value")
+            return f"{words}, {label}", f"expected {with_article(local_name(str(kind)))}"
+        # A list, even an empty one, belongs to this model.
         is_named = isinstance(value, URIRef) and value != RDF.nil
         if is_named and self._is_elsewhere(predicate, str(value)):
             return None

@@ -1,4 +1,4 @@
-"""The published vocabulary: namespaces, a few words of our own, the contexts that define terms.
+"""Published vocabulary: namespaces, a few words of our own, and the contexts that define terms.
 
 Contexts are read from this package, never from the network.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import functools
 import json
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,7 +18,7 @@ _SECORO: Final = "https://secorolab.github.io/metamodels/"
 
 
 class Namespace(str):
-    """An IRI that others start with: ``GEOM["vector-x"]`` is one of its terms."""
+    """Common prefix of IRIs: ``GEOM["vector-x"]`` is one of its terms."""
 
     __slots__ = ()
 
@@ -42,15 +43,15 @@ KIND: Final = Namespace("http://qudt.org/vocab/quantitykind/")
 XSD: Final = Namespace("http://www.w3.org/2001/XMLSchema#")
 RDF: Final = Namespace("http://www.w3.org/1999/02/22-rdf-syntax-ns#")
 SCN: Final = Namespace("urn:scenario-tui:scenery#")
-"""Our own words: what the published vocabulary has none for."""
+"""Our own terms, which the published vocabulary lacks."""
 
 UNKNOWN: Final = Namespace("urn:scenario-tui:unknown:")
-"""Words that no context of a document defines, where the document has no address."""
+"""Terms that no context of a document defines."""
 
 PLANS: Final = f"{_SECORO.removesuffix('metamodels/')}models/floorplan/"
-"""Where plans are identified: ``<PLANS><plan name>/<element>``."""
+"""Namespace of plans: ``<PLANS><plan name>/<element>``."""
 ITEMS: Final = "urn:scenario-tui:item:"
-"""Where objects, their parts, groups and parameters of scenery layers are identified."""
+"""Namespace of the objects, groups and parameters of scenery layers."""
 
 ROB2B_CONTEXTS: Final = {
     "geometry/structural-entities.json": "structural-entities.json",
@@ -87,12 +88,12 @@ def secoro(path: str) -> str:
 
 
 def local_name(iri: str) -> str:
-    """Return what follows the last ``/``, ``#`` or ``:``."""
+    """Return the part after the last ``/``, ``#`` or ``:``."""
     return iri.rsplit("/", 1)[-1].rsplit("#", 1)[-1].rsplit(":", 1)[-1]
 
 
 def namespace_of(iri: str) -> str:
-    """Return what is in front of the local name."""
+    """Return the part in front of the local name."""
     return iri[: len(iri) - len(local_name(iri))]
 
 
@@ -100,50 +101,49 @@ _FOLDER: Final = Path(__file__).with_name("contexts")
 
 
 class ContextError(ValueError):
-    """A context that cannot be used; the message is for people."""
+    """Unusable context; people read the message."""
 
 
 def context_for(address: str, notes: set[str]) -> Any:
-    """Return our context for a published address, whatever host and folder it had at the time."""
+    """Return our context for a published address; add a former address to ``notes``."""
     path = address.partition("metamodels/")[2]
-    drifted = (
+    is_former = (
         "/secorolab.github.io/" not in address and "/comp-rob2b.github.io/" not in address
     ) or path.startswith("floor-plan")
     if path in ("floor-plan.json", "floor-plan/floor-plan.json"):
         path = "floorplan/floorplan.json"
     path = path.replace("floor-plan/", "floorplan/")
     if path == "geometry/coordinate-extension.json":
-        path, drifted = "geometry/coordinates.json", True
+        path, is_former = "geometry/coordinates.json", True
         name: str | None = SECORO_CONTEXTS[path]
     elif "comp-rob2b" in address:
         name = ROB2B_CONTEXTS.get(path)
     else:
-        name = SECORO_CONTEXTS.get(path) or (ROB2B_CONTEXTS.get(path) if drifted else None)
+        name = SECORO_CONTEXTS.get(path) or (ROB2B_CONTEXTS.get(path) if is_former else None)
     if name is None:
-        known = (*ROB2B_CONTEXTS, *SECORO_CONTEXTS)
-        hint = did_you_mean(path, known) if path else ""
+        hint = did_you_mean(path, (*ROB2B_CONTEXTS, *SECORO_CONTEXTS)) if path else ""
         raise ContextError(
-            f'the context "{address}" is not known here and nothing is fetched'
+            f'the context "{address}" is unknown; contexts are not fetched'
             + (f"; {hint}" if hint else "")
         )
-    if drifted:
+    if is_former:
         notes.add(address)
     return _ours(name)
 
 
 @functools.cache
 def _contexts_by_type() -> dict[str, str]:
-    """Return the address of the one published context that defines a type, by the type's name."""
-    found: dict[str, set[str]] = {}
+    """Return, by type, the address of the only published context that defines it."""
+    addresses: dict[str, set[str]] = {}
     published = {rob2b(path): name for path, name in ROB2B_CONTEXTS.items()}
     published |= {secoro(path): name for path, name in SECORO_CONTEXTS.items()}
-    # Several addresses lead to one context of ours: the first of them names it.
+    # Several addresses may lead to one of our contexts: the first of them names it.
     for name in dict.fromkeys(published.values()):
         address = next(key for key, value in published.items() if value == name)
         for term in _ours(name):
             if term[:1].isupper() or term[:1].isdigit():
-                found.setdefault(term, set()).add(address)
-    return {term: min(places) for term, places in found.items() if len(places) == 1}
+                addresses.setdefault(term, set()).add(address)
+    return {term: min(places) for term, places in addresses.items() if len(places) == 1}
 
 
 def context_of_type(name: str) -> str:
@@ -154,3 +154,46 @@ def context_of_type(name: str) -> str:
 @functools.cache
 def _ours(name: str) -> Any:
     return json.loads((_FOLDER / name).read_text(encoding="utf-8"))["@context"]
+
+
+_COORDINATES: Final = {
+    **{
+        name: {"@id": COORD[name], "@type": "@id"}
+        for name in ("of-pose", "of-position", "as-seen-by")
+    },
+    **{name: {"@id": COORD[name], "@type": XSD["double"]} for name in ("x", "y", "z")},
+}
+"""Unscoped terms of coordinates: rdflib applies the scoped terms of a node's first type only."""
+
+
+def plan_context(base: str, contexts: Iterable[str]) -> list[Any]:
+    """Return the ``@context`` of a plan's file: its base and the published contexts."""
+    addresses = list(contexts)
+    context: list[Any] = [{"@base": base, "fpm": base}, *addresses]
+    if rob2b("geometry/coordinates.json") in addresses:
+        context.append(_COORDINATES)
+    return context
+
+
+def plain_context(base: str) -> dict[str, Any]:
+    """Return the ``@context`` of a graph in the plan with IRI ``base``: all terms, no address.
+
+    PyLD reads at most ten remote contexts a document by default, and an object needs more.
+    """
+    return {"@base": base, "fpm": base, "item": ITEMS, "scn": str(SCN), **_published_terms()}
+
+
+@functools.cache
+def _published_terms() -> dict[str, Any]:
+    addresses = [*map(rob2b, ROB2B_CONTEXTS), *map(secoro, SECORO_CONTEXTS)]
+    contexts = [context_for(address, set()) for address in addresses]
+    terms = [term for context in contexts for term in context.values() if isinstance(term, dict)]
+    scoped = [term["@context"] for term in terms if "@context" in term]
+    unscoped: dict[str, Any] = {}
+    # A few terms have two meanings; the one without a scope or of a coordinate is written.
+    for context in (*contexts, *scoped):
+        for name, term in context.items():
+            if isinstance(term, dict):
+                term = {key: value for key, value in term.items() if key != "@context"}
+            unscoped.setdefault(name, term)
+    return unscoped

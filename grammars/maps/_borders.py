@@ -1,13 +1,12 @@
-"""The borders between free, occupied and unknown cells, as arcs that both sides share.
+"""Borders between free, occupied and unknown cells, as arcs that both sides share.
 
 Coordinates are in cells: (0, 0) is the lower left corner of cell (0, 0), x along columns, y along
-rows. An arc runs between two points where three kinds of cells meet, or is closed; since the pieces
-of floor on both of its sides are put together from the same arcs, they still fit when an arc has
-been made simpler. As a :class:`CellTrack`, an arc is points that lie on a straight line where the
-cells were drawn from one.
+rows. An arc is closed or runs between two points where three kinds of cells meet. Regions on both
+sides consist of the same arcs, so they still fit after an arc is simplified. The points of a
+:class:`CellTrack` lie on a straight line if the cells were drawn from one.
 
-Where four cells meet in a chequered corner, occupied cells hold together across it (a thin wall
-drawn slantwise is one wall), then unknown ones, then free ones.
+In a chequered corner of four cells, occupied cells connect across it first, then unknown cells,
+then free cells. A thin slanted wall is therefore one wall.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ import numpy.typing as npt
 import shapely
 
 Labels = npt.NDArray[np.int8]
-"""Kinds of cells, shape (rows, columns): :data:`UNKNOWN_CELL` and its like."""
+"""Kinds of cells such as :data:`UNKNOWN_CELL`, shape (rows, columns)."""
 Points = npt.NDArray[np.float64]
 """Points in cells, shape (n, 2)."""
 
@@ -35,11 +34,11 @@ _NONE: Final = -1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Arc:
-    """A border between two kinds of cells.
+    """Border between two kinds of cells.
 
-    ``corners`` are the corners of cells it passes, one after another; a closed arc ends with its
-    first one. ``chequered`` says in which of them four cells meet in a chequered corner. ``left``
-    and ``right`` are the kinds of the cells beside it.
+    ``corners`` are the corners of cells that it passes, in order; a closed arc ends with its first
+    one. ``chequered`` marks the chequered corners. ``left`` and ``right`` are the kinds of the
+    cells beside it.
     """
 
     corners: npt.NDArray[np.int32]
@@ -49,13 +48,13 @@ class Arc:
 
     @property
     def closed(self) -> bool:
-        """True if it ends at its beginning, without a point where three kinds meet."""
+        """True if the arc ends at its beginning."""
         return bool((self.corners[0] == self.corners[-1]).all())
 
 
 @dataclass(frozen=True, slots=True)
 class Loop:
-    """A way along arcs that has one region of cells on its left: (index of an arc, forwards)."""
+    """Loop of arcs with one region of cells on its left: (index of an arc, is forwards)."""
 
     arcs: tuple[tuple[int, bool], ...]
     label: int
@@ -63,7 +62,7 @@ class Loop:
 
 @dataclass(frozen=True, slots=True)
 class Patch:
-    """A connected region of one kind of cells: the loop around it and those of its holes."""
+    """Connected region of one kind of cells: the loop around it and those of its holes."""
 
     label: int
     outline: Loop
@@ -71,12 +70,12 @@ class Patch:
 
 
 def trace_borders(labels: Labels) -> list[Arc]:
-    """Return all borders of ``labels``, what lies beyond its edges being unknown."""
+    """Return all borders of ``labels``; cells beyond its edges are unknown."""
     cells = np.pad(labels, 1, constant_values=UNKNOWN_CELL)
     upright = np.argwhere(cells[:, 1:] != cells[:, :-1])
     level = np.argwhere(cells[1:] != cells[:-1])
-    # Edge (row, column) of the upright ones goes up from vertex (row, column + 1) of the padded
-    # cells, of the level ones to the right from vertex (row + 1, column).
+    # An upright edge (row, column) goes up from vertex (row, column + 1) of the padded cells; a
+    # level edge goes right from vertex (row + 1, column).
     starts: npt.NDArray[np.int64] = np.vstack([np.add(upright, (0, 1)), np.add(level, (1, 0))])
     ends = starts.copy()
     ends[: len(upright), 0] += 1
@@ -88,9 +87,9 @@ def trace_borders(labels: Labels) -> list[Arc]:
 def _joined_ends(
     cells: Labels, starts: npt.NDArray[np.int64], uprights: int
 ) -> tuple[list[int], list[bool]]:
-    """Return which end of an edge goes on with which, by 2 * edge + (0 start, 1 end).
+    """Return the partner of every end of an edge, with index 2 * edge + (0 start, 1 end).
 
-    Also whether that end lies in a chequered corner.
+    The second value tells whether that end lies in a chequered corner.
     """
     rows, columns = cells.shape
     shape = (rows + 1, columns + 1)
@@ -109,7 +108,7 @@ def _joined_ends(
         partner[first], partner[second] = second, first
 
     through = around[:, meeting == 2]
-    # Two of the four are there: sorting puts them last.
+    # Two of the four exist: sorting puts them last.
     join(*np.sort(through, axis=0)[2:])
     at = np.argwhere(meeting == 4)
     south_west, south_east = cells[at[:, 0] - 1, at[:, 1] - 1], cells[at[:, 0] - 1, at[:, 1]]
@@ -138,42 +137,42 @@ def _followed(
 ) -> list[Arc]:
     """Return the arcs: those between nodes first, each from its lowest end on."""
     vertex = np.stack([starts, ends], axis=1).reshape(-1, 2)
-    passed = bytearray(len(starts))
+    visited = bytearray(len(starts))
     arcs: list[Arc] = []
     nodes = [end for end, other in enumerate(partner) if other == _NONE]
     for begin in (*nodes, *range(0, len(partner), 2)):
-        if passed[begin >> 1]:
+        if visited[begin >> 1]:
             continue
         way: list[int] = []
         end = begin
-        while end != _NONE and not passed[end >> 1]:
-            passed[end >> 1] = 1
+        while end != _NONE and not visited[end >> 1]:
+            visited[end >> 1] = 1
             way.append(end)
             end = partner[end ^ 1]
         ends_of_way = [*way, way[-1] ^ 1]
         corners = vertex[ends_of_way][:, ::-1].astype(np.int32) - 1
-        crossed = np.array([chequered[end] for end in ends_of_way])
-        arcs.append(Arc(corners, crossed, *_beside(cells, vertex, begin, begin >> 1 < uprights)))
+        in_chequers = np.array([chequered[end] for end in ends_of_way])
+        kinds = _beside(cells, vertex, begin, begin >> 1 < uprights)
+        arcs.append(Arc(corners, in_chequers, *kinds))
     return arcs
 
 
 def _beside(
     cells: Labels, vertex: npt.NDArray[np.int64], end: int, upright: bool
 ) -> tuple[int, int]:
-    """Return the kinds of cells on the left and on the right of an edge left by one of its ends."""
+    """Return the kinds of cells left and right of an edge, with one of its ends behind."""
     row, column = vertex[end & ~1]
     here = int(cells[row, column])
-    # Up: the cell at its start lies on the right; to the right: on the left.
+    # The cell at the start of an upright edge is on its right, that of a level edge on its left.
     other = int(cells[row, column - 1] if upright else cells[row - 1, column])
-    left, right = (other, here) if upright else (here, other)
-    return (left, right) if end & 1 == 0 else (right, left)
+    sides = (other, here) if upright else (here, other)
+    return sides if end & 1 == 0 else sides[::-1]
 
 
 def patches(arcs: Sequence[Arc], rings: Sequence[Points]) -> list[Patch]:
-    """Put the borders together to regions of free and of occupied cells.
+    """Return the regions of free and of occupied cells, in the order of the arcs.
 
-    ``rings`` are the points of each arc in which no two arcs cross or touch but at their ends.
-    The order is that of the arcs.
+    ``rings`` are points of the arcs such that arcs meet only at their ends.
     """
     loops = _loops(arcs)
     polygons = [shapely.Polygon(loop_points(loop, rings)) for loop in loops]
@@ -195,7 +194,7 @@ def patches(arcs: Sequence[Arc], rings: Sequence[Points]) -> list[Patch]:
 
 
 def _loops(arcs: Sequence[Arc]) -> list[Loop]:
-    """Return the ways around all regions of free and of occupied cells, these on the left."""
+    """Return the loops around all regions of free and of occupied cells, regions on the left."""
     leaving: dict[tuple[int, int, int], tuple[int, bool]] = {}
     for index, arc in enumerate(arcs):
         for forwards in (True, False):
@@ -204,14 +203,14 @@ def _loops(arcs: Sequence[Arc]) -> list[Loop]:
             if not arc.closed:
                 leaving[(*start, label)] = (index, forwards)
     loops: list[Loop] = []
-    seen: set[tuple[int, bool]] = set()
+    visited: set[tuple[int, bool]] = set()
     for index, arc in enumerate(arcs):
         for forwards in (True, False):
             label = arc.left if forwards else arc.right
-            if label == UNKNOWN_CELL or (index, forwards) in seen:
+            if label == UNKNOWN_CELL or (index, forwards) in visited:
                 continue
             way = [(index, forwards)]
-            seen.add(way[0])
+            visited.add(way[0])
             while not arc.closed:
                 last, ahead = way[-1]
                 end = arcs[last].corners[-1 if ahead else 0].tolist()
@@ -219,23 +218,23 @@ def _loops(arcs: Sequence[Arc]) -> list[Loop]:
                 if following == way[0]:
                     break
                 way.append(following)
-                seen.add(following)
+                visited.add(following)
             loops.append(Loop(tuple(way), label))
     return loops
 
 
 def loop_points(loop: Loop, lines: Sequence[Points]) -> Points:
-    """Return the points of a loop, the first not repeated, taken from those of its arcs."""
+    """Return the points of a loop from those of its arcs, without repeating the first."""
     parts = [lines[i] if forwards else lines[i][::-1] for i, forwards in loop.arcs]
     return np.vstack([part[:-1] for part in parts])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CellTrack:
-    """An arc as points that two arcs never share: middles of edges, and true corners.
+    """Arc as points that two arcs never share: middles of edges, and true corners.
 
-    ``at`` is where along the arc each point lies, in edges; ``corners`` and ``middles`` are those
-    of the arc, twice in a row for a closed one, so that every piece of it is a slice.
+    ``at`` is the position of each point along the arc, in edges. ``corners`` and ``middles`` are
+    those of the arc, repeated for a closed one, so that every piece of it is a slice.
     """
 
     points: Points
@@ -261,7 +260,7 @@ def track_of(arc: Arc) -> CellTrack:
     if arc.closed:
         corners, middles = np.vstack([corners[:-1]] * 2), np.vstack([middles] * 2)
         points = _points_at(at, corners, middles)
-        # Cut open at the point furthest from the middle: a true corner, if there is any.
+        # Cut it open at the point furthest from the middle, which is a true corner if any exists.
         away = np.hypot(*(points - points.mean(axis=0)).T).round(6)
         first = int(away.argmax())
         at = np.concatenate([at[first:], at[: first + 1] + edges])
@@ -276,22 +275,22 @@ def _points_at(at: npt.NDArray[np.float64], corners: Points, middles: Points) ->
 
 
 def _true_corners(step: Points, arc: Arc) -> npt.NDArray[np.float64]:
-    """Return the corners of cells that are no part of a slanting line, and ends of open arcs.
+    """Return the corners of cells that are not steps of a slanted line, and ends of open arcs.
 
-    True ones have two edges or more on both sides, or belong to a wall or a gap one cell wide.
+    True corners have two edges or more on both sides, or belong to a wall or gap one cell wide.
     """
     edges = len(step)
     before = np.roll(step, 1, axis=0)
     turn = np.sign(before[:, 0] * step[:, 1] - before[:, 1] * step[:, 0])
     if not arc.closed:
-        turn[0] = 2.0  # an end, which is no turn to either side
+        turn[0] = 2.0  # an end, not a turn to either side
     bends = np.flatnonzero(turn)
     if not len(bends):
         return np.array([0.0, float(edges)])
     ahead = (np.roll(bends, -1) - bends) % edges
     ahead[ahead == 0] = edges
     if not arc.closed:
-        ahead[-1] = edges  # up to the other end: however short, it is no step of a slanting line
+        ahead[-1] = edges  # the last piece is never a step of a slanted line, however short
         ahead[0] = edges
     behind = np.roll(ahead, 1)
     long = (ahead >= 2) & (behind >= 2)

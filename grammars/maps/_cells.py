@@ -1,14 +1,12 @@
-"""Connected groups of cells, and a map tidied before its borders are drawn.
+"""Connected groups of cells, and the cleaning of a map before its borders are drawn.
 
-The rules, in this order:
+Rules of the cleaning, in this order:
 
-- at least 65 of 100 is occupied, at most 25 free (the thresholds of nav2's map_saver), all else
-  unknown;
-- free cells are kept where at least ``least_room`` hang together, side by side, and in any case the
-  largest such group; others become unknown;
-- occupied cells are dropped where fewer than ``specks`` hang together (also across corners) and
-  none of them lies beside a free cell that is kept: no laser that is inside sees them;
-- unknown cells of which fewer than ``specks`` hang together become what most cells beside them are.
+- Values of at least 65 are occupied, of at most 25 free, others unknown (as in nav2's map_saver).
+- Groups of fewer than ``least_room`` free cells become unknown, except for the largest group.
+- Groups of fewer than ``specks`` occupied cells become unknown if no free cell is beside them,
+  since no laser inside sees them. Cells of a group may touch at corners.
+- Groups of fewer than ``specks`` unknown cells take the kind of most cells beside them.
 """
 
 from __future__ import annotations
@@ -35,8 +33,8 @@ def connected(
 ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int64]]:
     """Return the group number of every cell, and the sizes of the groups [cells].
 
-    Cells of one group lie side by side, or also corner to corner. Groups are numbered from 1 on;
-    group 0, of size 0, is what belongs to none.
+    Cells of one group lie side by side, or also corner to corner. Numbers begin at 1; other cells
+    have number 0, with size 0.
     """
     numbers, _ = ndimage.label(cells, _AROUND if diagonally else None)
     sizes = np.bincount(numbers.ravel())
@@ -46,7 +44,7 @@ def connected(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TidyMap:
-    """The kinds of cells that are drawn, and how many cells were changed."""
+    """Clean map: the kinds of its cells, and the numbers of changed cells."""
 
     labels: Labels
     dropped_free: int
@@ -55,7 +53,7 @@ class TidyMap:
 
 
 def tidied(values: npt.NDArray[np.int8], *, least_room: int, specks: int) -> TidyMap:
-    """Return the kinds of cells of a map of ``values`` (0 to 100, -1 unknown), tidied."""
+    """Return the clean kinds of cells of a map of ``values`` (0 to 100, -1 unknown)."""
     labels: Labels = np.full(values.shape, UNKNOWN_CELL, dtype=np.int8)
     labels[(values >= 0) & (values <= _FREE_TO)] = FREE_CELL
     labels[values >= _OCCUPIED_FROM] = OCCUPIED_CELL
@@ -75,7 +73,7 @@ def tidied(values: npt.NDArray[np.int8], *, least_room: int, specks: int) -> Tid
 
 
 def _fill(labels: Labels, specks: int) -> int:
-    """Give specks of unknown cells the kind of most cells beside them; return how many cells."""
+    """Give specks of unknown cells the kind of most cells beside them; return their number."""
     numbers, sizes = connected(labels == UNKNOWN_CELL)
     around = np.pad(labels, 1, constant_values=UNKNOWN_CELL)
     sides = (around[:-2, 1:-1], around[2:, 1:-1], around[1:-1, :-2], around[1:-1, 2:])

@@ -1,11 +1,12 @@
-"""Doorways on a map: gaps between the ends of walls in one line, that lead from room to room.
+"""Doorways on a map: gaps in a line of walls that lead from room to room.
 
-A gap counts when, seen along a main direction of the building, walls end on both of its sides at
-the distance of a doorway, one of them goes on in that line, the gap is as deep as a wall at most,
-and there is free floor before and behind it, wider than the gap. It is a doorway when shutting all
-gaps would part the floor before it from that behind it, and neither of the two parts is smaller
-than a room. So what merely stands near a wall makes no doorway, and two doors between the same two
-rooms both do.
+A gap lies along a main direction of the building between the ends of two walls, at most as deep as
+a wall. At least one of the walls goes on in that line. The free floor before and behind the gap is
+wider than the gap.
+
+A gap is a doorway if it separates two rooms once all gaps are shut. Neither of them may be smaller
+than the least room. Things near a wall therefore make no doorway, and two doors between the same
+rooms are both found.
 
 Lengths are in cells, points as in :mod:`grammars.maps._borders`.
 """
@@ -24,19 +25,19 @@ from grammars.maps._borders import FREE_CELL, OCCUPIED_CELL, Labels, Points
 from grammars.maps._cells import Cells, connected
 
 _SHIFT: Final = 2
-"""How far the end of a wall may jump from one row of cells to the next."""
+"""Largest shift of the end of a wall from one row of cells to the next."""
 _FREE_SHARE: Final = 0.8
-"""Share of the cells of a gap that must be free; unknown ones lie behind jambs."""
+"""Least share of free cells in a gap; cells behind jambs are unknown."""
 _IN_THE_WALL: Final = 2.0
-"""How far a gap is shut beyond its jambs, which are ragged on maps that were measured."""
+"""Distance by which a gap is shut beyond its jambs, which are ragged on measured maps."""
 _OFF_THE_FACE: Final = 3
-"""How many rows of cells off a gap it has to be wider: beyond what is ragged."""
+"""Rows of cells from a gap to where the floor must be wider, beyond ragged edges."""
 _SUBSAMPLES: Final = (np.array([0.25, 0.75]), np.array([0.25, 0.75]))
 
 
 @dataclass(frozen=True, slots=True)
 class DoorwaySizes:
-    """Sizes of a gap that may be a doorway [cells]; ``room`` is an area."""
+    """Limits for a gap that may be a doorway [cells]; ``room`` is an area."""
 
     least: float
     most: float
@@ -49,9 +50,9 @@ class DoorwaySizes:
 
 @dataclass(frozen=True, slots=True)
 class MapGap:
-    """A gap: its middle, the heading of the line of its walls [rad], its sizes.
+    """Gap with its middle, the heading of its line of walls [rad], and its sizes.
 
-    ``walls`` is how far the wall goes on in that line, on the side where it goes on further.
+    ``walls`` is the length of the longer wall that goes on in that line.
     """
 
     x: float
@@ -62,7 +63,7 @@ class MapGap:
     walls: float
 
     def along(self) -> npt.NDArray[np.float64]:
-        """Return the unit vector of the line of its walls."""
+        """Return the unit vector along its line of walls."""
         return np.array([math.cos(self.heading), math.sin(self.heading)])
 
     def corners(self, beyond: float = 0.0, thicker: float = 0.0) -> Points:
@@ -71,15 +72,15 @@ class MapGap:
         across = np.array([-along[1], along[0]]) / np.hypot(*along)
         across = across * (self.depth / 2 + thicker)
         middle = np.array([self.x, self.y])
-        turned = [-along - across, along - across, along + across, across - along]
-        corners: Points = middle + np.array(turned)
+        offsets = [-along - across, along - across, along + across, across - along]
+        corners: Points = middle + np.array(offsets)
         return corners
 
 
 def find_doorways(
     labels: Labels, directions: Sequence[float], sizes: DoorwaySizes
 ) -> tuple[MapGap, ...]:
-    """Return the doorways of a map whose walls follow ``directions`` [rad] and right angles."""
+    """Return the doorways of a map with walls along ``directions`` [rad] and across them."""
     gaps = [gap for direction in directions for gap in _gaps_along(labels, direction, sizes)]
     gaps.sort(key=lambda gap: (-gap.walls, gap.y, gap.x, gap.heading))
     apart: list[MapGap] = []
@@ -103,15 +104,15 @@ def _gaps_along(labels: Labels, direction: float, sizes: DoorwaySizes) -> Iterat
 
 
 def _turned(labels: Labels, direction: float) -> tuple[Cells, Cells, Points]:
-    """Return which cells are walls and which free where ``direction`` runs along the rows.
+    """Return grids of wall and free cells, turned so that ``direction`` runs along the rows.
 
-    Also the lower left corner of these grids, along that direction and across it.
+    The third value is the lower left corner of these grids, along the direction and across it.
     """
     walls, free = labels == OCCUPIED_CELL, labels == FREE_CELL
     if direction == 0.0:
         return walls, free, np.zeros(2)
     cos, sin = math.cos(direction), math.sin(direction)
-    # Points half a cell apart: every cell they fall among has one within, however it is turned.
+    # Points half a cell apart: at any angle, every covered cell contains at least one.
     dx, dy = (part.ravel() for part in np.meshgrid(*_SUBSAMPLES))
     placed: list[tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]] = []
     for cells in (walls, free):
@@ -131,15 +132,15 @@ def _turned(labels: Labels, direction: float) -> tuple[Cells, Cells, Points]:
 def _gaps_in_rows(
     walls: Cells, free: Cells, sizes: DoorwaySizes
 ) -> Iterator[tuple[float, float, float, float, float]]:
-    """Yield gaps between walls along the rows: where along, across; width, depth, wall beside."""
+    """Yield gaps along the rows: middle along and across, width, depth, length of the wall."""
     columns = walls.shape[1]
     wide = np.pad(walls, ((1, 1), (0, 0)))
-    # A row of cells to either side: walls that are not quite along the rows end in different ones.
+    # Add a row of cells to either side: slightly slanted walls end in different rows.
     thick = wide[:-2] | wide[1:-1] | wide[2:]
     change = np.diff(thick.astype(np.int8), axis=1)
     row, start = np.nonzero(change == -1)
     row_after, end = np.nonzero(change == 1)
-    # The next beginning of a wall in the same row ends the gap, if there is one.
+    # The next start of a wall in the same row ends the gap.
     following = np.searchsorted(row_after * columns + end, row * columns + start, side="right")
     inside = following < len(end)
     row, start, following = row[inside], start[inside] + 1, following[inside]
@@ -157,19 +158,20 @@ def _gaps_in_rows(
 
 
 def _chains(runs: Iterable[tuple[int, int, int]]) -> list[list[tuple[int, int, int]]]:
-    """Return runs (row, start, end) that go on from row to row."""
+    """Return chains of runs (row, start, end) that continue from row to row."""
     chains: list[list[tuple[int, int, int]]] = []
-    going: list[list[tuple[int, int, int]]] = []
+    open_chains: list[list[tuple[int, int, int]]] = []
     for row, start, end in runs:
-        going = [chain for chain in going if chain[-1][0] >= row - 1]
-        for chain in going:
-            last, began, ended = chain[-1]
-            if last == row - 1 and max(abs(start - began), abs(end - ended)) <= _SHIFT:
+        open_chains = [chain for chain in open_chains if chain[-1][0] >= row - 1]
+        for chain in open_chains:
+            last_row, last_start, last_end = chain[-1]
+            shift = max(abs(start - last_start), abs(end - last_end))
+            if last_row == row - 1 and shift <= _SHIFT:
                 chain.append((row, start, end))
                 break
         else:
-            going.append([(row, start, end)])
-            chains.append(going[-1])
+            open_chains.append([(row, start, end)])
+            chains.append(open_chains[-1])
     return chains
 
 
@@ -204,40 +206,40 @@ def _gap_of(
 
 
 def _length(wall: npt.NDArray[np.bool_]) -> int:
-    """Return how many cells of wall there are from the beginning on."""
+    """Return the number of wall cells at the beginning."""
     gaps = np.flatnonzero(~wall)
     return int(gaps[0]) if len(gaps) else len(wall)
 
 
 def _parting(labels: Labels, gaps: Sequence[MapGap], room: int) -> Iterator[MapGap]:
-    """Yield the gaps that part rooms of ``room`` cells or more."""
+    """Yield the gaps that separate rooms of at least ``room`` cells."""
     free = labels == FREE_CELL
     for gap in gaps:
         free[_cells_in(gap.corners(_IN_THE_WALL, _shut_by(gap)), free.shape)] = False
     numbers, sizes = connected(free)
-    same = list(range(len(sizes)))
+    parents = list(range(len(sizes)))
 
-    def merged(number: int) -> int:
-        while same[number] != number:
-            number = same[number]
+    def root(number: int) -> int:
+        while parents[number] != number:
+            number = parents[number]
         return number
 
     doors = [(gap, *sides) for gap in gaps if (sides := _sides(gap, numbers))]
     while True:
-        doors = [door for door in doors if merged(door[1]) != merged(door[2])]
-        ends = [(int(sizes[merged(n)]), k) for k, door in enumerate(doors) for n in door[1:]]
+        doors = [door for door in doors if root(door[1]) != root(door[2])]
+        ends = [(int(sizes[root(n)]), k) for k, door in enumerate(doors) for n in door[1:]]
         smallest, k = min(ends, default=(room, 0))
         if smallest >= room:
             break
-        one, other = merged(doors[k][1]), merged(doors[k][2])
-        same[other] = one
+        one, other = root(doors[k][1]), root(doors[k][2])
+        parents[other] = one
         sizes[one] += sizes[other]
     for gap, _, _ in doors:
         yield gap
 
 
 def _shut_by(gap: MapGap) -> float:
-    """Return how much thicker than its wall a gap is shut, so that no cell leads through."""
+    """Return the extra thickness that shuts a gap completely, without a cell leading through."""
     return 1.0 - min(gap.depth, 1.0) / 2
 
 
@@ -255,7 +257,7 @@ def _cells_in(corners: Points, shape: tuple[int, ...]) -> tuple[Points, Points]:
 
 
 def _sides(gap: MapGap, numbers: npt.NDArray[np.int32]) -> tuple[int, int] | None:
-    """Return the numbers of the rooms before and behind a gap, if there is one on each side."""
+    """Return the numbers of the rooms before and behind a gap, if both exist."""
     along = gap.along()
     across = np.array([-along[1], along[0]])
     rooms: list[int] = []

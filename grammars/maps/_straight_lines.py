@@ -1,10 +1,10 @@
-"""A border of cells as few straight lines, never further from it than a tolerance.
+"""Approximation of borders of cells by few straight lines, within a tolerance.
 
-An arc is cut where Douglas and Peucker cut it; a line is fitted to the middles of the cells' edges
-of each piece, turned to a main direction of the building where that moves it by little, and runs of
-pieces that go the same way are made one while all corners of cells stay within the tolerance. Where
-the lines cross are the new corners. A piece whose line turns out too far from its cells is drawn
-more closely, at last as the cells are (:class:`Closeness`). All lengths are in cells.
+The algorithm of Douglas and Peucker cuts an arc into pieces. A line is fitted to the middles of the
+cells' edges of each piece. It turns to a main direction of the building if that moves it only
+little. Successive pieces in one direction become one while all corners of cells stay within the
+tolerance. Crossings of the lines are the new corners. A piece too far from its cells is drawn more
+closely, in the end along the cells (:class:`Closeness`). All lengths are in cells.
 """
 
 from __future__ import annotations
@@ -24,24 +24,24 @@ import shapely
 from grammars.maps._borders import Arc, CellTrack, Points, track_of
 
 _CUT_CORNER: Final = 0.36
-"""How far a corner of a cell lies at most from the middles of the edges beside it, rounded up."""
+"""Distance of a cell's corner from the line through the middles of its edges, rounded up."""
 _PARALLEL: Final = 0.25
-"""Sine of the angle below which two lines are not asked where they cross: about 15 degrees."""
+"""Sine of the angle (about 15 degrees) up to which two lines count as parallel."""
 _SAME_LINE: Final = 0.05
-"""How far apart lines that go on in one direction may be to meet in one point."""
+"""Largest distance between parallel lines that meet in one point."""
 _TURNED: Final = 0.8
-"""How far a main direction may move the ends of a piece."""
+"""Largest shift of the ends of a piece by a turn to a main direction."""
 _MOST_TURN: Final = math.radians(25.0)
 _ON_LINE: Final = 0.3
-"""How far the end of an open arc may lie from the line that begins there."""
+"""Largest distance from the end of an open arc to the line that begins there."""
 _STRAIGHT: Final = 0.75
-"""How far corners of cells lie from a line drawn in cells: half their diagonal, and some."""
+"""Distance of cells' corners from a line drawn in cells: slightly more than half a diagonal."""
 _FITTED_FROM: Final = 3
-"""The fewest edges to which a line is fitted."""
+"""Least number of edges to which a line is fitted."""
 
 
 class Closeness(IntEnum):
-    """Steps in which a piece of a border follows its cells more closely."""
+    """Degree to which a piece of a border follows its cells."""
 
     MAIN_DIRECTION = 0
     FITTED = 1
@@ -51,7 +51,7 @@ class Closeness(IntEnum):
 
 @dataclass(slots=True)
 class _Piece:
-    """A part of a track between two of its points, and how closely it is drawn."""
+    """Part of a track between two of its points, with its closeness and its line."""
 
     first: int
     last: int
@@ -62,7 +62,7 @@ class _Piece:
 
 @dataclass(slots=True)
 class StraightArc:
-    """An arc while its pieces are made straight, and closer again where that is needed."""
+    """Arc made of straight pieces, which may be drawn more closely step by step."""
 
     track: CellTrack
     closed: bool
@@ -93,7 +93,7 @@ class StraightArc:
         return np.diff(self.track.points[cuts], axis=0)
 
     def straighten(self, directions: tuple[float, ...]) -> None:
-        """Let lines follow main ``directions`` [rad, each modulo a right angle]."""
+        """Turn lines to main ``directions`` [rad, each modulo a right angle]."""
         self.directions = directions
         for piece in self.pieces:
             if piece.closeness is Closeness.CHORD:
@@ -102,9 +102,9 @@ class StraightArc:
         self._join_runs()
 
     def draw_closer(self, indices: Iterable[int]) -> bool:
-        """Draw some pieces a step more closely; return whether there was such a step.
+        """Draw some pieces a step more closely; return whether any piece changed.
 
-        The indices of the others are other ones afterwards.
+        Indices of pieces may change.
         """
         closer = False
         for index in sorted(set(indices), reverse=True):
@@ -114,7 +114,7 @@ class StraightArc:
             closer = True
             piece.closeness = Closeness(piece.closeness + 1)
             if piece.closeness is Closeness.CHORD:
-                # One line was too few: the cuts that had been joined are there again.
+                # One line is too coarse: restore the cuts that it joined.
                 low, high = bisect_left(self.cuts, piece.first), bisect_left(self.cuts, piece.last)
                 parts = pairwise(self.cuts[low : high + 1])
                 self.pieces[index : index + 1] = [_Piece(a, b, Closeness.CHORD) for a, b in parts]
@@ -125,9 +125,9 @@ class StraightArc:
         return closer
 
     def line(self) -> tuple[Points, list[int]]:
-        """Return the points of the straight arc and which piece each of its lines belongs to.
+        """Return the points of the straight arc, and the index of each line's piece.
 
-        Pieces that stray further than the tolerance are drawn closer first.
+        Pieces beyond the tolerance are drawn more closely first.
         """
         while True:
             joints = self._joints()
@@ -147,7 +147,7 @@ class StraightArc:
                 between = []
             following = [*between, *joints[i + 1]]
             if self.closed and i + 1 == len(self.pieces):
-                # The first joint is also the last one, and its last point the one we began with.
+                # The first joint is also the last one; its last point is the first of the arc.
                 following = [*between, *joints[0]]
             for point in following:
                 if np.hypot(*(point - points[-1])) > 1e-9:
@@ -182,7 +182,7 @@ class StraightArc:
         return max(float(away.max()), *ends)
 
     def _joints(self) -> list[list[npt.NDArray[np.float64]]]:
-        """Return where pieces meet: a point, or two where one goes on beside the other."""
+        """Return the joints of pieces: one point each, or two where the lines are parallel."""
         inner = [self._joint(a, b) for a, b in pairwise(self.pieces)]
         if self.closed:
             around = self._joint(self.pieces[-1], self.pieces[0])
@@ -190,7 +190,7 @@ class StraightArc:
         return [self._end(self.pieces[0], 0), *inner, self._end(self.pieces[-1], -1)[::-1]]
 
     def _end(self, piece: _Piece, index: int) -> list[npt.NDArray[np.float64]]:
-        """Return the end of an open arc, which stays, and where the line beside it begins."""
+        """Return the fixed end of an open arc, and the begin of its line if it is elsewhere."""
         end = self.track.points[index]
         foot = piece.origin + ((end - piece.origin) @ piece.along) * piece.along
         if piece.closeness is Closeness.CELLS or math.dist(end, foot) < _ON_LINE:
@@ -214,7 +214,7 @@ class StraightArc:
         return feet
 
     def _fit(self, piece: _Piece) -> None:
-        """Lay the line of a piece, as closely as it is to be drawn."""
+        """Fit the line of a piece according to its closeness."""
         start, end = self.track.points[piece.first], self.track.points[piece.last]
         chord = end - start
         length = float(np.hypot(*chord))
@@ -235,18 +235,18 @@ class StraightArc:
         for direction in self.directions:
             off = math.remainder(heading - direction, math.pi / 2)
             if abs(off) <= _MOST_TURN and length / 2 * math.sin(abs(off)) <= _TURNED:
-                turned = heading - off
-                piece.along = np.array([math.cos(turned), math.sin(turned)]).round(12)
+                heading -= off
+                piece.along = np.array([math.cos(heading), math.sin(heading)]).round(12)
                 across = np.array([-piece.along[1], piece.along[0]])
-                # The median leaves a wall on the edge that most of its cells have.
+                # The median leaves a wall on the edge of most of its cells.
                 piece.origin = across * float(np.median(middles @ across))
                 return
 
     def _join_cuts(self) -> None:
-        """Make one of neighbouring pieces that are one straight line, whichever way it slants.
+        """Join neighbouring pieces that form one straight line in any direction.
 
-        Chords begin and end on the edge of the band that the cells of a slanting line fill, so
-        more of them were cut than there are lines.
+        Chords begin and end on the edge of the band that a slanted line fills, so one line may be
+        cut into several chords.
         """
         limit = min(_STRAIGHT, self.tolerance)
         joined: list[_Piece] = []
@@ -273,7 +273,7 @@ class StraightArc:
         return together
 
     def _join_runs(self) -> None:
-        """Make one of neighbouring pieces that follow one main direction within the tolerance."""
+        """Join neighbouring pieces that follow one main direction within the tolerance."""
         joined: list[_Piece] = []
         index = 0
         while index < len(self.pieces):
@@ -330,10 +330,10 @@ def _positions(points: Points, simpler: Points) -> list[int]:
 
 
 def main_directions(chords: Sequence[Points], *, most: int = 4) -> tuple[float, ...]:
-    """Return the directions most walls follow [rad, in (-pi / 4, pi / 4]], the strongest first.
+    """Return the directions of most walls [rad, in (-pi / 4, pi / 4]], the strongest first.
 
-    Walls at right angles have one direction in common. Chords count by their length, those of
-    less than six cells not at all: the direction of short ones is chance.
+    Walls at right angles share one direction. The weight of a chord is its length; chords of less
+    than six cells do not count, since their direction is chance.
     """
     vectors = np.vstack([np.zeros((0, 2)), *chords])
     length = np.hypot(*vectors.T)
@@ -354,7 +354,7 @@ def main_directions(chords: Sequence[Points], *, most: int = 4) -> tuple[float, 
         close = remaining & (np.abs(_modulo(angle - bins[best])) < near)
         if length[close].sum() < 0.1 * total:
             break
-        # A weighted median: walls drawn along the rows of cells are there exactly, and many.
+        # A weighted median: walls along the rows of cells are exact and frequent.
         offsets = _modulo(angle[close] - bins[best])
         order = np.argsort(offsets, kind="stable")
         heap = np.cumsum(length[close][order] ** 2)

@@ -1,8 +1,8 @@
-"""Walls layers, ``NAME.walls.yaml``: a building as it is, and not as somebody designed it.
+"""Walls layers, ``NAME.walls.yaml``: an existing building instead of its design.
 
-Free areas, what stands between them, and the gaps in which doors may hang, all as polygons in the
-frame of one map [m]. They become a :class:`FloorPlan` of spaces without walls of their own, walls
-as features, and entryways that cut nothing.
+A layer holds free areas, the walls between them, and the gaps for doors, as polygons in the frame
+of one map [m]. They become a :class:`FloorPlan` of spaces without own walls, walls as features, and
+entryways that cut no walls.
 """
 
 from __future__ import annotations
@@ -39,20 +39,20 @@ from grammars.text.documents import (
 from grammars.text.quantity import Length, QuantityField
 
 _LARGEST: Final = 1e6
-"""Greatest coordinate [m], as in floor plans."""
+"""Largest coordinate [m], as in floor plans."""
 _NARROWEST: Final = 1e-3
 _WIDEST: Final = 50.0
-"""Widths and depths an entryway may have [m]: the gates of hangars are no wider."""
+"""Limits of widths and depths of entryways [m]: gates of hangars are at most that wide."""
 _SMALLEST: Final = 1e-6
 """Area of the smallest outline [m²]."""
 _SWALLOWED: Final = 0.9
 """Share of a space that walls may stand on."""
 _JAMB: Final = 0.25
-"""How far a jamb may be from the nearest wall [m]: walls of maps end a few cells too early."""
+"""Largest distance of a jamb from the nearest wall [m]: on maps, walls end a few cells early."""
 _BESIDE: Final = 0.2
-"""Steps off the faces of an entryway to see whether there is floor [m]."""
+"""Distance from the faces of an entryway at which there must be floor [m]."""
 _NAME: Final = r"^[A-Za-z_][A-Za-z0-9_]*$"
-"""Names that sentences about objects can hold."""
+"""Names that sentences about objects can contain."""
 
 Metres = Annotated[float, QuantityField("length", plain=True), Field(ge=-_LARGEST, le=_LARGEST)]
 Corner = tuple[Metres, Metres]
@@ -66,18 +66,18 @@ class AreaText(StrictModel):
     """An area of the floor."""
 
     outline: Outline
-    """Its corners in order, each as [x, y], in metres of the frame of the map."""
+    """Corners in order, each as [x, y] in the frame of the map [m]."""
     holes: list[Outline] = Field(default_factory=list)
-    """Outlines inside of it that do not belong to it."""
+    """Outlines inside of the area that do not belong to it."""
 
 
 class StandingText(AreaText):
-    """Something that stands on the floor and never moves."""
+    """A wall, column or other thing that never moves."""
 
     name: Name | None = None
-    """How messages call it; wall_1, wall_2, … in the order of the file when left out."""
+    """Name in messages; by default wall_1, wall_2, … in the order of the file."""
     height: _Size | None = None
-    """Of it; the height of the walls when left out."""
+    """Height of the thing; by default that of the walls."""
 
 
 class EntrywayText(StrictModel):
@@ -86,12 +86,12 @@ class EntrywayText(StrictModel):
     start: Corner = Field(alias="from")
     """One jamb as [x, y], in the middle of the thickness of the wall."""
     end: Corner = Field(alias="to")
-    """The other jamb. Seen along the way from the one to the other, inwards is to the right and
-    outwards to the left."""
+    """The other jamb. Along the way from "from" to "to", inwards is to the right and outwards to
+    the left."""
     depth: Annotated[Length, Field(ge=_NARROWEST, le=_WIDEST), _IN_METRES]
-    """Thickness of the wall it leads through."""
+    """Thickness of the wall at the gap."""
     height: _Size = 2.0
-    """Of the passage; it begins at the floor."""
+    """Height of the passage, which begins at the floor."""
 
 
 class WallsText(StrictModel):
@@ -100,21 +100,21 @@ class WallsText(StrictModel):
     walls: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=100)
     """Name of the building."""
     about: str = ""
-    """One line for people."""
+    """Description in one line."""
     height: _Size = 2.5
-    """Of the walls."""
+    """Height of the walls."""
     spaces: dict[Name, AreaText] = Field(min_length=1)
-    """The free areas by name."""
+    """Free areas by name."""
     standing: list[StandingText] = Field(default_factory=list)
-    """Walls, columns and whatever else never moves."""
+    """Walls, columns and other things that never move."""
     entryways: dict[Name, EntrywayText] = Field(default_factory=dict)
     """Gaps between walls by name."""
 
 
 def walls_text(building: WallsText) -> str:
-    """Return a building as the text of a walls layer; equal buildings, equal texts."""
+    """Return a building as the text of a walls layer; equal buildings give equal texts."""
     keys = building.model_dump(by_alias=True, exclude_unset=True)
-    # Innermost lists, which are corners, on one line each.
+    # Each innermost list, which is a corner, takes one line.
     text: str = yaml.safe_dump(keys, sort_keys=False, default_flow_style=None)
     return text
 
@@ -122,9 +122,9 @@ def walls_text(building: WallsText) -> str:
 def load_walls(path: str | Path) -> FloorPlan:
     """Read a walls layer; warnings are in the plan.
 
-    The frame of every space and wall is that of the map; the frame of an entryway stands in the
-    middle of its near face, x from one jamb to the other and y through the wall.
-    Raises :class:`InputError` with everything that is wrong with the file, each with its place.
+    The frame of every space and wall is that of the map. The frame of an entryway is in the middle
+    of its near face, x from one jamb to the other and y through the wall. Raises
+    :class:`InputError` with all errors.
     """
     document = load_yaml(path)
     text = read_model(document, WallsText)
@@ -143,8 +143,8 @@ def load_walls(path: str | Path) -> FloorPlan:
     for kind, elements in (("space", spaces), ("wall", standing), ("entryway", entryways)):
         for name, key, _ in elements:
             if name in kinds:
-                message = f'there is {with_article(kinds[name])} "{name}" already'
-                hint = "give each space, wall and entryway a name of its own"
+                message = f'there is already {with_article(kinds[name])} "{name}"'
+                hint = "give each space, wall and entryway its own name"
                 findings.error(at(key), message, hint)
             elif name == "world":
                 findings.error(at(key), '"world" is the frame of the map', "rename it")
@@ -206,17 +206,17 @@ def _check_area(
 ) -> None:
     """Report an outline or hole that crosses itself, and holes that are not inside."""
     rings = [Polygon(outline), *map(Polygon, holes)]
-    sound = [
+    are_sound = [
         _check_ring(ring, "hole" if k else "outline", place, findings)
         for k, (ring, place) in enumerate(zip(rings, (where, *holes_at), strict=True))
     ]
-    if not all(sound) or Polygon(outline, holes).is_valid:
+    if not all(are_sound) or Polygon(outline, holes).is_valid:
         return
     outer, *inner = rings
     shapely.prepare(outer)
     outside = [place for hole, place in zip(inner, holes_at, strict=True) if not outer.covers(hole)]
     for place in outside:
-        findings.error(place, "this hole is not inside of its outline")
+        findings.error(place, "this hole is not inside its outline")
     if not outside:
         findings.error(where, "the holes of this outline overlap or cut it in two")
 
@@ -236,7 +236,7 @@ def _check_ring(ring: Polygon, kind: str, where: Where, findings: Findings) -> b
 
 
 def _check_plan(plan: FloorPlan, findings: Findings) -> None:
-    """Report swallowed spaces and blocked entryways; warn of what is placed suspiciously.
+    """Report covered spaces and blocked entryways; warn of suspicious places.
 
     All areas of ``plan`` must be valid.
     """
@@ -272,7 +272,7 @@ def _check_entryway(
         findings.error(
             opening.where,
             f"{label} leads through a wall",
-            "leave the gap in the outlines of the walls: an entryway here cuts nothing",
+            "leave the gap in the outlines of the walls: an entryway here cuts no walls",
         )
         return
     for name, jamb in (("from", at(-half, middle)), ("to", at(half, middle))):
@@ -283,7 +283,7 @@ def _check_entryway(
                 f'{label}: no wall stands at "{name}" [{x:g}, {y:g}]',
                 "an entryway leads from the end of one wall to that of another",
             )
-    # On one side may be the outside.
+    # One side may be outside of the building.
     probes = [Point(at(0.0, y)) for y in (-_BESIDE, opening.depth + _BESIDE)]
     if not any(floor.covers(probe) for floor in floors for probe in probes):
         findings.warning(opening.where, f"{label} leads to no space")

@@ -1,8 +1,8 @@
-"""Map of a DXF drawing: its lines on layers of walls, painted for the importer of maps.
+"""Map of a DXF drawing: the lines on its wall layers, painted for the importer of maps.
 
-Two lines enclose a wall, one line is the middle of one. The importer finds rooms and doorways in
-the map, as in that of a robot. ezdxf decides what a drawing shows. Only the command that imports
-loads this module, for it takes the libraries of the extra ``import``.
+Two lines enclose a wall; a single line is the middle of a wall. The importer finds rooms and
+doorways in the map, as in a robot's map. ezdxf renders the drawing. Only the import command loads
+this module, because it needs the libraries of the extra ``import``.
 """
 
 from __future__ import annotations
@@ -39,29 +39,29 @@ Cells: TypeAlias = npt.NDArray[np.bool_]
 """Cells of a map, shape (rows, columns)."""
 
 WALL_LAYERS: Final = ("*wall*", "*wand*", "*waende*", "*wände*", "*mur*", "*pared*")
-"""Names of layers that hold walls, unless others are named."""
+"""Default names of layers that hold walls."""
 _UNITS: Final = {"mm": 1e-3, "cm": 1e-2, "dm": 1e-1, "m": 1.0, "in": 0.0254, "ft": 0.3048}
 """Units of drawings [m]."""
 _UNIT_CODES: Final = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m", 14: "dm"}
 """Codes of $INSUNITS (DXF reference, HEADER section)."""
 _REMARKS: Final = re.compile("DIMENSION|LEADER|TEXT|ATT|RAY|XLINE|IMAGE|OLE|TOLERANCE")
-"""Entities that explain a drawing and are no part of the building."""
+"""Entities that explain a drawing and do not belong to the building."""
 _DAMAGED: Final = (
     *(ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError),
     *(DXFError, OSError, struct.error),
 )
-"""Ways in which broken files end ezdxf, with words for programmers."""
+"""Errors that ezdxf raises for broken files."""
 _CELL, _MOST_CELLS, _MARGIN = 0.02, 4e6, 3.0
-"""Side of a cell [m], larger in large buildings; floor around them [m], half a gate at least."""
+"""Side of a cell [m], larger in large buildings; margin around them [m], at least half a gate."""
 _LARGEST_FILE, _MOST_ENTITIES = 256 * 1024 * 1024, 500_000
 _SIZES, _FAR = (1.0, 2000.0), 1000.0
-"""Extents of a building [m]; one farther from the origin than ``_FAR`` is moved there."""
+"""Extents of a building [m]; beyond ``_FAR`` from the origin, it is moved there."""
 _MOST_JAMBS: Final = 8
-"""Nearest ends of lines with which an end is joined."""
+"""Number of nearest ends of lines with which an end is joined."""
 _THICKEST: Final = 0.6
-"""Two lines farther apart [m] are two walls."""
+"""Distance [m] beyond which two lines are two walls."""
 _GATES: Final = (1.3, 2.5, 5.0)
-"""Widths of openings in the outer wall [m] that end the building: doors, gates of halls."""
+"""Widths of openings in the outer wall [m] that bound the building: doors, gates of halls."""
 
 
 def draw_map(
@@ -72,34 +72,34 @@ def draw_map(
     thickness: float,
     findings: Findings,
 ) -> OccupancyGrid:
-    """Return the map that the model space of a DXF file makes; add warnings to ``findings``.
+    """Return the map of the model space of a DXF file; add warnings to ``findings``.
 
-    ``layers`` with walls and ``standing`` with what stands between them are patterns with ``*``
-    and ``?``. An empty ``unit`` is that of the file. Walls drawn as one line become ``thickness``
-    [m] thick.
+    ``layers`` are patterns with ``*`` and ``?`` for layers of walls, ``standing`` those for layers
+    of other fixed things. An empty ``unit`` means that of the file. Walls drawn as one line become
+    ``thickness`` [m] thick.
 
-    Raises :class:`InputError` for a file that is no DXF, layers without lines, an unknown unit or
-    size, and walls that enclose nothing.
+    Raises :class:`InputError` for a file that is not DXF, layers without lines, an unknown unit,
+    an implausible size, and walls that enclose no room.
     """
     where = Where(str(path))
     code, player = _shown(path, where, findings)
     unit = unit or _UNIT_CODES.get(code, "")
     if unit not in _UNITS:
-        problem = f'"{unit}" is no unit of drawings' if unit else "the drawing names no known unit"
+        problem = f'unknown unit "{unit}"' if unit else "the drawing names no known unit"
         raise InputError.at(where, problem, f"give its unit with --unit: {', '.join(_UNITS)}")
     lines = _lines_by_layer(player, _UNITS[unit])
     walls, things = _take(lines, layers), _take(lines, standing)
     others = _listed({name: len(on_it) for name, on_it in lines.items()})
     if not walls:
         hint = f"choose one with --layer: {others}" if others else "it holds no lines"
-        raise InputError.at(where, f"no layer with lines is named like {', '.join(layers)}", hint)
+        raise InputError.at(where, f"no layer with lines matches {', '.join(layers)}", hint)
     if others:
         findings.warning(where, f"lines on other layers were ignored: {others}")
     low, high = (pick(np.concatenate(walls), axis=0) for pick in (np.min, np.max))
     width, depth = (high - low).tolist()
     if not _SIZES[0] <= max(width, depth) <= _SIZES[1]:
-        problem = f"the walls measure {width:,.3g} m by {depth:,.3g} m, which is no building"
-        raise InputError.at(where, problem, f"the unit was {unit}; give the true one with --unit")
+        problem = f"the walls measure {width:,.3g} m by {depth:,.3g} m: not a building"
+        raise InputError.at(where, problem, f"the unit was {unit}; give the right one with --unit")
     shift = np.floor(low) if math.hypot(*low) > _FAR else np.zeros(2)
     if shift.any():
         x, y = (-shift).tolist()
@@ -115,7 +115,7 @@ def draw_map(
         x, y = (floor.mean(axis=0)[::-1] * cell + origin - shift).tolist()
         size = f"{len(floor) * cell**2:.0f} m² around [{x:.1f}, {y:.1f}]"
         hint = f"floor ends at gates up to {_GATES[-1]:g} m: draw lines across wider ones"
-        message = f"the largest area, {size}, is open to the outside and was left out"
+        message = f"the largest area, {size}, is open to the outside and was ignored"
         findings.warning(where, message, hint)
     if not rooms.any():
         hint = "close the gaps in the drawing, or add the layer that closes them with --layer"
@@ -128,12 +128,12 @@ def draw_map(
 
 
 def _shown(path: Path, where: Where, findings: Findings) -> tuple[int, Player]:
-    """Return the unit of a drawing, as its code, and what its model space shows."""
+    """Return the code of a drawing's unit, and the recording of its model space."""
     refuse_unreadable(path, "the drawing", _LARGEST_FILE)
     data = path.read_bytes()
     if b"SECTION" not in data or data.startswith(b"AC1"):
         hint = "save it as DXF in your CAD, or convert a DWG with the ODA File Converter or dwg2dxf"
-        raise InputError.at(where, "is no DXF drawing", hint)
+        raise InputError.at(where, "is not a DXF drawing", hint)
     if b"EOF" not in data[-64:]:
         problem = "is cut off: the mark EOF at its end is missing"
         raise InputError.at(where, problem, "save or convert the drawing again")
@@ -145,7 +145,7 @@ def _shown(path: Path, where: Where, findings: Findings) -> tuple[int, Player]:
         if not _REMARKS.search(kind):
             if kind == "INSERT" and (block is None or block.block.is_xref):
                 absent[entity.dxf.name] += 1
-            # A frozen layer hides the blocks inserted on it, one that is off does not.
+            # A frozen layer hides the blocks inserted on it; a layer that is off does not.
             elif not properties.is_visible or (block and layer.lower() in frozen):
                 hidden[layer] += 1
             else:
@@ -161,7 +161,7 @@ def _shown(path: Path, where: Where, findings: Findings) -> tuple[int, Player]:
             document, _ = recover.readfile(path)
         if _count(document.modelspace(), {}) > _MOST_ENTITIES:
             problem = f"holds more than {_MOST_ENTITIES:,} entities, blocks in blocks counted"
-            raise InputError.at(where, problem, "save the plan of one storey alone")
+            raise InputError.at(where, problem, "save the plan of a single storey")
         frozen = {layer.dxf.name.lower() for layer in document.layers if layer.is_frozen()}
         frontend = Frontend(RenderContext(document), recorder, style)
         frontend.push_property_override_function(choose)
@@ -170,17 +170,17 @@ def _shown(path: Path, where: Where, findings: Findings) -> tuple[int, Player]:
         reason = next(iter(str(error).splitlines()), type(error).__name__)
         raise InputError.at(where, f"is damaged: {reason}", "save it again as DXF") from error
     if hidden:
-        findings.warning(where, f"what the drawing hides was left out: {_listed(hidden)}")
+        findings.warning(where, f"hidden entities on these layers were ignored: {_listed(hidden)}")
     if absent:
-        message = f"blocks that the file does not hold were left out: {_listed(absent)}"
+        message = f"blocks missing in the file were ignored: {_listed(absent)}"
         findings.warning(where, message, "bind external references to the drawing in your CAD")
     return document.units, recorder.player()
 
 
 def _count(layout: Any, blocks: dict[str, int]) -> int:
-    """Return the number of entities of a layout with those of its blocks, as often as they stand.
+    """Return the number of entities of a layout, including every insertion of its blocks.
 
-    ``blocks`` collects the numbers of blocks by name; one that holds itself has too many.
+    ``blocks`` collects the numbers of blocks by name; a block inside itself counts as too large.
     """
     total = 0
     for entity in layout:
@@ -205,14 +205,14 @@ def _lines_by_layer(player: Player, scale: float) -> dict[str, list[Line]]:
             points = record.points.vertices()
             points += points[:1] if len(points) > 2 else []
         line = np.array([(point.x, point.y) for point in points]) * scale
-        # Drawings hold lines without a length, which nobody sees.
+        # Drawings contain invisible lines without a length.
         if len(line) and np.ptp(line, axis=0).any():
             lines[properties.layer].append(line)
     return lines
 
 
 def _take(lines: dict[str, list[Line]], patterns: Sequence[str]) -> list[Line]:
-    """Remove the lines on layers with such names, and return them."""
+    """Remove the lines on layers that match a pattern, and return them."""
     names = [n for n in lines if any(fnmatch(n.lower(), p.lower()) for p in patterns)]
     return [line for name in names for line in lines.pop(name)]
 
@@ -231,21 +231,21 @@ def _painted(lines: Iterable[Line], rows: int, columns: int) -> Cells:
 
 
 def _caps(lines: Sequence[Line], cell: float) -> Iterator[Line]:
-    """Yield lines between ends as near as the two faces of a wall, which close it at its jambs."""
+    """Yield lines between near ends, which close walls at their jambs."""
     ends = np.concatenate([line[[0, -1]] for line in lines])
     _, place, uses = np.unique(np.round(ends), axis=0, return_inverse=True, return_counts=True)
     loose = ends[uses[place.ravel()] == 1]
     if len(loose):
-        # Around a jamb few lines end; hatching has thousands of ends side by side.
+        # Few lines end around a jamb; hatching has thousands of ends side by side.
         _, near = KDTree(loose).query(loose, _MOST_JAMBS, distance_upper_bound=_THICKEST / cell)
         for one, other in np.argwhere(near < len(loose)).tolist():
             yield loose[[one, near[one, other]]]
 
 
 def _walls(painted: Cells, cell: float, thickness: float) -> Cells:
-    """Return the cells of walls: faces between lines that are nowhere wider than a wall.
+    """Return the cells of walls: areas between lines that are nowhere wider than a wall.
 
-    Lines beside no such face become walls ``thickness`` [m] thick.
+    Other lines become walls ``thickness`` [m] thick.
     """
     faces, _ = ndimage.label(~painted)
     half = ndimage.distance_transform_edt(~painted, sampling=cell)
@@ -258,10 +258,10 @@ def _walls(painted: Cells, cell: float, thickness: float) -> Cells:
 
 
 def _rooms(walls: Cells, cell: float) -> Cells:
-    """Return the cells of the floor that a disc as wide as a gate cannot enter from outside.
+    """Return the floor cells that a disc as wide as a gate cannot reach from outside.
 
-    Where the discs inside and outside of a gate overlap, the nearer side has the floor: rooms end
-    at the line between the jambs.
+    Where discs inside and outside of a gate overlap, the nearer side gets the floor: rooms end at
+    the line between the jambs.
     """
     clearance = ndimage.distance_transform_edt(~walls, sampling=cell)
     rooms = np.zeros_like(walls)
@@ -274,17 +274,14 @@ def _rooms(walls: Cells, cell: float) -> Cells:
         if inner.any():
             outside &= to_outer <= ndimage.distance_transform_edt(~inner, sampling=cell)
         rest, _ = ndimage.label(~(walls | outside | rooms))
-        # Nooks beside the disc outside are no rooms, unless a disc fits into them.
+        # Nooks beside the disc outside are rooms only if a disc fits into them.
         nooks = np.setdiff1d(rest[ndimage.binary_dilation(outside)], rest[inner])
         rooms |= (rest > 0) & ~np.isin(rest, nooks)
     return rooms
 
 
 def _open_floor(walls: Cells, rooms: Cells) -> npt.NDArray[np.intp] | None:
-    """Return the cells of floor that is no room although walls run along most of its border.
-
-    It is larger than all rooms.
-    """
+    """Return the cells of an area larger than all rooms and mostly bounded by walls, if any."""
     cells = np.argwhere(walls)
     low, high = cells.min(axis=0), cells.max(axis=0) + 1
     extent = np.s_[low[0] : high[0], low[1] : high[1]]

@@ -1,6 +1,6 @@
-"""From an occupancy map to a building: floor, walls and doorways, and how exact they are.
+"""Importer of occupancy maps: floor, walls and doorways of the building, and their accuracy.
 
-This module takes scipy, which campaigns that only read a walls layer do without.
+This module needs scipy, unlike the reader of walls layers.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from grammars.maps._borders import (
     FREE_CELL,
     OCCUPIED_CELL,
     UNKNOWN_CELL,
-    Loop,
     Patch,
     Points,
     loop_points,
@@ -38,31 +37,31 @@ from grammars.model.geometry import Point2, Pose2, Ring
 from grammars.model.grid import OccupancyGrid
 
 _DECIMALS: Final = 3
-"""Corners are whole millimetres, as a walls layer is written."""
+"""Decimals of corners [m]: whole millimetres, as in a walls layer."""
 _FLAT: Final = 1e-6
-"""A corner nearer than this to the line past it is none [m]."""
+"""Distance from the line between its neighbours up to which a point is not a corner [m]."""
 _NARROWEST, _WIDEST, _DOOR_HEIGHT = 0.7, 1.3, 2.0
 """Sizes of doorways [m]."""
 _DEEPEST: Final = 0.6
 """Thickness of the thickest wall with a doorway [m]."""
 _WIDER: Final = 0.25
-"""How much wider the floor is before and behind a doorway [m]: a corridor is none."""
+"""Extra width of the floor before and behind a doorway [m]; a corridor has none."""
 _WALL: Final = 0.5
-"""How far a wall goes on beside a doorway at least [m]."""
+"""Least length of a wall beside a doorway [m]."""
 _CLEAR: Final = 0.3
 """Free floor before and behind a doorway [m]."""
 _JAMB_CELLS: Final = 4.0
-"""How far beyond a gap's cells its jambs are looked for."""
+"""Distance beyond a gap's cells in which to search for its jambs."""
 
 
 @dataclass(frozen=True, slots=True)
 class ImportSettings:
-    """Choices for making a building of a map.
+    """Settings of the import of a map.
 
-    ``tolerance`` is the largest distance between a border of cells and the line drawn for it
-    [cells, at least 0.4]; ``specks`` the fewest cells that are more than noise; ``least_room`` the
-    smallest piece of floor that stays [m²]; ``height`` that of the walls [m], of which a map says
-    nothing. With ``doorways``, gaps between walls become doorways.
+    ``tolerance`` is the largest distance between a border of cells and its line [cells, at least
+    0.4]. Groups of fewer than ``specks`` cells are noise. ``least_room`` is the smallest room
+    [m²], ``height`` the height of the walls [m]. With ``doorways``, gaps between walls become
+    doorways.
     """
 
     name: str = "building"
@@ -75,14 +74,13 @@ class ImportSettings:
 
 @dataclass(frozen=True, slots=True)
 class ImportReport:
-    """Report on a building that was made of a map: its sizes, and how far it is from the map.
+    """Report on an imported building: its sizes and its accuracy.
 
-    ``doorways`` have their width [m]. ``largest_error`` is the greatest distance between a corner
-    of the cells and the line drawn for it, in cells; ``directions`` are the main directions of the
-    walls [rad]; ``dropped_floor`` is the area of pockets that were left out [m²].
-    ``dropped_walls`` and ``filled_cells`` count cells that were taken for noise. Floor ends without
-    a wall along ``open_border`` [m], the longest piece of which has its middle at
-    ``widest_opening`` [m].
+    ``doorways`` have their width [m]. ``largest_error`` is the largest distance between a corner
+    of the cells and its line [cells]. ``directions`` are the main directions of the walls [rad],
+    ``dropped_floor`` the area of ignored pockets [m²]. ``dropped_walls`` and ``filled_cells`` count
+    cells of noise. Floor ends without a wall along ``open_border`` [m]; its longest piece has its
+    middle at ``widest_opening`` [m].
     """
 
     resolution: float
@@ -103,7 +101,7 @@ class ImportReport:
 
 @dataclass(frozen=True, slots=True)
 class ImportedBuilding:
-    """The file of a walls layer, and the report on the building in it."""
+    """File of a walls layer, and the report on its building."""
 
     file: str
     report: ImportReport
@@ -111,7 +109,7 @@ class ImportedBuilding:
 
 @dataclass(frozen=True, slots=True)
 class ImportedMap:
-    """A building made of a map, and the report on it."""
+    """Building made from a map, and the report on it."""
 
     building: WallsText
     report: ImportReport
@@ -124,13 +122,13 @@ class EmptyMapError(ValueError):
 def vectorise(
     grid: OccupancyGrid, settings: ImportSettings | None = None, *, yaw: float = 0.0
 ) -> ImportedMap:
-    """Return the building that a map shows.
+    """Return the building on a map.
 
-    Free floor becomes spaces, occupied cells walls; both have their borders in common, and what is
-    unknown is in neither. No corner of a cell on a border lies further from the line drawn for it
-    than the tolerance. ``yaw`` [rad] turns the map about its origin. Equal maps, equal buildings.
+    Free floor becomes spaces, occupied cells become walls; they share their borders. Every corner
+    of a cell on a border lies within the tolerance of its line. ``yaw`` [rad] turns the map about
+    its origin. Equal maps give equal buildings.
 
-    Raises :class:`EmptyMapError` for a map that shows no floor.
+    Raises :class:`EmptyMapError` for a map without free floor.
     """
     settings = settings or ImportSettings()
     per_cell = grid.resolution
@@ -151,7 +149,7 @@ def vectorise(
     walls = [area for label, area in areas if label == OCCUPIED_CELL]
     gaps: tuple[MapGap, ...] = ()
     if settings.doorways:
-        # A cell more or less: a wall may begin anywhere in its first cell.
+        # Allow for a cell more or less: a wall may begin anywhere in its first cell.
         sizes = DoorwaySizes(
             _NARROWEST / per_cell - 1.0,
             _WIDEST / per_cell + 1.0,
@@ -167,7 +165,7 @@ def vectorise(
     bounds = np.array([polygon.bounds for polygon in (*rooms, *walls)])
     width, depth = (bounds[:, 2:].max(axis=0) - bounds[:, :2].min(axis=0)).tolist()
     size = f"{width:.1f} m by {depth:.1f} m"
-    # The corners are sound already; reading them once more would take as long as the import.
+    # The corners are valid; checking them again would take as long as the import.
     building = WallsText.model_construct(
         walls=settings.name,
         about=f"Made by scenario import from a map of {per_cell:g} m per cell, {size}.",
@@ -208,7 +206,7 @@ def vectorise(
 
 @dataclass(frozen=True, slots=True)
 class _Frame:
-    """From cells to metres, and to whole millimetres."""
+    """Transform from cells to metres, rounded to millimetres."""
 
     pose: Pose2
     resolution: float
@@ -221,30 +219,30 @@ class _Frame:
     def metres(self, cells: Points) -> Points:
         """Return points in the frame of the map [m]."""
         placed = cells * self.resolution @ self._turn + (self.pose.x, self.pose.y)
-        # 0.0 is added against -0.0, which would be written another way.
+        # Adding 0.0 turns -0.0 into 0.0.
         return np.round(placed, _DECIMALS) + 0.0
 
 
 def _drawn(
     straight: Sequence[StraightArc], regions: Sequence[Patch], frame: _Frame
 ) -> list[Points]:
-    """Return the lines of all arcs [m], drawn so closely that none crosses another."""
-    drawn = [_line(arc, frame) for arc in straight]
+    """Return the lines of all arcs [m], close enough to their cells that none crosses another."""
+    lines = [_line(arc, frame) for arc in straight]
     while True:
-        crossing = _crossings(drawn) or _invalid(regions, drawn)
+        crossing = _crossings(lines) or _invalid(regions, lines)
         closer = [
             index
             for index in sorted({arc for arc, _ in crossing})
             if straight[index].draw_closer(piece for arc, piece in crossing if arc == index)
         ]
         if not closer:
-            return [line for line, _ in drawn]
+            return [line for line, _ in lines]
         for index in closer:
-            drawn[index] = _line(straight[index], frame)
+            lines[index] = _line(straight[index], frame)
 
 
 def _line(arc: StraightArc, frame: _Frame) -> tuple[Points, list[int]]:
-    """Return the points of an arc [m], and the piece that each of its lines belongs to."""
+    """Return the points of an arc [m], and the index of each line's piece."""
     points, owners = arc.line()
     placed = frame.metres(points)
     apart = (np.diff(placed, axis=0) != 0.0).any(axis=1)
@@ -253,10 +251,10 @@ def _line(arc: StraightArc, frame: _Frame) -> tuple[Points, list[int]]:
     ]
 
 
-def _crossings(drawn: Sequence[tuple[Points, list[int]]]) -> set[tuple[int, int]]:
-    """Return the pieces (arc, piece) whose lines meet another one elsewhere than at their ends."""
-    owner = [(index, piece) for index, (_, pieces) in enumerate(drawn) for piece in pieces]
-    segments = np.vstack([np.stack([line[:-1], line[1:]], axis=1) for line, _ in drawn])
+def _crossings(lines: Sequence[tuple[Points, list[int]]]) -> set[tuple[int, int]]:
+    """Return the pieces (arc, piece) whose lines meet others except at common ends."""
+    owner = [(index, piece) for index, (_, pieces) in enumerate(lines) for piece in pieces]
+    segments = np.vstack([np.stack([line[:-1], line[1:]], axis=1) for line, _ in lines])
     straight = np.asarray(shapely.linestrings(segments))
     one, other = shapely.STRtree(straight).query(straight, predicate="intersects")
     once = one < other
@@ -276,15 +274,15 @@ def _crossings(drawn: Sequence[tuple[Points, list[int]]]) -> set[tuple[int, int]
 
 
 def _invalid(
-    regions: Sequence[Patch], drawn: Sequence[tuple[Points, list[int]]]
+    regions: Sequence[Patch], owned_lines: Sequence[tuple[Points, list[int]]]
 ) -> set[tuple[int, int]]:
-    """Return all pieces of the regions that are no polygons any more."""
-    lines = [line for line, _ in drawn]
+    """Return all pieces of the regions that are no longer valid polygons."""
+    lines = [line for line, _ in owned_lines]
     pieces: set[tuple[int, int]] = set()
     for region in regions:
         if not _is_sound(region, lines):
             arcs = {i for loop in (region.outline, *region.holes) for i, _ in loop.arcs}
-            pieces |= {(i, piece) for i in arcs for piece in drawn[i][1]}
+            pieces |= {(i, piece) for i in arcs for piece in owned_lines[i][1]}
     return pieces
 
 
@@ -296,14 +294,12 @@ def _is_sound(region: Patch, lines: Sequence[Points]) -> bool:
 
 
 def _polygon(region: Patch, lines: Sequence[Points]) -> shapely.Polygon:
-    def ring(loop: Loop) -> Points:
-        return loop_points(loop, lines)
-
-    return shapely.Polygon(ring(region.outline), [ring(hole) for hole in region.holes])
+    holes = [loop_points(hole, lines) for hole in region.holes]
+    return shapely.Polygon(loop_points(region.outline, lines), holes)
 
 
 def _between_walls(gap: MapGap, walls: Sequence[shapely.Polygon], frame: _Frame) -> MapGap:
-    """Return a gap with its jambs on the lines that were drawn for the walls beside it."""
+    """Return a gap with its jambs moved to the outlines of the walls beside it."""
     along = gap.along()
     across = np.array([-along[1], along[0]])
     reach = gap.width / 2 + _JAMB_CELLS
@@ -328,7 +324,7 @@ def _parted(
     floors: Sequence[shapely.Polygon], gaps: Sequence[MapGap], frame: _Frame
 ) -> list[shapely.Polygon]:
     """Return the rooms: the floors without the doorways, in reading order."""
-    # As far beyond the jambs as the gap was shut, so that ragged ones leave no way past it.
+    # Cut as far beyond the jambs as the gap was shut, so that ragged jambs leave no way past it.
     doorways = shapely.union_all(
         [shapely.Polygon(frame.metres(gap.corners(beyond=2.0))) for gap in gaps]
     )
@@ -339,9 +335,9 @@ def _parted(
             rest = shapely.set_precision(floor.difference(doorways), 10.0**-_DECIMALS)
         parts = [part for part in getattr(rest, "geoms", [rest]) if part.area > 0.0]
         largest = max(part.area for part in parts)
-        # Bits of floor beside jambs are no rooms.
+        # Bits of floor beside jambs are not rooms.
         least = min(largest, (2 * _JAMB_CELLS * frame.resolution) ** 2)
-        # Cut off at doorways, rooms have corners in the middle of their walls.
+        # The cut at doorways leaves points in the middle of straight walls.
         rooms += [
             part.normalize().simplify(_FLAT) if gaps else part
             for part in parts
@@ -390,7 +386,7 @@ def _area(polygon: shapely.Polygon) -> dict[str, Any]:
 
 
 def _ring(ring: shapely.LinearRing) -> Ring:
-    # 0.0 is added against -0.0, which would be written another way.
+    # Adding 0.0 turns -0.0 into 0.0.
     return tuple(
         (round(x, _DECIMALS) + 0.0, round(y, _DECIMALS) + 0.0) for x, y in ring.coords[:-1]
     )

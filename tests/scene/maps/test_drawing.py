@@ -165,15 +165,15 @@ def spoil(change):
 @pytest.mark.parametrize(
     ("make", "settings", "message"),
     [
-        (lambda p: p.write_bytes(b"AC1032\0\0\0"), {}, "no DXF drawing\n    .* convert a DWG"),
-        (lambda p: p.write_bytes(b""), {}, "is no DXF drawing"),
-        (lambda p: p.write_text("walls: hut\nspaces: {}\n"), {}, "is no DXF drawing"),
+        (lambda p: p.write_bytes(b"AC1032\0\0\0"), {}, "not a DXF drawing\n    .* convert a DWG"),
+        (lambda p: p.write_bytes(b""), {}, "is not a DXF drawing"),
+        (lambda p: p.write_text("walls: hut\nspaces: {}\n"), {}, "is not a DXF drawing"),
         (lambda p: None, {}, "no such file"),
         (lambda p: os.mkfifo(p), {}, "is no ordinary file"),
         (lambda p: draw(p, unit=0), {}, "no known unit\n    give its unit with --unit: mm, cm"),
         (lambda p: draw(p, unit=3), {}, "names no known unit"),
-        (draw, {"unit": "km"}, '"km" is no unit'),
-        (draw, {"unit": "m"}, "measure 1e\\+04 m by 6e\\+03 m, which is no building"),
+        (draw, {"unit": "km"}, 'unknown unit "km"'),
+        (draw, {"unit": "m"}, "measure 1e\\+04 m by 6e\\+03 m: not a building"),
         (draw, {"layers": ("A-FLOR*",)}, r"choose one with --layer: A-WALL \(19\)"),
         (lambda p: lines_of(p, (0, 0, 9, 0), (0, 4, 9, 4)), {}, "the walls enclose no room"),
         (spoil(lambda d: d.modelspace().delete_all_entities()), {}, "it holds no lines"),
@@ -242,9 +242,9 @@ def test_what_the_drawing_hides_or_does_not_hold_is_left_out_and_told(tmp_path):
     for name in ("NEIGHBOUR", "GONE"):
         space.add_blockref(name, (0, 0), dxfattribs={"layer": "walls"})
     grid, warnings = drawn(save(drawing, tmp_path / "hall.dxf"))
-    hidden = "what the drawing hides was left out: old walls (2), walls off (1), walls 2 (1)"
+    hidden = "hidden entities on these layers were ignored: old walls (2), walls off (1), walls 2 (1)"
     assert hidden in warnings
-    assert "blocks that the file does not hold were left out: NEIGHBOUR (1), GONE (1)" in warnings
+    assert "blocks missing in the file were ignored: NEIGHBOUR (1), GONE (1)" in warnings
     assert areas(grid) == [INSIDE]
 
 
