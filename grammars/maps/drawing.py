@@ -170,7 +170,7 @@ def _shown(path: Path, where: Where, findings: Findings) -> tuple[int, Player]:
         reason = next(iter(str(error).splitlines()), type(error).__name__)
         raise InputError.at(where, f"is damaged: {reason}", "save it again as DXF") from error
     if hidden:
-        findings.warning(where, f"hidden entities on these layers were ignored: {_listed(hidden)}")
+        findings.warning(where, f"hidden entities were ignored on layers: {_listed(hidden)}")
     if absent:
         message = f"blocks missing in the file were ignored: {_listed(absent)}"
         findings.warning(where, message, "bind external references to the drawing in your CAD")

@@ -71,5 +71,5 @@ def test_a_drawing_that_is_refused_says_what_it_leaves_out(scenario, folder):
     drawing.saveas("hall.dxf")
     answer = scenario("import", "hall.dxf", "--layer", "wall*", "--standing", "racks")
     assert answer.code == 2
-    assert "hall.dxf: warning: hidden entities on these layers were ignored: walls (1)" in answer.err
+    assert "hall.dxf: warning: hidden entities were ignored on layers: walls (1)" in answer.err
     assert "error: no layer with lines matches wall*" in answer.err

@@ -242,7 +242,7 @@ def test_what_the_drawing_hides_or_does_not_hold_is_left_out_and_told(tmp_path):
     for name in ("NEIGHBOUR", "GONE"):
         space.add_blockref(name, (0, 0), dxfattribs={"layer": "walls"})
     grid, warnings = drawn(save(drawing, tmp_path / "hall.dxf"))
-    hidden = "hidden entities on these layers were ignored: old walls (2), walls off (1), walls 2 (1)"
+    hidden = "hidden entities were ignored on layers: old walls (2), walls off (1), walls 2 (1)"
     assert hidden in warnings
     assert "blocks missing in the file were ignored: NEIGHBOUR (1), GONE (1)" in warnings
     assert areas(grid) == [INSIDE]
