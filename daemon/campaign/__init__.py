@@ -1,7 +1,14 @@
 """Campaign files: from layers by name to run specifications."""
 
-from daemon.campaign._campaign import Campaign, expand, noise_seed, repeat_seed, run_spec
-from daemon.campaign._campaign_text import campaign_text
+from daemon.campaign._campaign import (
+    Campaign,
+    campaign_origin,
+    campaign_text,
+    expand,
+    noise_seed,
+    repeat_seed,
+    run_spec,
+)
 from daemon.campaign._cells import CampaignCell
 from daemon.campaign._composer import Composer
 from daemon.campaign._file import CampaignFile
@@ -21,7 +28,6 @@ from daemon.campaign._layers import (
     layer_places,
 )
 from daemon.campaign._loader import check_campaign, examine, load_campaign
-from daemon.campaign._origin import campaign_origin
 from daemon.campaign._parameters import (
     ParameterValues,
     flatten_parameters,

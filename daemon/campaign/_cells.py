@@ -1,4 +1,4 @@
-"""A campaign while it is loaded, and its cells: scenarios in a world, with all that they name."""
+"""A campaign while it is loaded, and its cells: scenarios in a world, with all their layers."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from grammars.text.documents import YamlDocument
 
 @dataclass(frozen=True, slots=True)
 class CampaignCell:
-    """One scenario in one world, with everything it names loaded.
+    """One scenario in one world, with all its layers loaded.
 
-    ``name`` is the scenario's, with ``@<seed>`` for a variant of its plan. ``behaviours`` holds
-    those of each repeat, also of repeats that only come when a cell is not decided; ``places``
-    says where waypoints, objects and the sentences about joints were written. ``plan`` and
-    ``layers`` are what the scene was composed of, with the campaign's overrides, objects before
-    behaviours. ``given_map`` is a map of one's own, where the campaign names one.
+    ``name`` is the scenario's, with ``@<seed>`` for a variant of its plan. ``behaviours`` are those
+    of each repeat, including the reserve. ``places`` are the places in files of waypoints, objects
+    and the sentences about joints. The scene is composed of ``plan`` and ``layers``, with the
+    campaign's overrides, objects before behaviours. ``given_map`` is the map file of the campaign,
+    if it has one.
     """
 
     name: str

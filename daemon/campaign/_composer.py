@@ -1,8 +1,8 @@
-"""The one place where runs are put together: plan, layers, values, repeat, and what is left out.
+"""Composition of runs, for campaigns, searches and blame: plan, layers, values, repeat, omissions.
 
-A :class:`ResolvedScenario` says all of it: the layers that it names, the values beside their
-names, and ``without``, the parts of the composed world that are left out. So another run of a
-cell is that cell with another scenario::
+A :class:`ResolvedScenario` contains all of these: its layers, the values beside their names, and
+``without``, the parts that are left out of the composed world. So another run of a cell is that
+cell with another scenario::
 
     composer = Composer(LayerLibrary(folder), campaign.seed)
     scenario = with_overrides(cell.scenario, "behaviours", 0, {"near": 1.0})
@@ -11,8 +11,8 @@ cell is that cell with another scenario::
     spec = run_spec(campaign, changed, changed.suts[0], repeat, behaviours=changed.behaviours[0], …)
 
 Parts are written as ``bedroom_door`` (an object), ``waypoint home`` or ``waypoint 3`` (by number
-from 1), ``behaviour of bedroom_door`` or ``behaviour of bedroom_door.hinge``. They leave after
-everything random has been drawn, so what remains moves as it did.
+from 1), ``behaviour of bedroom_door`` or ``behaviour of bedroom_door.hinge``. They are removed
+after all random draws, so the other parts move as before.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ from grammars.scenery.composition import ResolvedBehaviours, compile_scene, reso
 from grammars.text.diagnostics import Finding, InputError, Where, did_you_mean
 
 _MOST_SCENES: Final = 64
-"""Scenes that are kept while cells are composed anew: those of repeats, and of values nearby."""
+"""Most scenes in the cache: those of repeats, and of values nearby."""
 
 
 @dataclass(slots=True)
@@ -60,13 +60,13 @@ class Composer:
     _scenes: dict[tuple[FloorPlan, tuple[SceneryLayer, ...]], Scene] = field(default_factory=dict)
 
     def cell(self, base: CampaignCell, scenario: ResolvedScenario, repeat: int) -> CampaignCell:
-        """Return ``base`` as ``scenario`` says it, with the behaviours of one repeat alone.
+        """Return ``base`` changed to ``scenario``, with the behaviours of one repeat alone.
 
         Layers that both scenarios name alike are those of ``base``. Raises :class:`InputError` for
         values that a layer or the geometry refuses, and for parts that cannot be left out.
         """
         library, previous = self.library, base.scenario
-        # Those of the scenario as written have been reported; of thousands they would pile up.
+        # Warnings of the original scenario are reported already; those of thousands would pile up.
         library.warnings.clear()
         robot, suts, layers = base.robot, base.suts, base.layers
         if scenario.robot != previous.robot:
@@ -102,7 +102,7 @@ class Composer:
 
     def scene(self, plan: FloorPlan, objects: Sequence[SceneryLayer]) -> Scene:
         """Return the scene of a plan and object layers; equal ones are the same object."""
-        # Cells of equal plan and objects share a scene, and so its digest, its file and its check.
+        # Cells with equal plan and objects share a scene with its digest, its file and its check.
         key = (plan, tuple(objects))
         if key not in self._scenes:
             self._scenes[key] = compile_scene(plan, objects)
@@ -115,9 +115,9 @@ class Composer:
         layers: Sequence[SceneryLayer],
         repeats: Iterable[int],
     ) -> tuple[ResolvedBehaviours, ...]:
-        """Return the concrete behaviours of each repeat, drawn anew or once for all."""
-        # The paper keeps the random doors of its scenario S2 the same in all five repeats, which
-        # is ``chance: per campaign``; sensor noise differs in each repeat either way.
+        """Return the concrete behaviours of each repeat, drawn for each or once for all."""
+        # The paper keeps the random doors of its scenario S2 in all five repeats, as ``chance: per
+        # campaign`` does; sensor noise differs in each repeat either way.
         draws = [repeat if scenario.chance == "per repeat" else 0 for repeat in repeats]
         resolved = {
             draw: resolve_behaviours(
@@ -130,7 +130,7 @@ class Composer:
     def _plan(
         self, base: CampaignCell, scenario: ResolvedScenario, robot: Robot
     ) -> tuple[str, FloorPlan]:
-        """Return what the name of the cell has behind that of the scenario, and the plan."""
+        """Return the plan, and the suffix of the cell's name after that of the scenario."""
         vary, previous = scenario.vary, base.scenario
         if vary is None:
             if scenario.floorplan == previous.floorplan:
@@ -140,7 +140,7 @@ class Composer:
             return base.name.removeprefix(previous.name), base.plan
         variants = self.library.variants(vary, inscribed_radius(robot.footprint))
         if len(variants) != 1:
-            message = f"{scenario.name} is run in {len(variants)} buildings, a search is about one"
+            message = f"{scenario.name} is run in {len(variants)} buildings, a search takes one"
             raise InputError.at(vary.floorplan.where, message)
         ((name, plan),) = variants
         return f"@{name.rpartition('_')[2]}", plan
@@ -148,7 +148,7 @@ class Composer:
 
 @dataclass(frozen=True, slots=True)
 class RemainingWorld:
-    """A scene, a mission and the behaviours of each repeat, with nothing or something left out."""
+    """A scene, a mission and the behaviours of each repeat, before or after parts are left out."""
 
     scene: Scene
     mission: Mission
@@ -156,24 +156,24 @@ class RemainingWorld:
 
 
 def leave_out(without: Sequence[LayerReference], whole: RemainingWorld) -> RemainingWorld:
-    """Return what remains of a world as if the rest had never been put into it.
+    """Return a world without some parts, as if they had never been part of it.
 
-    Raises :class:`InputError` for parts that are not there, when no waypoint remains, and for
-    behaviours that wait for what is left out: their run would be another one, not a smaller one.
+    Raises :class:`InputError` for missing parts, if no waypoint remains, and for behaviours that
+    wait for a part that is left out: their run would be another one, not a smaller one.
     """
     if not without:
         return whole
     parts = _find_parts(without, whole)
     scene, mission = whole.scene, whole.mission
     objects = tuple(body for body in scene.objects if body.name not in parts.objects)
-    # As the compiler has it: only scenes with movers keep the frames their routes refer to.
+    # Like the compiler: only scenes with movers keep the frames of their routes.
     frames = scene.frames if any(is_mover(body.joints) for body in objects) else ()
     waypoints = tuple(w for i, w in enumerate(mission.waypoints) if i not in parts.waypoints)
     if not waypoints:
         where = next(reversed(parts.waypoints.values()))
         hint = "keep one for the robot to drive to"
         raise InputError(Finding(where, "no waypoint of the mission is left", hint))
-    # Many repeats share one script, and go on to share it.
+    # Many repeats share one script, and still do afterwards.
     scripts = {id(script): parts.script(script, whole) for script in whole.behaviours}
     return RemainingWorld(
         replace(scene, objects=objects, frames=frames),
@@ -184,7 +184,7 @@ def leave_out(without: Sequence[LayerReference], whole: RemainingWorld) -> Remai
 
 @dataclass(frozen=True, slots=True)
 class _LeftOutParts:
-    """Parts that are left out, with the place that says so.
+    """Parts that are left out, each with its place in the file.
 
     ``waypoints`` are numbered from 0, ``behaviours`` are joints and names of objects.
     """
@@ -194,7 +194,7 @@ class _LeftOutParts:
     behaviours: dict[str, Where] = field(default_factory=dict)
 
     def script(self, script: Script, whole: RemainingWorld) -> Script:
-        """Return the behaviours that remain, with legs numbered anew."""
+        """Return the remaining behaviours, with legs numbered anew."""
         return tuple(
             self._adapted(behaviour, whole)
             for behaviour in script
@@ -209,11 +209,11 @@ class _LeftOutParts:
         if event is None:
             name = behaviour.object if isinstance(behaviour, Walk) else behaviour.joint
             hint = f'leave "behaviour of {name}" out as well'
-            raise InputError(Finding(causes[0], f"{name} waits for what is left out", hint))
+            raise InputError(Finding(causes[0], f"{name} waits for this part", hint))
         return replace(behaviour, event=event)
 
     def _event(self, event: Event, mission: Mission) -> tuple[Event | None, Sequence[Where]]:
-        """Return what remains of an event, and the places that take away from it."""
+        """Return the rest of an event, and the places that remove parts of it."""
         missing = self.waypoints
         match event:
             case LegBegins(leg=leg):
@@ -226,9 +226,9 @@ class _LeftOutParts:
                 # The pre-flight reports a waypoint that no mission has.
                 return None if causes and len(causes) == len(numbers) else event, causes
             case JointActs(joints=joints, act=act):
-                there = tuple(joint for joint in joints if _object_of(joint) not in self.objects)
-                causes = [self.objects[_object_of(j)] for j in joints if j not in there]
-                return JointActs(there, act) if there else None, causes
+                rest = tuple(joint for joint in joints if _object_of(joint) not in self.objects)
+                causes = [self.objects[_object_of(j)] for j in joints if j not in rest]
+                return JointActs(rest, act) if rest else None, causes
 
 
 _WAYPOINT: Final = re.compile(r"waypoint\s+(?P<name>\S.*)")
@@ -236,10 +236,10 @@ _BEHAVIOUR: Final = re.compile(r"behaviour\s+of\s+(?P<name>\S.*)")
 
 
 def _find_parts(without: Sequence[LayerReference], whole: RemainingWorld) -> _LeftOutParts:
-    """Find the parts that are left out; raises :class:`InputError` for all that are not there."""
+    """Find the parts that are left out; raises :class:`InputError` for all missing ones."""
     parts, problems = _LeftOutParts(), []
     objects = [body.name for body in whole.scene.objects]
-    # Every repeat moves the same joints: only how they move is drawn.
+    # Every repeat moves the same joints: only their motion is random.
     subjects = {name for b in whole.behaviours[0] for name in _subjects(b)}
     for part in without:
         if waypoint := _WAYPOINT.fullmatch(part.name):
@@ -274,5 +274,5 @@ def _object_of(joint: str) -> str:
 
 
 def _subjects(behaviour: Behaviour) -> tuple[str, str]:
-    """Return the names that people call a behaviour by: its joint, and its object."""
+    """Return the names of a behaviour for people: its joint, and its object."""
     return behaviour.joint, _object_of(behaviour.joint)

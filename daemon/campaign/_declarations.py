@@ -1,4 +1,4 @@
-"""From sentences about results to what the campaign declares, checked against what it runs."""
+"""Declarations of a campaign about its results, read and checked against its scenarios."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from grammars.text.diagnostics import (
 from grammars.text.documents import KeyPath, YamlDocument
 from grammars.text.quantity import parse_in
 
-# A sentence and not keys of YAML: a value that begins with ">" or "<" means something else there.
+# A sentence instead of YAML keys, where a value that begins with ">" or "<" means something else.
 _NAME: Final = r"[A-Za-z0-9][A-Za-z0-9._-]*"
 _SENTENCE: Final = re.compile(
     rf"\s*(?P<quantity>{_NAME})\s*\(\s*(?P<left>{_NAME})\s+vs\s+(?P<right>{_NAME})"
@@ -42,7 +42,7 @@ _EXAMPLE: Final = "write it as delay(S3.2 vs S3.5) <= 30 s, or delay(A vs B on l
 
 
 def read_declarations(draft: Draft) -> tuple[AssessmentRules, list[Finding]]:
-    """Return what the campaign declares, and everything that is wrong with how it says it."""
+    """Return the declarations of a campaign, and all errors in them."""
     problems: list[Finding] = []
     comparisons: list[ScenarioComparison] = []
     for name, sentence in draft.text.compare.items():
@@ -66,7 +66,7 @@ def read_declarations(draft: Draft) -> tuple[AssessmentRules, list[Finding]]:
                 f"{Path(where.file).name}:{where.line}",
             )
         )
-    references, wrong = _references(comparisons, draft)
+    references, errors = _references(comparisons, draft)
     gate = draft.text.gate
     declared = AssessmentRules(
         repeat_policy(draft.text.repeats),
@@ -75,16 +75,13 @@ def read_declarations(draft: Draft) -> tuple[AssessmentRules, list[Finding]]:
         RegressionGate(gate.baseline, gate.worse_by) if gate else None,
         references,
     )
-    return declared, problems + wrong
+    return declared, problems + errors
 
 
 def time_legs(
     cell: CampaignCell, declared: AssessmentRules, document: YamlDocument
 ) -> tuple[CampaignCell, list[Finding]]:
-    """Return a cell with a measure for each of its legs that is compared.
-
-    Also everything that is wrong with these legs in its mission.
-    """
+    """Return a cell with a measure for each compared leg, and the errors in these legs."""
     measures: dict[str, Oracle] = {}
     problems = []
     for comparison in declared.comparisons:
@@ -123,7 +120,7 @@ def _comparison(name: str, sentence: str, draft: Draft) -> ScenarioComparison:
         raise InputError(problems)
     if left == right:
         raise InputError(Finding(at("right"), f'"{left}" is compared with itself'))
-    # Paired by repeat and system under test, so without one in common there is no pair at all.
+    # Runs are paired by repeat and system under test, so without a common one there is no pair.
     if not set(draft.scenarios[left].sut_names) & set(draft.scenarios[right].sut_names):
         message = f'"{left}" and "{right}" have no system under test in common'
         raise InputError(Finding(at("left"), message))
@@ -166,7 +163,7 @@ def _unit(quantity: str, where: Where, scenarios: tuple[str, str], draft: Draft)
         raise InputError(Finding(where, f'no measure "{quantity}"', hint))
     if not oracle.is_measure:
         hint = f"compare one of: {', '.join([DELAY, *measures])}"
-        raise InputError(Finding(where, f'"{quantity}" has a limit, it is no measure', hint))
+        raise InputError(Finding(where, f'"{quantity}" has a limit, it is not a measure', hint))
     for scenario in scenarios:
         if quantity not in draft.scenarios[scenario].oracle_names:
             hint = f"add it to the oracles of {scenario}"
@@ -180,14 +177,14 @@ def _unmatched_expectation(
     comparisons: Sequence[str],
     draft: Draft,
 ) -> Iterator[Finding]:
-    """Yield what an expectation speaks of that is not there."""
+    """Yield an error for each name of an expectation that does not exist."""
     scenarios = _matching(text.scenario, draft.scenarios)
     if not scenarios:
         where = draft.document.where((*path, "scenario"))
         hint = did_you_mean(text.scenario, draft.scenarios)
         yield Finding(where, f'no scenario "{text.scenario}" to expect anything of', hint)
         return
-    # An expectation that matches nothing would hide a failure for ever once a name is changed.
+    # After a name is changed, an expectation without a match would hide a failure for ever.
     names = dict.fromkeys(n for s in scenarios for n in draft.scenarios[s].oracle_names)
     oracles = _matching(text.oracle, (*names, *comparisons))
     where = draft.document.where((*path, "oracle"))
@@ -220,7 +217,7 @@ def _references(
 ) -> tuple[tuple[ReferenceValue, ...], list[Finding]]:
     """Return the reference values of a campaign, and the errors in them.
 
-    Reports show them beside the results. No verdict follows from them.
+    Reports show them beside the results. They change no verdict.
     """
     units = {comparison.name: comparison.unit for comparison in comparisons}
     values: list[ReferenceValue] = []
@@ -228,7 +225,7 @@ def _references(
     for name, group in draft.text.reference.items():
         for index, text in enumerate(group.values):
             if text.oracle in draft.text.compare and text.oracle not in units:
-                continue  # What is wrong is the comparison.
+                continue  # the error is in the comparison
             reader = _ReferenceReader(text, ("reference", name, "values", index), units, draft)
             try:
                 values.append(reader.read(name, group.source))
@@ -281,7 +278,7 @@ class _ReferenceReader:
         return self.draft.document.where((*self.path, *key))
 
     def _unit(self) -> str | None:
-        """Return the unit of the measure, ``None`` of a rate; raises :class:`InputError`."""
+        """Return the unit of the measure, ``None`` for a rate; raises :class:`InputError`."""
         text, draft = self.text, self.draft
         if text.oracle in self.comparisons:
             if text.scenario:
@@ -289,11 +286,11 @@ class _ReferenceReader:
                 raise InputError.at(self._at("scenario"), message, 'leave "scenario" out')
             raise_all(_unmatched_suts(text.sut, self.path, draft.scenarios, draft))
             return self.comparisons[text.oracle]
-        # Every run has a duration, whether an oracle of that name measures it or not.
+        # Every run has a duration, even if no oracle of that name measures it.
         units: dict[str, str | None] = {DURATION: "s"}
         units |= {name: unit_of(o) if o.is_measure else None for name, o in draft.oracles.items()}
         if not text.scenario:
-            hint = 'say of which "scenario" it is'
+            hint = 'name its "scenario"'
             if text.oracle not in units:
                 hint = did_you_mean(text.oracle, self.comparisons)
             raise InputError.at(self._at("oracle"), f'no comparison "{text.oracle}"', hint)
@@ -303,7 +300,7 @@ class _ReferenceReader:
             hint = did_you_mean(text.scenario, draft.scenarios)
             raise InputError.at(self._at("scenario"), message, hint)
         names = {DURATION, *(n for s in scenarios for n in draft.scenarios[s].oracle_names)}
-        # A value beside which nothing can ever stand would never be missed.
+        # A value without any result to stand beside would go unnoticed.
         if text.oracle not in names:
             message = f'{text.scenario} has neither measure nor oracle "{text.oracle}"'
             hint = did_you_mean(text.oracle, (*names, *self.comparisons))

@@ -1,4 +1,4 @@
-"""The keys of a campaign file, as they are written."""
+"""The keys of a campaign file, as people write them."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ _CAMPAIGN_NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,59}$"
 _NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$"
 
 _OF_DOORS: Final = (
-    'what stands there is said by scenery layers: "objects:" names those with the models and their '
-    'places, "behaviours:" those that say what they do'
+    'scenery layers describe the objects: "objects:" names layers with the models and their '
+    'places, "behaviours:" layers with their motion'
 )
 SYNONYMS: Final[dict[str, str | OtherName]] = {
     "description": OtherName("about"),
@@ -46,7 +46,7 @@ SYNONYMS: Final[dict[str, str | OtherName]] = {
     "scenery": _OF_DOORS,
     **dict.fromkeys(("building", "environment", "plan", "world"), OtherName("floorplan")),
 }
-"""What people call keys of campaigns and scenarios that are called otherwise here."""
+"""Other names by which people know keys of campaigns and scenarios."""
 
 
 class MapText(StrictModel):
@@ -55,19 +55,19 @@ class MapText(StrictModel):
     resolution: Length = Field(default=0.05, ge=0.01, le=0.5)
     """Edge of a cell."""
     doors: Literal["none", "initial"] = "none"
-    """none: without objects, as a surveyor would draw it; initial: as they stand at the start."""
+    """none: without objects, as a surveyor would draw it; initial: with doors as at the start."""
     rule: MapRule = "outline"
-    """Which cells a wall takes. outline: as maps of published plans are drawn, through the cells
-    of its corners; touch: each that it overlaps; centre: those whose centre it covers."""
+    """Cells that a wall occupies. outline: through the cells of its corners, as in maps of
+    published plans; touch: every cell that it overlaps; centre: cells whose centre it covers."""
     file: str = Field(default="", min_length=1)
-    """A map of one's own instead: its map_server YAML, relative to the campaign file."""
+    """Your own map instead: its map_server YAML, relative to the campaign file."""
 
     @model_validator(mode="after")
     def _drawn_or_given(self) -> MapText:
         drawing = sorted(self.model_fields_set - {"file"})
         if self.file and drawing:
             raise ValueError(
-                f'"file" gives a map as it is, "{drawing[0]}" is about drawing one: leave one out'
+                f'"file" names a finished map, "{drawing[0]}" is for drawing one: leave one out'
             )
         return self
 
@@ -93,11 +93,11 @@ class VaryText(StrictModel):
     floorplan: LayerName
     """A variation layer: NAME.variation beside this file. NAME: {draw: value} fixes draws."""
     samples: int | None = Field(default=None, ge=1, le=10_000)
-    """How many variants; a grid knows it itself."""
+    """Number of variants; not needed with a grid."""
     cover: Literal["random", "grid", "halton", "lhs"] = "random"
-    """How variants are spread over what may vary; lhs is a Latin hypercube."""
+    """Distribution of the variants over the ranges; lhs is a Latin hypercube."""
     seed: int | None = Field(default=None, ge=0, lt=2**32)
-    """Seed of the variants; that of the campaign when left out."""
+    """Seed of the variants; by default that of the campaign."""
 
     @model_validator(mode="after")
     def _countable(self) -> VaryText:
@@ -116,31 +116,31 @@ class SlotsText(StrictModel):
     """Scenery layers with object models and their places: NAME.scenery here or in scenery/.
     NAME: {parameter: value} sets parameters of a layer."""
     behaviours: References | None = Field(default=None, examples=["doors_open"])
-    """Scenery layers that say what objects do; later ones win. NAME: {parameter: value} sets
+    """Scenery layers with the motion of objects; later ones win. NAME: {parameter: value} sets
     parameters of a layer."""
     mission: LayerName | None = Field(default=None, examples=["courier"])
     """A mission: NAME.mission.yaml here or in missions/. NAME: {key: value} gives keys of the
     file other values, such as courier: {start.y: 0.1 m}."""
     without: Names | None = Field(default=None, examples=[["kitchen_door", "waypoint 3"]])
-    """Parts that are left out after everything is composed: an object by its name, waypoint NAME or
-    waypoint 3, behaviour of NAME."""
+    """Parts to leave out of the composed world: an object by its name, waypoint NAME or waypoint 3,
+    behaviour of NAME."""
     robot: LayerName | None = Field(default=None, examples=["courier"])
     """Another robot than the campaign's. NAME: {key: value} gives keys of the file other values,
     such as courier: {laser.noise: 2 cm}."""
     sut: References | None = Field(default=None, examples=["pilot"])
     """Other systems under test than the campaign's. NAME: {parameter: value} sets parameters."""
     oracles: Names | None = Field(default=None, examples=[["reached", "no-contact"]])
-    """Which oracles judge this scenario, by their names in the layers of the campaign."""
+    """Oracles that judge this scenario, by their names in the layers of the campaign."""
     map: MapText | None = Field(default=None, examples=[{"file": "office.yaml"}])
     vary: VaryText | None = Field(default=None, examples=[{"floorplan": "flat", "samples": 20}])
     chance: Chance | None = None
     """Whether random behaviours are drawn anew for each repeat or once."""
     limit: Duration | None = Field(default=None, gt=0)
-    """Simulated time a run of this scenario may take."""
+    """Most simulated time of a run of this scenario."""
 
 
 class DefaultsText(SlotsText):
-    """Layers and settings of every scenario that has no others, of its own or by "like"."""
+    """Layers and settings of every scenario without its own, written there or by "like"."""
 
     elsewhere = MISSION_KEYS | dict.fromkeys(
         ("about", "like", "abstract", "behaviours+", "oracles+"), "it belongs in a scenario"
@@ -148,13 +148,13 @@ class DefaultsText(SlotsText):
 
 
 class ScenarioText(SlotsText):
-    """One scenario: the layers that make it."""
+    """One scenario and its layers."""
 
     elsewhere: ClassVar[Mapping[str, str | OtherName]] = {
         **MISSION_KEYS,
         **dict.fromkeys(
             ("seed", "repeats", "compare", "expect", "allow", "reference", "gate", "defaults"),
-            "it belongs at the top of the campaign file, it is about all scenarios",
+            "it belongs at the top of the campaign file, it holds for all scenarios",
         ),
         "matrix": "it belongs at the top of the campaign file; here write: sut: [pilot]",
         **SYNONYMS,
@@ -163,24 +163,25 @@ class ScenarioText(SlotsText):
     about: str = ""
     """One line for people."""
     like: OneName | None = None
-    """Another scenario of this file: this one is the same except for what is written here."""
+    """Another scenario of this file: this one is the same except for the keys written here."""
     abstract: bool = False
-    """Never run itself, only for others to be like."""
+    """Never run, only a base for others that are "like" it."""
     more_behaviours: References | None = Field(default=None, alias="behaviours+")
-    """Behaviours on top of those of the scenario this one is like."""
+    """Behaviours added to those of the base scenario."""
     more_oracles: Names | None = Field(default=None, alias="oracles+")
-    """Oracles on top of those of the scenario this one is like."""
+    """Oracles added to those of the base scenario."""
 
 
 class _MatrixText(StrictModel):
-    """Systems that every scenario is run with, in turn."""
+    """Systems with which every scenario is run, in turn."""
 
     elsewhere = dict.fromkeys(
-        ("robot", "floorplan", "mission"), 'only "sut" has several values here: a scenario for each'
+        ("robot", "floorplan", "mission"),
+        'only "sut" has several values here: write a scenario for each',
     )
 
     sut: References = Field(examples=[["pilot"]])
-    """Systems under test: NAME.yaml here or in suts/, the name of a kind, or one that ships.
+    """Systems under test: NAME.yaml here or in suts/, the name of a kind, or a shipped one.
     NAME: {parameter: value} sets parameters."""
 
 
@@ -217,22 +218,21 @@ class CampaignFile(StrictModel):
     seed: int = Field(default=0, ge=0, lt=2**63)
     """The only source of chance: the same seed gives the same runs, byte for byte."""
     repeats: RepeatsText = ONCE
-    """Runs of every scenario, a number or {n: 5, pass: rate >= 80 %}; the same repeat sees the
-    same noise in each of them. When left out 1, and 5 with a system that is not repeatable."""
+    """Runs of every scenario, a number or {n: 5, pass: rate >= 80 %}; the same repeat has the
+    same noise in each of them. By default 1, and 5 with a system that is not repeatable."""
     limit: Duration = Field(gt=0, le=86_400, examples=["3 min"])
-    """Simulated time a run may take."""
+    """Most simulated time of a run."""
     robot: LayerName | None = Field(default=None, examples=["courier"])
-    """A robot: NAME.yaml beside this file or in robots/, or one that ships. NAME: {key: value}
+    """A robot: NAME.yaml beside this file or in robots/, or a shipped one. NAME: {key: value}
     gives keys of the file other values."""
     matrix: _MatrixText | None = Field(default=None, examples=[{"sut": ["pilot"]}])
     oracles: Names | None = Field(default=None, examples=["navigation"])
-    """Oracle layers, of which scenarios name lines: NAME.oracles.yaml beside this file or in
+    """Oracle layers whose lines scenarios name: NAME.oracles.yaml beside this file or in
     oracles/."""
     map: MapText = Field(default=MapText(), examples=[{"doors": "initial"}])
     vary: VaryText | None = Field(default=None, examples=[{"floorplan": "flat", "samples": 20}])
     defaults: DefaultsText = DefaultsText()
-    """What holds for every scenario that does not say otherwise, itself or by "like": any key of a
-    scenario."""
+    """Any key of a scenario, for every scenario without that key, written there or by "like"."""
     chance: Chance = "per repeat"
     """Whether random behaviours are drawn anew for each repeat or once."""
     scenarios: dict[Annotated[str, Field(pattern=_NAME)], ScenarioText] = Field(min_length=1)
@@ -240,18 +240,18 @@ class CampaignFile(StrictModel):
     search: dict[Annotated[str, Field(pattern=SEARCH_NAME)], SearchText] = Field(
         default_factory=dict
     )
-    """Searches by name, for what makes a scenario fail: they run when they are asked for."""
+    """Searches by name, for causes of failures of a scenario; they run on demand."""
     compare: dict[Annotated[str, Field(pattern=_NAME)], str] = Field(default_factory=dict)
     """Comparisons of scenarios by name, paired by repeat: delay(S3.2 vs S3.5) <= 30 s, with
-    "on leg NAME" inside for one leg only; a measure's name instead of delay compares that."""
+    "on leg NAME" inside for one leg only; the name of a measure instead of delay compares that."""
     expect: list[ExpectText] = Field(default_factory=list)
-    """What is known to be otherwise than passing, and why; all else must pass."""
+    """Expected verdicts other than pass, and why; everything else must pass."""
     allow: list[AllowText] = Field(default_factory=list)
-    """Warnings of the check that are meant, and why; errors cannot be allowed."""
+    """Warnings of the check that are intended, and why; errors cannot be allowed."""
     reference: dict[Annotated[str, Field(pattern=_NAME)], ReferenceText] = Field(
         default_factory=dict
     )
-    """What somebody else found of the same, by a short name such as paper: marks in the figures
-    of the report and a column in its tables. No verdict follows from it."""
+    """Published values of the same quantities, by a short name such as paper: marks in the figures
+    of the report and a column in its tables. They change no verdict."""
     gate: GateText | None = None
     """Results that must not get worse than those of another campaign."""

@@ -1,4 +1,4 @@
-"""Findings about a campaign, each once: of the pre-flight, and about what no run uses."""
+"""Findings about a campaign, each once: of the pre-flight, and about unused parts."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from grammars.text.documents import YamlDocument
 from grammars.text.sources import not_recording, read_text
 
 _SIZE: Final = re.compile(r"-?\d+\.\d+")
-"""A length or an angle in a message; names of objects have no points in their numbers."""
+"""A length or an angle in a message; numbers in names of objects have no decimal point."""
 
 
 @dataclass(frozen=True, slots=True)
 class AllowedWarning:
-    """Warnings that the campaign file says are meant: a ``pattern`` of their messages, ``why``."""
+    """Warnings that a campaign file allows: a ``pattern`` of their messages, and ``why``."""
 
     pattern: str
     why: str
@@ -43,8 +43,8 @@ class AllowedWarning:
 
 
 def allowed_warnings(text: CampaignFile, document: YamlDocument) -> tuple[AllowedWarning, ...]:
-    """Return what a campaign file allows."""
-    # Only the star stands for something: messages are full of brackets.
+    """Return the warnings that a campaign file allows."""
+    # Only the star is a wildcard: messages are full of brackets.
     return tuple(
         AllowedWarning(
             one.warning.replace("[", "[[]").replace("?", "[?]"),
@@ -58,9 +58,9 @@ def allowed_warnings(text: CampaignFile, document: YamlDocument) -> tuple[Allowe
 def without_allowed(
     findings: Iterable[Finding], allowed: Sequence[AllowedWarning]
 ) -> tuple[list[Finding], list[Finding]]:
-    """Return the findings that remain to be reported, and the warnings that are allowed.
+    """Return the findings to report, and the allowed warnings.
 
-    Only the first of warnings that differ in sizes alone is reported: allowing it allows them all.
+    Of warnings that differ only in sizes the first is reported, and allowing it allows all.
     """
     remaining: list[Finding] = []
     covered: list[Finding] = []
@@ -77,7 +77,7 @@ def without_allowed(
 def find_unmet(
     allowed: Sequence[AllowedWarning], covered: Sequence[Finding]
 ) -> tuple[Finding, ...]:
-    """Return a warning for each line of ``allow`` that allows nothing any more."""
+    """Return a warning for each line of ``allow`` that matches no warning any more."""
     return tuple(
         Finding(
             one.where,
@@ -93,7 +93,7 @@ def find_unmet(
 def find_problems(cells: Sequence[CampaignCell]) -> list[Finding]:
     """Return the findings of the pre-flight about the scenes of ``cells`` and their runs."""
     problems: list[Finding] = []
-    # Scenarios that differ in behaviours or mission only share a scene: it is checked once.
+    # Scenarios that differ only in behaviours or mission share a scene, which is checked once.
     for cell in {id(cell.scene): cell for cell in cells}.values():
         problems.extend(check_scene(cell.scene, places=cell.places))
     pairs = ((sut, cell.robot, cell.scenario.where) for cell in cells for sut in cell.suts)
@@ -106,7 +106,7 @@ def find_problems(cells: Sequence[CampaignCell]) -> list[Finding]:
 def _advise(pairs: Iterable[tuple[SutReference, Robot, Where]]) -> Iterator[Finding]:
     """Yield the warnings of kinds of systems about the sensors of robots, once for each pair.
 
-    ``pairs`` of a system and a robot come with the place of the scenario they meet in.
+    ``pairs`` of a system and a robot come with the place of their scenario.
     """
     once: dict[tuple[str, str], tuple[SutReference, Robot, Where]] = {}
     for sut, robot, where in pairs:
@@ -129,10 +129,10 @@ def _unrecorded(cell: CampaignCell) -> Iterator[Finding]:
             continue
         where = oracle.place(signal.column)
         if "record" in stack_kind(sut.kind).keys:
-            message = f"{signal.name} is unknown of {sut.name}, which does not record it"
+            message = f"{signal.name} is unknown for {sut.name}, which does not record it"
             yield Finding(where, message, f"write record: [{declared.report}] in its file")
         else:
-            message = f"{signal.name} is unknown of {sut.name}: the oracle is inconclusive there"
+            message = f"{signal.name} is unknown for {sut.name}: the oracle is inconclusive there"
             hint = f"no system of kind {sut.kind} has a {declared.report}"
             yield Finding(where, message, hint, Severity.WARNING)
 
@@ -191,7 +191,7 @@ def _unused_oracles(draft: Draft) -> Iterator[Finding]:
             hint = f"its oracles: {', '.join(oracles)}; each scenario picks some: oracles: […]"
             yield Finding(where, message, hint, Severity.WARNING)
             continue
-        # A measure costs nothing to have at hand; a limit that judges nothing is forgotten.
+        # An unused measure is harmless; an unused limit was probably forgotten.
         idle = [o for o in oracles.values() if not o.is_measure and o.name not in used]
         if idle and not _is_shared(name, Path(draft.document.file)):
             for oracle in idle:
@@ -201,9 +201,9 @@ def _unused_oracles(draft: Draft) -> Iterator[Finding]:
 
 
 def _is_shared(layer: str, campaign: Path) -> bool:
-    """Return whether a layer may be made for other campaigns as well.
+    """Return whether other campaigns may use a layer too.
 
-    It is when it lies elsewhere or another campaign beside this one names it.
+    This is so if it lies elsewhere, or if another campaign beside this one names it.
     """
     if "/" in layer or not any(campaign.parent.glob(f"{layer}*")):
         return True
@@ -217,11 +217,11 @@ def _is_shared(layer: str, campaign: Path) -> bool:
 
 def _text_of(path: Path) -> str:
     try:
-        # The names in other campaigns decide about a warning alone, no run depends on them.
+        # The names in other campaigns decide only about a warning; no run depends on them.
         with not_recording():
             return read_text(path)
     except InputError:
-        # A folder or a pipe of such a name is no campaign: it names nothing.
+        # A folder or a pipe with such a name is not a campaign.
         return ""
 
 
@@ -231,32 +231,32 @@ def _unused_parameters(cells: Iterable[CampaignCell]) -> Iterator[Finding]:
 
 
 def _unused_groups(cells: Sequence[CampaignCell]) -> Iterator[Finding]:
-    """Yield groups that are used in none of the cells their layer is part of."""
+    """Yield groups that no cell with their layer uses."""
     for layer in {layer.file: layer for cell in cells for layer in cell.layers}.values():
         beside = [c.layers for c in cells if any(other.file == layer.file for other in c.layers)]
         yield from unused_groups(layer, [other for layers in beside for other in layers])
 
 
 def _missing_members(cells: Iterable[CampaignCell]) -> Iterator[Finding]:
-    """Yield members of groups that are there in none of the cells of their layer."""
+    """Yield members of groups that are missing in every cell with their layer."""
     stacks = dict.fromkeys(cell.layers for cell in cells)
-    lacking = {layers: Catalogue(layers).unknown_members() for layers in stacks}
-    for problem in dict.fromkeys(p for problems in lacking.values() for p in problems):
+    missing = {layers: Catalogue(layers).unknown_members() for layers in stacks}
+    for problem in dict.fromkeys(p for problems in missing.values() for p in problems):
         file = problem.where.file
         with_it = [layers for layers in stacks if any(layer.file == file for layer in layers)]
         # Another scenario may have the members that this one lacks.
-        if all(problem in lacking[layers] for layers in with_it):
+        if all(problem in missing[layers] for layers in with_it):
             yield problem
 
 
 def say_once(findings: Iterable[Finding]) -> tuple[Finding, ...]:
-    """Return the first of each group of findings that differ in sizes alone."""
+    """Return the first of each group of findings that differ only in sizes."""
     return tuple(_with_count(first, len(others)) for first, *others in _alike(findings))
 
 
 def _alike(findings: Iterable[Finding]) -> Iterable[list[Finding]]:
-    """Return the findings in groups that differ in sizes alone, each finding once."""
-    # In another variant of a plan the same door is too narrow by another centimetre.
+    """Return the findings in groups that differ only in sizes, each finding once."""
+    # The same door may be too narrow by another centimetre in another variant of a plan.
     groups: dict[tuple[object, ...], list[Finding]] = {}
     for one in dict.fromkeys(findings):
         key = (one.where, one.severity, _SIZE.sub("#", one.message))
@@ -265,7 +265,7 @@ def _alike(findings: Iterable[Finding]) -> Iterable[list[Finding]]:
 
 
 def _with_count(first: Finding, others: int) -> Finding:
-    """Say in the hint how many others there are: the message is what ``allow`` is copied from."""
+    """Add the number of others to the hint, because people copy the message into ``allow``."""
     if not others:
         return first
     count = f"{others} more like it, with other sizes"

@@ -1,8 +1,8 @@
-"""From launch files to the sections that the reference stack reads.
+"""Launch files as sections of parameters for the reference stack.
 
-Of what a launch file starts, move_base and amcl are done here. Their private parameters become the
+Of the nodes in a launch file, move_base and amcl exist here. Their private parameters become the
 sections ``move_base`` and ``amcl``; names, remaps and the topic of the map become ``topics/nodes``
-and ``topics/maps``. Everything keeps the place it was written at.
+and ``topics/maps``. Every value keeps its place in the file.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _MOVE_BASE: Final[NodeType] = ("move_base", "move_base")
 _AMCL: Final[NodeType] = ("amcl", "amcl")
 _MAP_SERVER: Final[NodeType] = ("map_server", "map_server")
 _SEARCHED_UPWARDS: Final = ("footprint", "robot_radius")
-"""What costmaps look for in every namespace above theirs (costmap_2d, footprint.cpp)."""
+"""Parameters that costmaps search in every namespace above theirs (costmap_2d, footprint.cpp)."""
 _LOCALISERS: Final = {
     "cartographer_ros": "maps while it drives",
     "fake_localization": "is told where the robot is",
@@ -52,10 +52,10 @@ _MOST_NAMED: Final = 8
 
 @dataclass(frozen=True, slots=True)
 class _LaunchPlan:
-    """Launch files to be read, and all that SUT files say about them.
+    """Launch files to read, with the settings of all SUT files for them.
 
-    ``where`` is the place that names the files, ``node`` the name of the move_base to test with its
-    place, if a file says it.
+    ``where`` is the place that names the files. ``node`` is the name of the move_base to test with
+    its place, if a file has it.
     """
 
     files: tuple[tuple[Path, Where], ...]
@@ -70,14 +70,14 @@ def load_launched(
     """Return the parameters of the nodes that launch files start, by section.
 
     ``base`` names the files, ``changes`` to it come from the SUT files above it, the lowest first.
-    Raises :class:`InputError` with everything wrong.
+    Raises :class:`InputError` with all errors.
     """
     plan = _plan_launch(base, changes)
     launch = load_launch(plan.files, plan.settings, {_MOVE_BASE, _AMCL})
     warnings += launch.warnings
     move_base = _choose_move_base(plan, launch)
     amcl = _choose_amcl(plan, launch, move_base, warnings)
-    settings = _found_upwards(launch, move_base)
+    settings = _inherited(launch, move_base)
     for section, node in (("move_base", move_base), ("amcl", amcl)):
         if node is not None:
             settings |= _section(section, node)
@@ -128,8 +128,8 @@ def _section(section: str, node: LaunchNode) -> ParameterValues:
     return settings
 
 
-def _found_upwards(launch: Launch, move_base: LaunchNode) -> ParameterValues:
-    """Return what the costmaps find above move_base: the nearest namespace that has it."""
+def _inherited(launch: Launch, move_base: LaunchNode) -> ParameterValues:
+    """Return the values that costmaps find above move_base, from the nearest namespace."""
     spaces = tuple(part for part in move_base.name.split("/") if part)
     return {
         ("move_base", name): launch.parameters[*spaces[:depth], name]
@@ -140,15 +140,15 @@ def _found_upwards(launch: Launch, move_base: LaunchNode) -> ParameterValues:
 
 
 def _choose_move_base(plan: _LaunchPlan, launch: Launch) -> LaunchNode:
-    there = [node for node in launch.nodes if node.kind == _MOVE_BASE]
+    nodes = [node for node in launch.nodes if node.kind == _MOVE_BASE]
     if plan.node is not None:
         name, where = plan.node
-        for node in there:
+        for node in nodes:
             if node.name == name:
                 return node
-        hint = did_you_mean(name, (node.name for node in there))
+        hint = did_you_mean(name, (node.name for node in nodes))
         raise InputError.at(where, f"node: no move_base is called {name}", hint)
-    if not there:
+    if not nodes:
         others = [node for node in launch.nodes if node.package in _DRIVERS]
         message = f"starts no move_base; it starts {_listed(launch.nodes)}"
         hints = [
@@ -156,11 +156,11 @@ def _choose_move_base(plan: _LaunchPlan, launch: Launch) -> LaunchNode:
             *_left_out(launch),
         ]
         raise InputError.at(plan.where, message, "; ".join(hints))
-    if len(there) > 1:
-        names = ", ".join(f"{node.name} ({_place(node)})" for node in there)
-        message = f"starts {len(there)} move_base nodes: {names}"
-        raise InputError.at(plan.where, message, f'write "node: {there[0].name}" for that one')
-    return there[0]
+    if len(nodes) > 1:
+        names = ", ".join(f"{node.name} ({_place(node)})" for node in nodes)
+        message = f"starts {len(nodes)} move_base nodes: {names}"
+        raise InputError.at(plan.where, message, f'write "node: {nodes[0].name}" for that one')
+    return nodes[0]
 
 
 def _choose_amcl(
@@ -170,19 +170,19 @@ def _choose_amcl(
     warnings: list[Finding],
 ) -> LaunchNode | None:
     """Return the amcl of a robot: the only one, or the one beside its move_base."""
-    there = [node for node in launch.nodes if node.kind == _AMCL]
+    nodes = [node for node in launch.nodes if node.kind == _AMCL]
     space = move_base.name.rpartition("/")[0]
-    beside = [node for node in there if node.name.rpartition("/")[0] == space]
-    if len(there) == 1 or len(beside) == 1:
-        return (beside if len(beside) == 1 else there)[0]
-    if there:
-        names = ", ".join(f"{node.name} ({_place(node)})" for node in there)
-        message = f"starts {len(there)} amcl nodes: {names}"
+    beside = [node for node in nodes if node.name.rpartition("/")[0] == space]
+    if len(nodes) == 1 or len(beside) == 1:
+        return (beside if len(beside) == 1 else nodes)[0]
+    if nodes:
+        names = ", ".join(f"{node.name} ({_place(node)})" for node in nodes)
+        message = f"starts {len(nodes)} amcl nodes: {names}"
         hint = f"one of them must be in the namespace of {move_base.name}"
         raise InputError.at(plan.where, message, hint)
-    message = "starts no amcl: it localises with amcl's defaults here, but for parameters/amcl"
+    message = "starts no amcl: amcl's defaults apply here, except for parameters/amcl"
     others = [
-        f"{node.name} ({node.package}) {_LOCALISERS[node.package]}, which is not done here"
+        f"{node.name} ({node.package}) {_LOCALISERS[node.package]}, which is not supported here"
         for node in launch.nodes
         if node.package in _LOCALISERS
     ]
@@ -192,16 +192,16 @@ def _choose_amcl(
 
 
 def _left_out(launch: Launch) -> list[str]:
-    """Return a hint on includes of packages that are not given, which may start the node."""
+    """Return a hint on includes of missing packages, which may start the node."""
     if not launch.left_out:
         return []
-    return [f"it may be started by what is left out: {', '.join(launch.left_out)}"]
+    return [f"a file that is left out may start it: {', '.join(launch.left_out)}"]
 
 
 def _maps(launch: Launch, listener: LaunchNode) -> ParameterValues:
-    """Return the topics of the map that ``listener`` hears, which is the map of a run.
+    """Return the topics of the map of a run, the one that ``listener`` hears.
 
-    A server of another map, such as one of places to keep out of, is left out: no run has it.
+    A server of another map, such as one of forbidden places, is left out: no run has it.
     """
     servers = {
         _resolve_topic(node, "map"): node for node in launch.nodes if node.kind == _MAP_SERVER
@@ -215,7 +215,7 @@ def _maps(launch: Launch, listener: LaunchNode) -> ParameterValues:
 
 
 def _resolve_topic(node: LaunchNode, name: str) -> str:
-    """Return the topic that ``node`` means by ``name``."""
+    """Return the full topic of ``name`` in ``node``."""
     full = resolve_for_node(name, node.name)
     remap = node.remaps.get(full)
     return full if remap is None else remap.to

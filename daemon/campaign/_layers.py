@@ -1,4 +1,4 @@
-"""From names in a campaign file to loaded layers: where they are looked for, read once each."""
+"""Layers of a campaign: found by name, each file read once."""
 
 from __future__ import annotations
 
@@ -46,10 +46,10 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class LayerKind:
-    """A kind of layer: what people call it, its file endings, the folder it may share.
+    """A kind of layer: its name for people, its file endings, the folder it may share.
 
-    Files of a kind with a ``key`` have that key; their ending is one of other files, too. Of some
-    kinds there are layers that ship, which any campaign may name.
+    Files of a kind with a ``key`` contain that key, since other files have the same ending. Some
+    kinds have layers that ship, which any campaign may name.
     """
 
     title: str
@@ -68,17 +68,17 @@ SUT: Final = LayerKind("system under test", (".yaml",), "suts", key="sut", ships
 ORACLES: Final = LayerKind("oracles", (".oracles.yaml", ".yaml"), "oracles")
 
 LAYER_KINDS: Final = (ROBOT, SUT, FLOORPLAN, VARIATION, SCENERY, MISSION, ORACLES)
-"""Every kind, those first of which there are some that ship."""
+"""Every kind, those with shipped layers first."""
 
 
 def find_layer(
     folder: Path, reference: LayerReference, kind: LayerKind, *, shipped: bool = True
 ) -> Path:
-    """Return the file a reference names, or the folder of JSON-LD files that are one layer.
+    """Return the file of a reference, or the folder of JSON-LD files that form one layer.
 
-    A name is looked for beside the campaign file, then in the kind's folder there
-    (``robots/robile.yaml``), then in that folder one level up, and last among those that ship,
-    unless ``shipped`` is false; a path is taken from the campaign file's folder. Raises
+    The search for a name begins beside the campaign file, then in the kind's folder there
+    (``robots/robile.yaml``), then in that folder one level up, and last among shipped layers,
+    unless ``shipped`` is false. A path is relative to the campaign file's folder. Raises
     :class:`InputError` with the names that exist.
     """
     name = reference.name
@@ -113,55 +113,55 @@ def find_layer(
 
 
 def _is_folder_of(path: Path, kind: LayerKind) -> bool:
-    """Return whether a path is a folder of JSON-LD files, as published models are."""
+    """Return whether a path is a folder of JSON-LD files, like published models."""
     return ".jsonld" in kind.endings and is_folder(path) and is_jsonld(path)
 
 
 def _shortened(path: Path) -> Path:
-    """Return a path without ``..`` in its middle, which nobody reads, where that is the same."""
+    """Return a path without ``..`` in its middle, if it leads to the same file."""
     short = Path(os.path.normpath(path))
-    # Behind a link to a folder, ".." leads somewhere else than the text of the path says.
+    # After a link to a folder, ".." leads elsewhere than the text of the path suggests.
     return short if is_file(short) and short.samefile(path) else path
 
 
 def layer_places(folder: Path, kind: LayerKind, *, shipped: bool = True) -> tuple[Path, ...]:
     """Return the folders in which a campaign in ``folder`` finds layers by name, first to last."""
-    # Beside the campaign first, so that one may have its own robot of a name that others share.
+    # Beside the campaign first, so that it may have its own robot under a shared name.
     near = (folder, folder / kind.folder, folder / ".." / kind.folder)
     return (*near, shipped_folder() / kind.folder) if kind.ships and shipped else near
 
 
 def layer_names(place: Path, kind: LayerKind) -> list[str]:
     """Return the names of the layers in a folder that have the usual ending of their kind."""
-    # Any .jsonld file may be something else; these two endings tell a floor plan.
+    # Any .jsonld file may be something else; these two endings identify a floor plan.
     endings = (kind.endings[0], *(ending for ending in kind.endings if ending == WALLS_ENDING))
     files = names_in(place, lambda path: path.name.endswith(endings) and _may_be(path, kind))
     names = [name.removesuffix(next(filter(name.endswith, endings))) for name in files]
-    # "tiny.mission" is what another ending leaves of a name, not one that could be written.
+    # "tiny.mission" is the rest of a name with another ending, and cannot be written.
     return [name for name in names if "." not in name]
 
 
 def _may_be(path: Path, kind: LayerKind) -> bool:
-    """Return whether a file has the key of its kind, seen without reading it as YAML."""
+    """Return whether a file has the key of its kind, without parsing it as YAML."""
     if not kind.key:
         return True
     try:
         with not_recording():
             keys = {line.partition(":")[0] for line in read_text(path).split("\n")}
     except InputError:
-        return False  # what cannot be read is not proposed
+        return False  # an unreadable file is not proposed
     return kind.key in keys and "campaign" not in keys
 
 
 @dataclass(frozen=True, slots=True)
 class GivenMap:
-    """A map of one's own: what runs say of it, and what it shows."""
+    """A map file of the user: its settings for runs, and its grid."""
 
     settings: MapSettings
     grid: OccupancyGrid
 
 
-# What reads maps, drawings and JSON-LD is loaded by campaigns that have some.
+# Only campaigns with maps, drawings or JSON-LD load their readers.
 def _load_walls(path: Path) -> FloorPlan:
     from grammars.maps import load_walls
 
@@ -175,7 +175,7 @@ def _load_plan_graph(path: Path) -> FloorPlan:
 
 
 _MOST_OVERRIDDEN: Final = 64
-"""So many layers with overrides are kept; each is made again from what was read in no time."""
+"""Most layers with overrides in the cache; each is quickly made again from its file's content."""
 
 
 @dataclass(slots=True)
@@ -194,7 +194,7 @@ class LayerLibrary:
         return self._once("floor plan", path, load, reference.overrides)
 
     def plan_text(self, path: Path) -> ParsedFloorPlan:
-        """Return a plan in ``.fpm`` as it is parsed."""
+        """Return a parsed ``.fpm`` plan."""
         return self._once("text of a plan", path, read_floorplan)
 
     def variants(self, vary: PlanVariation, radius: float) -> tuple[tuple[str, FloorPlan], ...]:
@@ -228,12 +228,12 @@ class LayerLibrary:
         return self._once("scenery", path, self._load_scenery)
 
     def configured_scenery(self, reference: LayerReference) -> SceneryLayer:
-        """Load a scenery layer as the campaign wants it."""
+        """Load a scenery layer with the campaign's parameters."""
         plain = self.scenery(reference)
         return configure(plain, reference.overrides, reference.where, reference.lines)
 
     def mission(self, reference: LayerReference) -> tuple[Mission, YamlDocument]:
-        """Load a mission and the document it stands in."""
+        """Load a mission and its document."""
         path = find_layer(self.folder, reference, MISSION)
         load = partial(self._load_document, reference, read_mission)
         return self._once("mission", path, load, reference.overrides)
@@ -243,13 +243,13 @@ class LayerLibrary:
         return self.robot_file(reference)[0]
 
     def robot_file(self, reference: LayerReference) -> tuple[Robot, YamlDocument]:
-        """Load a robot description and the document it stands in."""
+        """Load a robot description and its document."""
         path = find_layer(self.folder, reference, ROBOT)
         load = partial(self._load_document, reference, read_robot)
         return self._once("robot", path, load, reference.overrides)
 
     def oracles(self, references: tuple[LayerReference, ...]) -> dict[str, Oracle]:
-        """Load oracle layers; a name in two layers is taken from the later one."""
+        """Load oracle layers; of equal names in two layers the later one counts."""
         oracles: dict[str, Oracle] = {}
         for reference in references:
             path = find_layer(self.folder, reference, ORACLES)
@@ -257,7 +257,7 @@ class LayerLibrary:
         return oracles
 
     def map(self, reference: LayerReference) -> GivenMap:
-        """Load a map of one's own and keep it where runs find it by its digest."""
+        """Load a map file and store it where runs find it by its digest."""
         path = self.folder / reference.name
         if not is_file(path):
             hint = "name the YAML file of a map, relative to the campaign file"
@@ -269,8 +269,8 @@ class LayerLibrary:
         return self.loaded_sut(reference).reference
 
     def loaded_sut(self, reference: LayerReference) -> LoadedSut:
-        """Load a system under test with all there is to say about it."""
-        # Which kinds are installed is asked once: it reads the metadata of every package.
+        """Load a system under test with all findings about it."""
+        # Cached, because the search for installed kinds reads the metadata of every package.
         named = Path(reference.name)
         path = self._once("place of a sut", named, partial(self._sut_place, reference))
         if path is not None and not reference.overrides:
@@ -287,8 +287,8 @@ class LayerLibrary:
 
     def _sut_place(self, reference: LayerReference, _: Path) -> Path | None:
         """Return the file of a system under test, ``None`` for a kind by its name."""
-        # A file of that name comes first: so a kind can be given parameters without renaming. Those
-        # that ship come last: what plugs in never changes its meaning.
+        # A file of that name comes first, so that a kind can get parameters without a new name.
+        # Shipped files come last, so that a plug-in keeps its meaning.
         try:
             return find_layer(self.folder, reference, SUT, shipped=False)
         except InputError:
@@ -297,7 +297,7 @@ class LayerLibrary:
             return find_layer(self.folder, reference, SUT)
 
     def sut_file(self, path: Path) -> LoadedSut:
-        """Load a SUT file and all it stands on; its warnings are kept once."""
+        """Load a SUT file and its bases; its warnings are kept once."""
 
         def load(path: Path) -> LoadedSut:
             return self._complete_sut(read_sut(path, self._find_sut))
@@ -307,13 +307,13 @@ class LayerLibrary:
     def _load_document(
         self, reference: LayerReference, read: Callable[[YamlDocument], T], path: Path
     ) -> tuple[T, YamlDocument]:
-        """Return what a YAML layer means with the overrides of a reference."""
+        """Return the value of a YAML layer with the overrides of a reference."""
 
         def plain(path: Path) -> tuple[T, YamlDocument]:
             document = load_yaml(path)
             return read(document), document
 
-        # As it is first: what is wrong then is wrong with the overrides, and told where they are.
+        # Read the plain file first: any later error comes from the overrides, and is placed there.
         value, document = self._once(read.__name__, path, plain)
         if not reference.overrides:
             return value, document
@@ -326,7 +326,7 @@ class LayerLibrary:
             text = self.plan_text(path)
             plan = text.compile(reference.overrides, reference.where, reference.lines)
         elif reference.overrides:
-            message = f"{path.name} has no variables, and so none to give another value"
+            message = f"{path.name} has no variables to set"
             raise InputError(Finding(reference.where, message, "use a plan in .fpm"))
         else:
             plan = _load_walls(path) if is_walls else _load_plan_graph(path)
@@ -353,12 +353,12 @@ class LayerLibrary:
 
     def _complete_sut(self, layer: SutLayer, overrides: Sequence[Override] = ()) -> LoadedSut:
         sut = complete_sut(layer, overrides)
-        # A search changes a system thousands of times: most of what is said is said already.
+        # A search changes a system thousands of times, mostly with the same warnings.
         self.warnings.extend(warning for warning in sut.warnings if warning not in self.warnings)
         return sut
 
     def _find_sut(self, folder: Path, reference: LayerReference) -> Path:
-        """Return the SUT file that one in ``folder`` is like: near it, or near the campaign."""
+        """Return the base of a SUT file in ``folder``: near it, or near the campaign."""
         try:
             return find_layer(folder, reference, SUT, shipped=False)
         except InputError:
@@ -367,8 +367,8 @@ class LayerLibrary:
     def _once(
         self, kind: str, path: Path, load: Callable[[Path], T], overrides: Overrides | None = None
     ) -> T:
-        """Load a file the first time it is named, once for all references with equal overrides."""
-        # With the kind: a .jsonld file may be a floor plan for one slot and scenery for another.
+        """Load a file once for all references with equal overrides."""
+        # The key has the kind: a .jsonld file may be a floor plan in one slot, scenery in another.
         key = (f"{kind} {overrides!r}" if overrides else kind, path)
         cache = self._overridden if overrides else self._loaded
         if key not in cache:

@@ -1,8 +1,8 @@
-"""A campaign file loaded with every layer that it names, in stages: each one uses the last one's.
+"""Loading of a campaign file with all its layers, in stages that build on each other.
 
-The file is read, its scenarios are resolved, layers loaded, cells composed, declarations and
-searches read; :func:`examine` then asks the pre-flight. Everything wrong in a stage is reported at
-once, and the next stage begins when nothing is.
+The stages read the file, resolve its scenarios, load layers, compose cells, and read declarations
+and searches; :func:`examine` then runs the pre-flight. A stage reports all its errors at once; the
+next one begins only without errors.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ from grammars.text.documents import YamlDocument, load_yaml, read_model
 
 
 def examine(path: str | Path) -> tuple[Campaign, tuple[Finding, ...]]:
-    """Load a campaign and return it with its warnings and with everything the pre-flight finds.
+    """Load a campaign; return it with its warnings and all findings of the pre-flight.
 
     Raises :class:`InputError` as :func:`load_campaign` does.
     """
@@ -64,7 +64,7 @@ def examine(path: str | Path) -> tuple[Campaign, tuple[Finding, ...]]:
 def check_campaign(
     campaign: Campaign, *, selected: bool = False
 ) -> tuple[Campaign, tuple[Finding, ...]]:
-    """Return a campaign with its warnings and with everything the pre-flight finds.
+    """Return a campaign with its warnings and all findings of the pre-flight.
 
     A campaign of ``selected`` cells need not have every warning that its file allows.
     """
@@ -75,25 +75,25 @@ def check_campaign(
 
 
 def load_campaign(path: str | Path, *, system: str = "") -> Campaign:
-    """Load a campaign file and every layer it names.
+    """Load a campaign file and all its layers.
 
-    ``system``, a system under test as campaigns name them or a path, takes the place of those of
-    every scenario; the searches are left out then. Raises :class:`InputError` with all problems of
-    the first stage that has any.
+    ``system``, the name or path of a system under test, replaces those of every scenario; the
+    searches are left out then. Raises :class:`InputError` with all problems of the first stage that
+    has any.
     """
     document = load_yaml(path)
     text = read_model(document, CampaignFile)
-    written = resolve_scenarios(text, document)
-    scenarios = dict(written)
+    originals = resolve_scenarios(text, document)
+    scenarios = dict(originals)
     if system:
         instead = LayerReference(system, {}, Where(f"system {system}"))
-        scenarios = {name: replace(one, suts=(instead,)) for name, one in written.items()}
+        scenarios = {name: replace(one, suts=(instead,)) for name, one in originals.items()}
     draft = Draft(text, document, LayerLibrary(Path(path).parent), scenarios)
     _refuse_too_many(draft)
     draft = _with_layers(draft)
     draft = replace(draft, cells=_compose_cells(draft))
-    # What the file says of its systems is held against those that it names.
-    declared, problems = read_declarations(replace(draft, scenarios=written))
+    # Check the declarations against the systems in the file, not against ``system``.
+    declared, problems = read_declarations(replace(draft, scenarios=originals))
     searches, findings = ((), ()) if system else read_searches(draft)
     problems += [one for one in findings if one.severity is Severity.ERROR]
     timed = [time_legs(cell, declared, document) for cell in draft.cells]
@@ -127,7 +127,7 @@ def load_campaign(path: str | Path, *, system: str = "") -> Campaign:
 
 
 def _refuse_too_many(draft: Draft) -> None:
-    """Refuse a campaign with more runs than the daemon takes, before their behaviours are drawn."""
+    """Refuse a campaign with more runs than the daemon takes, before drawing behaviours."""
     cells = sum(
         len(scenario.suts) * (scenario.vary.samples or 1 if scenario.vary else 1)
         for scenario in draft.scenarios.values()
@@ -138,7 +138,7 @@ def _refuse_too_many(draft: Draft) -> None:
 
 
 def _with_layers(draft: Draft) -> Draft:
-    """Return the campaign with its oracles, after every layer of it has been loaded once."""
+    """Load every layer of a campaign once and return the campaign with its oracles."""
     names, document = draft.text.oracles or [], draft.document
     files = tuple(
         LayerReference(name, {}, document.where(("oracles", i))) for i, name in enumerate(names)
@@ -151,7 +151,7 @@ def _with_layers(draft: Draft) -> Draft:
 def _layer_loads(
     scenario: ResolvedScenario, oracle_files: tuple[LayerReference, ...], draft: Draft
 ) -> Iterator[Callable[[], object]]:
-    """Yield what loads each layer of a scenario; the library keeps them for the next stages."""
+    """Yield a loader for each layer of a scenario; the library caches them for later stages."""
     library = draft.library
     yield lambda: pick_oracles(scenario, library.oracles(oracle_files), draft.text)
     yield partial(library.robot, required(scenario.robot))
@@ -166,7 +166,7 @@ def _layer_loads(
 
 
 def _check_names(scenario: ResolvedScenario, library: LayerLibrary) -> None:
-    """Refuse systems of one name that differ, and layers with objects that are named again."""
+    """Refuse different systems of one name, and layers with objects that are named twice."""
     problems = []
     systems: dict[str, SutReference] = {}
     for reference in scenario.suts:
@@ -180,14 +180,14 @@ def _check_names(scenario: ResolvedScenario, library: LayerLibrary) -> None:
     first: dict[str, int] = {}
     for number, reference in enumerate((*scenario.objects, *scenario.behaviours)):
         layer = library.scenery(reference)
-        # One that only says what objects do may be named again, to win over those in between.
+        # A layer with behaviours alone may be repeated, to win over the layers in between.
         is_first = first.setdefault(layer.file, number) == number
         if is_first or not (layer.models or layer.instances):
             continue
         under_both = first[layer.file] < count <= number
         places = "under objects and behaviours" if under_both else "twice"
         message = f"{reference.name} is named {places}"
-        hint = "name it once, under objects: what it says of them holds as well"
+        hint = "name it once, under objects: its behaviours hold as well"
         problems.append(Finding(reference.where, message, hint))
     raise_all(problems)
 
@@ -273,7 +273,7 @@ def _announce_repeats(suts: Iterable[SutReference], document: YamlDocument) -> I
     if names and "repeats" not in document.data:
         message = (
             f"{', '.join(names)}: not repeatable, so every scenario is run {EXTERNAL_REPEATS} "
-            "times with it; the campaign does not say how often"
+            "times with it; the campaign gives no number"
         )
         where = document.where(("matrix", "sut"))
         hint = f'write "repeats: {EXTERNAL_REPEATS}" for all systems, or another number'

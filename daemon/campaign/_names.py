@@ -1,6 +1,6 @@
-"""Names of layers in a campaign file: one, several, some with values for what they leave open.
+"""Names of layers in a campaign file: one, several, some with values for their parameters.
 
-Anything else that is written there gets one finding in plain words.
+Any other value gets one finding in plain words.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ _OneLayer: TypeAlias = Annotated[
 
 
 def _layer(value: Any) -> Any:
-    """Take the name of a layer, alone or with overrides; raises ``ValueError`` in plain words."""
+    """Check the name of a layer, alone or with overrides; raises ``ValueError`` in plain words."""
     if isinstance(value, str):
         return value
     if isinstance(value, list):
         raise ValueError("takes one layer here, not a list: write its name without brackets")
     if isinstance(value, bool | int | float):
-        # What has become a number or a flag was meant as a name: its reader says how to write it.
+        # YAML made a number or a flag of a name: the reader of the error says how to write it.
         raise PydanticCustomError("string_type", "must be text")
     if not isinstance(value, dict) or not value:
         raise ValueError("must be NAME or NAME: {parameter: value}, not nothing")
@@ -40,17 +40,17 @@ def _layer(value: Any) -> Any:
 
 LayerName: TypeAlias = Annotated[
     str | dict[str, Overrides],
-    # Plain: a union would report each of its members, in words about Python.
+    # A union would report each of its members, in terms of Python.
     PlainValidator(_layer, json_schema_input_type=str | _OneLayer),
 ]
 
 
 def _name_alone(value: Any) -> Any:
-    """Return a name; raises for lists, keys and ``null``, which are the likely mistakes."""
+    """Return a name; raises for lists, keys and ``null``, the likely mistakes."""
     if isinstance(value, list):
         raise wrong_form("takes one name, not a list: write it without brackets")
     if isinstance(value, dict):
-        raise wrong_form("takes a name, not keys: what is named is written elsewhere")
+        raise wrong_form("takes a name, not keys: its definition is written elsewhere")
     if value is None:
         raise wrong_form("names nothing")
     return value
@@ -58,7 +58,7 @@ def _name_alone(value: Any) -> Any:
 
 def _no_mapping(value: Any) -> Any:
     if isinstance(value, dict):
-        raise wrong_form("takes names, not keys: what is named is written elsewhere")
+        raise wrong_form("takes names, not keys: their definitions are written elsewhere")
     return value
 
 

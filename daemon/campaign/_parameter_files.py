@@ -31,15 +31,15 @@ from grammars.text.ros_yaml import load_ros_yaml
 from grammars.text.sources import is_file, is_folder, names_in, note_read
 
 _COMMON: Final = "costmap_common"
-"""What launch files load into both costmaps, before what each has of its own."""
+"""Values that launch files load into both costmaps, below the own values of each."""
 _COSTMAPS: Final = (("move_base", "global_costmap"), ("move_base", "local_costmap"))
 
 
 @dataclass(frozen=True, slots=True)
 class _PackageFile:
-    """A file of a navigation package: how it may be called, the namespace it is loaded into.
+    """A file of a navigation package: its possible names, the namespace it is loaded into.
 
-    Files about one ``section`` often leave its name out; they are then loaded into the section.
+    Files about one ``section`` often omit its name; they are then loaded into the section.
     """
 
     names: tuple[str, ...]
@@ -65,7 +65,7 @@ _PACKAGE_FILES: Final = (
         ("dwa_local_planner_params.yaml", "dwa_params.yaml"), "move_base", "DWAPlannerROS"
     ),
 )
-"""In the order in which a usual launch file loads them: a later file wins."""
+"""Package files in the order of a usual launch file: a later file wins."""
 
 
 def load_package_folder(
@@ -73,8 +73,8 @@ def load_package_folder(
 ) -> ParameterValues:
     """Return the settings of the well-known files in ``folder``.
 
-    ``where`` is the place that names the folder; with ``whole`` a usual file that is not there is
-    worth a warning. Raises :class:`InputError` with everything wrong in the files.
+    ``where`` is the place that names the folder. With ``whole``, missing usual files cause
+    warnings. Raises :class:`InputError` with all errors in the files.
     """
     if not is_folder(folder):
         raise InputError(Finding(where, f"no folder {folder}", _near(folder, is_folder)))
@@ -98,9 +98,9 @@ def load_package_folder(
 def load_parameter_files(
     files: Mapping[str, Iterable[tuple[Path, Where]]], warnings: list[Finding]
 ) -> ParameterValues:
-    """Return the settings of files by the namespace they are loaded into, in the order written.
+    """Return the settings of files, which are given by their namespace, in order.
 
-    Each file comes with the place that names it. Raises :class:`InputError` with everything wrong.
+    Each file comes with the place that names it. Raises :class:`InputError` with all errors.
     """
 
     def load(namespace: str, path: Path, where: Where) -> ParameterValues:
@@ -116,7 +116,7 @@ def load_parameter_files(
 
 
 def _load_files(loads: Iterable[Callable[[], ParameterValues]]) -> ParameterValues:
-    """Return the settings of files, of which a later one wins over those before it."""
+    """Return the settings of files; later files win."""
     return reduce(merge_parameters, gather(loads), {})
 
 
@@ -125,7 +125,7 @@ def _load(
 ) -> ParameterValues:
     """Return the values of a file; names that begin with a slash leave the namespace.
 
-    A file about one ``section`` that does not name it is loaded into that section.
+    A file that omits the name of its only ``section`` is loaded into that section.
     """
     document, findings = load_ros_yaml(path)
     _refuse_nav2(document)
@@ -146,7 +146,7 @@ def _first_name(name: str) -> str:
 
 
 def _instead_of_files(folder: Path, names: Iterable[str]) -> str:
-    """Say what a folder without the usual files may be."""
+    """Return a hint on the likely content of a folder without the usual files."""
     yaml = sorted(name for name in names if name.endswith((".yaml", ".yml")))
     for name in yaml:
         if _is_of_ros2(folder / name):
@@ -179,14 +179,14 @@ def _missing_files(folder: Path, present: Iterable[_PackageFile], where: Where) 
 
 
 def _near(path: Path, pick: Callable[[Path], bool] = is_file) -> str:
-    """Propose a name beside ``path``, of those that ``pick`` takes."""
+    """Propose a similar name beside ``path``, among those that ``pick`` accepts."""
     if not is_folder(path.parent):
         return f"there is no folder {path.parent}"
     return did_you_mean(path.name, names_in(path.parent, pick))
 
 
 def apply_common_costmap(settings: ParameterValues) -> ParameterValues:
-    """Load the common values of the costmaps into each, below its own ones."""
+    """Load the common values of the costmaps into each, below its own values."""
     common = {path: s for path, s in settings.items() if path[0] == _COMMON}
     own = {path: s for path, s in settings.items() if path[0] != _COMMON}
     return merge_parameters(spread_common(common, {}), own)
@@ -195,15 +195,15 @@ def apply_common_costmap(settings: ParameterValues) -> ParameterValues:
 def spread_common(changes: ParameterValues, base: ParameterValues) -> ParameterValues:
     """Return ``changes`` to ``base`` with those of both costmaps written out for each.
 
-    Launch files load common values into each costmap themselves: a change of both would otherwise
-    lie below what it is to change.
+    Launch files load common values into each costmap themselves; otherwise those would win over a
+    change of both.
     """
     common = {path[1:]: s for path, s in changes.items() if path[0] == _COMMON and len(path) > 1}
     spread: ParameterValues = {}
     for path, setting in common.items():
         places = [(*costmap, *path) for costmap in _COSTMAPS]
         if setting.value is None:
-            # What only one of them has can be taken away from that one alone.
+            # A value of only one costmap is removed from that one alone.
             places = [one for one in places if is_inherited(one, base)] or places
         spread |= dict.fromkeys(places, setting)
     return spread | {path: s for path, s in changes.items() if path[0] != _COMMON}
@@ -227,7 +227,7 @@ _COUNTERPARTS: Final = {
 
 
 def _refuse_nav2(document: YamlDocument) -> None:
-    """Raise :class:`InputError` for a parameter file of ROS 2, with the ways to go on."""
+    """Raise :class:`InputError` for a parameter file of ROS 2, with hints on alternatives."""
     sections = list(_ros2_sections(document.data, ()))
     if not sections:
         return
@@ -239,7 +239,7 @@ def _refuse_nav2(document: YamlDocument) -> None:
         hints.append(f"the reference stack has, under names of ROS 1: {'; '.join(counterparts)}")
     if other:
         hints.append(f"nothing here corresponds to {', '.join(other)}")
-    message = f"is a parameter file of ROS 2 ({_ROS2_MARK}), of which move_base reads nothing"
+    message = f"is a parameter file of ROS 2 ({_ROS2_MARK}), which move_base does not read"
     raise InputError.at(document.where((*sections[0], _ROS2_MARK)), message, "\n    ".join(hints))
 
 
@@ -254,7 +254,7 @@ def _ros2_sections(data: Any, path: KeyPath) -> Iterator[KeyPath]:
 
 
 def _is_of_ros2(path: Path) -> bool:
-    """Return whether a file looks like one with parameters of ROS 2."""
+    """Return whether a file looks like a parameter file of ROS 2."""
     note_read(path)
     with path.open("rb") as file:
         return _ROS2_MARK.encode() in file.read(2**20)

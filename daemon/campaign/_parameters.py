@@ -1,6 +1,7 @@
-"""Parameters in layers, every value by its path with the place it was written at.
+"""Parameters in layers: every value by its path, with its place in a file.
 
-A later layer changes what it names and leaves the rest; ``null`` takes an inherited value away.
+A later layer changes the values that it names and keeps the others; ``null`` removes an inherited
+value.
 """
 
 from __future__ import annotations
@@ -42,12 +43,12 @@ def merge_parameters(base: ParameterValues, over: ParameterValues) -> ParameterV
 
     Raises :class:`InputError` for a ``null`` without an inherited value.
     """
-    # Checked against the base, not the result: two lines of one file may each take something away.
+    # Check against the base, not the result: two lines of one file may each remove a value.
     result = dict(base)
     namespaces = _namespaces(base)
     for path, setting in over.items():
         if setting.value is None and not is_inherited(path, base):
-            message = f"{path[-1]}: null takes an inherited value away, and there is none"
+            message = f"{path[-1]}: null removes an inherited value, but there is none"
             raise InputError(Finding(setting.where, message, "write a value or leave it out"))
         _put(result, namespaces, path, setting)
         if setting.value is None:
@@ -56,12 +57,12 @@ def merge_parameters(base: ParameterValues, over: ParameterValues) -> ParameterV
 
 
 def is_inherited(path: ParameterPath, base: ParameterValues) -> bool:
-    """Return whether there is something at ``path``, above it or below it."""
+    """Return whether there is a value at ``path``, above it or below it."""
     return any(_shares(path, old) for old in base)
 
 
 def _namespaces(paths: Iterable[ParameterPath]) -> set[ParameterPath]:
-    """Return everything that leads to one of the paths."""
+    """Return every beginning of the paths."""
     return {path[:length] for path in paths for length in range(1, len(path))}
 
 
@@ -73,13 +74,13 @@ def _put(
 ) -> None:
     """Set one value in place of any value at its path, above it or below it.
 
-    ``namespaces`` are those of the settings and maybe some more; looking through all settings for
-    each value would take minutes for the largest files.
+    ``namespaces`` contain at least those of the settings: a search through all settings for each
+    value would take minutes for the largest files.
     """
     below: list[ParameterPath] = []
     if path in namespaces:
         below = [old for old in settings if len(old) > len(path) and _shares(old, path)]
-    # An empty mapping in a file says nothing: it takes nothing away from what stands below it.
+    # An empty mapping in a file removes no values below it.
     if setting.value == {} and below:
         return
     above = [path[:length] for length in range(1, len(path)) if path[:length] in settings]
@@ -90,7 +91,7 @@ def _put(
 
 
 def _shares(one: ParameterPath, other: ParameterPath) -> bool:
-    """Return whether one path is the other or leads to it."""
+    """Return whether one path is the beginning of the other."""
     shorter = min(len(one), len(other))
     return one[:shorter] == other[:shorter]
 
@@ -98,7 +99,7 @@ def _shares(one: ParameterPath, other: ParameterPath) -> bool:
 def parameter_tree(settings: ParameterValues) -> dict[str, Any]:
     """Return settings as nested dicts in alphabetical order.
 
-    What a run is identified by then does not depend on who wrote what first.
+    The digest of a run then does not depend on the order of lines in files.
     """
     tree: dict[str, Any] = {}
     for path, setting in sorted(settings.items(), key=lambda item: item[0]):
@@ -110,7 +111,7 @@ def parameter_tree(settings: ParameterValues) -> dict[str, Any]:
 
 
 def parameter_place(settings: ParameterValues, path: tuple[str | int, ...]) -> Where | None:
-    """Return where the value at ``path`` stands, or else the nearest value above or below it."""
+    """Return the place of the value at ``path``, otherwise of the nearest one above or below."""
     first_index = next((i for i, part in enumerate(path) if isinstance(part, int)), len(path))
     names = tuple(part for part in path[:first_index] if isinstance(part, str))
     for length in range(len(names), 0, -1):

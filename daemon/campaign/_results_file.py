@@ -1,7 +1,6 @@
-"""The keys of a campaign file that are about results: how many runs, and what they are held to.
+"""The keys of a campaign file about results: the number of runs, and the demands on them.
 
-Policies are sentences (``rate >= 80 %``), so that no value starts with a sign that means something
-to YAML.
+Policies are sentences (``rate >= 80 %``), so that no value starts with a special sign of YAML.
 """
 
 from __future__ import annotations
@@ -17,12 +16,12 @@ from grammars.text.documents import StrictModel, text_or
 from grammars.text.quantity import Ratio, read_as
 
 _MOST_REPEATS: Final = 100_000
-"""As many as one submission of a campaign is tested with."""
+"""Largest number that tests submit in one campaign."""
 _RATE: Final = re.compile(r"rate\s*>=\s*(?P<rate>[^<>=]+)")
 
 
 def read_rule(text: str) -> tuple[PolicyRule, float]:
-    """Read ``all``, ``mean`` or ``rate >= 80 %`` to a rule and its rate; raises ``ValueError``."""
+    """Read ``all``, ``mean`` or ``rate >= 80 %``; return rule and rate; raises ``ValueError``."""
     words = text.strip()
     if words in ("all", "mean"):
         return ("all", 1.0) if words == "all" else ("mean", 1.0)
@@ -30,7 +29,7 @@ def read_rule(text: str) -> tuple[PolicyRule, float]:
     if rule is None:
         raise ValueError(f'"{text}" is not a rule: write all, mean or rate >= 80 %')
     rate = read_as(rule["rate"].strip(), "ratio")
-    # No finite number of passes excludes a rate just below 100 %; "all" says what can be said.
+    # No finite number of passes excludes a rate just below 100 %; "all" is the closest rule.
     if not 0.0 < rate < 1.0:
         raise ValueError(
             f"no number of runs shows a rate of {rule['rate'].strip()}: "
@@ -45,8 +44,8 @@ def _check_rule(text: str) -> str:
 
 
 def _repeats_mapping(value: Any) -> Any:
-    """Take a plain number of repeats for ``{n: number}``."""
-    # bool is an int to Python: "repeats: true" would be one run.
+    """Turn a plain number of repeats into ``{n: number}``."""
+    # bool is an int in Python: "repeats: true" would be one run.
     if isinstance(value, bool) or not isinstance(value, int | dict):
         raise ValueError("must be a whole number, or {n: 5, pass: rate >= 80 %}")
     return {"n": value} if isinstance(value, int) else value
@@ -56,14 +55,14 @@ class _RepeatsText(StrictModel):
     """Number of runs of every cell, and the rule by which they pass together."""
 
     n: int = Field(ge=1, le=_MOST_REPEATS)
-    """Runs of every scenario; the same repeat sees the same noise in each of them."""
+    """Runs of every scenario; the same repeat has the same noise in each of them."""
     rule: Annotated[str, AfterValidator(_check_rule)] = Field(default="all", alias="pass")
-    """all: every run passes; rate >= 80 %: it is shown that so many do (exact, 95 %);
-    mean: it is shown that the mean margin is not below 0 (t, 95 %)."""
+    """all: every run passes; rate >= 80 %: the runs show this pass rate (exact, 95 %);
+    mean: the runs show that the mean margin is not below 0 (t, 95 %)."""
     until: Literal["decided"] | None = None
-    """decided: cells that are neither shown to pass nor to fail get more runs, up to at-most."""
+    """decided: cells shown neither to pass nor to fail get more runs, up to at-most."""
     at_most: int | None = Field(default=None, ge=1, le=_MOST_REPEATS, alias="at-most")
-    """So many runs of a cell and no more; needed with "until: decided"."""
+    """Most runs of a cell; required with "until: decided"."""
 
     @model_validator(mode="after")
     def _sensible(self) -> _RepeatsText:
@@ -89,7 +88,7 @@ ONCE: Final = _RepeatsText(n=1)
 
 
 def repeat_policy(text: _RepeatsText) -> RepeatPolicy:
-    """Return the policy that ``repeats:`` means."""
+    """Return the policy of ``repeats:``."""
     rule, rate = read_rule(text.rule)
     return RepeatPolicy(text.n, rule, rate, text.until is not None, text.at_most or text.n)
 
@@ -98,30 +97,30 @@ class ExpectText(StrictModel):
     """An expected verdict, and why; an unexpected pass is reported too."""
 
     scenario: str = "*"
-    """Name of a scenario, or a pattern such as S3.*; all when left out."""
+    """Name of a scenario, or a pattern such as S3.*; by default all."""
     oracle: str = "*"
-    """Name of an oracle or of a comparison, or a pattern; all when left out."""
+    """Name of an oracle or of a comparison, or a pattern; by default all."""
     sut: Names = Field(default_factory=list)
-    """Systems under test, names or patterns; all when left out."""
+    """Systems under test, names or patterns; by default all."""
     verdict: Literal["pass", "fail", "mixed", "any"]
-    """pass; fail: in every run; mixed: in at least one run; any: whatever comes out."""
+    """pass; fail: a failure in every run; mixed: in at least one run; any: no expectation."""
     why: str = Field(min_length=1)
-    """Why this is so; it is shown beside the verdict."""
+    """The reason, shown beside the verdict."""
 
     @model_validator(mode="after")
     def _about_something(self) -> ExpectText:
         if self.scenario == self.oracle == "*":
-            raise ValueError('name a "scenario" or an "oracle" it is about')
+            raise ValueError('name its "scenario" or its "oracle"')
         return self
 
 
 class AllowText(StrictModel):
-    """A warning of the check that is meant, and is not said any more."""
+    """An intended situation whose warning the check leaves out."""
 
     warning: str = Field(min_length=1)
-    """The warning as it is said, * for whatever stands there: the leaf of door_12 sweeps *."""
+    """The text of the warning, * for any text: the leaf of door_12 sweeps *."""
     why: str = Field(min_length=1)
-    """Why it is meant."""
+    """Why this is intended."""
 
 
 class GateText(StrictModel):
@@ -131,7 +130,7 @@ class GateText(StrictModel):
     """Id or name of a campaign, a JSON file of results, or last-green: the newest earlier run of
     this campaign in which everything was as expected."""
     worse_by: Ratio = Field(alias="worse-by", ge=0.0)
-    """By how much a margin or the duration may get worse, such as 10 %."""
+    """Share by which a margin or the duration may get worse, such as 10 %."""
 
 
 # A count needs no unit, and so no quotes.
@@ -144,28 +143,28 @@ class ValueText(StrictModel):
     scenario: str = ""
     """Name of a scenario, or a pattern such as S3.*; left out for a comparison."""
     sut: Names = Field(default_factory=list)
-    """Systems under test, names or patterns; all when left out."""
+    """Systems under test, names or patterns; by default all."""
     oracle: str = Field(min_length=1)
-    """Name of a measure, of an oracle, or of a comparison; duration is there always."""
+    """Name of a measure, of an oracle, or of a comparison; duration always exists."""
     value: _Amount
-    """With the unit of the measure, such as 696.08 s; of an oracle with a limit how many runs
-    passed, such as 3 of 5."""
+    """Value with the unit of the measure, such as 696.08 s; for an oracle with a limit the number
+    of passes, such as 3 of 5."""
     statistic: Literal["mean", "median", "min", "max"] = "mean"
-    """What the source made of its runs: the mean, or for instance the largest value of all."""
+    """Statistic of the source over its runs."""
     deviation: _Amount | None = None
     """Standard deviation of the runs."""
     range: Annotated[list[_Amount], Field(min_length=2, max_length=2)] | None = None
     """Least and greatest value, or the bounds of an interval."""
     runs: int | None = Field(default=None, ge=1)
-    """Of how many runs it is."""
+    """Number of runs behind the value."""
     note: str = ""
-    """Where in the source it stands, and what else is to be said about it."""
+    """Place in the source, and other remarks."""
 
 
 class ReferenceText(StrictModel):
     """Values of one source."""
 
     source: str = Field(min_length=1)
-    """Who found it and where it stands; it is shown beside the values."""
+    """Author and place of publication, shown beside the values."""
     values: list[ValueText] = Field(min_length=1)
     """The values, one for each scenario, system and quantity."""

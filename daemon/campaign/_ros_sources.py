@@ -1,6 +1,6 @@
-"""The key ``ros`` of a SUT file: a folder of parameter files, or launch files and what they need.
+"""The key ``ros`` of a SUT file: a folder of parameter files, or launch files with settings.
 
-A file that is like another may say only what differs, such as another arg: the launch files are
+A file that is like another may contain only differences, such as another arg: the launch files are
 then read again with it.
 """
 
@@ -24,30 +24,30 @@ class RosSource(StrictModel):
 
     folder: str | None = Field(default=None, min_length=1)
     """A folder with the parameter files of a robot's navigation package (amcl.yaml,
-    costmap_common_params.yaml, move_base_params.yaml ...), loaded as usual launch files do.
+    costmap_common_params.yaml, move_base_params.yaml ...), loaded as by usual launch files.
     "ros: FOLDER" is the same."""
     launch: _Texts = Field(default_factory=list)
     """Launch files (XML) that start move_base and amcl, one after the other."""
     args: dict[str, _Text] = Field(default_factory=dict)
     """Args for the launch files, as on the command line of roslaunch."""
     packages: _Texts = Field(default_factory=list)
-    """Folders that are packages or hold some, for $(find PACKAGE). The packages that the launch
-    files are in need not be named."""
+    """Folders that are or contain packages, for $(find PACKAGE). The packages of the launch files
+    themselves need not be named."""
     env: dict[str, _Text] = Field(default_factory=dict)
-    """Environment variables for $(env NAME) and $(optenv NAME); the shell's are not looked at."""
+    """Environment variables for $(env NAME) and $(optenv NAME); the shell's are ignored."""
     skip: _Texts = Field(default_factory=list)
-    """Endings of files that the launch files load or include and that are left out."""
+    """Endings of files to leave out when launch files load or include them."""
     node: str | None = Field(default=None, pattern=r"^/?[A-Za-z][A-Za-z0-9_/]*$")
-    """The full name of the move_base to test, where the launch files start several."""
+    """The full name of the move_base to test, if the launch files start several."""
 
     @property
     def is_change(self) -> bool:
-        """True if the launch files that it changes are those of another SUT file."""
+        """True if it changes the launch files of another SUT file."""
         return not self.folder and not self.launch
 
 
 def as_ros_source(value: Any) -> Any:
-    """Take a text for a folder."""
+    """Turn a plain text into the key ``folder``."""
     return {"folder": value} if isinstance(value, str) else value
 
 
@@ -63,12 +63,12 @@ class LaunchChange:
     folder: Path
 
     def where(self, *path: str | int) -> Where:
-        """Return where something below ``ros`` stands."""
+        """Return the place of a key below ``ros``."""
         return self.document.where(("ros", *path))
 
 
 def check_source(change: LaunchChange) -> None:
-    """Raise :class:`InputError` for keys of ``ros`` that do not go together."""
+    """Raise :class:`InputError` for keys of ``ros`` that exclude each other."""
     source = change.source
     if not source.folder:
         if source.is_change and not any(getattr(source, key) for key in _LAUNCH_KEYS):
@@ -87,7 +87,7 @@ def refuse_lone_changes(changes: tuple[LaunchChange, ...]) -> None:
         raise InputError(
             Finding(
                 change.where(),
-                "ros: there are no launch files to change, here or in what this is like",
+                "ros: there are no launch files to change, here or in its base",
                 'write "launch: FILE" or a folder',
             )
             for change in changes

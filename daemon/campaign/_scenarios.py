@@ -1,8 +1,8 @@
-"""The scenarios of a campaign file: what each inherits, which layers it names.
+"""The scenarios of a campaign file, their inheritance and the layers that they name.
 
-Every value names a layer file. Keys at the top of the file hold for all scenarios, those below
-``defaults`` over them; a scenario that is ``like`` another is that scenario except for the slots
-written here. ``oracles`` and ``behaviours`` replace the inherited list, ``oracles+`` and
+Every value names a layer file. Keys at the top of the file hold for all scenarios; those below
+``defaults`` win over them. A scenario that is ``like`` another is that scenario except for the
+slots written here. ``oracles`` and ``behaviours`` replace the inherited list, ``oracles+`` and
 ``behaviours+`` add to it.
 """
 
@@ -39,10 +39,10 @@ from grammars.text.overrides import Override, flatten_overrides
 
 @dataclass(frozen=True, slots=True)
 class LayerReference:
-    """A layer by name, with the overrides written beside it and where it stands.
+    """A layer by name, with the overrides beside it and its place in the file.
 
-    ``places`` are those of the overrides, by the way to each; what is not among them stands where
-    the name does.
+    ``places`` are those of the overrides, by their paths; overrides not among them have the place
+    of the name.
     """
 
     name: str
@@ -52,7 +52,7 @@ class LayerReference:
 
     @property
     def values(self) -> tuple[Override, ...]:
-        """The overrides by their dotted keys, each where it stands."""
+        """The overrides by their dotted keys, each with its place."""
         return flatten_overrides(self.overrides, self.place)
 
     @property
@@ -61,25 +61,25 @@ class LayerReference:
         return {key: self.place((key,)) for key in self.overrides}
 
     def as_written(self, name: str = "") -> str | dict[str, Overrides]:
-        """Return it as a campaign names it, or a copy of the layer that is called ``name``."""
-        named = name or self.name
-        return {named: dict(self.overrides)} if self.overrides else named
+        """Return it as written in a campaign, or as a copy of the layer called ``name``."""
+        name = name or self.name
+        return {name: dict(self.overrides)} if self.overrides else name
 
     def with_values(self, values: Mapping[str, object]) -> LayerReference:
         """Return the reference with overrides that win over those of the same keys."""
-        # The last one that is said of a key holds, also where it is spelled in two ways.
-        kept = {key: value for key, value in self.overrides.items() if key not in values}
-        places = {path: where for path, where in self.places.items() if path[0] in kept}
-        return replace(self, overrides={**kept, **values}, places=places)
+        # The last value of a key holds, even if its name is spelled in two ways.
+        others = {key: value for key, value in self.overrides.items() if key not in values}
+        places = {path: where for path, where in self.places.items() if path[0] in others}
+        return replace(self, overrides={**others, **values}, places=places)
 
     def place(self, path: KeyPath) -> Where:
-        """Return where the override at ``path`` stands, or what it is in."""
+        """Return the place of the override at ``path``, or of the override around it."""
         ends = range(len(path), 0, -1)
         return next((self.places[path[:n]] for n in ends if path[:n] in self.places), self.where)
 
 
 MOST_LIKE: Final = 50
-"""Scenarios or systems under test that may be like one another in a row."""
+"""Longest chain of scenarios or systems under test that are like one another."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,8 +97,8 @@ class ResolvedScenario:
     """A scenario after inheritance: every slot filled, nothing loaded yet.
 
     ``without`` names parts of the composed world that are left out (see :mod:`._composer`).
-    ``chance`` says whether random behaviours are drawn anew for each repeat or once. With a
-    ``map_file`` the map is that file's, else it is drawn as ``map`` says.
+    ``chance`` says whether random behaviours are drawn anew for each repeat or once. The map comes
+    from ``map_file``, if any, and is otherwise drawn by the settings ``map``.
     """
 
     name: str
@@ -120,19 +120,19 @@ class ResolvedScenario:
 
     @property
     def oracle_names(self) -> tuple[str, ...]:
-        """The names of the oracles that judge it."""
+        """The names of its oracles."""
         return tuple(reference.name for reference in self.oracles)
 
     @property
     def sut_names(self) -> tuple[str, ...]:
-        """The names of its systems under test, as they are written."""
+        """The names of its systems under test, as written."""
         return tuple(reference.name for reference in self.suts)
 
 
 def resolve_scenarios(text: CampaignFile, document: YamlDocument) -> dict[str, ResolvedScenario]:
     """Return the concrete scenarios of a campaign file by name.
 
-    Raises :class:`InputError` for all of them at once.
+    Raises :class:`InputError` with the errors of all scenarios.
     """
     resolved = gather(partial(resolve_scenario, name, text, document) for name in text.scenarios)
     concrete = [one for one in resolved if not text.scenarios[one.name].abstract]
@@ -146,7 +146,7 @@ def resolve_scenarios(text: CampaignFile, document: YamlDocument) -> dict[str, R
 def resolve_scenario(
     name: str, text: CampaignFile, document: YamlDocument, followers: tuple[str, ...] = ()
 ) -> ResolvedScenario:
-    """Return a scenario with what it inherits; raises :class:`InputError`.
+    """Return a scenario with its inherited slots; raises :class:`InputError`.
 
     ``followers`` are the scenarios that are like this one.
     """
@@ -160,7 +160,7 @@ def resolve_scenario(
         base = replace(base, vary=varied or base.vary)
     else:
         like_at = document.where((*path, "like"))
-        # In the order in which people would follow it, to be read as a chain.
+        # The message shows the chain in the order in which people would follow it.
         if scenario.like in (*followers, name):
             chain = " -> ".join((*followers, name, scenario.like))
             raise InputError(Finding(like_at, f"scenarios are like each other: {chain}"))
@@ -171,7 +171,7 @@ def resolve_scenario(
             message = f"more than {MOST_LIKE} scenarios are like one another in a row"
             raise InputError(Finding(like_at, message, "be like one nearer to the first"))
         base = resolve_scenario(scenario.like, text, document, (*followers, name))
-    # The seed of variants that names none is the campaign's, also where the slot is inherited.
+    # Without a seed of their own, variants use the campaign's, even in an inherited slot.
     varied = _vary(scenario.vary, (*path, "vary"), text, document) or base.vary
     renamed = replace(base, name=name, where=where, vary=varied)
     return _overlay(renamed, scenario, document, path)
@@ -186,7 +186,7 @@ def bases_of(name: str, text: CampaignFile) -> Iterator[str]:
 
 
 def limit_place(name: str, text: CampaignFile, document: YamlDocument) -> Where:
-    """Return where the limit of a scenario is written: in it, in one it is like, or for all."""
+    """Return the place of a scenario's limit: in it, in a base, or at the top of the file."""
     for scenario in (name, *bases_of(name, text)):
         if text.scenarios[scenario].limit is not None:
             return document.where(("scenarios", scenario, "limit"))
@@ -224,20 +224,20 @@ def _vary(
 _LISTS: Final = {"sut": "suts"} | {
     key: key for key in ("objects", "behaviours", "oracles", "without")
 }
-"""Slots that hold several names, by the key people write."""
+"""Slots that hold several names, by the key in the file."""
 
 
 def _overlay(
     base: ResolvedScenario, scenario: SlotsText, document: YamlDocument, path: tuple[str, ...]
 ) -> ResolvedScenario:
-    """Return ``base`` with the slots of ``scenario`` over it, but for the variants of its plan."""
+    """Return ``base`` with the slots of ``scenario`` over it, except the variants of its plan."""
     changes: dict[str, Any] = {}
     for slot in ("floorplan", "mission", "robot"):
         value = getattr(scenario, slot)
         if value is not None:
             changes[slot] = _reference(value, (*path, slot), document)
-    # A list takes the place of the inherited one, the key with a plus adds to whichever holds:
-    # merging lists in silence is what surprises people elsewhere.
+    # A list replaces the inherited one, and the key with a plus adds to the current one: a silent
+    # merge of lists surprises people in other tools.
     for key, slot in _LISTS.items():
         value = getattr(scenario, key)
         if value is not None:
@@ -275,7 +275,7 @@ def _reference(value: LayerName, path: KeyPath, document: YamlDocument) -> Layer
         hint = "write one list item per layer"
         raise InputError(Finding(where, "expected one layer with its overrides", hint))
     ((name, overrides),) = value.items()
-    # A layer that is no list may stand where a list could: "behaviours: {doors: {…}}".
+    # A single layer may stand in place of a list: "behaviours: {doors: {…}}".
     at = (*path, name) if (*path, name) in document.places else (*path[:-1], name)
     inside = ((p[len(at) :], where) for p, where in document.places.items() if p[: len(at)] == at)
     return LayerReference(
@@ -287,7 +287,7 @@ T = TypeVar("T")
 
 
 def required(value: T | None) -> T:
-    """Return what a slot of a resolved scenario holds; ``ValueError`` for an empty one."""
+    """Return the value of a slot of a resolved scenario; ``ValueError`` for an empty one."""
     if value is None:
         raise ValueError("a resolved scenario has no empty slot")
     return value
@@ -300,12 +300,12 @@ _REQUIRED: Final = {
     "suts": ("sut", "write at the top of the file"),
     "oracles": ("oracles", 'write in the scenario, or under "defaults:" for all of them'),
 }
-"""Slots a scenario needs, each with the key people write and where."""
+"""Slots that a scenario needs, each with its key and its place in the file."""
 _EXAMPLES: Final = {
     "floorplan": "floorplan: flat (the file flat.fpm)",
     "mission": "mission: courier (the file courier.mission.yaml)",
-    "robot": "robot: courier (`scenario new --layers` names those that ship)",
-    "suts": "matrix: {sut: [pilot]} (`scenario new --layers` names those that ship)",
+    "robot": "robot: courier (`scenario new --layers` lists shipped ones)",
+    "suts": "matrix: {sut: [pilot]} (`scenario new --layers` lists shipped ones)",
     "oracles": "oracles: [reached, no-contact]",
 }
 
@@ -313,7 +313,7 @@ _EXAMPLES: Final = {
 def _missing_slots(
     scenarios: Sequence[ResolvedScenario], text: CampaignFile, document: YamlDocument
 ) -> list[Finding]:
-    """Return an error for every slot that a scenario needs and nobody fills."""
+    """Return an error for every empty slot that a scenario needs."""
     problems = []
     for slot, (key, place) in _REQUIRED.items():
         missing = [
@@ -325,7 +325,7 @@ def _missing_slots(
         if slot == "oracles":
             hint = f"{_oracle_files(text)}; which of their lines judge a scenario, {hint}"
         if len(missing) == len(scenarios) > 1:
-            # What all of them lack is one mistake.
+            # A slot that is empty in all scenarios is one mistake.
             where = document.where(("scenarios",))
             problems.append(Finding(where, f"no scenario names {_with_any(key)}", hint))
             continue
@@ -350,9 +350,9 @@ def _oracle_files(text: CampaignFile) -> str:
 def pick_oracles(
     scenario: ResolvedScenario, pool: Mapping[str, Oracle], text: CampaignFile
 ) -> tuple[Oracle, ...]:
-    """Return the oracles a scenario names, out of the ``pool`` of all the campaign has.
+    """Return the oracles that a scenario names, from the ``pool`` of the campaign.
 
-    Raises :class:`InputError` for each it does not have.
+    Raises :class:`InputError` for all unknown ones.
     """
     unknown = [
         Finding(r.where, f'no oracle "{r.name}"', _oracle_hint(r.name, pool, text.oracles or []))
@@ -367,8 +367,8 @@ def pick_oracles(
 def _oracle_hint(name: str, pool: Mapping[str, Oracle], files: Sequence[str]) -> str:
     if not files:
         return (
-            'write at the top of the campaign file in which file it stands, such as "oracles: '
-            'navigation" for navigation.oracles.yaml'
+            'name its file at the top of the campaign file, such as "oracles: navigation" '
+            "for navigation.oracles.yaml"
         )
     if name in files:
         some = ", ".join(list(pool)[:3])
@@ -381,16 +381,16 @@ def with_overrides(
 ) -> ResolvedScenario:
     """Return a scenario with other values beside the ``index``-th layer name of a slot.
 
-    They win over those that are written there. Raises ``ValueError`` when there is no such layer.
+    They win over the values in the file. Raises ``ValueError`` if there is no such layer.
     """
     if slot == "vary" and scenario.vary is not None:
         plan = scenario.vary.floorplan.with_values(values)
         return replace(scenario, vary=replace(scenario.vary, floorplan=plan))
     name = "suts" if slot == "sut" else slot
-    named = getattr(scenario, name)
-    layers = [named] if isinstance(named, LayerReference) else list(named or ())
+    slotted = getattr(scenario, name)
+    layers = [slotted] if isinstance(slotted, LayerReference) else list(slotted or ())
     if not 0 <= index < len(layers):
         raise ValueError(f"{scenario.name} has no layer {index} in {slot}")
     layers[index] = layers[index].with_values(values)
-    changed: Any = layers[0] if isinstance(named, LayerReference) else tuple(layers)
+    changed: Any = layers[0] if isinstance(slotted, LayerReference) else tuple(layers)
     return replace(scenario, **{name: changed})

@@ -1,4 +1,4 @@
-"""The keys of a search in a campaign file, as they are written."""
+"""The keys of a search in a campaign file, as people write them."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ _EXAMPLE: Final = "such as 48 .. 72 deg/s, or 0.01 .. 0.05 m, log, or a list: [l
 
 @dataclass(frozen=True, slots=True)
 class ValueRange:
-    """A range of numbers in ``unit``; ``whole`` when both ends are whole numbers without unit."""
+    """A range of numbers in ``unit``; ``whole`` if both ends are whole numbers without unit."""
 
     low: float
     high: float
@@ -54,7 +54,7 @@ class ValueRange:
 
 @dataclass(frozen=True, slots=True)
 class ValueChoices:
-    """A list of choices; ``whole`` when they are whole numbers, ``truth`` when true and false."""
+    """A list of choices; ``whole`` for whole numbers, ``truth`` for true and false."""
 
     values: tuple[PointValue, ...]
     whole: bool
@@ -64,33 +64,33 @@ class ValueChoices:
 def read_range(text: str) -> ValueRange:
     """Read ``48 .. 72 deg/s`` or ``0.01 .. 0.05 m, log``; raises ``ValueError``.
 
-    The unit stands at the end, or behind both numbers; then the range is in that of the end.
+    The unit stands at the end, or behind both numbers; then the unit at the end holds.
     """
-    found = _RANGE.fullmatch(text)
-    if found is None:
-        raise ValueError(f'"{text}" is no range: write one, {_EXAMPLE}')
-    unit = " ".join((found["unit"] or "").split())
-    low_unit = " ".join((found["low_unit"] or "").split())
-    low, high = float(found["low"]), float(found["high"])
+    parts = _RANGE.fullmatch(text)
+    if parts is None:
+        raise ValueError(f'"{text}" is not a range: write one, {_EXAMPLE}')
+    unit = " ".join((parts["unit"] or "").split())
+    low_unit = " ".join((parts["low_unit"] or "").split())
+    low, high = float(parts["low"]), float(parts["high"])
     if not math.isfinite(high - low):
         raise ValueError(f'"{text}" has no end: write a range, {_EXAMPLE}')
     if unit:
-        whole = read_quantity(f"1 {unit}")
+        one = read_quantity(f"1 {unit}")
         if low_unit and low_unit != unit:
-            part = read_quantity(f"{found['low']} {low_unit}")
-            if part.dimension != whole.dimension:
+            quantity = read_quantity(f"{parts['low']} {low_unit}")
+            if quantity.dimension != one.dimension:
                 raise ValueError(f'"{text}" goes from {low_unit} to {unit}')
-            low = float(f"{part.value / whole.value:.12g}")
+            low = float(f"{quantity.value / one.value:.12g}")
     elif low_unit:
-        raise ValueError(f'"{text}": write the unit at the end: .. {found["high"]} {low_unit}')
+        raise ValueError(f'"{text}": write the unit at the end: .. {parts["high"]} {low_unit}')
     if low == high:
-        raise ValueError(f'"{text}" is empty: widen it, what has one value is not searched')
+        raise ValueError(f'"{text}" is empty: widen it, a single value is not searched')
     if low > high:
         raise ValueError(f'"{text}" begins above its end: write the smaller value first')
-    log = bool(found["log"])
+    log = bool(parts["log"])
     if log and low <= 0.0:
         raise ValueError(f'"{text}": a logarithmic range begins above 0')
-    integers = not unit and all(_WHOLE.fullmatch(found[end]) for end in ("low", "high"))
+    integers = not unit and all(_WHOLE.fullmatch(parts[end]) for end in ("low", "high"))
     return ValueRange(low, high, unit, log, integers)
 
 
@@ -98,25 +98,24 @@ def _read_over(value: Any) -> ValueRange | ValueChoices:
     if isinstance(value, str):
         return read_range(value)
     if not isinstance(value, list):
-        given = "nothing" if value is None else "keys" if isinstance(value, dict) else str(value)
-        # Inside of braces YAML ends a value at a comma: {speed: 1 .. 2 m/s, log}.
-        comma = '; inside of { } what has a comma is quoted: "0.01 .. 0.05 m, log"'
+        kind = "nothing" if value is None else "keys" if isinstance(value, dict) else str(value)
+        # Inside braces YAML ends a value at a comma: {speed: 1 .. 2 m/s, log}.
+        comma = '; inside { } quote a value with a comma: "0.01 .. 0.05 m, log"'
         raise ValueError(
-            f"takes a range or a list, not {given}: {_EXAMPLE}{comma if value is None else ''}"
+            f"takes a range or a list, not {kind}: {_EXAMPLE}{comma if value is None else ''}"
         )
     if len(value) < 2:
-        raise ValueError("a list has two choices or more; what has one value is not searched")
+        raise ValueError("a list has two choices or more; a single value is not searched")
     if len(value) > _MOST_CHOICES:
         raise ValueError(f"a list has {_MOST_CHOICES} choices at most: write a range")
-    wrong = [one for one in value if not isinstance(one, str | int | float)]
-    if wrong:
+    if any(not isinstance(one, str | int | float) for one in value):
         raise ValueError("a list has names, numbers or quantities as choices")
     truth = all(isinstance(one, bool) for one in value)
     if not truth and any(isinstance(one, bool) for one in value):
         raise ValueError("a list of true and false has nothing else")
     words = tuple(str(one).lower() if isinstance(one, bool) else one for one in value)
     if len(set(words)) < len(words):
-        raise ValueError("a choice is there twice")
+        raise ValueError("the list has a choice twice")
     numbers = [one for one in value if not isinstance(one, str)]
     if 0 < len(numbers) < len(value):
         raise ValueError("a list has numbers or words, not both: write units behind all or none")
@@ -141,61 +140,60 @@ StopRule: TypeAlias = Literal["budget", "failures", "settled"]
 
 
 def read_budget(text: str) -> tuple[int, float]:
-    """Read ``60 runs``, ``10 min`` or both: proposals and seconds of wall clock (0: any time).
+    """Read ``60 runs``, ``10 min`` or both; return proposals and wall clock [s], 0 for any time.
 
     Raises ``ValueError``.
     """
     runs, seconds = 0, 0.0
     for part in text.split(","):
-        counted = _RUNS.fullmatch(part)
-        if counted is not None and not runs:
-            runs = int(counted[1])
+        count = _RUNS.fullmatch(part)
+        if count is not None and not runs:
+            runs = int(count[1])
             if not 1 <= runs <= MOST_PROPOSALS:
                 raise ValueError(f"a search has 1 to {MOST_PROPOSALS} runs, not {runs}")
-        elif counted is None and not seconds:
+        elif count is None and not seconds:
             try:
                 seconds = read_as(part.strip(), "time")
             except ValueError as error:
                 raise ValueError(
-                    f'"{text}" is no budget: write 60 runs, 10 min, or both: 60 runs, 10 min'
+                    f'"{text}" is not a budget: write 60 runs, 10 min, or both: 60 runs, 10 min'
                 ) from error
             if not 0.0 < seconds <= LONGEST_SEARCH:
-                raise ValueError(f'"{part.strip()}" is no time to search: up to 30 days')
+                raise ValueError(f'"{part.strip()}" is not a search time: write up to 30 days')
         else:
-            raise ValueError(f'"{text}" says twice how much: write 60 runs, 10 min')
+            raise ValueError(f'"{text}" has a part twice: write 60 runs, 10 min')
     return runs or MOST_PROPOSALS, seconds
 
 
 def read_stop(text: str) -> tuple[StopRule, int]:
     """Read ``first failure``, ``5 failures``, ``when settled`` or ``budget``.
 
-    Returns the rule and after how many failures it ends the search. Raises ``ValueError``.
+    Return the rule and the number of failures that end the search. Raises ``ValueError``.
     """
     words = " ".join(text.split())
     if words == "budget":
         return "budget", 1
     if words in ("when settled", "settled"):
         return "settled", 1
-    counted = _FAILURES.fullmatch(words)
-    failures = 1 if words == "first failure" else int(counted[1]) if counted else 0
+    count = _FAILURES.fullmatch(words)
+    failures = 1 if words == "first failure" else int(count[1]) if count else 0
     if failures < 1:
         raise ValueError(
-            f'"{text}" is no end of a search: '
-            "write first failure, 5 failures, when settled or budget"
+            f'"{text}" cannot end a search: write first failure, 5 failures, when settled or budget'
         )
     return "failures", failures
 
 
 def read_confirm(text: str) -> int:
     """Read ``5 repeats``; raises ``ValueError``."""
-    counted = _REPEATS.fullmatch(text)
-    if counted is None or int(counted[1]) > MOST_REPEATS:
+    count = _REPEATS.fullmatch(text)
+    if count is None or int(count[1]) > MOST_REPEATS:
         raise ValueError(f'"{text}": write 5 repeats, {MOST_REPEATS} at most')
-    return int(counted[1])
+    return int(count[1])
 
 
 def _checked(read: Callable[[str], Any]) -> AfterValidator:
-    """Return a validator that leaves a text as it is once it can be read."""
+    """Return a validator that keeps a text and refuses an unreadable one."""
 
     def check(text: str) -> str:
         read(text)
@@ -220,7 +218,7 @@ _Steps: TypeAlias = Annotated[
 
 
 class SearchText(StrictModel):
-    """A search for what makes a scenario fail."""
+    """A search for failures of a scenario."""
 
     elsewhere: ClassVar[Mapping[str, str | OtherName]] = {
         "minimize": OtherName("minimise"),
@@ -236,40 +234,40 @@ class SearchText(StrictModel):
     about: str = ""
     """One line for people."""
     scenario: str = Field(min_length=1, examples=["busy-house"])
-    """The scenario that is varied."""
+    """The scenario to vary."""
     sut: str = ""
-    """Which of its systems under test; the first when left out."""
+    """One of its systems under test; by default the first."""
     minimise: str = Field(min_length=1, examples=["keeps-clear"])
-    """The oracle that is to fail, one of the scenario's that has a limit; any: the smallest of all
-    margins, each divided by its limit."""
+    """An oracle of the scenario with a limit, which shall fail; any: the smallest of all margins,
+    each divided by its limit."""
     over: dict[str, OverText] = Field(
         min_length=1,
         max_length=MOST_PARAMETERS,
         examples=[{"doors_moving.swing": "48 .. 72 deg/s"}],
     )
-    """What is varied, LAYER.PARAMETER of a layer of the scenario: a range with its unit (48 .. 72
-    deg/s; with ", log" behind it evenly over its magnitudes), or a list of choices. In place of
-    the layer's name mission, robot, sut and floorplan are understood."""
+    """Parameters to vary, LAYER.PARAMETER of a layer of the scenario: a range with its unit
+    (48 .. 72 deg/s; with ", log" behind it evenly over its magnitudes), or a list of choices.
+    LAYER may also be mission, robot, sut or floorplan."""
     such_that: _Constraints = Field(
         default_factory=list, alias="such that", max_length=MOST_PARAMETERS,
         examples=[["doors_moving.bedroom_closes < doors_moving.bedroom_opens"]],
     )  # fmt: skip
-    """What holds in every run: comparisons of parameters and quantities, a < b, a + 1 s <= b, also
+    """Conditions on every run: comparisons of parameters and quantities, a < b, a + 1 s <= b, also
     joined by and, or and not."""
     budget: Annotated[str, _checked(read_budget), text_or(int, unit="runs")] = "60 runs"
-    """Runs, or wall time, or both: 60 runs, 10 min; what is spent first ends the search."""
+    """Runs, or wall time, or both: 60 runs, 10 min; the first one spent ends the search."""
     stop: Annotated[str, _checked(read_stop)] = "budget"
-    """first failure, so many failures (5 failures), when settled: when nothing better is found any
-    more, or budget: not before that is spent."""
+    """End of the search: first failure, a number of failures (5 failures), when settled (without
+    further improvement), or budget."""
     method: str = Field(default="auto", min_length=1)
     """auto, halton, random, tpe, cma or boundary. auto: 16 runs of a scrambled
     Halton sequence, then TPE, and CMA-ES from 150 runs on."""
     confirm: Annotated[str, _checked(read_confirm), text_or(int, unit="repeats")] = "5 repeats"
-    """How often a failure that is told is run again with other noise."""
+    """Number of runs that repeat a reported failure with other noise."""
     then: _Steps = Field(default=["nearest", "shrink"])
-    """What follows a failure. nearest: the smallest change of the scenario that still fails;
-    shrink: what the nearest failure can do without."""
+    """Steps after a failure. nearest: find the smallest change of the scenario that still fails;
+    shrink: remove every part that the nearest failure does not need."""
     window: int = Field(default=WINDOW, ge=1, le=MOST_WINDOW)
-    """Runs that may be out at a time: the search is the same on any number of cores."""
+    """Most runs in progress at a time: the search is the same on any number of cores."""
     seed: int | None = Field(default=None, ge=0, lt=2**63)
-    """Seed of the proposals; that of the campaign when left out."""
+    """Seed of the proposals; by default that of the campaign."""

@@ -1,7 +1,7 @@
-"""Names in a search: the value each means in a layer, and that value in the unit of a range.
+"""Names in a search, resolved to values of layers, in the unit of a range.
 
-A name is looked up in the layers of the scenario. Whether a layer takes another value under that
-name is asked of the layer itself, which says what is wrong as it does in the file of a campaign.
+A name is looked up in the layers of the scenario. The layer itself checks another value under that
+name, so errors are the same as in a campaign file.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from grammars.text.quantity import QuantityField, read_quantity, unit_of
 from grammars.text.sources import is_jsonld
 
 _SLOT_WORDS: Final = ("mission", "robot", "sut", "floorplan", "vary")
-"""Slots with one layer, which may be named in the place of that layer."""
+"""Slots with one layer, whose names may replace that of the layer."""
 _KINDS: Final = {"objects": "layer", "behaviours": "layer", "sut": "system under test"}
 
 
@@ -43,8 +43,8 @@ _KINDS: Final = {"objects": "layer", "behaviours": "layer", "sut": "system under
 class LayerValue:
     """Value under a ``key`` of a layer: a number in ``unit``, or a word.
 
-    ``value`` is ``None`` where it is drawn or left out. ``text`` is the value as it is written at
-    ``where``. ``whole`` values are counted.
+    ``value`` is ``None`` if it is drawn or left out. ``text`` is the value as written at ``where``.
+    ``whole`` values are integers.
     """
 
     key: str
@@ -62,7 +62,7 @@ class LayerValue:
 
     @property
     def identity(self) -> float | str | None:
-        """Equal for values that are the same, numbers to nine digits."""
+        """A key that is equal for equal values, numbers to nine digits."""
         return float(f"{self.value:.9g}") if isinstance(self.value, float) else self.value
 
 
@@ -72,7 +72,7 @@ def _factor(unit: str) -> float:
 
 @dataclass(frozen=True, slots=True)
 class SearchLayer:
-    """A layer of the scenario that is searched; ``label`` is its name in ``over``."""
+    """A layer of the searched scenario; ``label`` is its name in ``over``."""
 
     library: LayerLibrary
     reference: LayerReference
@@ -81,7 +81,7 @@ class SearchLayer:
 
     @property
     def label(self) -> str:
-        """Name of the layer; of a path the name of the file."""
+        """Name of the layer; for a path the name of the file."""
         return Path(self.reference.name).name.partition(".")[0]
 
     @property
@@ -100,7 +100,7 @@ class SearchLayer:
         return next((name[len(head) :] for head in heads if name.startswith(head)), "")
 
     def value_of(self, name: str) -> LayerValue | None:
-        """Return the value that ``LAYER.KEY`` means; ``None`` if this layer has no such value."""
+        """Return the value of ``LAYER.KEY``; ``None`` if this layer has no such value."""
         key = self.key_of(name)
         return self.find(key) if key else None
 
@@ -112,9 +112,9 @@ class SearchLayer:
         return next((value for value in values if value is not None), None)
 
     def changed(self, key: str, value: object, where: Where) -> LayerValue | None:
-        """Return the value of a key once ``value`` is written under it, at ``where``.
+        """Return the value of a key after ``value`` is written under it, at ``where``.
 
-        Raises :class:`InputError`, as the layer does of a campaign that says so there.
+        Raises :class:`InputError`, as the layer would for a campaign with this override.
         """
         reference = replace(self.reference.with_values({key: value}), where=where)
         return value_at(self.library, self.slot, reference, key)
@@ -125,7 +125,7 @@ def search_layers(
 ) -> tuple[SearchLayer, ...]:
     """Return the layers of a loaded scenario with its ``sut``-th system under test."""
     plan: ParameterSlot = "vary" if scenario.vary else "floorplan"
-    named: list[tuple[ParameterSlot, Sequence[LayerReference | None]]] = [
+    slots: list[tuple[ParameterSlot, Sequence[LayerReference | None]]] = [
         (plan, [scenario.vary.floorplan if scenario.vary else scenario.floorplan]),
         ("objects", scenario.objects),
         ("behaviours", scenario.behaviours),
@@ -134,7 +134,7 @@ def search_layers(
     ]
     layers = [
         SearchLayer(library, required(reference), slot, index)
-        for slot, references in named
+        for slot, references in slots
         for index, reference in enumerate(references)
     ]
     return (*layers, SearchLayer(library, scenario.suts[sut], "sut", sut))
@@ -143,24 +143,24 @@ def search_layers(
 def find_value(
     name: str, layers: Sequence[SearchLayer], where: Where, cell: CampaignCell
 ) -> tuple[SearchLayer, LayerValue]:
-    """Return the value that a name in ``over`` means, and its layer.
+    """Return the value of a name in ``over``, and its layer.
 
-    Raises :class:`InputError` for a name that means no value, or several.
+    Raises :class:`InputError` for a name without a value, or with several.
     """
-    found = [(layer, value) for layer in layers if (value := layer.value_of(name)) is not None]
-    if len(found) == 1:
-        return found[0]
-    if found:
-        places = " and ".join(f"{layer.title} ({value.where})" for layer, value in found)
-        slots = [layer.slot for layer, _ in found if layer.slot in layer.labels]
-        hint = f"write {slots[0]}.{found[0][1].key}" if slots else "give one of them another name"
+    matches = [(layer, value) for layer in layers if (value := layer.value_of(name)) is not None]
+    if len(matches) == 1:
+        return matches[0]
+    if matches:
+        places = " and ".join(f"{layer.title} ({value.where})" for layer, value in matches)
+        slots = [layer.slot for layer, _ in matches if layer.slot in layer.labels]
+        hint = f"write {slots[0]}.{matches[0][1].key}" if slots else "give one of them another name"
         raise InputError.at(where, f"{name} may be that of {places}", hint)
     near = [layer for layer in layers if layer.key_of(name)]
     if near:
         raise InputError([one for layer in near for one in _refusal(layer, name, where)])
     head = name.partition(".")[0]
     if head in {"oracles", *(oracle.name for oracle in cell.oracles)}:
-        message = f"{name}: limits of oracles are not searched, they say what is good"
+        message = f"{name}: limits of oracles are not searched, they define success"
         raise InputError.at(where, message, "vary the scenario")
     if "." not in name:
         owners = [layer for layer in layers if layer.find(name) is not None]
@@ -173,13 +173,13 @@ def find_value(
 
 
 def _refusal(layer: SearchLayer, name: str, where: Where) -> Sequence[Finding]:
-    """Return why a layer has no value of a name."""
+    """Return the reason why a layer has no value of a name."""
     key = layer.key_of(name)
     try:
         layer.changed(key, 0, where)
     except InputError as error:
         return error.findings
-    # Systems under test take parameters that no file mentions; a search begins at a written value.
+    # Systems under test take parameters outside their files; a search begins at a written value.
     settings = layer.library.loaded_sut(layer.reference).settings
     hint = did_you_mean(key, [".".join(path) for path in settings])
     message = f"{layer.title} has no value of {key}"
@@ -212,9 +212,9 @@ def _in_scenery(library: LayerLibrary, reference: LayerReference, key: str) -> L
     layer = library.configured_scenery(reference)
     for parameter in layer.parameters:
         if parameter.name == key:
-            written = parameter.value
-            unit = _written_unit(written.dimension)
-            return LayerValue(key, written.text, written.value, parameter.where, unit)
+            default = parameter.value
+            unit = _plain_unit(default.dimension)
+            return LayerValue(key, default.text, default.value, parameter.where, unit)
     groups = (group for group in layer.groups if group.name == key)
     return next((LayerValue(key, str(g.members), str(g.members), g.where) for g in groups), None)
 
@@ -231,7 +231,7 @@ def _in_plan(library: LayerLibrary, reference: LayerReference, key: str) -> Laye
             if key in overrides:
                 text, where = str(overrides[key].value), overrides[key].where
                 value = read_quantity(text).value
-            return LayerValue(key, text, value, where, _written_unit(variable.dimension))
+            return LayerValue(key, text, value, where, _plain_unit(variable.dimension))
     return None
 
 
@@ -242,11 +242,11 @@ def _in_variation(library: LayerLibrary, reference: LayerReference, key: str) ->
     variation = library.fixed_variation(reference, path)
     for draw in variation.draws:
         if draw.name == key:
-            unit, drawn = draw_unit(variation, draw), draw.distribution
-            if not isinstance(drawn, Fixed):
+            unit, distribution = draw_unit(variation, draw), draw.distribution
+            if not isinstance(distribution, Fixed):
                 return LayerValue(key, "", None, draw.where, unit)
-            text = f"{drawn.value:.10g} {unit}".rstrip()
-            return LayerValue(key, text, drawn.value, draw.where, unit)
+            text = f"{distribution.value:.10g} {unit}".rstrip()
+            return LayerValue(key, text, distribution.value, draw.where, unit)
     return None
 
 
@@ -255,13 +255,13 @@ def _in_sut(library: LayerLibrary, reference: LayerReference, key: str) -> Layer
     default = stack_kind(loaded.reference.kind).defaults().get(key)
     for path, setting in loaded.settings.items():
         if ".".join(path).replace("/", ".") == key:
-            found = _plain_value(key, setting.value, setting.where)
-            return replace(found, whole=found.whole and not isinstance(default, float))
+            value = _plain_value(key, setting.value, setting.where)
+            return replace(value, whole=value.whole and not isinstance(default, float))
     return None if default is None else _plain_value(key, default, reference.where)
 
 
 def _in_document(document: YamlDocument, model: type[StrictModel], key: str) -> LayerValue | None:
-    """Return the value of a key of a file, written or not."""
+    """Return the value of a key of a file, written or default."""
     try:
         *above, name = key_paths(document.data, Override(key, None, document.where()))[0]
     except InputError:
@@ -271,33 +271,29 @@ def _in_document(document: YamlDocument, model: type[StrictModel], key: str) -> 
         node = node[part] if isinstance(part, int) else getattr(node, part, None)
     field = written_fields(type(node)).get(str(name))
     inside = getattr(node, str(name), None)
-    # A section or a list is no value: the file says so of a number in its place.
+    # A section or a list is not a value; the file itself refuses a number in its place.
     if field is None or written_fields(type(inside)) or isinstance(inside, list):
         return None
     path: KeyPath = (*above, name)
-    written: Any = document.data
+    entry: Any = document.data
     for part in path:
-        written = written[part] if isinstance(part, int) else (written or {}).get(part)
+        entry = entry[part] if isinstance(part, int) else (entry or {}).get(part)
     value = _plain_value(key, getattr(node, str(name)), document.where(path))
     mark = next(_quantities(field), None)
     return replace(
         value,
-        text=value.text if written is None else str(written),
-        unit=_written_unit(mark.dimension) if mark else "",
+        text=value.text if entry is None else str(entry),
+        unit=_plain_unit(mark.dimension) if mark else "",
     )
 
 
 def _quantities(field: FieldInfo) -> Iterator[QuantityField]:
-    inner = (mark for part in get_args(field.annotation) for mark in _metadata(part))
+    inner = (m for part in get_args(field.annotation) for m in getattr(part, "__metadata__", ()))
     return (mark for mark in (*field.metadata, *inner) if isinstance(mark, QuantityField))
 
 
-def _metadata(annotation: Any) -> tuple[Any, ...]:
-    return getattr(annotation, "__metadata__", ())
-
-
 def _plain_value(key: str, value: Any, where: Where) -> LayerValue:
-    """Return a number, a truth value or a word as it stands in a file without a unit."""
+    """Return a number, a truth value or a word, as written in a file without a unit."""
     if isinstance(value, bool):
         return LayerValue(key, str(value).lower(), str(value).lower(), where)
     if isinstance(value, int | float):
@@ -305,24 +301,24 @@ def _plain_value(key: str, value: Any, where: Where) -> LayerValue:
     return LayerValue(key, "" if value is None else str(value), value and str(value), where)
 
 
-def _written_unit(dimension: str) -> str:
+def _plain_unit(dimension: str) -> str:
     unit = unit_of(dimension)
     return "" if unit == "1" else unit
 
 
 _PRECISION: Final = {"time": 0.01, "length": 0.001, "angle": math.radians(0.1)}
-"""To what [SI] times, lengths and angles are said: nobody sets a door to the millisecond."""
+"""Sensible precision [SI] of times, lengths and angles: a door is not set to the millisecond."""
 _FEWEST: Final = 20
-"""So many steps a range has at least."""
+"""Least number of steps of a range."""
 
 
 def step_of(low: float, high: float, unit: str, *, log: bool, whole: bool) -> float:
     """Return the step of a range from ``low`` to ``high``, a power of ten in its ``unit``.
 
-    That is 0.01 s, 1 mm or 0.1 deg, in the decimals of the unit that is written; of other
-    quantities, and of smaller ranges, a hundredth to a thousandth of the range; 1 of ``whole``
-    numbers. A logarithmic range has finer ones, if need be, for its smallest values. Values are
-    rounded to it before a run is made of them, so that near-duplicates are one run.
+    It is 0.01 s, 1 mm or 0.1 deg, as a decimal of the written unit. For other quantities and
+    smaller ranges it is a hundredth to a thousandth of the range, for ``whole`` numbers 1. A
+    logarithmic range may need a finer step for its smallest values. Values are rounded to the step
+    before a run, so that near-duplicates are one run.
     """
     if whole:
         return 1.0
@@ -338,6 +334,6 @@ def step_of(low: float, high: float, unit: str, *, log: bool, whole: bool) -> fl
 
 
 def _power_of_ten(number: float) -> float:
-    """Return the power of ten that is not above ``number``."""
-    # A logarithm of 0.1 may fall just below -1.
+    """Return the largest power of ten that is not above ``number``."""
+    # The logarithm of 0.1 may be just below -1.
     return float(f"1e{math.floor(round(math.log10(number), 9))}")

@@ -1,7 +1,7 @@
-"""Searches of a campaign file, checked: the parameters of each, and their bounds.
+"""Searches of a campaign file, checked before the first run: parameters and their bounds.
 
-Each finding has its place in the file, and comes before the first run. Those about composed points
-(a door that does not fit any more) are of :mod:`daemon.search.preparation`.
+Each finding has its place in the file. :mod:`daemon.search.preparation` checks composed points,
+such as a door that does not fit any more.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ from grammars.text.documents import KeyPath
 from grammars.text.expression_check import read_predicate
 
 _LONGEST_NAMES: Final = 88
-"""Characters of the names of a campaign and its search together: both are part of an id."""
+"""Most characters of the names of a campaign and its search together: both are part of an id."""
 LEAST_CONFIRMED: Final = 3
-"""Repeats of what a system that is not repeatable fails: one run of it shows little."""
+"""Least repeats of a failure of a system that is not repeatable: one run of it shows little."""
 
 
 def read_searches(draft: Draft) -> tuple[tuple[SearchTask, ...], tuple[Finding, ...]]:
-    """Return the searches of a campaign that can be run, and all findings about them."""
+    """Return the usable searches of a campaign, and all findings about them."""
     tasks: list[SearchTask] = []
     findings: list[Finding] = []
     warnings = len(draft.library.warnings)
@@ -53,14 +53,14 @@ def read_searches(draft: Draft) -> tuple[tuple[SearchTask, ...], tuple[Finding, 
         findings += reader.findings
         if task is not None:
             tasks.append(task)
-    # The layers were loaded with values that no scenario has.
+    # These layers were loaded with values that no scenario has.
     del draft.library.warnings[warnings:]
     return tuple(tasks), tuple(findings)
 
 
 @dataclass(slots=True)
 class _SearchReader:
-    """One search while it is read; everything wrong with it is collected."""
+    """Reader of one search, which collects all findings about it."""
 
     name: str
     text: SearchText
@@ -68,7 +68,7 @@ class _SearchReader:
     findings: list[Finding] = field(default_factory=list)
 
     def read(self) -> SearchTask | None:
-        """Return the search, ``None`` where nothing can be said of its scenario."""
+        """Return the search, ``None`` without a usable scenario or system."""
         self._check_names()
         cell = self._cell()
         if cell is None:
@@ -120,23 +120,23 @@ class _SearchReader:
             self._error(self._at(), message, f"{_LONGEST_NAMES} characters at most")
         if self.name in self.draft.text.scenarios:
             message = f'there is a scenario "{self.name}": tables could not tell them apart'
-            self._error(self._at(), message, "call the search otherwise")
+            self._error(self._at(), message, "give the search another name")
 
     def _cell(self) -> CampaignCell | None:
-        """Return the cell of the scenario, ``None`` after saying why there is none to search."""
+        """Return the cell of the scenario, ``None`` after an error."""
         scenario, where = self.text.scenario, self._at("scenario")
         if scenario not in self.draft.scenarios:
-            written = self.draft.text.scenarios.get(scenario)
-            if written is not None and written.abstract:
+            text = self.draft.text.scenarios.get(scenario)
+            if text is not None and text.abstract:
                 hint = "search a scenario that is like it"
                 self._error(where, f'scenario "{scenario}" is abstract, it is never run', hint)
-            elif written is None:
+            elif text is None:
                 hint = did_you_mean(scenario, self.draft.scenarios)
                 self._error(where, f'no scenario "{scenario}" here', hint)
             return None
         cells = [cell for cell in self.draft.cells if cell.scenario.name == scenario]
         if len(cells) > 1:
-            message = f"{scenario} is run in {len(cells)} buildings, a search is about one"
+            message = f"{scenario} is run in {len(cells)} buildings, a search takes one"
             hint = "search a scenario like it with: vary: {…, samples: 1}, or with a floorplan"
             self._error(where, message, hint)
             return None
@@ -158,14 +158,14 @@ class _SearchReader:
         confirm = read_confirm(self.text.confirm)
         if sut.repeatable or confirm >= LEAST_CONFIRMED:
             return confirm
-        message = f"{sut.name} is not repeatable: failures of it are run {LEAST_CONFIRMED} times"
+        message = f"{sut.name} is not repeatable: its failures are run {LEAST_CONFIRMED} times"
         self._warn(self._at("confirm"), message, f"write confirm: {LEAST_CONFIRMED} repeats")
         return LEAST_CONFIRMED
 
     def _minimised(self, cell: CampaignCell) -> tuple[Oracle, ...]:
-        """Return the oracles it is about; none after saying what is wrong with the one named."""
-        picked = {reference.name for reference in cell.scenario.oracles}
-        oracles = {oracle.name: oracle for oracle in cell.oracles if oracle.name in picked}
+        """Return the oracles to minimise, empty after an error."""
+        names = set(cell.scenario.oracle_names)
+        oracles = {oracle.name: oracle for oracle in cell.oracles if oracle.name in names}
         limited = [oracle for oracle in oracles.values() if not oracle.is_measure]
         name, where = self.text.minimise, self._at("minimise")
         if name in oracles:
@@ -184,8 +184,8 @@ class _SearchReader:
         return ()
 
     def _leads(self, oracle: Oracle, severity: Severity) -> bool:
-        """Return whether a search can follow an oracle, after saying why not and what to do."""
-        # What judges is loaded by campaigns that have a search.
+        """Return whether a search can follow an oracle; report the reason and a remedy if not."""
+        # Only campaigns with a search load the code of judging.
         from daemon.judging.leading_kind import leading_kind
 
         where = self._at("minimise")
@@ -195,8 +195,8 @@ class _SearchReader:
             self.findings.append(Finding(where, f"{oracle.name}: {error}", "", severity))
             return False
         if not kind.leads:
-            passed_over = ", it is passed over" if severity is Severity.WARNING else ""
-            message = f"{oracle.name} cannot be searched with{passed_over}: {kind.reason}"
+            ignored = ", it is ignored" if severity is Severity.WARNING else ""
+            message = f"a search cannot follow {oracle.name}{ignored}: {kind.reason}"
             hint = f"write an oracle that leads to the failure, such as {kind.better}"
             self.findings.append(Finding(where, message, hint, severity))
         return kind.leads
@@ -222,12 +222,12 @@ class _SearchReader:
     def _parameter(
         self, name: str, layer: SearchLayer, value: LayerValue, over: ValueRange | ValueChoices
     ) -> SearchParameter:
-        """Return a parameter of which the layer takes both ends, or every choice.
+        """Return a parameter after the layer has accepted both ends, or every choice.
 
-        Raises :class:`InputError` with what the layer refuses.
+        Raises :class:`InputError` with the errors of the layer.
         """
         where = self._at("over", name)
-        # Without the folder: what a search is does not depend on where its files lie.
+        # Without the folder, the identity of a search does not depend on the place of its files.
         place = f"{Path(where.file).name}:{where.line}"
         base = SearchParameter(
             name, layer.slot, layer.index, value.key, where=place, whole=over.whole
@@ -235,12 +235,12 @@ class _SearchReader:
         if isinstance(over, ValueChoices):
             return self._choices(replace(base, truth=over.truth), layer, value, over, where)
         if isinstance(value.value, str):
-            message = f"{name} is no number: {value.text or 'a word'} cannot be in a range"
+            message = f"{name} is not a number: {value.text or 'a word'} cannot be in a range"
             raise InputError.at(where, message, "write a list of choices: [a, b]")
-        written = replace(base, unit=over.unit)
+        in_own_unit = replace(base, unit=over.unit)
         for end in (over.low, over.high):
-            layer.changed(value.key, written.override(end), where)
-        # A plain number is in the unit of the layer then.
+            layer.changed(value.key, in_own_unit.override(end), where)
+        # Plain numbers have the unit of the layer.
         unit, whole = over.unit or value.unit, over.whole and value.whole
         parameter = replace(
             base, unit=unit, low=over.low, high=over.high, log=over.log, whole=whole,
@@ -250,7 +250,7 @@ class _SearchReader:
         number = value.in_unit(unit)
         if number is not None and not over.low <= number <= over.high:
             message = f"{name} is {parameter.text(number)} as written"
-            self._warn_of_start(where, f"{message}, outside of what is searched", value)
+            self._warn_of_start(where, f"{message}, outside of the range", value)
         return parameter
 
     def _choices(
@@ -269,21 +269,21 @@ class _SearchReader:
                 message = f"{base.name}: {other} and {choice} are the same value"
                 raise InputError.at(where, message, "leave one of them out")
         number = None if isinstance(over.values[0], str) else value.in_unit("")
-        written = choices.get(value.identity, value.text or None if number is None else number)
-        if written is not None and written not in over.values:
-            message = f"{base.name} is {written} as written, which is not among the choices"
+        original = choices.get(value.identity, value.text or None if number is None else number)
+        if original is not None and original not in over.values:
+            message = f"{base.name} is {original} as written, which is not among the choices"
             self._warn_of_start(where, message, value)
-        return replace(base, choices=over.values, written=written)
+        return replace(base, choices=over.values, written=original)
 
     def _warn_of_start(self, where: Where, message: str, value: LayerValue) -> None:
-        hint = f"at {value.where}; the first run is the scenario as written all the same"
+        hint = f"at {value.where}; the first run is still the scenario as written"
         self._warn(where, message, hint)
 
     def _constraints(self, parameters: Sequence[SearchParameter]) -> tuple[str, ...]:
-        """Return what holds in every run, as written, where it can be read."""
+        """Return the readable conditions on every run, as written."""
         constraints: list[str] = []
         if len(parameters) < len(self.text.over):
-            return ()  # what they name may be what could not be read
+            return ()  # they may name an unreadable parameter
         words = [p.name for p in parameters if any(isinstance(one, str) for one in p.choices)]
         units = {p.name: p.unit for p in parameters if p.name not in words}
         pattern = "|".join(map(re.escape, words))

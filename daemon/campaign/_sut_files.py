@@ -1,8 +1,8 @@
 """Files that describe systems under test: layers on each other and on ROS parameter files.
 
-What a file says holds over what its ROS files say, and both over the system it is ``like``. The
-outcome is one tree of parameters; every complaint about it stands where the value was written. For
-a ROS 2 stack the tree are its keys at the top of the file, as they were written.
+Values of a file win over those of its ROS files, and both over the system that it is ``like``. The
+result is one tree of parameters; every finding about it has the place of its value. For a ROS 2
+stack the tree holds the keys at the top of the file, as written.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from grammars.text.documents import ONE_OR_MORE, RemovedKey, YamlDocument, load_
 from grammars.text.sources import is_file
 
 FindSutFile: TypeAlias = Callable[[Path, LayerReference], Path]
-"""Finds the SUT file a reference in a file of a folder names; raises :class:`InputError`."""
+"""Finds the SUT file of a reference in a file of a folder; raises :class:`InputError`."""
 
 
 class SutFile(Ros2Keys):
@@ -54,40 +54,40 @@ class SutFile(Ros2Keys):
         **ROBOT_KEYS,
         **MISSION_KEYS,
         **CAMPAIGN_KEYS,
-        "": 'what differs from the defaults of its kind stands under "parameters:"',
+        "": 'differences from the defaults of its kind stand under "parameters:"',
     }
     _null = field_validator(*Ros2Keys.model_fields, mode="before")(default_for_null)
 
     sut: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$", examples=["my-stack"])
-    """Name of this system under test, as verdicts show it."""
+    """Name of this system under test in verdicts."""
     about: str = ""
     """One line for people."""
     like: str | None = None
-    """Another system under test: this one is the same except for what is written here."""
+    """Another system under test: this one is the same except for the keys written here."""
     kind: str | None = None
-    """What is run: a kind that ships here, or one plugged in as "scenario.suts"."""
+    """Kind of the system: a shipped one, or a plug-in of "scenario.suts"."""
     ros: Annotated[
         RosSource | None,
         BeforeValidator(as_ros_source, json_schema_input_type=str | RosSource | None),
     ] = None
-    """The configuration of a robot as it is: its launch files, or a folder with the parameter
+    """The unchanged configuration of a robot: its launch files, or a folder with the parameter
     files of its navigation package."""
     files: dict[str, Annotated[list[str], ONE_OR_MORE]] = Field(default_factory=dict)
-    """ROS parameter files by the namespace they are loaded into, such as move_base/global_costmap;
-    costmap_common is loaded into both costmaps. For "kind: ros2" and a kind plugged in: files it
-    needs, one each by a name of your choice; they travel to the workers."""
+    """ROS parameter files by namespace, such as move_base/global_costmap; costmap_common is loaded
+    into both costmaps. For "kind: ros2" and plug-in kinds: files that it needs, one for each name
+    of your choice; they travel to the workers."""
     parameters: dict[str, Any] = Field(default_factory=dict)
-    """What differs from the files, from the system this one is like, from the defaults of the
-    kind. null takes an inherited value away. Not for "kind: ros2", which has keys of its own."""
+    """Values that differ from the files, from the base system and from the defaults of the kind.
+    null removes an inherited value. Not for "kind: ros2", which has keys of its own."""
 
 
 @dataclass(frozen=True, slots=True)
 class SutLayer:
-    """A SUT file with everything below it, before its values are checked.
+    """A SUT file with all its bases, before its values are checked.
 
-    ``files`` are the SUT files it is made of, itself first. ``attached`` are the files that travel
-    to the workers. ``parameter_files`` are those of ROS that people named, or that were found in a
-    folder they named. ``launched`` says whether there are launch files below.
+    ``files`` are its SUT files, itself first. ``attached`` are the files that travel to the
+    workers. ``parameter_files`` are ROS files that people named, directly or by their folder.
+    ``launched`` says whether it has launch files.
     """
 
     text: SutFile
@@ -101,7 +101,7 @@ class SutLayer:
     launched: bool = False
 
     def changed(self, changes: ParameterValues) -> SutLayer:
-        """Return the layer with other values.
+        """Return the layer with changed values.
 
         Raises :class:`InputError` for a ``null`` without an inherited value.
         """
@@ -111,7 +111,7 @@ class SutLayer:
 
 
 def kind_layer(kind: str, where: Where) -> SutLayer:
-    """Return a system that is called by its kind at ``where``: an empty file.
+    """Return an empty file for a system that is named by its kind at ``where``.
 
     Raises :class:`SutMissing`.
     """
@@ -125,7 +125,7 @@ def read_sut(
     above: tuple[Path, ...] = (),
     changes: tuple[LaunchChange, ...] = (),
 ) -> SutLayer:
-    """Read a SUT file and all it stands on; ``changes`` to its launch files come from ``above``.
+    """Read a SUT file and its bases; ``changes`` to its launch files come from ``above``.
 
     Raises :class:`InputError` for files that cannot be read or contradict each other.
     """
@@ -143,11 +143,10 @@ def read_sut(
     layer = replace(base or SutLayer(text, document, kind), text=text, document=document)
     warnings = list(layer.warnings)
     if ros is not None and ros.source.launch:
-        # What reads launch files is loaded by systems that have some.
+        # Only systems with launch files load their reader.
         from daemon.campaign._launch import load_launched
 
-        started = load_launched(ros, changes, warnings)
-        settings = merge_parameters(layer.settings, started)
+        settings = merge_parameters(layer.settings, load_launched(ros, changes, warnings))
         layer = replace(layer, settings=settings, launched=True)
     elif base is None or (ros is not None and ros.source.folder):
         refuse_lone_changes(changes)
@@ -160,7 +159,7 @@ def read_sut(
         loaded.append(load_parameter_files(files, warnings))
     else:
         attached = {**attached, **_attached(document, files)}
-    for values in (*loaded, _written(document, text, kind)):
+    for values in (*loaded, _own_values(document, text, kind)):
         layer = layer.changed(values)
     parameter_files = (setting.where.file for values in loaded for setting in values.values())
     return replace(
@@ -175,7 +174,7 @@ def read_sut(
 def _attached(
     document: YamlDocument, files: Mapping[str, Sequence[tuple[Path, Where]]]
 ) -> dict[str, Path]:
-    """Return the files that travel, by name."""
+    """Return the files for the workers, by name."""
     attached: dict[str, Path] = {}
     for name, places in files.items():
         if len(places) != 1:
@@ -197,7 +196,7 @@ def _base(
     above: tuple[Path, ...],
     changes: tuple[LaunchChange, ...],
 ) -> SutLayer | None:
-    """Return the layer this one is ``like``."""
+    """Return the layer that this one is ``like``."""
     if text.like is None:
         return None
     where = document.where(("like",))
@@ -240,7 +239,7 @@ def _named_files(
 
 
 def _refuse_keys_of_others(document: YamlDocument, text: SutFile, kind: StackKind[Any]) -> None:
-    """Refuse keys at the top of a file that mean nothing for its kind."""
+    """Refuse keys at the top of a file that its kind does not have."""
     if text.ros is not None and kind.files != "parameters":
         message = f"ros: only kind ros reads ROS parameter files, this is {kind.name}"
         raise InputError(Finding(document.where(("ros",)), message))
@@ -256,7 +255,7 @@ def _refuse_keys_of_others(document: YamlDocument, text: SutFile, kind: StackKin
         raise InputError(Finding(document.where((k,)), f"{k}: {message}", hint) for k in keys)
 
 
-def _written(document: YamlDocument, text: SutFile, kind: StackKind[Any]) -> ParameterValues:
+def _own_values(document: YamlDocument, text: SutFile, kind: StackKind[Any]) -> ParameterValues:
     if kind.keys:
         keys = {key: document.data[key] for key in kind.keys if key in document.data}
         return flatten_parameters(keys, document.where)

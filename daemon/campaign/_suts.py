@@ -1,4 +1,4 @@
-"""Systems under test as they run: what files say put together, changed and checked."""
+"""Systems under test as they run: values of all files, with overrides, checked."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ from grammars.text.quantity import read_quantity
 from grammars.text.ros_yaml import ParameterValue
 
 _MOST_NAMED: Final = 6
-"""So many parameters without effect are named in a warning."""
+"""Most parameters without effect that a warning names."""
 
 
 @dataclass(frozen=True, slots=True)
 class LoadedSut:
-    """A loaded system under test: what runs, where each value was written, what to say about it.
+    """A loaded system under test, with the place of each value and all findings.
 
-    ``layer`` is what its files say, ``settings`` are its values with those of the campaign.
-    ``idle`` is the last of the ``warnings`` when there are values without effect, else empty.
+    ``layer`` is the content of its files, ``settings`` are its values with those of the campaign.
+    ``idle`` is the warning about values without effect, the last of the ``warnings``, if any.
     """
 
     reference: SutReference
@@ -55,9 +55,9 @@ class RefusedSutError(InputError):
 
 
 def complete_sut(layer: SutLayer, overrides: Sequence[Override] = ()) -> LoadedSut:
-    """Return the system under test that files mean, with other values for some parameters.
+    """Return the system under test of files, with other values for some parameters.
 
-    Raises :class:`InputError` with everything wrong, each where it stands.
+    Raises :class:`InputError` with all errors, each with its place.
     """
     if overrides:
         layer = layer.changed(_changes(overrides, layer))
@@ -73,7 +73,7 @@ def complete_sut(layer: SutLayer, overrides: Sequence[Override] = ()) -> LoadedS
         findings = kind.findings(kind.read(reference.local_parameters))
     except ValueError as error:
         if isinstance(error, ParameterError):
-            # Of a file that nobody reads the defaults come, which need not be wrong with it.
+            # An unused file leaves the defaults in place, which may cause unrelated errors.
             _refuse_unread(settings, error.findings, layer.parameter_files)
         raise RefusedSutError(_diagnostics(error, document, settings), settings) from error
     _refuse_unread(settings, findings, layer.parameter_files)
@@ -86,7 +86,7 @@ def complete_sut(layer: SutLayer, overrides: Sequence[Override] = ()) -> LoadedS
 
 
 def _refuse_missing(settings: ParameterValues) -> None:
-    """Refuse values that launch files could not fill in and nobody wrote anew."""
+    """Refuse values that launch files could not resolve and no SUT file replaces."""
     missing = [
         replace(lack, message=f"{lack.message}; {'/'.join(path)} has no value without it")
         for path, setting in settings.items()
@@ -110,14 +110,14 @@ def _attach(layer: SutLayer) -> dict[str, str]:
 def _refuse_unread(
     settings: ParameterValues, findings: ParameterFindings, files: Iterable[str]
 ) -> None:
-    """Raise :class:`InputError` for each of ``files`` of which nobody reads anything."""
+    """Raise :class:`InputError` for ``files`` without a single used parameter."""
     unread = {finding.path for finding in findings.problems if finding.unread}
     problems = []
     for file in files:
         own = {path: s for path, s in settings.items() if s.where.file == file}
         if own and all(any(path[:n] in unread for n in range(1, len(path) + 1)) for path in own):
             first, setting = next(iter(own.items()))
-            message = f"nobody reads anything in this file: {'/'.join(first)} is no parameter here"
+            message = f"no value of this file is read: {'/'.join(first)} is not a parameter here"
             problems.append(Finding(setting.where, message, _remedy(own)))
     if problems:
         raise InputError(problems)
@@ -127,15 +127,15 @@ _SECTIONS: Final = ("amcl", "move_base")
 
 
 def _remedy(paths: Iterable[ParameterPath]) -> str:
-    """Return what to do with a file that has the parameters of a node below another name."""
+    """Return a remedy for a file that has the parameters of a node below another name."""
     for path in paths:
         for node in _SECTIONS:
             if node in path[1:-1]:
                 index = max(i for i, part in enumerate(path[:-1]) if part == node)
                 extra, name = "/".join(path[:index]), "/".join(path[index:])
                 return (
-                    f"{name} is meant: take {extra} away, in the file or in the namespace it is "
-                    'loaded into ("/" is none)'
+                    f"write {name}: remove {extra} from the file or from its namespace "
+                    '("/" for the root)'
                 )
     return "load it into the namespace of the node that reads it, see files"
 
@@ -150,7 +150,7 @@ def _changes(overrides: Sequence[Override], layer: SutLayer) -> ParameterValues:
     for override in overrides:
         path = _parameter_path(override.key, settings)
         if path[0] in _OF_FILES and not any(other[0] == path[0] for other in settings):
-            message = f'"{path[0]}" is no parameter'
+            message = f'"{path[0]}" is not a parameter'
             hint = "write a file of its own: suts/NAME.yaml with like: this one"
             if path[0] == "parameters" and len(path) > 1:
                 hint = f"write {'.'.join(path[1:])} alone"
@@ -164,7 +164,7 @@ def _changes(overrides: Sequence[Override], layer: SutLayer) -> ParameterValues:
 
 
 def _parameter_path(key: str, settings: ParameterValues) -> ParameterPath:
-    """Return the path that a dotted or slashed key means; names that are there may have dots."""
+    """Return the path of a dotted or slashed key; existing names may contain dots."""
     paths, rest = list(settings), key.strip("/")
     path: ParameterPath = ()
     while rest:
@@ -179,23 +179,23 @@ _QUANTITY: Final = re.compile(r"\s*[+-]?(?:\d|\.\d)")
 
 
 def _plain(value: Any) -> Any:
-    """Return a quantity with a unit as the number in SI units, and any other value as it is."""
+    """Return a quantity with a unit as a number in SI units; keep any other value."""
     if not isinstance(value, str) or not _QUANTITY.match(value):
         return value
     try:
         return read_quantity(value).value
     except ValueError:
-        return value  # text that begins with a digit: the kind says what it thinks of it
+        return value  # text that begins with a digit, which the kind checks
 
 
 def _diagnostics(
     error: ValueError, document: YamlDocument, settings: ParameterValues
 ) -> list[Finding]:
-    """Put complaints where the values they are about stand."""
+    """Return the findings of an error, each at the place of its value."""
     if isinstance(error, ParameterError):
         place = partial(_placed, document=document, settings=settings)
         return list(dict.fromkeys(map(place, error.problems)))
-    # A plain ValueError says no path: the best guess is the first parameter that it names.
+    # A plain ValueError has no path: the best guess is the first parameter that it names.
     message = str(error)
     where = _named_place(message, settings)
     if where is not None:
@@ -205,7 +205,7 @@ def _diagnostics(
 
 
 def _named_place(message: str, settings: ParameterValues) -> Where | None:
-    """Return where the first parameter that a message names is written."""
+    """Return the place of the first parameter that a message names."""
     for path, setting in settings.items():
         if f'"{path[0]}"' in message or message.startswith(f"{path[0]}:"):
             return setting.where
@@ -215,8 +215,8 @@ def _named_place(message: str, settings: ParameterValues) -> Where | None:
 def _idle_warning(
     findings: ParameterFindings, layer: SutLayer, settings: ParameterValues
 ) -> tuple[Finding, ...]:
-    """Return the warning that names values without effect, if there are any."""
-    # What both costmaps have in common is one line of a file, so it is said once.
+    """Return the warning that names values without effect, if any."""
+    # A common value of both costmaps is one line of a file, so it is named once.
     idle = {
         parameter_place(settings, finding.path): "/".join(map(str, finding.path[-2:]))
         for finding in findings.without_effect
@@ -238,14 +238,14 @@ def _placed(
 ) -> Finding:
     where = parameter_place(settings, finding.path)
     if where is None:
-        # A key that is no parameter, such as a file's name.
+        # The path is of a key that is not a parameter, such as a file's name.
         is_key = finding.path and finding.path[0] in document.data
         where = document.where(finding.path if is_key else ("sut",))
     return Finding(where, _named(finding), finding.hint, severity)
 
 
 def _named(finding: ParameterFinding) -> str:
-    """Return the message with the name of the value before it, unless it says it itself."""
+    """Return the message with the name of its value in front, unless it contains it."""
     names = [part for part in finding.path if isinstance(part, str)]
     name = names[-1] if names else ""
     if not name or finding.message.startswith(name) or f'"{name}"' in finding.message:

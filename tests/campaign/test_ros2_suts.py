@@ -100,8 +100,8 @@ def test_sensors_that_do_not_fit_the_cycles_are_worth_a_warning(nav2, campaign):
 @pytest.mark.parametrize(
     ("sut", "expected"),
     [
-        ("nav2", "bt.recoveries is unknown of nav2, which does not record it"),
-        ("pilot", "warning: bt.recoveries is unknown of pilot: the oracle is inconclusive there"),
+        ("nav2", "bt.recoveries is unknown for nav2, which does not record it"),
+        ("pilot", "warning: bt.recoveries is unknown for pilot: the oracle is inconclusive there"),
     ],
 )
 def test_an_oracle_about_a_signal_that_is_not_recorded_is_refused_or_warned_of(

@@ -134,12 +134,12 @@ def test_a_search_that_names_no_system_is_about_the_first_of_its_scenario(search
 
 def test_flat_oracles_are_passed_over_where_any_is_searched(search):
     path = search(minimise="any", over=CLOSES)
-    passed = [one for one in messages(path) if "flat cannot" in one]
+    passed = [one for one in messages(path) if "follow flat" in one]
     assert len(passed) == 1
-    assert ": warning: flat cannot be searched with, it is passed over" in passed[0]
+    assert ": warning: a search cannot follow flat, it is ignored" in passed[0]
     assert "flat" not in [scale.oracle for scale in only_search(path).scales]
     (refusal,) = messages(search(minimise="flat", over=CLOSES))
-    assert "flat cannot be searched with: their.flag is true or false" in refusal
+    assert "a search cannot follow flat: their.flag is true or false" in refusal
 
 
 def test_amounts_are_read_in_words():
