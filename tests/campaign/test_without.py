@@ -68,8 +68,7 @@ def test_nothing_waits_for_a_part_that_is_left_out(less):
                           ("bedroom_door", "living_room_door.rail")):  # fmt: skip
         (message,) = messages(less(part, behaviours="waiting"))
         assert message.endswith(
-            f": {waiting} waits for this part\n"
-            f'    leave "behaviour of {waiting}" out as well'
+            f': {waiting} waits for this part\n    leave "behaviour of {waiting}" out as well'
         )
 
 
