@@ -1,1 +1,1 @@
-"""Searching for failures: which values make a scenario fail, and how near they are."""
+"""Searches for failures: values with which a scenario fails, and their distance."""

@@ -1,9 +1,8 @@
-"""The boundary between passing and failing, over one or two ranges: where the margin is zero.
+"""The boundary between passing and failing, a margin of zero, over one or two ranges.
 
-The space is divided into equal cells with results at their corners. Cells where some corners pass
-and others fail have the boundary in them and are halved, the largest first; then those whose
-corners are so near to zero that it may be inside. What comes out is a mesh that is fine along the
-boundary.
+The space is divided into equal cells with results at their corners. Cells with passing and failing
+corners contain the boundary and are halved, the largest first; then those with corners near zero,
+which may contain it. The result is a mesh that is fine along the boundary.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ MOST_PARAMETERS: Final = 2
 _CELL: Final = 2**16
 """Side of a cell of the first mesh, in steps: it can be halved 16 times."""
 _FEWEST, _MOST = 3, 15
-"""Results along a side of the first mesh."""
+"""Least and greatest number of results along a side of the first mesh."""
 
 _Corner: TypeAlias = tuple[int, ...]
 """A place of the mesh, in steps along every axis."""
@@ -32,14 +31,14 @@ _Values: TypeAlias = Mapping[Point, float | None]
 
 
 class BoundaryMesh:
-    """Points of a coarse mesh, for half of the ``runs``, then those that halve cells."""
+    """Points of a coarse mesh, for half of the ``runs``, then points that halve cells."""
 
     def __init__(self, runs: int, space: SearchSpace) -> None:
         self._space: Final = space
         side = round((runs / 2.0) ** (1.0 / space.dimensions))
         side = min(max(side, _FEWEST), _MOST)
         self._across: Final = (side - 1) * _CELL
-        # Half of a value's share: smaller cells have nothing new in them.
+        # Half of a value's share: smaller cells contain no new values.
         levels = max(axis.levels for axis in space.axes)
         self._finest: Final = max(self._across / (2.0 * levels), 2.0)
         places = range(0, side * _CELL, _CELL)
@@ -51,9 +50,9 @@ class BoundaryMesh:
         ]
 
     def choose(self, values: _Values, is_new: Callable[[Point], bool]) -> tuple[Point, bool] | None:
-        """Return the next point and whether it halves a cell; ``None`` if none can be halved yet.
+        """Return the next point and whether it halves a cell; ``None`` if no cell is ready yet.
 
-        ``values`` has those of all points with a result.
+        ``values`` are those of all points with a result.
         """
 
         def new(corners: Iterable[_Corner]) -> Point | None:
@@ -79,12 +78,12 @@ class BoundaryMesh:
         return self._points[corner]
 
     def _sort(self, values: _Values) -> None:
-        """Sort cells in by how much they need to be halved, once their corners are known."""
+        """Sort cells with known corners by their need to be halved."""
         waiting, self._waiting = self._waiting, []
         for cell in waiting:
             corners = [self._point(corner) for corner in _corners(cell)]
             results = [values[point] for point in corners if point in values]
-            # A corner that is not allowed never has a result: the others decide.
+            # A forbidden corner never has a result, so the others decide.
             if len(results) < sum(map(self._space.allowed, corners)):
                 self._waiting.append(cell)
                 continue
@@ -98,7 +97,7 @@ def _need(margins: Sequence[float], side: int) -> tuple[float, ...]:
     nearest, spread = min(map(abs, margins)), max(margins) - min(margins)
     if min(margins) < 0.0 <= max(margins):
         return (0.0, -side, nearest)
-    # Zero is nearer where margins need to change less, compared with their changes in the cell.
+    # The distance to zero is relative to the spread of margins in the cell.
     return (1.0, nearest / spread if spread > 0.0 else math.inf, -side)
 
 
@@ -107,7 +106,7 @@ def _corners(cell: _Cell) -> list[_Corner]:
 
 
 def _halving(cell: _Cell) -> list[_Corner]:
-    """Return the corners of the halves of a cell, its middle first."""
+    """Return the corners of the halves of a cell, the middle first."""
     return _offset(cell, (cell[1] // 2, 0, cell[1]))
 
 
@@ -117,7 +116,7 @@ def _halves(cell: _Cell) -> list[_Cell]:
 
 
 def _offset(cell: _Cell, steps: tuple[int, ...]) -> list[_Corner]:
-    """Return the corner of a cell moved by each of these steps along each axis."""
+    """Return the lowest corner of a cell, moved by each of ``steps`` along each axis."""
     low, _ = cell
     offsets = itertools.product(steps, repeat=len(low))
     return [tuple(a + b for a, b in zip(low, offset, strict=True)) for offset in offsets]

@@ -1,7 +1,7 @@
 """A search run by its client: the program in this process, its runs in a daemon.
 
-The program of a search is plain code that runs from its beginning every time. The ledger returns
-the runs that it has at once, so a search continues after any end.
+The program of a search is plain code that always runs from its beginning. The ledger returns
+existing runs at once, so a search continues after any end.
 """
 
 from __future__ import annotations
@@ -31,21 +31,21 @@ from grammars.text.diagnostics import InputError
 SearchProgram: TypeAlias = Callable[[DaemonRuns], SearchAnswer]
 
 _LOOK_EVERY: Final = 0.5
-"""Seconds between two looks at whether another client is still there."""
+"""Seconds between two checks whether another client still runs the search."""
 _LAST_MOMENT: Final = 5.0
-"""Seconds that the program has to come to its next question when it is left."""
+"""Longest wait [s] for the program to reach its next question after :meth:`SearchClient.leave`."""
 
 
 def client_name() -> str:
-    """Return a name of this process for daemons; no other process ever has it."""
+    """Return a unique name of this process for daemons."""
     return f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(4)}"
 
 
 class SearchClient(threading.Thread):
-    """Runs the program of a search that was begun, as soon as no other client does.
+    """Runs the program of a search that has begun, as soon as no other client does.
 
-    ``program`` is called in this thread, which closes the connection to the ``daemon`` at the end.
-    How the search ends is in the ledger afterwards.
+    This thread calls ``program`` and closes the connection to the ``daemon`` at the end. The ledger
+    then contains the ending of the search.
     """
 
     def __init__(self, daemon: Client, search: SearchSubmission, program: SearchProgram) -> None:
@@ -54,11 +54,11 @@ class SearchClient(threading.Thread):
         self._search = search
         self._program = program
         self._runs: DaemonRuns | None = None
-        self._left = threading.Event()
+        self._leaving = threading.Event()
 
     def leave(self) -> None:
-        """Let the search wait for another client; called by any other thread."""
-        self._left.set()
+        """Let the search wait for another client; any other thread may call this."""
+        self._leaving.set()
         if self._runs is not None:
             self._runs.leave()
         self.join(_LAST_MOMENT)
@@ -71,11 +71,11 @@ class SearchClient(threading.Thread):
             if row is None:
                 return
             self._runs = runs = DaemonRuns(daemon, row.campaign, row.client, row.submitted_at)
-            if self._left.is_set():
+            if self._leaving.is_set():
                 runs.leave()
             with client.events(runs.note_event):
                 ending = self._run_program(runs)
-            # It may have been ended, or deleted, in that very moment.
+            # It may have been ended or deleted at this moment.
             with suppress(Refused):
                 runs.end(*ending)
 
@@ -86,12 +86,12 @@ class SearchClient(threading.Thread):
                 return None
             if rows[0].client == self._search.client:
                 return rows[0]
-            if self._left.is_set():
+            if self._leaving.is_set():
                 return None
             if rows[0].state == "waiting":
                 daemon.ask(SEARCH, self._search)
             else:
-                self._left.wait(_LOOK_EVERY)
+                self._leaving.wait(_LOOK_EVERY)
 
     def _run_program(self, runs: DaemonRuns) -> tuple[SearchState, str, SearchAnswer | None]:
         """Return how the search ended, the reason of a failure, and the answer."""
@@ -99,10 +99,10 @@ class SearchClient(threading.Thread):
             runs.load()
             return "finished", "", self._program(runs)
         except SearchStoppedError as stopped:
-            return "waiting" if self._left.is_set() else "cancelled", "", stopped.answer
+            return "waiting" if self._leaving.is_set() else "cancelled", "", stopped.answer
         except (InputError, SearchDivergedError, DaemonError) as error:
             return "failed", str(error), None
         except Exception as error:
-            # It would run into the same problem again.
+            # A new attempt would meet the same problem.
             traceback.print_exc()
             return "failed", f"the search broke: {type(error).__name__}: {error}", None

@@ -1,8 +1,8 @@
-"""From a point of a search to its run: the scenario with the point's values, composed.
+"""Composition of the runs of a search: the scenario with the values of a point.
 
-A search composes thousands of points that differ in a few values. Whatever a point does not change
-is loaded and composed once, so a point costs milliseconds. The result equals that of loading the
-found campaign file, digest by digest.
+A search composes thousands of points that differ in a few values. Unchanged parts are loaded and
+composed once, so a point costs milliseconds. The runs have the same digests as those of the found
+campaign file.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class SearchCase:
-    """A search with the campaign it is about, loaded once.
+    """A search with its campaign, loaded once.
 
     ``cell`` is the scenario as written, ``sut`` the index of its system under test in the search.
     """
@@ -49,17 +49,17 @@ class SearchCase:
     def candidate(self, point: Point, number: int, repeat: int = 0) -> Candidate:
         """Return the run of a point: ``repeat`` of proposal ``number``.
 
-        Noise and chance are those that a scenario of the campaign has in that repeat. Raises
-        :class:`InputError` for values that a layer refuses, or the geometry.
+        Noise and chance are those of this repeat in the campaign. Raises :class:`InputError` for
+        values that a layer or the geometry refuses.
         """
-        # It loads all that executes runs: a check only composes points.
+        # This loads the code that executes runs; a check only composes points.
         from daemon.analysis.blame import Candidate
 
         cell = self.cell_at(point, number, repeat)
         return Candidate(self._spec(cell, repeat), cell.scene)
 
     def run_case(self, point: Point, number: int) -> RunCase:
-        """Return repeat 0 of a point taken apart, to find the parts that it does not need.
+        """Return repeat 0 of a point, ready for the removal of unneeded parts.
 
         Raises :class:`InputError` as :meth:`candidate` does.
         """
@@ -69,10 +69,10 @@ class SearchCase:
         return case_of(self.campaign, cell, self._spec(cell, 0), self.folder)
 
     def found_text(self, result: Trial, *, comment: str, why: str = "") -> str:
-        """Return a campaign file beside that of the campaign with the scenario of a point alone.
+        """Return a campaign file, for the same folder, with the scenario of a point alone.
 
-        Its runs are those of the proposal, digest by digest, and it has only the values that are
-        not as written. ``comment`` stands above it. With ``why`` its oracle is expected to fail.
+        Its runs have the digests of the proposal's, and it has only changed values. ``comment``
+        stands above it. With ``why`` its oracle is expected to fail.
         """
         expected: list[dict[str, str]] = []
         if why and result.fails and result.verdict is not None:
@@ -90,10 +90,7 @@ class SearchCase:
     def _scenario_at(
         self, point: Point, number: int, *, only_changed: bool = False
     ) -> ResolvedScenario:
-        """Return the scenario with the values of a point written beside its layers.
-
-        With ``only_changed`` those that are as written are left out.
-        """
+        """Return the scenario with the values of a point, or ``only_changed`` ones."""
         scenario = replace(self.cell.scenario, name=self.task.scenario_of(number))
         for parameter, value in zip(self.task.parameters, point, strict=True):
             if not (only_changed and is_as_written(parameter, value)):
@@ -105,7 +102,7 @@ class SearchCase:
         """Return the shortest scenario of a point that has the same run."""
         short = self._scenario_at(point, number, only_changed=True)
         digest = self._spec(self._composer.cell(self.cell, short, 0), 0).digest
-        # Written with more digits than a value of a point has, say, it would be another run.
+        # A written value may have more digits than a value of a point, and give another run.
         is_same = digest == self._spec(self.cell_at(point, number, 0), 0).digest
         return short if is_same else self._scenario_at(point, number)
 
@@ -141,11 +138,11 @@ def search_case(campaign: Campaign, task: SearchTask) -> SearchCase:
         try:
             with_overrides(cell.scenario, parameter.slot, parameter.index, {})
         except ValueError as error:
-            # A task of an earlier submission may be of another file.
+            # A task of an earlier submission may belong to another file.
             raise InputError.at(place, f"{parameter.name}: {error}") from error
-    # Without the measures of comparisons: a search compares no scenarios.
-    picked = {reference.name for reference in cell.scenario.oracles}
-    oracles = tuple(OracleText(o.name, o.text) for o in cell.oracles if o.name in picked)
+    # The cell also has the measures of comparisons, which a search does not need.
+    own = set(cell.scenario.oracle_names)
+    oracles = tuple(OracleText(o.name, o.text) for o in cell.oracles if o.name in own)
     folder = Path(campaign.file).parent
     return SearchCase(
         task=task,

@@ -1,7 +1,7 @@
-"""The runs of a search in a daemon: appended to its campaign, waited for, and reported on.
+"""The runs of a search in a daemon: append them to its campaign, wait for them, report progress.
 
-Positions are all that names a run. A run that the ledger has at a position already, of an earlier
-life of the same search, must be the run that is proposed: everything after it was learnt from it.
+A run is named by its position alone. If the ledger already has a run at a position, from an earlier
+life of the same search, the proposed run must be the same: everything after it depends on it.
 """
 
 from __future__ import annotations
@@ -31,40 +31,40 @@ from daemon.model.submission import Submission
 from daemon.model.verbs import EXTEND, PROGRESS, RUNS, SEARCHES, Verb
 
 if TYPE_CHECKING:
-    # It loads all that runs and judges; only its name is needed here.
+    # It loads the code that runs and judges; only its name is needed here.
     from daemon.analysis.blame import Candidate
 
 A = TypeVar("A")
 
 _SETTLED: Final = frozenset({"done", "lost", "cancelled", "deleted"})
-"""States of events after which a run may be settled, or the search over."""
+"""States in events after which a run may be settled, or the search over."""
 _LOOK_EVERY: Final = 2.0
-"""Seconds between two looks at a run that is waited for: events may be lost."""
+"""Seconds between two checks of an awaited run: events may be lost."""
 _REPORT_EVERY: Final = 1.0
 _SPEAK_EVERY: Final = 5.0
-"""Seconds after which the last report is repeated: a client that is silent is taken for gone."""
+"""Seconds after which the last report is repeated: the daemon takes a silent client for gone."""
 _FIRST_PAUSE: Final = 0.1
 _LONGEST_PAUSE: Final = 5.0
 """Seconds between two questions to a daemon that does not answer."""
 _PAGE: Final = 500
-"""Rows of the ledger that are read at a time."""
+"""Rows of the ledger that one request reads."""
 
 
 class SearchStoppedError(Exception):
-    """No other run is executed: the search was cancelled or deleted, or its client leaves.
+    """The search executes no more runs: it was cancelled or deleted, or its client leaves.
 
-    ``answer`` is that until then, once :func:`daemon.search.program.run_search` has added it.
+    :func:`daemon.search.program.run_search` adds the ``answer`` so far.
     """
 
     answer: SearchAnswer | None = None
 
 
 class SearchDivergedError(Exception):
-    """The search proposes another run than before: its files or the software have changed."""
+    """The search proposes a different run than before: its files or the software have changed."""
 
 
 class PatientClient:
-    """Asks a daemon until it answers, and prints to standard error why it does not."""
+    """Asks a daemon until it answers, and prints the reason for delays to standard error."""
 
     def __init__(self, client: Client) -> None:
         self.client = client
@@ -75,7 +75,7 @@ class PatientClient:
         return self._patiently(lambda: self.client.ask(verb, request))
 
     def send_files(self, runs: tuple[RunSpec, ...]) -> None:
-        """Send the files that runs need, as far as they are here and the daemon lacks them."""
+        """Send files of runs that exist here and are missing in the daemon."""
         self._patiently(lambda: self.client.send_files(runs))
 
     def _patiently(self, act: Callable[[], A]) -> A:
@@ -94,8 +94,8 @@ class PatientClient:
 class DaemonRuns:
     """The runs of one search, for its program; positions count them from 0, without a gap.
 
-    ``client`` names the process to the daemon, ``submitted_at`` is when the search was asked for
-    [s since the epoch].
+    ``client`` names the process to the daemon, ``submitted_at`` is the time of the submission [s
+    since the epoch].
     """
 
     def __init__(
@@ -115,18 +115,18 @@ class DaemonRuns:
         self._reported_at = time.monotonic()
 
     def load(self) -> None:
-        """Read the runs that an earlier life of the search has left."""
+        """Read the runs of earlier lives of the search."""
         while page := self._page(len(self._rows), _PAGE):
             self._rows.extend(page)
         self._earlier = len(self._rows)
 
     def note_event(self, event: ChangeEvent) -> None:
-        """Look again soon if an event of the search is about an end; called by any thread."""
+        """Check runs again soon if an event reports an end; any thread may call this."""
         if event.campaign == self._campaign and event.state in _SETTLED:
             self._changed.set()
 
     def leave(self) -> None:
-        """Stop the program at its next question; called by any thread."""
+        """Stop the program at its next question; any thread may call this."""
         self._leaving = True
         self._changed.set()
 
@@ -135,16 +135,16 @@ class DaemonRuns:
         return self._rows[position].proposal if position < self._earlier else None
 
     def issue(self, proposal: Proposal, candidate: Candidate) -> None:
-        """Have a run executed; one that is there already at its position is left as it is.
+        """Submit a run for execution, unless it is already at its position.
 
         Raises :class:`SearchStoppedError` as :meth:`result` does, and :class:`SearchDivergedError`
-        where another run is at its position.
+        if a different run is at its position.
         """
         if proposal.position < self._earlier:
             row = self._rows[proposal.position]
             if row.digest != candidate.spec.digest:
                 raise SearchDivergedError(
-                    f"run {proposal.position} of the search is another one than it was before"
+                    f"run {proposal.position} of the search differs from the recorded one"
                     f" ({row.label}): the software has changed: start it again with --fresh"
                 )
             return
@@ -155,18 +155,18 @@ class DaemonRuns:
             self._extend(proposal, candidate, with_scene=spec.scene not in self._sent)
         except Refused:
             self._require_ours()
-            # The daemon may have cleared away a scene that was sent long ago.
+            # The daemon may have deleted a scene that was sent long ago.
             self._extend(proposal, candidate, with_scene=True)
         self._sent.update(files, (spec.scene,))
 
     def result(self, position: int) -> RunRow:
-        """Wait for a run that was issued and return it, settled.
+        """Wait for an issued run and return it, settled.
 
-        Raises :class:`SearchStoppedError` when the search is over, or its client leaves.
+        Raises :class:`SearchStoppedError` if the search is over, or its client leaves.
         """
         self._reached = position
         while position >= len(self._rows) or not _has_result(self._rows[position]):
-            # Before the look: later changes are events.
+            # Clear before reading: later changes set it again.
             self._changed.clear()
             if self._leaving:
                 raise SearchStoppedError(f"the search {self._campaign} is left")
@@ -180,10 +180,10 @@ class DaemonRuns:
         return self._rows[position]
 
     def report(self, phase: Phase, note: str, answer: SearchAnswer) -> None:
-        """Tell people how far the search is, once a second at most."""
+        """Report the progress of the search, once a second at most."""
         before = self._progress
         self._progress = replace(before, phase=phase, note=note[:LONGEST_NOTE], answer=answer)
-        # A report of an earlier life was about more than this.
+        # While earlier runs are replayed, an earlier life has already reported more.
         self._is_reported = self._reached + 1 < self._earlier
         if phase != before.phase:
             self._reported_at = 0.0
@@ -192,7 +192,7 @@ class DaemonRuns:
     def end(self, state: SearchState, note: str, answer: SearchAnswer | None) -> None:
         """Report how the search ended, or that it waits for another client.
 
-        Raises :class:`daemon.batch.errors.Refused` when another client runs it by now.
+        Raises :class:`daemon.batch.errors.Refused` if another client runs it by now.
         """
         answer = answer or self._progress.answer
         self._daemon.ask(
@@ -201,7 +201,7 @@ class DaemonRuns:
         )
 
     def elapsed(self) -> float:
-        """Return the wall clock since the search was asked for [s]."""
+        """Return the wall clock time since the submission of the search [s]."""
         return time.monotonic() - self._began
 
     def _send_report(self) -> None:
@@ -213,10 +213,10 @@ class DaemonRuns:
         self._ask(PROGRESS, self._progress)
 
     def _ask(self, verb: Verb[..., A], request: object) -> A:
-        """Ask for something of the search.
+        """Send a request about the search.
 
         Raises :class:`SearchStoppedError` if the daemon refuses because the search is over or
-        another client's.
+        belongs to another client.
         """
         try:
             return self._daemon.ask(verb, request)
@@ -226,8 +226,7 @@ class DaemonRuns:
 
     def _require_ours(self) -> None:
         rows = self._daemon.ask(SEARCHES, SearchQuery(self._campaign))
-        # A daemon that was started anew, or a client that was slow, knows of no client: its next
-        # word is taken.
+        # A restarted daemon, or one that dropped a slow client, has no client: this one may report.
         ours = ("", self._progress.client)
         if not any(row.client in ours and not row.ended for row in rows):
             raise SearchStoppedError(f"the search {self._campaign} is over")
@@ -244,7 +243,7 @@ class DaemonRuns:
             page = self._page(start, min(_PAGE, end - start))
             if not page:
                 self._require_ours()
-                message = f"run {start} of the search is not in the ledger any more"
+                message = f"run {start} of the search is no longer in the ledger"
                 raise SearchDivergedError(message)
             self._rows[start : start + len(page)] = page
             start += len(page)

@@ -1,4 +1,4 @@
-"""Figures of a search as charts: margins over its runs, and where it fails."""
+"""Charts of a search: margins over its runs, and failures over its parameters."""
 
 from __future__ import annotations
 
@@ -30,25 +30,25 @@ from daemon.search.answers.sentences import margin_words, point_words
 from daemon.search.points import position_in_range, range_text, written_point
 
 MOST_PAIRED: Final = 4
-"""Parameters of which every two have a figure; of more, all stand side by side."""
+"""Most parameters with a figure for every pair; more stand side by side."""
 MOST_LINES: Final = 400
-"""Points that pass and are drawn as lines at most; of more, some evenly over the search."""
+"""Most passing points drawn as lines; of more, a subset evenly over the search."""
 RAMP: Final = ("#b2182b", "#d6604d", "#f4a582", "#92c5de", "#4393c3", "#2166ac")
-"""From failing to passing: ColorBrewer's RdBu, which colour-blind readers tell apart (Brewer and
+"""Colours from failing to passing: ColorBrewer's RdBu, safe for colour-blind readers (Brewer and
 Harrower, 2003). Half of it is below zero."""
 _WIDTH: Final = 620
 """Width of a chart over the whole page [px]."""
 _CROSS: Final = "M-.9,-.9L.9,.9M-.9,.9L.9,-.9"
 _OUTSIDE: Final = 0.06
-"""How far beyond its range a written value is drawn, as a share of the range."""
+"""Distance at which a written value outside its range is drawn, as a share of the range."""
 _TOOLTIP: Final = tooltip({"run": "run", "words": "margin", "point": "point"})
 """Words of a run under the pointer: its number, its margin, its point."""
 
 
 def margins_chart(task: SearchTask, trials: Sequence[Trial]) -> Chart:
-    """Return the margin of every run and the smallest so far, and below how many have failed.
+    """Return the margin of every run and the smallest so far, and below the number of failures.
 
-    A guided search stands beside those of its own runs that were chosen without looking at results.
+    The chart compares a guided search with its own unguided runs.
     """
     unguided = [trial for trial in trials if not trial.proposal.guided]
     name = f"{task.drawn_word} runs alone"
@@ -87,14 +87,14 @@ def margins_chart(task: SearchTask, trials: Sequence[Trial]) -> Chart:
         "color": {**colour, "legend": None},
     }
     below = {"width": _WIDTH, "height": 70, **layer("line", courses, failures, **line)}
-    # Otherwise the lower panel, which names no lines again, would silence the upper one.
+    # Otherwise the lower panel, which has no legend, would remove that of the upper one.
     own = {"legend": {"color": "independent"}}
     panels = {"vconcat": [above, below], "spacing": 6, "resolve": own}
     return {"params": legend("kind", "runs"), **panels}
 
 
 def _courses(series: Mapping[str, Sequence[Trial]], last: int) -> Table:
-    """Return the smallest margin and the failures so far after each run, to the ``last`` one."""
+    """Return the smallest margin and the number of failures after each run, up to ``last``."""
     rows: list[tuple[int, str, float, int]] = []
     for name, trials in series.items():
         smallest = smallest_so_far(one.compared for one in trials)
@@ -110,13 +110,13 @@ def _courses(series: Mapping[str, Sequence[Trial]], last: int) -> Table:
 def space_charts(
     task: SearchTask, trials: Sequence[Trial], steps: Sequence[Trial], nearest: Point | None
 ) -> Iterator[tuple[str, Chart]]:
-    """Yield charts of where a search fails, each with its caption.
+    """Yield charts of failures over parameters, each with its caption.
 
-    One parameter has its margins beside it, few have a chart for every two, and many stand side by
-    side. ``steps`` are the trials on the way to the ``nearest`` failure.
+    One parameter has a chart of its margins, few have a chart for every pair, and many stand side
+    by side. ``steps`` are the trials on the way to the ``nearest`` failure.
     """
     count = len(task.parameters)
-    # Of one or two parameters nothing differs but what is drawn: these steps say more.
+    # With one or two parameters the charts show all of them, so these steps fit in too.
     judged = [one for one in (*trials, *(steps if count <= 2 else ())) if one.value is not None]
     if not judged:
         return
@@ -165,9 +165,9 @@ def _pair_chart(
 
 
 def _parallel_chart(task: SearchTask, trials: Sequence[Trial], nearest: Point | None) -> Chart:
-    """Return every trial as a line over upright axes, one a parameter.
+    """Return every trial as a line over upright axes, one for each parameter.
 
-    An area that is brushed keeps those trials that lie in it at every axis that it touches.
+    A brushed area keeps the trials that lie in it on every axis that it touches.
     """
     passing = [one for one in trials if not one.fails]
     passing = passing[:: max(1, math.ceil(len(passing) / MOST_LINES))]
@@ -218,7 +218,7 @@ def _parallel_chart(task: SearchTask, trials: Sequence[Trial], nearest: Point | 
 
 
 def _columns(task: SearchTask, trials: Sequence[Trial]) -> dict[str, list[Any]]:
-    """Return the columns that every chart has of trials: margins, and words for the pointer."""
+    """Return the columns of every chart of trials: margins, and words for the tooltip."""
     return {
         "run": [one.number for one in trials],
         "margin": [one.compared for one in trials],
@@ -246,12 +246,12 @@ def _dots(
 
 
 def _answering(chart: Chart) -> Chart:
-    """Return a chart whose legend shows failures alone, or what passes."""
+    """Return a chart whose legend selects failing or passing runs."""
     return {"params": legend("outcome", "runs"), **chart}
 
 
 def _margin_title(task: SearchTask) -> str:
-    """Return what the values of a search are, with their unit."""
+    """Return the title of a search's values, with their unit."""
     if len(task.scales) > 1:
         return "smallest margin, as a share of its scale"
     unit = task.scales[0].unit
@@ -261,7 +261,7 @@ def _margin_title(task: SearchTask) -> str:
 def _margin_colour(task: SearchTask, trials: Sequence[Trial]) -> dict[str, Any]:
     """Return the colours of margins, which change at zero.
 
-    A fall from far above the limit to just below it is common, so each side has its own scale.
+    Margins often fall from far above the limit to just below it, so each side has its own scale.
     """
     margins = [one.compared for one in trials]
     above = max(0.0, *margins) or 1.0
@@ -272,7 +272,7 @@ def _margin_colour(task: SearchTask, trials: Sequence[Trial]) -> dict[str, Any]:
         "range": list(RAMP),
     }  # fmt: skip
     look = {"titleColor": SOFT, "titleFontSize": 9, "titleFontWeight": "normal"}
-    # Small charts side by side have no room for it.
+    # Small charts side by side have no room for a legend.
     steps = None if 2 < len(task.parameters) <= MOST_PAIRED else {"columns": 6, **look}
     return quantity("margin", _margin_title(task), scale=scale, legend=steps)
 
@@ -280,12 +280,12 @@ def _margin_colour(task: SearchTask, trials: Sequence[Trial]) -> dict[str, Any]:
 def _axis(task: SearchTask, index: int, field: str) -> dict[str, Any]:
     """Return the axis of a parameter: its range, or its choices in their order.
 
-    What is written is on it, too: the search comes from there.
+    It includes the written value, from which the search starts.
     """
-    parameter, written = task.parameters[index], task.parameters[index].written
+    parameter, origin = task.parameters[index], task.parameters[index].written
     title = task.short_name(parameter.name)
     values = parameter.choices or (parameter.low, parameter.high)
-    values = values if written is None or written in values else (*values, written)
+    values = values if origin is None or origin in values else (*values, origin)
     if parameter.choices:
         scale = {"domain": [parameter.shown(choice) for choice in values]}
         axis = {"labelAngle": 0}
@@ -301,13 +301,13 @@ def _axis(task: SearchTask, index: int, field: str) -> dict[str, Any]:
 
 
 def _place(task: SearchTask, index: int, point: Point) -> PointValue:
-    """Return where a point lies on the axis of a parameter."""
+    """Return the place of a point on the axis of a parameter."""
     parameter = task.parameters[index]
     return parameter.shown(point[index]) if parameter.choices else point[index]
 
 
 def _heights(task: SearchTask, points: Sequence[Point]) -> dict[str, list[float]]:
-    """Return where in the range of each parameter points lie, a column of each."""
+    """Return the positions of points in the range of each parameter, as columns."""
     return {
         f"p{index}": [_height(parameter, point[index]) for point in points]
         for index, parameter in enumerate(task.parameters)
@@ -320,7 +320,7 @@ def _height(parameter: SearchParameter, value: PointValue) -> float:
 
 
 def _folded(count: int) -> list[dict[str, Any]]:
-    """Return the transform that makes a row for each axis of a row with all, which it keeps."""
+    """Return the transform that turns a row with all axes into a row for each axis."""
     return [
         {"fold": [f"p{index}" for index in range(count)], "as": ["axis", "share"]},
         {"calculate": "toNumber(slice(datum.axis, 1))", "as": "axis"},
@@ -336,12 +336,12 @@ def _marked_points(task: SearchTask, nearest: Point | None) -> Iterator[tuple[Po
 
 
 def _scale(field: str, looks: Mapping[str, Any]) -> dict[str, Any]:
-    """Return how each value of a field looks."""
+    """Return the encoding that gives each value of a field its look."""
     scale = {"domain": list(looks), "range": list(looks.values())}
     return {"field": field, "scale": scale, "title": None}
 
 
 def _zero() -> Chart:
-    """Return the line at a margin of zero, below which runs fail."""
+    """Return the line at a margin of zero; runs below it fail."""
     across = {"x": {"value": 0}, "x2": {"value": "width"}, "y": {"datum": 0}}
     return layer("rule", {}, across, color=BAD)

@@ -1,7 +1,7 @@
-"""Methods of a search: the values to try next, chosen by the results so far.
+"""Methods of a search: they choose the next values by the results so far.
 
-Samplers are optuna's. Results are told in the order of the proposals, so proposals are the same
-whichever run ends first, and a search that begins anew proposes the same points again.
+The samplers are optuna's. They learn results in the order of the proposals, so proposals do not
+depend on which run ends first, and a search that starts again proposes the same points.
 """
 
 from __future__ import annotations
@@ -28,29 +28,29 @@ if TYPE_CHECKING:
 
 METHODS: Final = ("auto", "halton", "random", "tpe", "cma", "boundary")
 COVARIANCE_FROM: Final = 150
-"""Proposals after which ``auto`` goes on with the method cma, where all parameters are ranges."""
+"""Proposals after which ``auto`` uses the method cma, if all parameters are ranges."""
 _TRIES: Final = 16
-"""Points in a row that a sampler may propose in vain: not allowed, or taken already."""
+"""Most useless points in a row, forbidden or known, that a sampler may propose."""
 _MOST_TRIES: Final = 10_000
-"""Points in a row that are drawn in vain before a space counts as exhausted."""
+"""Useless draws in a row after which a space counts as exhausted."""
 _DRAWN: Final = 128
-"""Places that TPE draws for each that it proposes. Of optuna's own 24 few lie near the good results
-where a dozen parameters vary: over a narrow failing region 60 runs found 14.0 failures with 128 and
+"""Places that TPE draws for each proposal. With a dozen parameters few of optuna's default 24 lie
+near the good results: over a narrow failing region 60 runs found 14.0 failures with 128 places and
 9.5 with 24, the mean of 24 searches.
 """
 _DRAWN_FEW: Final = 24
 _MANY_RESULTS: Final = 500
-"""Proposals after which TPE draws few places, so that one costs less than 50 ms."""
+"""Proposals after which TPE draws few places, so that a proposal costs less than 50 ms."""
 _JITTER: Final = 1e-9
-"""Added to results at most: of equal ones, on a plateau, none is better for being the first."""
+"""Largest random addition to results, so that the first of equal ones has no advantage."""
 
 
 @dataclass(frozen=True, slots=True)
 class MethodProposal:
     """A point to run.
 
-    ``method`` chose it: ``written`` for the scenario as it stands, otherwise the name of a method.
-    Results had a part in choosing a ``guided`` one.
+    ``method`` is ``written`` for the scenario as written, otherwise the name of a method. Results
+    influenced the choice of a ``guided`` point.
     """
 
     values: Point
@@ -61,8 +61,8 @@ class MethodProposal:
 class SearchMethod:
     """Proposes points: the scenario as written, then those of the task's method.
 
-    A proposal is a function of the task and of the results learnt before it. Whoever asks keeps to
-    the task's window: before proposal ``n``, results up to ``n - window`` are learnt, no others.
+    A proposal is a function of the task and of the results learnt before it. The caller must keep
+    to the task's window: before proposal ``n`` it reports exactly the results up to ``n - window``.
     """
 
     def __init__(self, task: SearchTask, space: SearchSpace) -> None:
@@ -77,7 +77,7 @@ class SearchMethod:
         self._values: Final[dict[Point, float | None]] = {}
 
     def propose(self) -> MethodProposal | None:
-        """Return the next proposal; ``None`` when no other point is left."""
+        """Return the next proposal; ``None`` if no new point remains."""
         proposal = self._next(len(self._points))
         if proposal is not None:
             self._points.append(proposal.values)
@@ -85,9 +85,9 @@ class SearchMethod:
         return proposal
 
     def learn(self, value: float | None) -> None:
-        """Take in the result of the first proposal without one.
+        """Learn the result of the first proposal without one.
 
-        Lower values are nearer to failing; ``None``, and numbers that are not finite, are left out.
+        Lower values are nearer to failing; ``None`` and numbers that are not finite are ignored.
         """
         value = value if value is not None and math.isfinite(value) else None
         self._values[self._points[len(self._values)]] = value
@@ -98,7 +98,7 @@ class SearchMethod:
         first = self._space.written
         if number == 0 and first is not None:
             if self._guide is not None:
-                # It may lie outside of the space.
+                # It may lie outside the space.
                 self._guide.take(None)
             return MethodProposal(first, "written", False)
         if self._mesh is not None:
@@ -120,7 +120,7 @@ class SearchMethod:
         return None
 
     def _method_at(self, number: int) -> str:
-        """Return the method of a proposal, which does not depend on the budget."""
+        """Return the method of a proposal, independent of the budget."""
         method = self._task.method
         if method not in ("auto", "tpe"):
             return method
@@ -135,8 +135,8 @@ class SearchMethod:
 
 
 def _unguided_places(task: SearchTask) -> Iterator[Sequence[float]]:
-    """Yield places of the unit cube, (d,), that no result has a part in."""
-    # Loaded where a search runs: a check only asks whether its method fits.
+    """Yield places of the unit cube, (d,), independent of results."""
+    # Only a running search loads this; a check only asks whether its method fits.
     from grammars.variation.designs import halton_points
 
     if task.method != "random":
@@ -150,7 +150,7 @@ class _Guide:
     """A study of optuna over the unit cube."""
 
     def __init__(self, task: SearchTask, space: SearchSpace) -> None:
-        # Half a second, which searches that fill the space do without.
+        # This takes half a second, which searches that fill the space can save.
         import optuna
         from optuna.distributions import CategoricalDistribution, FloatDistribution
 
@@ -171,7 +171,7 @@ class _Guide:
         self._out: Final[deque[Trial | None]] = deque()
 
     def propose(self, method: str, number: int, is_new: Callable[[Point], bool]) -> Point | None:
-        """Return a new point of a sampler; ``None`` when it has proposed none for a while."""
+        """Return a new point of a sampler; ``None`` after many useless proposals."""
         self._follow(method, _DRAWN if number < _MANY_RESULTS else _DRAWN_FEW)
         for _ in range(_TRIES):
             trial = self._study.ask(self._axes)
@@ -183,11 +183,11 @@ class _Guide:
         return None
 
     def take(self, place: Sequence[float] | None) -> None:
-        """Take in the place of a point that no sampler has proposed; ``None`` does not lead."""
+        """Add the place of a point from outside; ``None`` has no influence on the sampler."""
         if place is None:
             self._out.append(None)
             return
-        # Of a list the sampler knows only the middles of its cells.
+        # For a list the sampler knows only the middles of the cells.
         params = {
             p.name: _middles(len(p.choices))[int(share * len(p.choices))] if p.choices else share
             for p, share in zip(self._parameters, place, strict=True)
@@ -196,7 +196,7 @@ class _Guide:
         self._out.append(self._study.ask(self._axes))
 
     def learn(self, value: float | None) -> None:
-        """Take in the result of the first point that is out."""
+        """Learn the result of the first point in progress."""
         trial, states = self._out.popleft(), self._optuna.trial.TrialState
         if trial is None:
             return
@@ -206,7 +206,7 @@ class _Guide:
             self._study.tell(trial, value + _JITTER * self._chance.random())
 
     def _follow(self, method: str, candidates: int) -> None:
-        """Let a sampler propose from now on."""
+        """Switch to the sampler of a method."""
         name = f"{method} {candidates}" if method == "tpe" else method
         if name != self._sampler:
             self._sampler = name
@@ -215,9 +215,9 @@ class _Guide:
             )
 
     def _estimator(self, candidates: int) -> BaseSampler:
-        """Return tree-structured Parzen estimators, of all parameters together.
+        """Return tree-structured Parzen estimators over all parameters together.
 
-        Falkner, S.; Klein, A.; Hutter, F.: BOHB, ICML 2018. Points that are out count as bad ones.
+        Falkner, S.; Klein, A.; Hutter, F.: BOHB, ICML 2018. Points in progress count as bad ones.
         """
         return self._optuna.samplers.TPESampler(
             n_startup_trials=1, n_ei_candidates=candidates, seed=self._seed
@@ -246,7 +246,7 @@ def _middles(count: int) -> list[float]:
 
 
 def method_problem(task: SearchTask) -> tuple[str, str] | None:
-    """Return why the method of a search cannot be used, and a remedy; ``None`` when it can."""
+    """Return why the method of a search is unusable, and a remedy; ``None`` for a usable one."""
     method, count = task.method, len(task.parameters)
     lists = [parameter.name for parameter in task.parameters if parameter.choices]
     if method not in METHODS:

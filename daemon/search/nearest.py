@@ -1,8 +1,8 @@
-"""The nearest failure: the smallest change from the scenario as written with which it still fails.
+"""The nearest failure: the smallest change of the scenario as written that still fails.
 
-Parameters of failures go back to their written values as long as the failure holds. Where the
-fewest changes remain, each is halved towards the written value until neighbouring steps, one of
-which passes. A failure with one noise alone is luck: only failures that hold count.
+Parameters of failures go back to their written values as long as the failure holds. In the failure
+with the fewest changes, each change is halved towards the written value, down to neighbouring steps
+of which one passes. A failure with a single noise is luck: only failures that hold count.
 """
 
 from __future__ import annotations
@@ -30,28 +30,28 @@ from daemon.search.points import (
 )
 
 NEAREST_POINTS: Final = 60
-"""Points that are tried at most to find the nearest failure; one that fails takes several runs."""
+"""Most points to find the nearest failure; a failing point takes several runs."""
 _TAKING_BACK: Final = 40
-"""Of these points, those that may go into which parameters matter, before values are halved: fewer
-changes are worth more than smaller ones.
+"""Most of these points for taking parameters back, before values are halved: fewer changes are
+worth more than smaller ones.
 """
 _STARTS: Final = 5
 _MOST_STARTS: Final = 20
-"""Failures to begin with, and their largest number as long as none holds."""
+"""Failures to begin with, and their largest number while none holds."""
 _AT_A_TIME: Final = 2
-"""Points that are tried at the same time, whatever the number of cores."""
+"""Points tried at the same time, for any number of cores."""
 
 
 class _SpentError(Exception):
-    """Another point had to be tried and none is left."""
+    """The budget has no points for another trial."""
 
 
 def find_nearest(
     points: PointRunner, failures: Sequence[Trial], influence: Mapping[str, float]
 ) -> NearestFailure | None:
-    """Return the nearest failure that holds; ``None`` when none of the failures does.
+    """Return the nearest failure that holds; ``None`` if no failure holds.
 
-    ``influence`` is that of each parameter, its sign does not matter.
+    ``influence`` is given for each parameter; its sign does not matter.
     """
     task, before = points.case.task, points.position
     order = sorted(
@@ -63,7 +63,7 @@ def find_nearest(
     for count, start in enumerate(_starts(task, failures)):
         if near and (count >= _STARTS or approach.is_spent or not approach.changed(near[-1])):
             break
-        # Whether a failure holds takes repeats, but it is no other point.
+        # This needs repeats, but no other point.
         (failing,) = points.judge([start])
         if failing is not None and failing.fails:
             near.append(approach.take_back(failing))
@@ -85,12 +85,12 @@ def find_nearest(
 
 
 def _change(task: SearchTask, point: Point) -> tuple[int, float]:
-    """Return how many parameters are not as written, and how far they are from it."""
+    """Return the number of changed parameters, and the sum of their changes."""
     return len(changed_parameters(task, point)), distance_from_written(task, point)
 
 
 def _starts(task: SearchTask, failures: Sequence[Trial]) -> list[Trial]:
-    """Return the smallest change, the worst failure of each kind, and the next worst ones."""
+    """Return the failure with the smallest change, the worst of each kind, and the next worst."""
     by_change = sorted(failures, key=lambda f: (distance_from_written(task, f.point), f.number))
     kinds = [one.example for one in distinct_failures(failures)]
     worst = sorted(failures, key=lambda f: (f.value.value if f.value else math.inf, f.number))
@@ -100,9 +100,9 @@ def _starts(task: SearchTask, failures: Sequence[Trial]) -> list[Trial]:
 
 @dataclass(slots=True)
 class _Approach:
-    """Brings failures near; ``order`` has the parameters of most influence first.
+    """Brings failures near; ``order`` lists the parameters with most influence first.
 
-    ``is_spent`` tells that a point could not be tried because the ``budget`` was spent.
+    ``is_spent`` is set once the ``budget`` has prevented a trial.
     """
 
     points: PointRunner
@@ -112,12 +112,12 @@ class _Approach:
     _tried: dict[Point, Trial | None] = field(default_factory=dict)
 
     def changed(self, failing: Trial) -> tuple[int, ...]:
-        """Return the parameters that are not as written, those of most influence first."""
+        """Return the changed parameters, those with most influence first."""
         changed = changed_parameters(self.points.case.task, failing.point)
         return tuple(index for index in self.order if index in changed)
 
     def take_back(self, failing: Trial) -> Trial:
-        """Return a failure with parameters back as written, every one of the others needed."""
+        """Return a failure with as many parameters as possible back at their written values."""
         task, start, changed = self.points.case.task, failing.point, self.changed(failing)
 
         def point_of(changes: tuple[int, ...]) -> Point:
@@ -137,11 +137,11 @@ class _Approach:
         return failing
 
     def halve(self, failing: Trial) -> tuple[Trial, Trial | None]:
-        """Bring values nearer to the written ones, those of least influence first.
+        """Bring values nearer to the written ones, those with least influence first.
 
-        Return the failure, and the last point beside it that passes, if any.
+        Return the failure, and the last passing point beside it, if any.
         """
-        # Again where the points ended in the middle of it; points that were tried cost nothing.
+        # The budget may have ended this step early; known points cost nothing now.
         failing, passes = self.take_back(failing), None
         with suppress(_SpentError):
             for index in reversed(self.changed(failing)):
@@ -167,9 +167,9 @@ class _Approach:
         return failing, next(passes, None)
 
     def _try(self, tried: Sequence[Point]) -> list[Trial | None]:
-        """Return the trials of points with most noises; raises :class:`_SpentError`."""
+        """Return the trials of points, judged over noises; raises :class:`_SpentError`."""
         new = {point for point in tried if not self.points.is_known(point)}
-        # A whole batch or none: half of one would make the answer depend on the budget.
+        # Try a whole batch or none: with half of one the answer would depend on the budget.
         if len(new) > self.budget:
             self.is_spent = True
             raise _SpentError

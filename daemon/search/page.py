@@ -32,9 +32,9 @@ from grammars.text.words import NOTHING, count_noun, duration_text, format_quant
 from templates.report import render_report
 
 MOST_LISTED: Final = 60
-"""Points in the table at most: those with the smallest margins."""
+"""Most points in the table: those with the smallest margins."""
 _OVER_RUNS: Final = "Margin of every run, the smallest so far, and failures over runs"
-_OVER_SPACE: Final = "Margins over the parameters that are varied"
+_OVER_SPACE: Final = "Margins over the varied parameters"
 NO_TRACES: Final[Mapping[str, Path]] = MappingProxyType({})
 
 
@@ -45,10 +45,10 @@ def search_page(
     traces: Mapping[str, Path] = NO_TRACES,
     commands: Sequence[tuple[str, str]] = (),
 ) -> str:
-    """Return the page of a search as HTML that needs nothing else.
+    """Return the page of a search as self-contained HTML.
 
-    ``proposals`` are all of its runs. ``traces`` has the files of runs by their ids. ``commands``
-    is what to type next, each with what it does.
+    ``proposals`` are all of its runs. ``traces`` are the files of runs by their ids. ``commands``
+    are the next commands to type, each with its purpose.
     """
     task, answer = row.task, row.answer
     trials = point_trials(task, proposals)
@@ -65,7 +65,7 @@ def search_page(
         (caption, chart_figure(chart, svg, label))
         for (label, caption, chart), svg in zip(charts, drawings, strict=True)
     ]
-    shown = answer.shown if answer is not None else None
+    example = answer.shown if answer is not None else None
     ordered = sorted(trials, key=lambda p: (math.isnan(p.compared), p.compared, p.number))
     return render_report(
         {
@@ -89,7 +89,7 @@ def search_page(
         state=phase_words(row),
         version=own_version(),
         figures={"margins": figures[:1], "space": figures[1:]},
-        maps=dict(_maps(shown, traces)) if shown is not None else {},
+        maps=dict(_maps(example, traces)) if example is not None else {},
         compared=_compared_trials(answer),
         influence={one.parameter: one for one in answer.influence} if answer is not None else {},
         is_as_written=is_as_written,
@@ -97,28 +97,28 @@ def search_page(
         left_out=len(ordered) - MOST_LISTED,
         thinned=sum(not trial.fails for trial in trials) > MOST_LINES,
         steps=steps,
-        shown=shown,
+        shown=example,
         commands=commands,
         glyphs=GLYPHS,
         nothing=NOTHING,
     )
 
 
-def _maps(shown: Trial, traces: Mapping[str, Path]) -> Iterator[tuple[str, Markup]]:
-    """Yield the moment that decides a run, and its way, as far as there is a trace."""
-    trace, verdict = traces.get(shown.run), shown.verdict
+def _maps(example: Trial, traces: Mapping[str, Path]) -> Iterator[tuple[str, Markup]]:
+    """Yield the deciding moment of a run, and its way, if there is a trace."""
+    trace, verdict = traces.get(example.run), example.verdict
     if trace is None:
         return
     if verdict is not None and verdict.evidence.time is not None:
-        label = f"The robot at {verdict.evidence.time:.1f} s of {shown.label}"
+        label = f"The robot at {verdict.evidence.time:.1f} s of {example.label}"
         if moment := draw_moment(trace, verdict, label):
             yield f"at {format_quantity(verdict.evidence.time, 's')}", moment
-    if way := draw_recorded_way(trace, f"The way driven in {shown.label}", verdict):
+    if way := draw_recorded_way(trace, f"The way driven in {example.label}", verdict):
         yield "the whole way", way
 
 
 def _compared_trials(answer: SearchAnswer | None) -> dict[str, Trial]:
-    """Return the points whose values stand beside those written, by what they are."""
+    """Return the points to compare with the written values, by their titles."""
     if answer is None:
         return {}
     trials = {

@@ -1,4 +1,4 @@
-"""The runs of points: numbers and positions, repeats where runs differ, each point only once."""
+"""The runs of points: numbers and positions, repeats if runs differ, each point only once."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from daemon.search.daemon_runs import DaemonRuns
 from grammars.text.diagnostics import InputError
 
 MEDIAN_OF: Final = 3
-"""Runs of a point where the system under test is not repeatable: its margin is their median."""
+"""Runs of a point if the system under test is not repeatable: its margin is their median."""
 _FEWEST_OTHERS: Final = 2
 _MOST_OTHERS: Final = 5
 """Repeats with other noise of which at least half must fail for a failure to hold."""
@@ -27,8 +27,8 @@ _MOST_OTHERS: Final = 5
 class PointRunner:
     """Issues the runs of points and remembers their trials.
 
-    ``position`` and ``number`` are the next ones. Of the runs ``reused`` had a result before and
-    ``executed`` had none.
+    ``position`` and ``number`` are the next ones. ``reused`` counts runs with an earlier result,
+    ``executed`` the others.
     """
 
     case: SearchCase
@@ -43,13 +43,13 @@ class PointRunner:
 
     @property
     def repeats(self) -> int:
-        """The number of runs that a point takes."""
+        """The number of runs for each point."""
         return 1 if self.case.task.repeatable else MEDIAN_OF
 
     def begin(
         self, point: Point, phase: Phase, method: str, *, guided: bool = True, note: str = ""
     ) -> Proposal:
-        """Issue the runs of a point under the next number, unless none can be made of it."""
+        """Issue the runs of a point under the next number, unless it cannot be composed."""
         number = self.number
         self.number += 1
         proposal = Proposal(self.position, number, 0, phase, method, guided, point, note)
@@ -73,32 +73,33 @@ class PointRunner:
         return read_trial(self.case.task, self.wait(position))
 
     def is_known(self, point: Point) -> bool:
-        """Return whether no run is needed to judge a point."""
+        """Return whether a point can be judged without a run."""
         return point in self._trials or not self.allowed(point)
 
     def results(self, points: Iterable[tuple[Point, str]], phase: Phase) -> list[Trial | None]:
-        """Return the trials of points, run at the same time, each with a few words about it.
+        """Return the trials of points, which run at the same time; each comes with a note.
 
-        A point that breaks a constraint of the search is not run: ``None``.
+        The trial of a point that breaks a constraint of the search is ``None``.
         """
-        tried = list(points)
-        new = {point: note for point, note in tried if not self.is_known(point)}
+        pairs = list(points)
+        new = {point: note for point, note in pairs if not self.is_known(point)}
         for proposal in [self.begin(point, phase, phase, note=note) for point, note in new.items()]:
             self.finish(proposal)
-        return [self._trials.get(point) for point, _ in tried]
+        return [self._trials.get(point) for point, _ in pairs]
 
     @property
     def others(self) -> int:
-        """The number of repeats with other noise that say whether a failure holds.
+        """The number of repeats with other noise that decide whether a failure holds.
 
-        They are the first that confirm one. Run 0 does not count: it was chosen for failing.
+        These are the first of its confirmation. Run 0 does not count, since it was chosen for its
+        failure.
         """
         return min(max(self.case.task.confirm, _FEWEST_OTHERS), _MOST_OTHERS)
 
     def holds(self, result: Trial) -> bool | None:
-        """Return whether a failure is one with most noises; ``None`` where more runs must say.
+        """Return whether a failure occurs with most noises; ``None`` if that needs more runs.
 
-        Where runs differ a point is judged by the median of several from the beginning.
+        If runs differ, a point is judged by the median of several from the beginning.
         """
         if not result.fails or self.repeats > 1:
             return result.fails
@@ -109,9 +110,9 @@ class PointRunner:
         return False if 2 * (len(others) - failed) > self.others else None
 
     def judge(self, results: Sequence[Trial | None]) -> list[Trial | None]:
-        """Return results, and the median of the passing repeats for failures that do not hold.
+        """Return results, with the median of the passing repeats for failures that do not hold.
 
-        Half of the repeats decide where they agree, otherwise the rest is run as well.
+        Half of the repeats decide if they agree; otherwise the rest runs as well.
         """
         failures = [one for one in results if one is not None and one.fails]
         for times in ((self.others + 1) // 2, self.others):
@@ -129,7 +130,7 @@ class PointRunner:
         return self._repeats[result.number][:times]
 
     def _run_repeats(self, trials: Sequence[Trial], times: int) -> None:
-        """Run points again until each has that number of repeats, a window at a time."""
+        """Run points again until each has ``times`` repeats, a window at a time."""
         window = self.case.task.window
         new = [(one, r) for one in trials for r in range(len(self._repeats[one.number]), times)]
         for start in range(0, len(new), window):
@@ -143,14 +144,14 @@ class PointRunner:
         return self.issue(proposal, self.case.candidate(point, number, repeat))
 
     def issue(self, proposal: Proposal, candidate: Candidate) -> int:
-        """Issue one run at the next position, and return that."""
+        """Issue one run at the next position, and return the position."""
         position = self.position
         self.runs.issue(replace(proposal, position=position), candidate)
         self.position += 1
         return position
 
     def wait(self, position: int) -> RunRow:
-        """Wait for a run and return it, counted."""
+        """Wait for a run, count it and return it."""
         row = self.runs.result(position)
         self.executed += not row.cached
         self.reused += bool(row.cached)

@@ -9,13 +9,13 @@ from typing import Final
 from daemon.model.search import Point, PointValue, SearchParameter, SearchTask
 
 _STEPS: Final = 1000
-"""Steps of a range that has none."""
+"""Number of steps of a range without a step."""
 _SAME: Final = 1e-9
-"""Values that differ by less than this share of themselves are one: 0.1 + 0.2 is 0.3."""
+"""Values that differ by less than this share are equal: 0.1 + 0.2 is 0.3."""
 
 
 def is_as_written(parameter: SearchParameter, value: PointValue) -> bool:
-    """Return whether the scenario has this value; never where a parameter is not written."""
+    """Return whether the scenario has this value; false for a parameter without a written value."""
     origin = parameter.written
     if origin is None or isinstance(origin, str) or isinstance(value, str):
         return origin == value
@@ -23,22 +23,19 @@ def is_as_written(parameter: SearchParameter, value: PointValue) -> bool:
 
 
 def written_point(task: SearchTask) -> Point | None:
-    """Return the scenario as written; ``None`` where it does not say a value of each parameter."""
+    """Return the scenario as written; ``None`` if a parameter has no written value."""
     values = tuple(p.written for p in task.parameters if p.written is not None)
     return values if len(values) == len(task.parameters) else None
 
 
 def changed_parameters(task: SearchTask, point: Point) -> tuple[int, ...]:
-    """Return the indices of the parameters that are not as written.
-
-    One without a written value is none of them: there is nothing that it could be brought back to.
-    """
+    """Return the indices of the changed parameters, without those that have no written value."""
     pairs = enumerate(zip(task.parameters, point, strict=True))
     return tuple(i for i, (p, v) in pairs if p.written is not None and not is_as_written(p, v))
 
 
 def change_size(parameter: SearchParameter, value: PointValue) -> float:
-    """Return how far a value is from the written one, as a share of the range; 1 for a choice."""
+    """Return the distance of a value from the written one, as a share of the range or 1."""
     if parameter.written is None or is_as_written(parameter, value):
         return 0.0
     if parameter.choices:
@@ -54,7 +51,7 @@ def distance_from_written(task: SearchTask, point: Point) -> float:
 
 
 def taken_back(task: SearchTask, point: Point, indices: Collection[int]) -> Point:
-    """Return a point with these parameters as written."""
+    """Return a point with the parameters at ``indices`` as written."""
     return tuple(
         value if i not in indices or p.written is None else p.written
         for i, (p, value) in enumerate(zip(task.parameters, point, strict=True))
@@ -82,10 +79,10 @@ def value_between(
 
 
 def position_in_range(parameter: SearchParameter, value: PointValue | None) -> float:
-    """Return where in its range a value lies, 0 to 1 inside; not a number where it has no place.
+    """Return the position of a value in its range, 0 to 1 inside; NaN if it has none.
 
-    Choices lie evenly, in their order. On a logarithmic range zero, and values below it, lie
-    infinitely far below.
+    Choices lie evenly, in their order. Zero and negative values lie infinitely far below a
+    logarithmic range.
     """
     if parameter.choices:
         last = max(1, len(parameter.choices) - 1)

@@ -36,13 +36,13 @@ _ENDS: Final = 10
 """Choices to try at each end of a long list."""
 _HINT: Final = "narrow the range, or write what must hold under such that: [a < b]"
 _DRAWN: Final = 1_000
-"""Points that are held against the constraints."""
+"""Number of random points checked against the constraints."""
 _RARE: Final = 10
 """Fewer of these points are a warning."""
 
 
 class PreparedSearch(NamedTuple):
-    """A search to begin, the case that its program is about, and warnings."""
+    """A search to begin, the case for its program, and warnings."""
 
     submission: SearchSubmission
     case: SearchCase
@@ -60,10 +60,10 @@ def prepare_search(
 ) -> PreparedSearch:
     """Load and check a campaign and one of its searches, for a ``client`` to run.
 
-    ``change`` changes the task of the file. The search's id is made of its content, so the same
-    search again is the same one; ``fresh`` asks for a new id. Where ``name`` is none of the file,
+    ``change`` changes the task of the file. The search's id depends on its content, so an equal
+    search has the same id; ``fresh`` asks for a new one. If the file has no search ``name``,
     ``find`` returns an earlier search of that id, which continues with its own task. Raises
-    :class:`InputError` with all findings when there is an error, and when ``name`` is ambiguous.
+    :class:`InputError` with all findings if there is an error, and if ``name`` is ambiguous.
     """
     with recording_reads() as read:
         campaign, findings = examine(path)
@@ -117,10 +117,10 @@ def check_searches(campaign: Campaign) -> tuple[Finding, ...]:
 
 
 def check_search(case: SearchCase) -> tuple[Finding, ...]:
-    """Return the errors that keep a search from being run, and warnings about its points.
+    """Return the errors that prevent a search, and warnings about its points.
 
-    The scenario as written, every parameter at both of its ends and the centre of the space are
-    composed and held against the findings of the pre-flight.
+    Compose the scenario as written, every parameter at both ends and the centre of the space, and
+    check them by the pre-flight.
     """
     document = parse_yaml(case.campaign.source, case.campaign.file)
     return tuple(_SearchCheck(case, document).findings())
@@ -128,7 +128,7 @@ def check_search(case: SearchCase) -> tuple[Finding, ...]:
 
 @dataclass(frozen=True, slots=True)
 class _SearchCheck:
-    """A search that is tried; ``document`` has the places of its parts."""
+    """Check of a search; ``document`` has the places of its parts."""
 
     case: SearchCase
     document: YamlDocument
@@ -158,22 +158,22 @@ class _SearchCheck:
     def _constraint_findings(self, space: SearchSpace) -> Iterator[Finding]:
         name, texts = self.case.task.name, ", ".join(self.case.task.constraints)
         doubt = partial(self._finding, severity=Severity.WARNING)
-        # With a seed of its own: findings do not depend on that of the search.
+        # The seed is fixed, so that findings do not depend on that of the search.
         draws = np.random.default_rng(0).random((_DRAWN, space.dimensions))
         count = sum(space.allowed(space.at(draw)) for draw in draws)
         if not count:
-            message = f"{name}: no point of the ranges keeps to all of such that: {texts}"
+            message = f"{name}: no point of the ranges meets all of such that: {texts}"
             yield self._finding(message, "widen the ranges, or leave out a constraint", "such that")
             return
         if count < _RARE:
-            message = f"{name}: of {_DRAWN} points {count} keep to such that"
+            message = f"{name}: of {_DRAWN} points only {count} meet such that"
             yield doubt(message, "narrow the ranges", "such that")
         if space.written is not None and not space.allowed(space.written):
-            message = f"{name}: the scenario as written does not keep to such that: {texts}"
-            yield doubt(message, "it is the first run all the same", "such that")
+            message = f"{name}: the scenario as written does not meet such that: {texts}"
+            yield doubt(message, "it is still the first run", "such that")
 
     def _point_findings(self, space: SearchSpace) -> Iterator[Finding]:
-        """Yield an error for each value that makes no run."""
+        """Yield an error for each value that gives no run."""
         task, centre = self.case.task, space.at([0.5] * space.dimensions)
         pairs = zip(task.parameters, centre, strict=True)
         base = tuple(middle if p.written is None else p.written for p, middle in pairs)
@@ -184,11 +184,11 @@ class _SearchCheck:
             message = f"{task.name}: the scenario as written makes no run: {words}"
             yield self._finding(message, "")
             return
-        # Problems of the scenario as it stands are reported once, not of every value.
+        # Problems of the scenario as written are reported once, not for every value.
         reported = frozenset(_errors(base_cell))
 
         def refusal(point: Point) -> str:
-            """Return why an allowed point makes no run; empty for one that does."""
+            """Return why an allowed point gives no run; empty if it does."""
             if not space.allowed(point):
                 return ""
             try:
@@ -209,8 +209,8 @@ class _SearchCheck:
 
 
 def _errors(cell: CampaignCell, checked: Scene | None = None) -> list[str]:
-    """Return the errors that the pre-flight finds, without those of a scene ``checked``."""
-    # Cells share a scene where plan and objects are the same.
+    """Return the errors of the pre-flight, without those of the scene ``checked``."""
+    # Cells with equal plan and objects share a scene.
     of_scene = () if cell.scene is checked else check_scene(cell.scene, places=cell.places)
     of_run = check_run(
         cell.scene,

@@ -1,9 +1,9 @@
 """A search from its first proposal to its answer, as plain synchronous code.
 
-Everything in it is a function of the search's files and of the results of its runs, in the order of
-their numbers. Run again from the start it issues the same runs, and after a crash it finds those
-that are there. Only a budget of wall clock lets a clock decide how many points are explored. Runs
-that were issued by then are continued.
+It depends only on the search's files and on the results of its runs, in the order of their numbers.
+A second execution issues the same runs, and after a crash it finds the existing ones. Only with a
+budget of wall clock time does a clock decide how many points are explored; runs issued before a
+crash are continued.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from daemon.search.space import SearchSpace
 from grammars.text.words import count_noun
 
 ERRORS_IN_A_ROW: Final = 5
-"""Errors one after another that end a search: the next run would be one too."""
+"""Errors in a row that end a search: the next run would be one too."""
 _WIDTH: Final = 98
 """Characters of a line of a comment."""
 _SETTLED_RUNS: Final = 20
@@ -52,7 +52,7 @@ _SETTLED_WINDOWS: Final = 3
 def run_search(case: SearchCase, runs: DaemonRuns) -> SearchAnswer:
     """Explore, confirm, bring near and shrink, and return the answer.
 
-    Raises :class:`SearchStoppedError`, with the answer so far, when nothing more is executed.
+    Raises :class:`SearchStoppedError`, with the answer so far, if no more runs are executed.
     """
     search = _SearchProgram(case, runs)
     try:
@@ -64,7 +64,7 @@ def run_search(case: SearchCase, runs: DaemonRuns) -> SearchAnswer:
 
 @dataclass(slots=True)
 class _StopRules:
-    """Counts that say when a search is over."""
+    """Counters that decide when a search is over."""
 
     task: SearchTask
     failures: int = 0
@@ -74,9 +74,9 @@ class _StopRules:
     _kinds: set[FailureKey] = field(default_factory=set)
 
     def learn(self, trial: Trial) -> bool:
-        """Take in a trial, and return whether it is a better or a new one."""
+        """Count a trial, and return whether it is a better or a new one."""
         self.quiet += 1
-        # A point that makes no run is none of the errors: nothing has gone wrong.
+        # A point without a run is not an error.
         if trial.outcome is None:
             return False
         self.errors = self.errors + 1 if trial.outcome is Outcome.ERROR else 0
@@ -92,7 +92,7 @@ class _StopRules:
         return news
 
     def ended(self) -> str:
-        """Return why nothing else is to be proposed; empty while there is no reason."""
+        """Return the reason to stop, empty if there is none."""
         stop, long = self.task.stop, max(_SETTLED_RUNS, _SETTLED_WINDOWS * self.task.window)
         if self.errors >= ERRORS_IN_A_ROW:
             return "errors"
@@ -103,7 +103,7 @@ class _StopRules:
 
 @dataclass(slots=True)
 class _SearchProgram:
-    """A search while it lasts."""
+    """A search in progress."""
 
     case: SearchCase
     runs: DaemonRuns
@@ -120,12 +120,12 @@ class _SearchProgram:
 
     @property
     def task(self) -> SearchTask:
-        """The search as it was asked for."""
+        """The task of the search."""
         return self.case.task
 
     def answer(self, ended: str = "") -> SearchAnswer:
         """Return the answer so far."""
-        # Where runs differ every point is a median of several, and none is repeated to judge it.
+        # If runs differ, every point is a median of several, and needs no repeats.
         failures = self._failures() if self.task.repeatable else []
         answers = [self.points.holds(failure) for failure in failures]
         return make_answer(
@@ -158,7 +158,7 @@ class _SearchProgram:
         return [trial for trial in self.explored if trial.fails]
 
     def _explore(self, method: SearchMethod) -> str:
-        """Issue proposals in a window, learn from them in order, and return why it ended."""
+        """Issue proposals in a window, learn from them in order, and return the reason to stop."""
         rules, out = _StopRules(self.task), deque[Proposal]()
         while not (ended := rules.ended() or self._spent()):
             proposal = method.propose()
@@ -170,7 +170,7 @@ class _SearchProgram:
                     proposal.values, "explore", proposal.method, guided=proposal.guided
                 )
             )
-            # Proposal n is made knowing the results up to n - window, whatever else is there.
+            # Proposal n depends on the results up to n - window, even if there are more.
             if len(out) == self.task.window:
                 self._learn(out.popleft(), method, rules)
         while out:
@@ -178,12 +178,12 @@ class _SearchProgram:
         return ended
 
     def _spent(self) -> str:
-        # Where runs differ a point takes several, which the budget counts.
+        # If runs differ, a point takes several runs, which all count.
         if self.points.number * self.points.repeats >= self.task.runs:
             return "budget"
         if self.task.seconds <= 0.0 or self.runs.elapsed() < self.task.seconds:
             return ""
-        # Runs issued before a crash are gone on with, otherwise their results would be lost.
+        # Runs issued before a crash are continued, otherwise their results would be lost.
         issued = self.runs.issued(self.points.position)
         return "" if issued is not None and issued.phase == "explore" else "time"
 
@@ -191,7 +191,7 @@ class _SearchProgram:
         trial = self.points.finish(proposal)
         method.learn(None if trial.value is None else trial.value.value)
         self.explored.append(trial)
-        # Not after every run: an answer so far is large, and most change nothing.
+        # Not after every run: the answer so far is large, and most runs change nothing.
         if rules.learn(trial) or trial.number % self.task.window == 0:
             answer = self.answer()
             self.runs.report("explore", self._progress_note(answer), answer)
@@ -203,7 +203,7 @@ class _SearchProgram:
         return f"{note}, best {margin_words(answer.best)}" if answer.best is not None else note
 
     def _confirm(self, failure: Trial) -> Confirmation | None:
-        """Run a failure again with other noise, except repeats that were run before."""
+        """Run a failure again with other noise, and reuse earlier repeats."""
         count = self.task.confirm if self.task.repeatable else max(self.task.confirm, MEDIAN_OF)
         if not count:
             return None

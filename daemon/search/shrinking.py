@@ -1,4 +1,4 @@
-"""The least of a failure that still fails, by the delta debugging of ``scenario blame``."""
+"""The smallest scenario that still fails, by the delta debugging of ``scenario blame``."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ from daemon.search.point_runner import PointRunner
 from grammars.text.words import count_noun, enumerate_words
 
 SHRINK_RUNS: Final = 100
-"""Runs that are spent at most to shrink a failure."""
+"""Most runs to shrink a failure."""
 _NAMED: Final = 3
-"""Things of a kind that are named; more of them are counted."""
+"""Most things of a kind that are named; more are counted."""
 
 
 def shrink_failure(points: PointRunner, failure: Trial) -> ShrunkScenario:
-    """Return the least of a failure that still fails; its candidates are runs of the search."""
+    """Return the smallest scenario that still fails; its candidates are runs of the search."""
     oracle = "" if failure.verdict is None else failure.verdict.oracle
     case = points.case.run_case(failure.point, failure.number)
     executor = _SearchExecutor(points, failure, case)
@@ -41,7 +41,7 @@ def shrink_failure(points: PointRunner, failure: Trial) -> ShrunkScenario:
     try:
         result = explain_failure(case, runner, oracle)
     except (NoFailureError, BudgetSpentError) as error:
-        # A system that is not repeatable, say, which passes this time.
+        # For example, a system that is not repeatable passes this time.
         return ShrunkScenario((f"nothing to shrink: {error}",), minimal=False, runs=executor.issued)
     story, words = story_lines(result.story, case.settings.like), remaining_words(result.story)
     return ShrunkScenario(story, result.story.minimal, executor.issued, words)
@@ -75,7 +75,7 @@ class _SearchExecutor:
     issued: int = 0
 
     def __call__(self, candidates: Sequence[Candidate]) -> list[tuple[CandidateResult, ...]]:
-        # All of them before the first is waited for: they run at the same time.
+        # Issue all before waiting for the first, so that they run at the same time.
         positions = [self._position(candidate) for candidate in candidates]
         return list(map(self._endings, candidates, positions))
 
@@ -86,7 +86,7 @@ class _SearchExecutor:
         number = points.number
         points.number += 1
         self.issued += 1
-        # Its own name, so that tables and traces of the search tell it from the others.
+        # Its own name distinguishes it in tables and traces of the search.
         name = points.case.task.scenario_of(number)
         spec = replace(candidate.spec, scenario=name, repeat=0)
         note = missing_words(Candidate(self.case.spec, self.case.cell.scene), candidate)

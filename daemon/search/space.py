@@ -1,8 +1,8 @@
 """The space of a search: points as people write them, and the unit cube that methods draw from.
 
 The unit interval of a range has an equal cell for each multiple of the step (with ``log`` for each
-equal factor); choices have equal cells too. So values are as likely as each other, those at the
-ends included, and near-duplicates are one point.
+equal factor); choices have equal cells too. So all values are equally likely, including the ends,
+and near-duplicates are one point.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from grammars.text.units import to_si
 class Axis:
     """The values of one parameter, by their place in the unit interval.
 
-    ``low`` and ``high`` are the outer ends of its cells, logarithms with ``log``. Of a range with
+    ``low`` and ``high`` are the outer ends of its cells, logarithms with ``log``. For a range with
     a ``step``, ``first`` and ``last`` are its ends in steps.
     """
 
@@ -53,21 +53,21 @@ class Axis:
             value = min(max(round(value / self.step), self.first), self.last) * self.step
         else:
             value = min(max(value, p.low), p.high)
-        # Without the digits that are not written in a file, and without a negative zero.
+        # Cut digits that files do not contain, and the sign of a negative zero.
         return float(f"{value:.10g}") + 0.0
 
 
 class SearchSpace:
     """The values that the parameters of a search may take.
 
-    ``written`` is the scenario as written; ``None`` where a parameter is written nowhere. Raises
-    ``ValueError`` with a message for people where a range makes no sense, and ``InputError`` where
-    a constraint does; a search that was checked has none of these.
+    ``written`` is the scenario as written; ``None`` if a parameter has no written value. Raises
+    ``ValueError`` with a message for people for an invalid range, and ``InputError`` for an invalid
+    constraint; a checked search has neither.
     """
 
     def __init__(self, task: SearchTask) -> None:
         self.axes: Final = tuple(map(_axis, task.parameters))
-        # Ranges and lists of nothing but numbers can be compared.
+        # Only ranges and lists of numbers can be compared.
         units = {
             p.name: p.unit
             for p in task.parameters
@@ -103,12 +103,12 @@ def _axis(parameter: SearchParameter) -> Axis:
     if p.choices:
         return Axis(p)
     if not (math.isfinite(p.low) and math.isfinite(p.high) and p.low <= p.high):
-        raise ValueError(f"{p.name}: {p.low:g} .. {p.high:g} is no range")
+        raise ValueError(f"{p.name}: {p.low:g} .. {p.high:g} is not a range")
     if p.log and p.low <= 0.0:
         raise ValueError(f"{p.name}: a logarithmic range begins above 0")
     scale = math.log if p.log else float
     if p.step > 0.0:
-        # 0.3 / 0.1 is 2.9999999999999996: a bound that is a multiple of the step belongs to it.
+        # 0.3 / 0.1 is 2.9999999999999996: a bound that is a multiple of the step is a value.
         first = max(math.ceil(p.low / p.step - 1e-9), 1 if p.log else -math.inf)
         last = math.floor(p.high / p.step + 1e-9)
         if first <= last:

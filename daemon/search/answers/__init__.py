@@ -1,1 +1,1 @@
-"""The answer of a search: its facts, its sentences, and the files it leaves."""
+"""The answer of a search: its facts and its sentences."""

@@ -1,4 +1,4 @@
-"""The facts of a search: its answer, what failures have in common, which parameters decide."""
+"""The facts of a search: its answer, kinds of failures, influence of parameters."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from daemon.model.verdicts import Outcome
 from daemon.search.answers.sentences import answer_sentences
 
 FailureKey: TypeAlias = tuple[str, str, str]
-"""Oracle, object, and the waypoint that the robot was on its way to."""
+"""Oracle, object, and the waypoint that the robot was driving to."""
 _FEWEST: Final = 5
-"""With fewer runs than these, a correlation says nothing."""
+"""Least number of runs for a meaningful correlation."""
 
 
 def make_answer(
     task: SearchTask, explored: Sequence[Trial], *, holding: Sequence[bool] = (), **others: Any
 ) -> SearchAnswer:
-    """Return the answer of a search by the points it has explored, sentences included.
+    """Return the answer of a search from its explored points, with its sentences.
 
-    ``holding`` says of each repeated failure whether most noises confirm it; ``others`` are fields
-    of the answer that points do not tell. The text of the found scenario is added at the end.
+    ``holding`` says for each repeated failure whether it fails with most noises; ``others`` are
+    further fields of the answer. The caller adds the text of the found scenario at the end.
     """
     outcomes = Counter(trial.outcome for trial in explored)
     judged = [
@@ -63,7 +63,7 @@ def make_answer(
 
 
 def failure_key(trial: Trial) -> FailureKey:
-    """Return what makes two failures one."""
+    """Return the key of a failure; failures with the same key count as one."""
     if trial.verdict is None:
         return "", "", ""
     oracle, waypoint = trial.verdict.oracle, ""
@@ -73,7 +73,7 @@ def failure_key(trial: Trial) -> FailureKey:
 
 
 def distinct_failures(trials: Sequence[Trial]) -> tuple[DistinctFailure, ...]:
-    """Return the failures that differ, the most frequent first, each with its worst example."""
+    """Return the kinds of failures, the most frequent first, each with its worst example."""
     groups: dict[FailureKey, list[Trial]] = {}
     for trial in trials:
         if trial.fails:
@@ -86,7 +86,7 @@ def distinct_failures(trials: Sequence[Trial]) -> tuple[DistinctFailure, ...]:
 
 
 def unsought_failures(trials: Sequence[Trial]) -> tuple[UnsoughtFailure, ...]:
-    """Return which oracles fail that the search is not about, in the order they were met."""
+    """Return the failing oracles that the search does not minimise, in order of appearance."""
     failures: dict[str, UnsoughtFailure] = {}
     for trial in trials:
         for oracle in trial.unsought:
@@ -97,7 +97,7 @@ def unsought_failures(trials: Sequence[Trial]) -> tuple[UnsoughtFailure, ...]:
 
 
 def confirmation(repeats: Sequence[Trial]) -> Confirmation | None:
-    """Return how many repeats fail, of those with a verdict; ``None`` when none has one."""
+    """Return how many repeats with a verdict fail; ``None`` without any verdict."""
     judged = [one for one in repeats if one.outcome in (Outcome.PASS, Outcome.FAIL)]
     if not judged:
         return None
@@ -106,7 +106,7 @@ def confirmation(repeats: Sequence[Trial]) -> Confirmation | None:
 
 
 def parameter_influence(task: SearchTask, trials: Sequence[Trial]) -> tuple[Influence, ...]:
-    """Return how much each parameter decides, by the points that were drawn; empty for too few."""
+    """Return the influence of each parameter over the drawn points; empty for too few."""
     pairs = [
         (one.point, one.value.value) for one in trials if one.is_drawn and one.value is not None
     ]
@@ -126,11 +126,11 @@ def parameter_influence(task: SearchTask, trials: Sequence[Trial]) -> tuple[Infl
 
 
 def rank_correlation(values: np.ndarray[Any, Any], margins: np.ndarray[Any, Any]) -> float:
-    """Return Spearman's rank correlation of (n,) and (n,), -1 to 1; 0 where one does not vary.
+    """Return Spearman's rank correlation of (n,) and (n,), -1 to 1; 0 if one does not vary.
 
     Equal values share the mean of their ranks: plateaus of the margin are common.
     """
-    # It takes a moment to load: only the end of a search needs it.
+    # This loads slowly, and only the end of a search needs it.
     from scipy.stats import spearmanr
 
     if min(np.ptp(values), np.ptp(margins)) <= 0.0:
@@ -143,11 +143,11 @@ def correlation_ratio(values: Sequence[PointValue], margins: np.ndarray[Any, Any
 
     The square root of the variance between choices over the whole variance (Pearson 1905).
     """
-    whole = float(((margins - margins.mean()) ** 2).sum())
-    if whole <= 0.0:
+    total = float(((margins - margins.mean()) ** 2).sum())
+    if total <= 0.0:
         return 0.0
     between = 0.0
     for choice in dict.fromkeys(values):
         members = margins[[value == choice for value in values]]
         between += len(members) * float(members.mean() - margins.mean()) ** 2
-    return math.sqrt(min(between / whole, 1.0))
+    return math.sqrt(min(between / total, 1.0))

@@ -1,4 +1,4 @@
-"""Sentences about a search: its headline, how it stands, and its answer, for every reader alike.
+"""Sentences about a search: its headline, its state and its answer.
 
 The page, the command line and the dashboard print these sentences and add none of their own.
 """
@@ -30,19 +30,19 @@ from daemon.search.points import change_size, is_as_written
 from grammars.text.words import count_noun, enumerate_words, format_quantity
 
 AS_WRITTEN: Final = "as written"
-"""Words for a point that has every value as the scenario has it."""
+"""Words for a point with every value as in the scenario."""
 PHASES: Final[dict[Phase, str]] = {
     "explore": "looking for failures",
     "confirm": "repeating a failure with other noise",
     "nearest": "looking for the nearest failure",
-    "shrink": "taking away what the failure does not need",
+    "shrink": "removing parts that the failure does not need",
 }
 _MOST_NAMED: Final = 3
-"""Values and parameters that a sentence names at most."""
+"""Most values or parameters that a sentence names."""
 
 
 def search_word(row: SearchRow) -> str:
-    """Return the one word for how a search stands: ``fail`` when there is a failure."""
+    """Return the state of a search in one word: ``fail`` if there is a failure."""
     answer = row.answer
     if row.state == "failed":
         return "error"
@@ -58,10 +58,10 @@ def search_word(row: SearchRow) -> str:
 
 
 def phase_words(row: SearchRow) -> str:
-    """Return what a search is doing, or why it stopped."""
+    """Return the current activity of a search, or why it stopped."""
     words = {
         "running": PHASES[row.phase],
-        "waiting": "waiting for somebody to go on with it",
+        "waiting": "waiting for a client to continue it",
         "failed": "it could not go on",
         "cancelled": "it was cancelled",
     }
@@ -70,14 +70,14 @@ def phase_words(row: SearchRow) -> str:
 
 
 def headline(row: SearchRow) -> str:
-    """Return the one sentence about a search: how often its failure holds, or what was tried."""
+    """Return one sentence about a search: how often its failure holds, or the smallest margin."""
     if row.state == "failed":
         return (row.note.strip().splitlines() or ["it could not go on"])[-1]
     return "no run has a result yet" if row.answer is None else headline_of(row.task, row.answer)
 
 
 def headline_of(task: SearchTask, answer: SearchAnswer) -> str:
-    """Return the one sentence of an answer, the first of its sentences."""
+    """Return the first sentence of an answer, which sums it up."""
     failure = answer.told_failure
     if failure is not None:
         return failure_sentence(task, failure, answer.told_confirmation)
@@ -108,7 +108,7 @@ def failure_sentence(task: SearchTask, failure: Trial, confirmed: Confirmation |
 
 
 def changes_text(task: SearchTask, point: Point) -> str:
-    """Return which values are not as written, the largest change first; of many only some.
+    """Return the changed values, the largest change first; of many only some.
 
     ``with kitchen_opens 8.54 s instead of 8 s``, or ``as written``.
     """
@@ -126,7 +126,7 @@ def changes_text(task: SearchTask, point: Point) -> str:
 
 
 def point_words(task: SearchTask, point: Point, most: int = 4) -> str:
-    """Return the values of a point that are not as written, at most so many of them."""
+    """Return the changed values of a point, ``most`` of them at most."""
     words = [
         _value_words(task, parameter, value)
         for parameter, value in zip(task.parameters, point, strict=True)
@@ -142,7 +142,7 @@ def _value_words(task: SearchTask, parameter: SearchParameter, value: PointValue
 
 
 def answer_sentences(task: SearchTask, answer: SearchAnswer) -> tuple[str, ...]:
-    """Return an answer sentence by sentence, the headline first; empty before the first result."""
+    """Return the sentences of an answer, the headline first; empty before the first result."""
     return tuple(_sentences(task, answer)) if answer.explored else ()
 
 
@@ -162,7 +162,7 @@ def _sentences(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
 
 
 def _repeats(answer: SearchAnswer) -> Iterator[str]:
-    """Tell what the repeats are worth: the bounds of the rate, and how many failures hold."""
+    """Yield the evidence of the repeats: bounds of the rate, number of failures that hold."""
     rate = answer.told_confirmation
     if rate is not None:
         bounds = f"{cut_percentage(rate.low)} to {percentage(rate.high)}"
@@ -183,17 +183,17 @@ def _nearest(task: SearchTask, nearest: NearestFailure) -> Iterator[str]:
         yield f"it passes {changes_text(task, passes.point)}{_in_brackets(passes)}"
     if not nearest.complete:
         runs = count_noun(nearest.runs, "run")
-        yield f"there may be a nearer one: {runs} were spent before nothing could be taken back"
+        yield f"there may be a nearer one: {runs} were spent while values could still be taken back"
 
 
 def _examples(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
-    """Tell how many runs fail, which is the first and which has the smallest margin."""
+    """Yield the number of failing runs, the first one and the one with the smallest margin."""
     first, best = answer.first, answer.best
     if first is not None:
         verb = "fails" if answer.failed == 1 else "fail"
         point = point_words(task, first.point)
-        which = f"{answer.failed} of {_runs(answer)} {verb}, the first is run {first.number}"
-        yield f"{which}{_in_brackets(first)}: {point}"
+        count = f"{answer.failed} of {_runs(answer)} {verb}, the first is run {first.number}"
+        yield f"{count}{_in_brackets(first)}: {point}"
     if best is not None and (first is None or best.number != first.number):
         margin, point = _margin_and_place(best), point_words(task, best.point)
         yield f"run {best.number} has the smallest margin, {margin}: {point}"
@@ -207,14 +207,14 @@ def _unsought(answer: SearchAnswer) -> Iterator[str]:
         f"{', as written too' if one.as_written else ''}"
         for one in answer.unsought
     ]
-    yield f"fails as well, which this search is not about: {'; '.join(others)}"
+    yield f"other oracles fail too: {'; '.join(others)}"
 
 
 def _frequency(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
-    """Say how much of the space fails: runs that were guided prove nothing about that."""
+    """Yield the share of the space that fails, by unguided runs alone."""
     runs, failed = answer.space_filling, answer.space_filling_failed
     if runs == 0:
-        yield "no run was drawn without looking at results: how much fails is not known"
+        yield "no unguided run was judged: the share of the space that fails is unknown"
     elif failed == 0:
         yield (
             f"{runs} of the runs {'is' if runs == 1 else 'are'} {task.drawn_word}: with 95 % "
@@ -242,14 +242,14 @@ def _influence(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
             f"{task.short_name(one.parameter)} ({format_quantity(one.correlation)})"
             for one in strong[:_MOST_NAMED]
         ]
-        yield f"what decides most, by rank correlation in {runs}: {enumerate_words(names)}"
+        yield f"most influence, by rank correlation in {runs}: {enumerate_words(names)}"
     else:
         bound = format_quantity(chance_correlation(count))
-        yield f"nothing decides clearly: in {runs} chance gives rank correlations up to {bound}"
+        yield f"no clear influence: in {runs} chance gives rank correlations up to {bound}"
 
 
 def is_by_chance(task: SearchTask, influence: Influence) -> bool:
-    """Return whether a parameter that decides nothing gives such a correlation as well."""
+    """Return whether a parameter without influence may have this correlation by chance."""
     choices = next(p.choices for p in task.parameters if p.name == influence.parameter)
     bound = chance_correlation(influence.runs, max(len(choices), 2))
     return not abs(influence.correlation) > bound
@@ -257,30 +257,30 @@ def is_by_chance(task: SearchTask, influence: Influence) -> bool:
 
 def _ending(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
     if answer.refused:
-        them = "it" if answer.refused == 1 else "them"
+        have = "has" if answer.refused == 1 else "have"
         points = count_noun(answer.refused, "point")
-        yield f"{points} could not be composed: no run was made of {them}"
+        yield f"{points} could not be composed and {have} no run"
     if answer.errors:
-        verb = "is an error" if answer.errors == 1 else "are errors"
-        yield f"{count_noun(answer.errors, 'run')} {verb} and without a margin"
+        verb = "is an error and has" if answer.errors == 1 else "are errors and have"
+        yield f"{count_noun(answer.errors, 'run')} {verb} no margin"
     if answer.inconclusive:
         verb = "is" if answer.inconclusive == 1 else "are"
         yield f"{count_noun(answer.inconclusive, 'run')} {verb} inconclusive"
     if words := ending_words(task, answer.ended):
         more = answer.failed - task.failures
         if answer.ended == "failures" and more > 0:
-            words += f"; {count_noun(more, 'other')} came of runs that were out by then"
+            words += f"; {count_noun(more, 'other')} came from runs in progress"
         yield words
 
 
 def ending_words(task: SearchTask, ended: str) -> str:
-    """Return why a search ended."""
+    """Return the reason for the end of a search."""
     failures = count_noun(task.failures, "failure")
     return {
         "budget": f"the budget of {count_noun(task.runs, 'run')} is spent",
         "time": f"the time of {format_quantity(task.seconds)} s is over",
         "failures": f"it ends after {failures}, as asked",
-        "settled": "it ends because nothing better and nothing new was found for a while",
+        "settled": "it ends without a better margin or a new failure for a while",
         "errors": "it ends because of errors in a row",
         "exhausted": "it ends because every point of the space was run",
     }.get(ended, "")
@@ -288,7 +288,7 @@ def ending_words(task: SearchTask, ended: str) -> str:
 
 def finding_words(finding: DistinctFailure) -> str:
     """Return ``keeps-clear near kitchen_door on the way to w3 (4 runs)``."""
-    # A mission's failure is about a waypoint, the one that it is on its way to.
+    # The object of a failed mission is the waypoint that the robot drives to.
     has_place = finding.object and finding.object != finding.waypoint
     near = f" near {finding.object}" if has_place else ""
     way = f" on the way to {finding.waypoint}" if finding.waypoint else ""
@@ -313,7 +313,7 @@ def _margin_and_place(trial: Trial) -> str:
 def margin_words(trial: Trial, *, signed: bool = False) -> str:
     """Return the margin of a run: ``0.105 m``, ``+0.105 m`` if ``signed``; empty without one.
 
-    Of a failure it is that of the oracle that fails, though another one may be nearer to failing.
+    For a failure it is that of the failing oracle, even if another margin is smaller.
     """
     margin, unit, verdict = None, "", trial.verdict
     if trial.value is not None:
@@ -324,10 +324,10 @@ def margin_words(trial: Trial, *, signed: bool = False) -> str:
 
 
 def minus(number: str) -> str:
-    """Return a number with the sign that is as wide as a plus: U+2212."""
+    """Return a number with a minus sign as wide as a plus: U+2212."""
     return number.replace("-", "−")
 
 
 def percentage(share: float) -> str:
-    """Return a bound such as ``18.2 %``, rounded up: no less than was shown."""
+    """Return an upper bound such as ``18.2 %``, rounded up, so it never claims less."""
     return f"{math.ceil(share * 1000 - 1e-9) / 10:g} %"

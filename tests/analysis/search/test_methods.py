@@ -426,8 +426,8 @@ def test_constraints_compare_different_units_and_no_words():
 @pytest.mark.parametrize(
     ("parameter", "words"),
     [
-        (ranged(low=2.0, high=1.0), "is no range"),
-        (ranged(high=math.inf), "is no range"),
+        (ranged(low=2.0, high=1.0), "is not a range"),
+        (ranged(high=math.inf), "is not a range"),
         (ranged(low=0.0, log=True), "begins above 0"),
     ],
 )

@@ -173,7 +173,7 @@ def test_a_search_that_proposes_otherwise_than_before_fails(daemon, asked, gated
     finish(run(daemon, "changed", 12, learnt="otherwise", until=str(gate)))
     (row,) = asked.searches("changed")
     assert row.state == "failed"
-    assert "run 0 of the search is another one than it was before" in row.note
+    assert "run 0 of the search differs from the recorded one" in row.note
     gate.touch()
     eventually(lambda: asked.campaign("changed").done == TASK.window)
 
