@@ -1,1 +1,1 @@
-"""Artefacts made from scenes and campaigns: :mod:`templates.artefacts` lists and makes them."""
+"""Artefacts of scenes and campaigns: :mod:`templates.artefacts` lists and makes them."""

@@ -1,7 +1,7 @@
-"""Kinds of artefacts by name, and the one way to make them, singly or all at once.
+"""Kinds of artefacts by name, and their export, singly or all at once.
 
-A kind that cannot be made of what is given (a plan has no doors that move), or takes a library that
-is not installed, is an error when it is asked for by name and left out when all are asked for.
+A kind may need more than the world contains, or a library that is not installed. This is an error
+if the kind is requested by name; an export of all kinds omits it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ ALL: Final = "all"
 
 @dataclass(frozen=True, slots=True)
 class ArtefactKind:
-    """A kind of artefact: ``about`` for people, what it ``needs``, its ``maker`` in templates."""
+    """Kind of artefact with a description, its requirements, and its ``maker`` in templates."""
 
     name: str
     about: str
@@ -30,7 +30,7 @@ class ArtefactKind:
     maker: str
 
     def fits(self, world: ArtefactWorld) -> bool:
-        """Return whether ``world`` holds what this kind is made of."""
+        """Return whether ``world`` fulfils the requirements of this kind."""
         if self.needs == "plan":
             return world.plan is not None
         return self.needs == "scene" or world.mission is not None
@@ -43,15 +43,15 @@ class ArtefactKind:
 
 @dataclass(frozen=True, slots=True)
 class ExportResult:
-    """Files of an export by kind, and notes on facts that a format cannot hold."""
+    """Files of an export by kind, and notes on facts that a format cannot express."""
 
-    made: dict[str, tuple[Path, ...]]
+    files: dict[str, tuple[Path, ...]]
     notes: tuple[str, ...]
 
     @property
     def paths(self) -> tuple[Path, ...]:
-        """Every file, in the order they were made."""
-        return tuple(path for paths in self.made.values() for path in paths)
+        """All files in the order of their creation."""
+        return tuple(path for paths in self.files.values() for path in paths)
 
 
 def export(
@@ -63,48 +63,49 @@ def export(
 ) -> ExportResult:
     """Make artefacts of ``kinds`` (names, or ``all``) of ``world`` in ``folder``.
 
-    Provenance comes last, whatever the order asked for. Same input, same bytes. Raises
-    :class:`InputError` for unknown kinds, for kinds ``world`` has not the parts of, for libraries
-    that are not installed.
+    Provenance always comes last. Equal inputs give equal bytes. Raises :class:`InputError` for
+    unknown kinds, for kinds that do not fit ``world``, and for missing libraries.
     """
     names = tuple(kinds)
     folder.mkdir(parents=True, exist_ok=True)
     job = ExportJob(world, folder, settings or ExportSettings())
     for kind in choose_kinds(world, names):
         try:
-            job.made[kind.name] = kind.make(job)
+            job.files[kind.name] = kind.make(job)
         except MissingExtraError as error:
             if kind.name in names:
                 raise
             job.notes += (f"{d.message}; {d.hint}" for d in error.findings)
-    return ExportResult(job.made, tuple(dict.fromkeys(job.notes)))
+    return ExportResult(job.files, tuple(dict.fromkeys(job.notes)))
 
 
 def choose_kinds(world: ArtefactWorld, names: Iterable[str]) -> tuple[ArtefactKind, ...]:
-    """Return the kinds called ``names``, in the order they are made in."""
-    asked = list(names)
-    unknown = [name for name in asked if name not in KINDS and name != ALL]
+    """Return the kinds called ``names``, in the order of their creation."""
+    requested = list(names)
+    unknown = [name for name in requested if name not in KINDS and name != ALL]
     if unknown:
         hint = did_you_mean(unknown[0], (*KINDS, ALL))
         raise InputError.at(Where("export"), f'no artefact "{unknown[0]}"', hint)
-    everything = ALL in asked
-    unfit = [KINDS[n] for n in asked if n != ALL and not KINDS[n].fits(world)]
-    if unfit and not everything:
+    everything = ALL in requested
+    unfitting = [KINDS[n] for n in requested if n != ALL and not KINDS[n].fits(world)]
+    if unfitting and not everything:
         raise InputError(
             Finding(
                 Where("export"),
                 f"{kind.name} cannot be made of {world.name}",
                 "give a floor plan (.fpm)" if kind.needs == "plan" else "give a campaign (.yaml)",
             )
-            for kind in unfit
+            for kind in unfitting
         )
     return tuple(
-        kind for kind in KINDS.values() if (everything or kind.name in asked) and kind.fits(world)
+        kind
+        for kind in KINDS.values()
+        if (everything or kind.name in requested) and kind.fits(world)
     )
 
 
-# Makers are named, not imported: one kind needs shapely, another jinja2 or the mesh extra, and who
-# asks for a map loads none of the others.
+# Makers are named, not imported: some need shapely, others jinja2 or the mesh extra. An export of a
+# map loads none of the others.
 KINDS: Final = {
     kind.name: kind
     for kind in (
@@ -148,10 +149,10 @@ KINDS: Final = {
         ),
         ArtefactKind(
             "prov",
-            "where all of it comes from, W3C PROV",
+            "provenance of all files, W3C PROV",
             "scene",
             "provenance:write_provenance",
         ),
     )
 }
-"""Every kind by name, in the order they are made: the last one tells of all before it."""
+"""All kinds by name, in the order of their creation: the last one describes all others."""

@@ -1,7 +1,8 @@
 """Scene objects as rigid bodies of a 3D simulator: shapes, inertia, joints.
 
-A link's frame stands in its centre of mass with the axes of its object, so joints and inertia
-need no rotation, and a joint's pose in the child's frame means the same in every version of SDF.
+The frame of a link is in its centre of mass and has the axes of its object. Joints and inertia
+therefore need no rotation. A joint's pose in the child's frame means the same in every version of
+SDF.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from grammars.model.scene import Joint, Link, SceneObject
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """A box: ``pose`` x, y, z [m], roll, pitch, yaw [rad] in the link's frame, ``size`` [m]."""
+    """Box: ``pose`` x, y, z [m], roll, pitch, yaw [rad] in the link's frame, ``size`` [m]."""
 
     pose: tuple[float, ...]
     size: tuple[float, float, float]
@@ -25,7 +26,7 @@ class Box:
 
 @dataclass(frozen=True, slots=True)
 class Prism:
-    """A convex polygon ``points`` [m] extruded upwards by ``height`` [m] from ``pose``."""
+    """Convex polygon ``points`` [m] extruded upwards by ``height`` [m] from ``pose``."""
 
     pose: tuple[float, ...]
     points: Ring
@@ -34,7 +35,7 @@ class Prism:
 
 @dataclass(frozen=True, slots=True)
 class BodyLink:
-    """A rigid body; ``inertia`` ixx, iyy, izz, ixy [kg m^2] about its own frame."""
+    """Rigid body; ``inertia`` ixx, iyy, izz, ixy [kg m^2] about its own frame."""
 
     name: str
     pose: tuple[float, ...]
@@ -46,7 +47,7 @@ class BodyLink:
 
 @dataclass(frozen=True, slots=True)
 class BodyJoint:
-    """A joint; ``pose`` is in the frame of the child, ``moment`` [kg m^2 or kg] what it moves."""
+    """Joint; ``pose`` is in the child's frame, ``moment`` [kg m^2 or kg] is that of its load."""
 
     name: str
     of: str
@@ -66,54 +67,54 @@ class BodyJoint:
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """A model of a simulator. What can never move has no joints and is ``static``."""
+    """Model of a simulator; an immovable one has no joints and is ``static``."""
 
     links: tuple[BodyLink, ...]
     joints: tuple[BodyJoint, ...]
     static: bool
 
     def joint_name(self, scene_name: str) -> str:
-        """Return what the joint called so in the scene's object is called here."""
+        """Return the name in this body of a joint of the scene's object."""
         return next(joint.name for joint in self.joints if joint.of == scene_name)
 
 
 def body_of(thing: SceneObject) -> Body:
-    """Return ``thing`` as a body, joints at zero; frozen objects as they stand, without joints.
+    """Return ``thing`` as a body with joints at zero; a frozen one in its pose, without joints.
 
     Links without a joint get one that fixes them to the world, as in the scene. Links without a
-    shape are left out: what they carry stands where it starts, fixed to the world too.
+    shape are omitted; links on them are fixed to the world at their start.
     """
     solid = tuple(link for link in thing.links if link.polygons)
     moving = () if thing.frozen else driven_joints(thing)
     positions = [
-        # Simulators start every joint at zero; what cannot move there stands as it starts here.
+        # Simulators start every joint at zero; immovable joints stay at their start.
         0.0 if joint in moving else initial
         for joint, initial in zip(thing.joints, thing.initial, strict=True)
     ]
-    # At the origin, so that equal objects are equal to the last digit wherever they stand.
+    # At the origin, so that equal objects are equal to the last digit at any place.
     placed = link_poses(replace(thing, pose=Pose2()), positions)
     names = _link_names(solid)
     links = tuple(_link(link, placed[link.name], names[link.name]) for link in solid)
     if not moving:
         return Body(links, (), True)
-    by_name = {link.name: made for link, made in zip(solid, links, strict=True)}
-    taken = set(names.values())
-    joints = [_joint(joint, by_name, names, taken, placed[joint.child]) for joint in moving]
+    by_name = {link.name: body for link, body in zip(solid, links, strict=True)}
+    used = set(names.values())
+    joints = [_joint(joint, by_name, names, used, placed[joint.child]) for joint in moving]
     above = {joint.child: joint for joint in thing.joints}
-    hung = {joint.child for joint in moving}
-    # Gazebo lets fall what hangs on nothing.
-    resting = [link.name for link in solid if link.name not in hung]
-    fixed = [_fixed(name, _bearer(above.get(name), names), names, taken) for name in resting]
+    children = {joint.child for joint in moving}
+    # In Gazebo, a link without a joint falls.
+    resting = [link.name for link in solid if link.name not in children]
+    fixed = [_fixed(name, _bearer(above.get(name), names), names, used) for name in resting]
     return Body(links, (*fixed, *joints), False)
 
 
 def _bearer(joint: Joint | None, names: dict[str, str]) -> str:
-    """Return what a link that does not move is fixed to."""
+    """Return the name of the link or world to which a resting link is fixed."""
     return names.get(joint.parent, WORLD) if joint else WORLD
 
 
 def _link_names(links: Sequence[Link]) -> dict[str, str]:
-    """Return names SDF accepts: ``world`` and ``__names__`` are reserved there."""
+    """Return names that SDF accepts: it reserves ``world`` and ``__names__``."""
     names: dict[str, str] = {}
     for link in links:
         reserved = link.name == WORLD or (link.name[:2] == link.name[-2:] == "__")
@@ -123,10 +124,10 @@ def _link_names(links: Sequence[Link]) -> dict[str, str]:
     return names
 
 
-def _free(name: str, taken: set[str]) -> str:
-    while name in taken:
+def _free(name: str, used: set[str]) -> str:
+    while name in used:
         name += "-"
-    taken.add(name)
+    used.add(name)
     return name
 
 
@@ -174,7 +175,7 @@ class _Moments:
 
 
 def _moments(ring: Ring) -> _Moments:
-    """Green's theorem, about the first corner to keep digits far from the origin."""
+    """Return the moments by Green's theorem, about the first corner to keep digits."""
     x0, y0 = ring[0]
     points = [(x - x0, y - y0) for x, y in ring]
     area = x = y = xx = yy = xy = 0.0
@@ -199,7 +200,7 @@ def _moments(ring: Ring) -> _Moments:
 
 
 def _box(ring: Ring, height: float) -> Box | None:
-    """Return a rectangle as a box, anything else as nothing."""
+    """Return a rectangle as a box, otherwise ``None``."""
     if len(ring) != 4:
         return None
     (ax, ay), (bx, by), (cx, cy), (dx, dy) = ring
@@ -209,7 +210,7 @@ def _box(ring: Ring, height: float) -> Box | None:
         return None
     yaw = math.atan2(by - ay, bx - ax)
     size = (math.hypot(bx - ax, by - ay), math.hypot(cx - bx, cy - by), height)
-    # A quarter turn swaps length and width; axis-parallel boxes then have no turn at all.
+    # A quarter turn swaps length and width, so axis-parallel boxes have no turn.
     turns = round(yaw / (math.pi / 2.0))
     yaw -= turns * math.pi / 2.0
     size = (size[1], size[0], height) if turns % 2 else size
@@ -224,17 +225,17 @@ def _joint(
     joint: Joint,
     links: dict[str, BodyLink],
     names: dict[str, str],
-    taken: set[str],
+    used: set[str],
     placed: Pose2,
 ) -> BodyJoint:
-    """Return a joint that moves; ``placed`` is where the joints that do not put its child."""
+    """Return a moving joint; ``placed`` is the pose of its child by the resting joints."""
     child = links[joint.child]
     turns = joint.kind == "revolute"
     anchor = placed.apply(joint.anchor) if turns else (child.pose[0], child.pose[1])
     x, y = anchor[0] - child.pose[0], anchor[1] - child.pose[1]
     axis = Pose2(0.0, 0.0, placed.yaw).apply(joint.axis)
     return BodyJoint(
-        _free(joint.name, taken),
+        _free(joint.name, used),
         joint.name,
         joint.kind,
         WORLD if joint.parent == WORLD else names[joint.parent],
@@ -255,9 +256,9 @@ def _squared(arm: Point2) -> float:
     return arm[0] ** 2 + arm[1] ** 2
 
 
-def _fixed(name: str, bearer: str, names: dict[str, str], taken: set[str]) -> BodyJoint:
+def _fixed(name: str, bearer: str, names: dict[str, str], used: set[str]) -> BodyJoint:
     return BodyJoint(
-        _free(f"{names[name]}-to-{bearer}", taken),
+        _free(f"{names[name]}-to-{bearer}", used),
         "",
         "fixed",
         bearer,

@@ -1,4 +1,4 @@
-"""Models of a world as JSON-LD: in the six published files and as one graph."""
+"""Models of a world as JSON-LD: six published files, and one graph."""
 
 from __future__ import annotations
 
@@ -24,19 +24,18 @@ def export_jsonld(job: ExportJob) -> tuple[Path, ...]:
 def write_jsonld(world: ArtefactWorld, folder: Path) -> tuple[Path, ...]:
     """Write the models of a world to ``folder``; return the paths of the files.
 
-    ``skeleton.json``, ``shape.json``, ``polyhedron.json``, ``spatial_relations.json``,
-    ``coordinate.json``, ``floorplan.json`` and ``objects.json`` are for the published tools, which
-    read them from a folder. ``<plan>.jsonld`` is the whole scene as one graph, with the moves of
-    its first repeat. ``<layer>.scenery.jsonld`` is one layer with all of its parts, also those that
-    the scene does without. Raises :class:`InputError` for objects that cannot be placed.
+    Published tools read ``skeleton.json``, ``shape.json``, ``polyhedron.json``,
+    ``spatial_relations.json``, ``coordinate.json``, ``floorplan.json`` and ``objects.json`` from a
+    folder. ``<plan>.jsonld`` is the whole scene as one graph, with the moves of its first repeat.
+    ``<layer>.scenery.jsonld`` is one layer with all parts, including those absent from the scene.
+    Raises :class:`InputError` for objects that cannot be placed.
     """
     plan, layers = world.plan, world.layers
     if plan is None:
         return ()
     folder.mkdir(parents=True, exist_ok=True)
-    standing = {body.name for body in world.scene.objects}
     objects = {instance.name for layer in layers for instance in layer.instances}
-    left_out = objects - standing
+    left_out = objects - {body.name for body in world.scene.objects}
     documents = {f"{name}.json": document for name, document in plan_documents(plan).items()}
     if any(layer.models or layer.instances for layer in layers):
         documents["objects.json"] = objects_document(plan, layers, left_out)
@@ -54,7 +53,7 @@ def write_jsonld(world: ArtefactWorld, folder: Path) -> tuple[Path, ...]:
 
 
 def _write(document: dict[str, Any], path: Path) -> Path:
-    """Write a document, one node a line."""
+    """Write a document with one node per line."""
     nodes = ",\n".join(f"  {_dump(node)}" for node in document["@graph"])
     head = f'{{\n"@context": {_dump(document["@context"])},\n"@graph": [\n'
     path.write_text(f"{head}{nodes}\n]\n}}\n", encoding="utf-8", newline="\n")

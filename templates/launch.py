@@ -1,8 +1,8 @@
-"""Files that start other tools with a world: launch files for ROS 1 and 2, a layout for Foxglove.
+"""Files for other tools: launch files for ROS 1 and ROS 2, and a layout for Foxglove.
 
-Launch files find the other artefacts beside themselves, so the folder can be put anywhere, for
-example into a package. The robot is one's own: a launch file named by the argument
-``robot_launch`` is included with the start pose, yaw too.
+Launch files refer to the other artefacts by relative paths, so the folder can be moved, for example
+into a package. The argument ``robot_launch`` names the launch file of the robot, which is included
+with the start pose and its yaw.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def write_launch(job: ExportJob) -> tuple[Path, ...]:
     """Write ``launch/<world>.launch`` (ROS 1) and ``launch/<world>.launch.xml`` (ROS 2)."""
     mission = job.world.mission
     start = mission.start if mission else Pose2()
-    # A launch file starts one world: that of the first draw of behaviours.
+    # A launch file starts the world of the first draw of behaviours.
     draw = job.world.draws[0]
     values = {
         "name": job.name,
@@ -67,7 +67,7 @@ def write_layout(job: ExportJob) -> tuple[Path, ...]:
     try:
         layout = json.loads(text)
     except ValueError as error:
-        message = f"the layout is no JSON: {error}"
+        message = f"the layout is not JSON: {error}"
         raise InputError.at(Where("foxglove.json.j2"), message) from error
     path = job.path(f"{job.name}.foxglove.json")
     return (job.write(path, json.dumps(layout, ensure_ascii=False, indent=1) + "\n"),)

@@ -16,14 +16,14 @@ from templates.occupancy import building_grid, with_objects
 from templates.world import BehaviourDraw, ExportJob
 
 _START: Final = "start"
-"""What is added to the name of the map with objects as they start."""
+"""Suffix of the name of the map with objects at their start."""
 
 
 def map_file(job: ExportJob, draw: BehaviourDraw) -> str:
-    """Return the map a navigation stack gets in a run of ``draw``, relative to the world's folder.
+    """Return the map for a navigation stack in a run of ``draw``, relative to the world's folder.
 
-    It is the one the campaign declares, as a run gets it. Worlds with objects have several maps,
-    which then have a folder of their own.
+    It is the map that the campaign declares. Worlds with objects have several maps, in their own
+    folder.
     """
     world = job.world
     initial = world.doors == "initial" and world.scene.objects and world.given_map is None
@@ -36,8 +36,10 @@ def _stem(job: ExportJob) -> str:
 
 
 def _start_ending(job: ExportJob, draw: BehaviourDraw) -> str:
-    """Return what is added to the name of the map of ``draw`` at its start: that of the first
-    draw whose objects start alike."""
+    """Return the suffix of the map's name at the start of ``draw``.
+
+    It names the first draw with the same start positions.
+    """
     scene, draws = job.world.scene, job.world.draws
     start = start_positions(scene, draw.behaviours)
     like = next(d for d in draws if start_positions(scene, d.behaviours) == start)
@@ -48,16 +50,16 @@ def _start_ending(job: ExportJob, draw: BehaviourDraw) -> str:
 def _building_map(
     building: Scene, resolution: float, laser_height: float, rule: MapRule
 ) -> OccupancyGrid:
-    """Return the map of a scene without objects, which worlds with one building share."""
+    """Return the map of a scene without objects, which worlds of one building share."""
     return building_grid(building, resolution=resolution, laser_height=laser_height, rule=rule)
 
 
 def write_maps(job: ExportJob) -> tuple[Path, ...]:
-    """Write the map without objects, with objects as they start, and in every named state.
+    """Write the map without objects, with objects at their start, and in every named state.
 
-    A state that an object does not have leaves it as it starts. Where the campaign wants maps with
-    objects as they start, every draw in which they start elsewhere has a map of its own. A map that
-    the campaign gives is written as it is, and is the only one: it says nothing about doors.
+    An object without a state stays at its start. If the campaign's maps show objects at their
+    start, every draw with other start positions gets its own map. A map from the campaign is
+    written unchanged, as the only map: it does not depend on doors.
     """
     scene, height = job.world.scene, job.laser_height
     stem = job.path(*_stem(job).split("/"))
@@ -69,16 +71,16 @@ def write_maps(job: ExportJob) -> tuple[Path, ...]:
         for draw in draws:
             variants[_start_ending(job, draw)] = start_positions(scene, draw.behaviours)
         start = start_positions(scene, draws[0].behaviours)
-        for state, given in job.world.states:
+        for state, positions in job.world.states:
             # A layer may call a state of its doors "start".
-            variants[free_name(file_name(state), variants)] = start | dict(given)
+            variants[free_name(file_name(state), variants)] = start | dict(positions)
     rule = job.world.rule
     building = _building_map(replace(scene, name="", objects=()), job.resolution, height, rule)
-    written: list[Path] = []
+    files: list[Path] = []
     for name, joints in variants.items():
         grid = building
         if joints is not None:
             grid = with_objects(building, scene, laser_height=height, joints=joints, rule=rule)
         path = stem.with_name(f"{stem.name}-{name}" if name else stem.name)
-        written += write_map(grid, path, laser_height=height)
-    return tuple(written)
+        files += write_map(grid, path, laser_height=height)
+    return tuple(files)

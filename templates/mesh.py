@@ -1,9 +1,9 @@
-"""The walls of a scene as one watertight mesh, for simulators and viewers.
+"""Walls of a scene as one watertight mesh, for simulators and viewers.
 
-The solids of a scene are prisms. Seen from above, all their outlines together divide the floor
-into cells; between two neighbouring heights the building is some of these cells, extruded. Cells
-share their corners exactly, so the layers meet exactly and their boolean union (manifold3d) has
-no cracks, slivers or inner faces. Uniting the prisms directly would leave faces 1e-9 m apart.
+The solids of a scene are prisms, whose outlines divide the floor into cells. Between two successive
+heights, the building consists of some extruded cells. Cells share their corners exactly, so the
+layers meet exactly. Their boolean union (manifold3d) therefore has no cracks, slivers or inner
+faces. A direct union of the prisms would leave faces 1e-9 m apart.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ from grammars.text.plugins import load_extra
 from templates.world import ExportJob
 
 _GRID: Final = 1e-6
-"""Corners closer than this are one corner [m]."""
+"""Distance up to which two corners are one corner [m]."""
 _TOLERANCE: Final = 1e-5
-"""Triangles flatter than this are merged with their neighbours [m]."""
+"""Height up to which triangles are merged with their neighbours [m]."""
 _UPRIGHT: Final = np.array(
     [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
 )
-"""From z up (REP 103) to y up (glTF 2.0, section 3.4)."""
+"""Rotation from z up (REP 103) to y up (glTF 2.0, section 3.4)."""
 _COLOUR: Final = (0.74, 0.73, 0.70, 1.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WallMesh:
-    """``vertices`` (n, 3) [m], z up; ``faces`` (m, 3) int, counter-clockwise seen from outside.
+    """Mesh with ``vertices`` (n, 3) [m], z up, and ``faces`` (m, 3) int.
 
-    ``volume`` is that of the body [m^3].
+    Faces are counter-clockwise from outside. ``volume`` is that of the body [m^3].
     """
 
     vertices: Floats
@@ -51,28 +51,28 @@ class WallMesh:
 def wall_mesh(solids: tuple[Solid, ...]) -> WallMesh:
     """Return the union of solids as a closed 2-manifold with outward faces.
 
-    Several kinds and worlds need the same. Raises :class:`ValueError` when there is no solid, and
-    :class:`grammars.text.plugins.MissingExtraError` when the extra ``mesh`` is not installed.
+    Several kinds and worlds share it. Raises :class:`ValueError` without solids, and
+    :class:`grammars.text.plugins.MissingExtraError` without the extra ``mesh``.
     """
     if not solids:
-        raise ValueError("there is no mesh of nothing")
+        raise ValueError("a mesh needs at least one solid")
     m3 = _library("manifold3d")
     layers = [_extruded(m3, *layer) for layer in _layers(solids)]
-    # as_original() forgets which prism a face came from: only then are coplanar faces joined.
+    # as_original() drops the origin of faces: only then are coplanar faces joined.
     body = m3.Manifold.batch_boolean(layers, m3.OpType.Add).as_original().simplify(_TOLERANCE)
     if body.status() != m3.Error.NoError:
         raise ValueError(f"the walls have no closed surface: {body.status()}")
     mesh = body.to_mesh64()
-    # Copies: arrays of manifold3d would outlive it in the cache.
+    # Copies, because arrays of manifold3d would outlive it in the cache.
     vertices = np.array(mesh.vert_properties[:, :3], np.float64)
     faces = np.array(mesh.tri_verts, np.int64)
     return WallMesh(vertices, faces, float(body.volume()))
 
 
 def write_meshes(job: ExportJob) -> tuple[Path, ...]:
-    """Write ``mesh/<building>.stl`` and ``.glb``, if anything stands there."""
+    """Write ``mesh/<building>.stl`` and ``.glb``, if the scene has solids."""
     if not job.world.scene.solids:
-        job.notes.append("nothing stands here: there is no mesh")
+        job.notes.append("the scene has no walls: no mesh is written")
         return ()
     stl, glb = (job.path("mesh", f"{job.building}.{ending}") for ending in ("stl", "glb"))
     mesh = wall_mesh(job.world.scene.solids)
@@ -118,8 +118,7 @@ def _layers(solids: tuple[Solid, ...]) -> list[tuple[float, float, Any]]:
     heights = sorted({float(z) for z in extents.ravel()})
     layers = []
     for low, high in itertools.pairwise(heights):
-        # Heights are those of the solids themselves, so each crosses a layer as a whole or not at
-        # all.
+        # Heights are those of the solids, so each one fills a layer completely or not at all.
         standing = (extents[:, 0] <= low) & (extents[:, 1] >= high)
         filled = np.unique(inside[1][standing[inside[0]]])
         if len(filled):

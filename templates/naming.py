@@ -1,4 +1,4 @@
-"""Names from layers made safe: as names of files, and inside XML."""
+"""Safe forms of names from layers: as file names, and inside XML."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ _NOT_XML: Final = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U001
 def file_name(name: str) -> str:
     """Return ``name`` as one part of a path, without an ending.
 
-    Letters, digits, ``.``, ``_``, ``-`` and ``@`` stay; anything else (slashes, blanks, leading
-    dots, more than 100 characters) is replaced, and part of a digest of the name is added, so
-    that different names never become the same file.
+    Letters, digits, ``.``, ``_``, ``-`` and ``@`` stay. Other characters and leading dots are
+    replaced, and long names are cut. A changed name gets part of its digest, so that different
+    names never become the same file.
     """
     if _SAFE.fullmatch(name):
         return name
     digest = hashlib.sha256(name.encode("utf-8", "surrogatepass")).hexdigest()[:8]
-    kept = _UNSAFE.sub("-", name).strip(".-")[:80]
-    return f"{kept}-{digest}" if kept else f"unnamed-{digest}"
+    stem = _UNSAFE.sub("-", name).strip(".-")[:80]
+    return f"{stem}-{digest}" if stem else f"unnamed-{digest}"
 
 
-def free_name(name: str, taken: Container[str], separator: str = "-") -> str:
-    """Return ``name``, or the first of ``name-2``, ``name-3``, … that is not taken."""
+def free_name(name: str, used: Container[str], separator: str = "-") -> str:
+    """Return ``name``, or the first of ``name-2``, ``name-3``, … that is not in ``used``."""
     free, number = name, 2
-    while free in taken:
+    while free in used:
         free, number = f"{name}{separator}{number}", number + 1
     return free
 
 
 def xml_text(text: str) -> str:
-    """Return ``text`` with the characters XML 1.0 cannot hold replaced (section 2.2).
+    """Return ``text`` without characters that XML 1.0 cannot contain (section 2.2).
 
-    And those that would turn text around or steer the terminal somebody reads the file on.
+    Characters that reverse text or control a terminal are replaced too.
     """
     return _NOT_XML.sub("\ufffd", printable(text))

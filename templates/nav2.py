@@ -1,7 +1,7 @@
-"""Nav2 for a robot: the SUT file that starts it, its launch file and its parameters.
+"""Nav2 for a robot: SUT file, launch file and parameters.
 
-The parameters are those of ROS 2 Jazzy and Kilted, frames those of REP 105. Sources of names and
-types: the configuration guide of Nav2.
+Parameters are those of ROS 2 Jazzy and Kilted, with names and types from the configuration guide of
+Nav2. Frames follow REP 105.
 """
 
 from __future__ import annotations
@@ -31,22 +31,22 @@ _MANAGERS: Final = {
     "lifecycle_manager_navigation": tuple(_NAVIGATION),
 }
 _FREQUENCIES: Final = (20.0, 25.0, 10.0, 50.0)
-"""[Hz] Of the controller, the usual one first; periods are multiples of 0.01 s."""
+"""Frequencies of the controller [Hz], the usual one first; periods are multiples of 0.01 s."""
 _UNLIMITED: Final = {"vx": 0.5, "vy": 0.5, "wz": 1.0, "ax": 1.0, "ay": 1.0, "az": 2.0}
-"""[m/s, rad/s, m/s^2, rad/s^2] Where the robot file sets no limit."""
+"""Default limits [m/s, rad/s, m/s^2, rad/s^2] if the robot file sets none."""
 _TOLERANCE: Final = 0.15
-"""[m] Of a goal, half of what the oracles of a new campaign allow."""
+"""Tolerance of a goal [m], half of that in the oracles of a new campaign."""
 _HORIZON: Final = 1.5
-"""[s] For which DWB looks ahead."""
+"""Time that DWB looks ahead [s]."""
 _LEAST_SIDE: Final = 4
-"""[m] Of the local costmap."""
+"""Least side of the local costmap [m]."""
 _FAR: Final = 6.0
-"""[m] Obstacles farther off do not change what is driven next."""
+"""Distance beyond which obstacles do not affect the next motion [m]."""
 _INFLATION: Final = 0.2
-"""[m] Beyond the outermost corner of the robot."""
+"""Inflation beyond the outermost corner of the robot [m]."""
 _MOST_BEAMS: Final = 60
 _MOST_CORNERS: Final = 16
-"""A regular outline with more corners stands for a circle."""
+"""A regular outline with more corners represents a circle."""
 
 
 def nav2_files(robot: Robot) -> Mapping[str, str]:
@@ -54,7 +54,7 @@ def nav2_files(robot: Robot) -> Mapping[str, str]:
     frequency = _frequency(robot)
     nodes = _LOCALIZATION | _NAVIGATION
     sut = {"robot": robot.name, "ready": tuple(nodes), "period": 1.0 / frequency}
-    # The map server is written out: it has the map as well.
+    # The template contains the map server, which also needs the map.
     others = [(package, node) for node, package in nodes.items() if node != "map_server"]
     return {
         NAV2_FILE: render("nav2/my-nav2.yaml.j2", **sut),
@@ -64,7 +64,7 @@ def nav2_files(robot: Robot) -> Mapping[str, str]:
 
 
 def _frequency(robot: Robot) -> float:
-    """Return a frequency of the controller [Hz] of which the sensors' rates are whole parts."""
+    """Return a frequency of the controller [Hz] that has whole ratios to the sensors' rates."""
     rates = [laser.rate for laser in robot.lasers] + [robot.odometry.rate]
     ratios = {f: [max(rate / f, f / rate) for rate in rates if rate > 0.0] for f in _FREQUENCIES}
     fitting = (f for f in _FREQUENCIES if all(map(_is_whole, ratios[f])))
@@ -76,7 +76,7 @@ def _is_whole(ratio: float) -> bool:
 
 
 def _parameters(robot: Robot, frequency: float) -> Mapping[str, object]:
-    """Return what the template of the parameters is filled with; lengths in m, angles in rad."""
+    """Return the values for the template of the parameters; lengths in m, angles in rad."""
     radii = [math.hypot(x, y) for x, y in robot.footprint]
     is_round = len(radii) > _MOST_CORNERS and math.isclose(min(radii), max(radii))
     drive = robot.drive
@@ -124,5 +124,5 @@ def _outline(ring: Ring) -> str:
 
 
 def _real(value: float) -> float:
-    """Return a number as ROS takes it for a double: written with a point, never as ``-0.0``."""
+    """Return a number that ROS reads as a double: with a decimal point, never ``-0.0``."""
     return round(float(value), 4) + 0.0

@@ -1,7 +1,7 @@
-"""The files of a campaign to begin with: a flat of its own, or a building that is there already.
+"""Files of a new campaign, in its own flat or in an existing building.
 
-What each line does stands beside it as a comment. In a building that is there, start and waypoints
-are put where a robot of usual size stands free.
+Comments explain the lines. In an existing building, start and waypoints are at places where a robot
+of usual size has room.
 """
 
 from __future__ import annotations
@@ -26,29 +26,28 @@ from templates.naming import file_name
 from templates.rendering import render
 
 ROBOT_FILE: Final = "my_robot.yaml"
-"""Name of the file of the robot that comes with a new campaign."""
+"""File name of the robot in a new campaign."""
 _HEIGHT: Final = 0.35
-"""Of the robot that comes with a new campaign [m], as in robot.yaml.j2."""
+"""Height of the robot in a new campaign [m], as in robot.yaml.j2."""
 _CLEAR: Final = (0.6, 0.45, 0.35)
-"""How far from everything the robot is to stand [m], the best that leaves room: its footprint lies
-within 0.32 m of its base."""
+"""Clearances of the robot's base [m], the best one first; its footprint lies within 0.32 m."""
 _PASSING: Final = 0.3
-"""Of the disc that must find a way between two places [m]; half the width of a narrow door."""
+"""Radius of the disc that must pass between two places [m]: half the width of a narrow door."""
 _MOST_WAYPOINTS: Final = 4
 _PRECISION: Final = 0.05
-"""Of the place farthest from all walls [m]."""
+"""Precision of the place farthest from all walls [m]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Errand:
-    """Where the robot starts, where it goes, and how long the straight way is [m]."""
+    """Start and stops of the robot."""
 
     start: Pose2
     stops: tuple[Waypoint, ...]
 
     @property
     def length(self) -> float:
-        """Length of the straight way from stop to stop [m]."""
+        """Length of the straight lines from stop to stop [m]."""
         points = [(self.start.x, self.start.y), *((stop.x, stop.y) for stop in self.stops)]
         return sum(math.dist(a, b) for a, b in itertools.pairwise(points))
 
@@ -59,16 +58,16 @@ _OWN_ERRAND: Final = Errand(
 
 
 def propose_errand(scene: Scene) -> Errand:
-    """Return a start in the middle of the largest space, and waypoints in others it can reach.
+    """Return a start in the middle of the largest space, and waypoints in other reachable spaces.
 
     In a building of one space the waypoints are far from the start and from each other. Raises
-    ``ValueError`` when there is no room for the robot anywhere.
+    ``ValueError`` if there is no room for the robot.
     """
     free = FreeSpace(scene, _HEIGHT)
     ways = free.for_radius(_PASSING)
     if not ways.parts:
-        raise ValueError(f"nowhere in {scene.name} is room for a robot of {2 * _PASSING:g} m")
-    # All places lie in one part, so that there is a way from each to the next.
+        raise ValueError(f"{scene.name} has no room for a robot of {2 * _PASSING:g} m")
+    # All places are in one part, so that each is reachable from the others.
     part = max(ways.parts, key=lambda area: float(area.area))
     for clear in _CLEAR:
         standing = free.area.buffer(-clear).intersection(part)
@@ -76,16 +75,14 @@ def propose_errand(scene: Scene) -> Errand:
             (region.name, standing.intersection(valid_polygon(region.outline)))
             for region in scene.regions
         ]
-        found = [(name, _middle(area)) for name, area in rooms if area.area > _PRECISION]
-        if found:
+        places = [(name, _middle(area)) for name, area in rooms if area.area > _PRECISION]
+        if places:
             break
     else:
-        raise ValueError(
-            f"nowhere in {scene.name} can a robot stand {_CLEAR[-1]:g} m off the walls"
-        )
+        raise ValueError(f"{scene.name} has no place {_CLEAR[-1]:g} m away from all walls")
     areas = {name: area.area for name, area in rooms}
-    home, start = max(found, key=lambda named: areas[named[0]])
-    others = [named for named in found if named[0] != home][:_MOST_WAYPOINTS]
+    home, start = max(places, key=lambda place: areas[place[0]])
+    others = [place for place in places if place[0] != home][:_MOST_WAYPOINTS]
     if not others:
         others = [(f"stop_{i}", point) for i, point in enumerate(_far(standing, start), start=1)]
     stops = [Waypoint(file_name(name), *_rounded(point)) for name, point in others]
@@ -98,19 +95,19 @@ def _rounded(point: Point2) -> Point2:
 
 
 def _middle(area: BaseGeometry) -> Point2:
-    """Return the place in the largest part of an area that is farthest from its edge."""
+    """Return the point of the largest part of an area that is farthest from its edge."""
     largest = max(shapely.get_parts(area).tolist(), key=lambda piece: float(piece.area))
     inside = shapely.maximum_inscribed_circle(largest, tolerance=_PRECISION).coords[0]
     return float(inside[0]), float(inside[1])
 
 
 def _far(area: BaseGeometry, start: Point2) -> list[Point2]:
-    """Return two corners of an area: the farthest from ``start``, and from that and ``start``."""
+    """Return the corner of an area farthest from ``start``, and the one farthest from both."""
     corners = [(float(x), float(y)) for x, y in shapely.get_coordinates(area)]
-    chosen = [start]
+    points = [start]
     for _ in range(2):
-        chosen.append(max(corners, key=lambda c: min(math.dist(c, other) for other in chosen)))
-    return [point for point in chosen[1:] if Point(point).distance(Point(start)) > _PRECISION]
+        points.append(max(corners, key=lambda c: min(math.dist(c, other) for other in points)))
+    return [point for point in points[1:] if Point(point).distance(Point(start)) > _PRECISION]
 
 
 def new_campaign(
@@ -121,11 +118,11 @@ def new_campaign(
     robot: str = "",
     suts: Sequence[str] = ("pilot",),
 ) -> dict[str, str]:
-    """Return the files of a new campaign by their names, ``campaign.yaml`` first.
+    """Return the files of a new campaign by name, ``campaign.yaml`` first.
 
-    With a ``plan`` (as its folder names it) and an ``errand`` there, the building is that; without,
-    it is a flat of two rooms and a door. Without a ``robot`` (as the folder names it),
-    :data:`ROBOT_FILE` is among the files. ``suts`` are the systems under test.
+    ``plan`` and ``errand`` belong to an existing building; by default it is a flat of two rooms and
+    a door. Without a ``robot``, :data:`ROBOT_FILE` is among the files. ``plan`` and ``robot`` are
+    names in the campaign's folder. ``suts`` are the systems under test.
     """
     own = not plan
     ways = errand or _OWN_ERRAND
@@ -161,7 +158,7 @@ def new_campaign(
 
 
 def _limit(length: float) -> str:
-    """Return a limit that leaves time for detours at a walking pace of 0.2 m/s."""
+    """Return a time limit for a speed of 0.2 m/s, which leaves time for detours."""
     return f"{max(2, math.ceil(length / 0.2 / 60.0))} min"
 
 

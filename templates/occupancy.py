@@ -1,39 +1,40 @@
-"""The map of a scene at the height of the laser, drawn by one of three rules.
+"""Map of a scene at the height of the laser, drawn by one of three rules.
 
-``outline`` draws as the published tool for floor plans does, and is the default. Every corner is
-put into the cell it lies in, and what lies in or on the polygon through these cells is filled
-(:mod:`templates.polygon_cells`). Painted in this order: spaces are *free*, solids *occupied* (walls
-as if they had no doorways), doorways *free* and solids that stand in a doorway *occupied*.
+``outline``, the default, draws like the published tool for floor plans. It rounds every corner to
+its cell and fills the polygon through these cells (:mod:`templates.polygon_cells`). The order is:
+spaces *free*, solids *occupied* (walls as if they had no doorways), doorways *free*, and solids in
+doorways *occupied*. Walls are drawn as a whole, since corners of their pieces would fall into other
+cells. Doorways are widened by a cell on both sides of the wall.
 
-``touch`` and ``centre`` paint spaces and doorways free where they hold the centre of a cell, then
-the solids: ``touch`` takes each cell that a solid overlaps, however little, so that a scan that
-ends on a wall always ends in an occupied cell; ``centre`` takes those whose centre lies in a solid,
-which keeps areas, but what is thinner than a cell may have holes.
+``touch`` and ``centre`` first paint the cells free whose centres lie in spaces and doorways, then
+the solids. ``touch`` takes every cell that a solid overlaps, so that a scan that ends on a wall
+always ends in an occupied cell. ``centre`` takes cells whose centre lies in a solid. This preserves
+areas, but solids thinner than a cell may have holes.
 
-Objects, if they are drawn, are occupied by any rule. A door that is shut closes its doorway without
-a gap under ``touch`` and under ``outline``, which draws it, and the walls beside it, by ``touch``.
+Objects, if drawn, are occupied by any rule. A shut door closes its doorway without a gap by
+``touch`` and by ``outline``, which draws objects and the walls beside them by ``touch``.
 
-What nobody painted is *unknown*: outside, inside nothing, where the centre of a cell lies in a hole
-of a space (by any rule, unless a solid stands there), and in windows the laser looks through
-(it meets no wall there, yet no robot can stand there).
+Other cells are *unknown*: outside of spaces, in holes of spaces without a solid, and in windows,
+where the laser meets no wall but no robot can stand.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Mapping, Sequence
-from typing import Final
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+import shapely
 
-from grammars.model.geometry import Floats, Point2, Ring
+from grammars.model.geometry import Floats, Point2, Ring, turn
 from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, MapRule, OccupancyGrid
 from grammars.model.kinematics import placed_links
 from grammars.model.movers import is_mover
-from grammars.model.scene import Scene
+from grammars.model.scene import Doorway, Scene, Solid
 from grammars.text.diagnostics import did_you_mean
-from templates.outline_parts import standing_in, whole_solids, widened
 from templates.polygon_cells import (
     NOISE,
     CellsOf,
@@ -47,10 +48,10 @@ from templates.polygon_cells import (
     painted,
 )
 
-# A corner is moved by less than a cell and an edge drawn half a cell beside its line, so no cell
-# that a doorway takes from the walls lies further from their true end, which the leaf reaches.
+# Corners move by less than a cell and edges by half a cell. Cells that a doorway takes from the
+# walls are therefore at most this far from the true end of the wall, which the leaf reaches.
 _BESIDE: Final = 2
-"""How many cells beside drawn objects solids are drawn by ``touch`` too."""
+"""Number of cells beside objects in which solids are drawn by ``touch`` too."""
 
 
 def occupancy_grid(
@@ -62,13 +63,12 @@ def occupancy_grid(
     margin: float = 1.25,
     rule: MapRule = "outline",
 ) -> OccupancyGrid:
-    """Return the map of ``scene`` as a laser at ``laser_height`` [m] would draw it.
+    """Return the map of ``scene`` at the height of a laser, ``laser_height`` [m].
 
-    ``resolution`` is the size of a cell and ``margin`` what is added around the spaces [m]: the
-    origin is their lowest corner less the margin. Where more than the margin stands out the map is
-    larger by whole cells. Without ``joints`` objects are left out; otherwise they are drawn with
-    these positions by scene-wide name [rad or m], others at their initial ones. Movers are never
-    drawn: a map shows what stands, not who passes by.
+    ``resolution`` is the size of a cell [m], ``margin`` the border around the spaces [m]. The map
+    grows by whole cells for solids beyond the margin. Without ``joints`` it omits objects.
+    Otherwise ``joints`` are positions by scene-wide name [rad or m]; other joints are at their
+    start. Movers are never drawn.
 
     Raises :class:`ValueError` for an empty scene, sizes that are not positive and unknown joints.
     """
@@ -95,28 +95,29 @@ def building_grid(
     doorways = [d for d in scene.doorways if d.z_min <= laser_height <= d.z_max]
     origin, shape = _extent(scene, resolution, margin)
 
-    def taken(cells_of: CellsOf, rings: Sequence[Ring]) -> npt.NDArray[np.bool_]:
+    def covered(cells_of: CellsOf, rings: Sequence[Ring]) -> npt.NDArray[np.bool_]:
         return painted((cells_of((np.array(ring) - origin) / resolution) for ring in rings), shape)
 
     def floor(cells_of: CellsOf) -> npt.NDArray[np.bool_]:
-        found = taken(cells_of, [r.outline for r in scene.regions if not r.holes])
-        # One by one: what is a hole in one space may be the floor of another.
+        total = covered(cells_of, [r.outline for r in scene.regions if not r.holes])
+        # One by one, because a hole in one space may be the floor of another.
         for region in scene.regions:
             if region.holes:
-                found |= taken(cells_of, [region.outline]) & ~taken(centres_inside, region.holes)
-        return found
+                holes = covered(centres_inside, region.holes)
+                total |= covered(cells_of, [region.outline]) & ~holes
+        return total
 
     cells: npt.NDArray[np.int8] = np.full(shape, UNKNOWN, dtype=np.int8)
     if rule == "outline":
         cells[floor(outline_filled)] = FREE
-        whole = whole_solids(scene.solids, doorways, laser_height)
-        cells[taken(outline_of_convex, whole)] = OCCUPIED
-        cells[taken(outline_of_convex, [widened(d, resolution) for d in doorways])] = FREE
-        cells[taken(outline_of_convex, standing_in(doorways, solids))] = OCCUPIED
+        whole = _whole_solids(scene.solids, doorways, laser_height)
+        cells[covered(outline_of_convex, whole)] = OCCUPIED
+        cells[covered(outline_of_convex, [_widened(d, resolution) for d in doorways])] = FREE
+        cells[covered(outline_of_convex, _standing_in(doorways, solids))] = OCCUPIED
     else:
         passages = [d.footprint for d in doorways]
-        cells[floor(centres_inside) | taken(centres_inside, passages)] = FREE
-        cells[taken(cells_overlapped if rule == "touch" else centres_inside, solids)] = OCCUPIED
+        cells[floor(centres_inside) | covered(centres_inside, passages)] = FREE
+        cells[covered(cells_overlapped if rule == "touch" else centres_inside, solids)] = OCCUPIED
     return OccupancyGrid(resolution, float(origin[0]), float(origin[1]), cells)
 
 
@@ -128,7 +129,7 @@ def with_objects(
     joints: Mapping[str, float],
     rule: MapRule = "outline",
 ) -> OccupancyGrid:
-    """Return a map of :func:`building_grid`, made with the same values, with the objects in it.
+    """Return a map of :func:`building_grid` with the objects, drawn with the same settings.
 
     ``joints`` are positions by scene-wide name [rad or m]. Raises :class:`ValueError` for unknown
     joints.
@@ -138,17 +139,17 @@ def with_objects(
     rows, columns = cells.shape
     shape, origin = (rows, columns), np.array((building.x, building.y))
 
-    def taken(cells_of: CellsOf, rings: Sequence[Ring]) -> Spans:
+    def spans_of(cells_of: CellsOf, rings: Sequence[Ring]) -> Spans:
         parts = [cells_of((np.array(ring) - origin) / building.resolution) for ring in rings]
         return np.concatenate([np.zeros((0, 3), dtype=np.intp), *parts])
 
-    leaves = taken(centres_inside if rule == "centre" else cells_overlapped, objects)
+    leaves = spans_of(centres_inside if rule == "centre" else cells_overlapped, objects)
     cells.reshape(-1)[cells_in(leaves, shape)] = OCCUPIED
     if rule == "outline":
         # There are many solids, and few of them stand beside an object.
         solids = _beside(_solid_polygons(scene, laser_height), objects, building.resolution)
         beside = cells_in(grown(leaves, shape, _BESIDE), shape)
-        touched = cells_in(taken(cells_overlapped, solids), shape)
+        touched = cells_in(spans_of(cells_overlapped, solids), shape)
         cells.reshape(-1)[np.intersect1d(beside, touched)] = OCCUPIED
     return OccupancyGrid(building.resolution, building.x, building.y, cells)
 
@@ -159,16 +160,16 @@ def _extent(scene: Scene, resolution: float, margin: float) -> tuple[Floats, tup
     everything = outlines + [s.polygon for s in scene.solids]
     if not everything:
         raise ValueError(f"scene {scene.name} has neither regions nor solids")
-    # As the published tool has it (scenery_builder, OccupancyGrid): the corners of the spaces, a
-    # border of 50 cells of 5 cm, half of it on each side, and no rounding to whole cells.
+    # As in the published tool (scenery_builder, OccupancyGrid): the corners of the spaces, a border
+    # of 50 cells of 5 cm, half of it on each side, and no rounding to whole cells.
     inner = _corners(outlines or everything)
     origin = inner.min(axis=0) - margin
     size = np.floor((np.ptp(inner, axis=0) + 2 * margin) / resolution + NOISE)
     outer = (_corners(everything) - origin) / resolution
-    before = np.maximum(np.ceil(-outer.min(axis=0) - NOISE), 0.0)
-    after = np.maximum(np.floor(outer.max(axis=0) + NOISE) + 1 - size, 0.0)
-    columns, rows = (size + before + after).astype(int).tolist()
-    return origin - before * resolution, (rows, columns)
+    low = np.maximum(np.ceil(-outer.min(axis=0) - NOISE), 0.0)
+    high = np.maximum(np.floor(outer.max(axis=0) + NOISE) + 1 - size, 0.0)
+    columns, rows = (size + low + high).astype(int).tolist()
+    return origin - low * resolution, (rows, columns)
 
 
 def _corners(rings: Sequence[Ring]) -> Floats:
@@ -176,16 +177,16 @@ def _corners(rings: Sequence[Ring]) -> Floats:
 
 
 def _solid_polygons(scene: Scene, height: float) -> list[Ring]:
-    # Both ends count, unlike in pictures (grammars.model.kinematics): what only touches the
-    # plane of the laser overlaps it, however little.
+    # Both ends count, unlike in pictures (grammars.model.kinematics): a solid that only touches
+    # the plane of the laser overlaps it.
     return [s.polygon for s in scene.solids if s.z_min <= height <= s.z_max]
 
 
 def _beside(solids: Sequence[Ring], objects: Sequence[Ring], resolution: float) -> list[Ring]:
-    """Return the solids of which cells may lie beside cells of an object, and some others."""
+    """Return at least the solids with cells beside cells of an object."""
     if not (solids and objects):
         return []
-    # A cell more, for those in which an edge only begins.
+    # One cell more, for cells in which an edge only begins.
     reach = (_BESIDE + 1) * resolution
     low, high = (np.array([bound(ring) for ring in solids]) for bound in (_lowest, _highest))
     lower, upper = (np.array([bound(ring) for ring in objects]) for bound in (_lowest, _highest))
@@ -203,10 +204,10 @@ def _highest(ring: Ring) -> Point2:
 
 
 def _object_polygons(scene: Scene, height: float, joints: Mapping[str, float]) -> list[Ring]:
-    known = scene.joint_names
+    names = scene.joint_names
     for name in joints:
-        if name not in known:
-            raise ValueError(f'unknown joint "{name}"; {did_you_mean(name, known)}')
+        if name not in names:
+            raise ValueError(f'unknown joint "{name}"; {did_you_mean(name, names)}')
     rings: list[Ring] = []
     for thing in scene.objects:
         if is_mover(thing.joints):
@@ -215,3 +216,76 @@ def _object_polygons(scene: Scene, height: float, joints: Mapping[str, float]) -
             if link.z_min <= height <= link.z_max:
                 rings += placed
     return rings
+
+
+_Polygons: TypeAlias = npt.NDArray[np.object_]
+_OVERLAP: Final = 1e-6
+"""Common area up to which an overlap of polygons is a rounding error [m²]."""
+_OFF_LINE: Final = 1e-6
+"""Distance of a true corner from the line between its neighbours [m]."""
+
+
+def _whole_solids(
+    solids: Iterable[Solid], doorways: Sequence[Doorway], height: float
+) -> list[Ring]:
+    """Return the outlines of solids at ``height`` [m], walls as if they had no doorways.
+
+    A wall with a window at that height stays in pieces, since only doorways are freed later.
+    """
+    passages = _polygons([doorway.footprint for doorway in doorways])
+    rings: list[Ring] = []
+    for _, pieces in itertools.groupby(solids, key=lambda solid: solid.owner):
+        rings += _whole(list(pieces), passages, height)
+    return rings
+
+
+def _whole(pieces: list[Solid], passages: _Polygons, height: float) -> list[Ring]:
+    standing = [s.polygon for s in pieces if s.z_min <= height <= s.z_max]
+    if not standing or pieces[0].kind != "wall":
+        return standing
+    hull = shapely.MultiPoint([corner for s in pieces for corner in s.polygon]).convex_hull
+    near = passages[shapely.intersects(passages, hull)]
+    filled = shapely.union_all(np.concatenate([_polygons(standing), near]))
+    if shapely.area(shapely.difference(hull, filled)) > _OVERLAP:
+        return standing
+    return [_true_corners(shapely.get_coordinates(hull)[:-1].tolist())]
+
+
+def _true_corners(ring: Sequence[tuple[float, float]]) -> Ring:
+    """Return a ring without repeated corners and without corners in the middle of an edge."""
+    apart = [b for a, b in _pairs(ring) if math.dist(a, b) > _OFF_LINE]
+    return tuple(
+        b
+        for (a, b), (_, c) in zip(_pairs(apart), _pairs([*apart[1:], apart[0]]), strict=True)
+        if abs(turn(a, b, c)) > _OFF_LINE * math.dist(a, c)
+    )
+
+
+def _pairs(ring: Sequence[tuple[float, float]]) -> list[tuple[tuple[float, float], ...]]:
+    """Return every corner with its predecessor."""
+    return [(ring[k - 1], ring[k]) for k in range(len(ring))]
+
+
+def _widened(doorway: Doorway, by: float) -> Ring:
+    """Return a doorway's footprint, longer by ``by`` [m] on both sides of its wall."""
+    to_local = doorway.frame.inverse()
+    local = np.array([to_local.apply(corner) for corner in doorway.footprint])
+    local[:, 1] += by * np.sign(local[:, 1] - local[:, 1].mean())
+    return tuple(doorway.frame.apply((float(x), float(y))) for x, y in local)
+
+
+def _standing_in(doorways: Sequence[Doorway], solids: Sequence[Ring]) -> list[Ring]:
+    """Return the solids in a doorway: columns, and walls without a cut."""
+    passages = _polygons([doorway.footprint for doorway in doorways])
+    return [
+        ring
+        for ring, solid in zip(solids, _polygons(solids), strict=True)
+        if (shapely.area(shapely.intersection(passages, solid)) > _OVERLAP).any()
+    ]
+
+
+def _polygons(rings: Sequence[Ring]) -> _Polygons:
+    # shapely would read an empty list as an array of numbers.
+    polygons = np.empty(len(rings), dtype=object)
+    polygons[:] = [shapely.Polygon(ring) for ring in rings]
+    return polygons

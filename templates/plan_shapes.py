@@ -1,7 +1,7 @@
-"""What is to be seen of a world from above, as shapes in metres: each says what it is.
+"""Shapes of a world from above, each with its role.
 
-Pictures, reports and terminals show the same shapes, and know alone how a wall or a trail looks on
-them. All points are in the map frame [m].
+Pictures, reports and terminals show the same shapes, in their own styles. All points are in the map
+frame [m].
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ Points: TypeAlias = "Sequence[Point2] | Floats"
 """Points (n, 2) [m]."""
 Form: TypeAlias = Literal["area", "outline", "line", "dots"]
 _STEPS: Final = 28
-"""Pieces of the arc a door can swing along."""
+"""Number of pieces of the arc of a door."""
 _SIGMAS: Final = 2.0
-"""The ellipse around the estimate holds what lies within so many standard deviations."""
+"""Size of the ellipse around an estimate, in standard deviations."""
 
 
 class ShapeRole(StrEnum):
-    """What a shape is; ``NEAR_TRAIL`` is nearer to something than an oracle asks for."""
+    """Role of a shape; a ``NEAR_TRAIL`` is nearer to something than an oracle allows."""
 
     FLOOR = "floor"
     LOW = "low"
@@ -63,11 +63,11 @@ class ShapeRole(StrEnum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanShape:
-    """Something seen from above.
+    """Shape from above.
 
     ``parts`` are rings of an ``area`` (even-odd) or an ``outline``, lines, or single ``dots``.
-    ``text`` is a name, whose parts are the rings of what it names, the number of a waypoint, or
-    the measure of what decides.
+    ``text`` is a name with the rings of its owner as parts, the number of a waypoint, or the
+    measure of a deciding object.
     """
 
     role: ShapeRole
@@ -78,9 +78,9 @@ class PlanShape:
 
 @dataclass(frozen=True, slots=True)
 class MeasuredMark:
-    """An object that decides, or a nearest place, in the map frame [m]; red if it ``fails``.
+    """Object that decides a verdict, or nearest place, in the map frame [m]; red if it ``fails``.
 
-    ``line`` goes from the robot to the object called ``name``, ``words`` are its measure.
+    ``line`` goes from the robot to the object called ``name``; ``words`` are its measure.
     ``rings`` outline the object, ``place`` is an area on the floor or a waypoint.
     """
 
@@ -93,12 +93,12 @@ class MeasuredMark:
 
 
 def is_below(solid: Solid, cut: float) -> bool:
-    """Return whether something stands below the height [m] at which the plan is cut."""
+    """Return whether a solid lies below the height of the cut [m]."""
     return solid.z_min < cut and solid.z_max <= cut
 
 
 def floor_shapes(scene: Scene) -> Iterator[PlanShape]:
-    """Yield the free floor: every space, and every passage between two of them."""
+    """Yield the free floor: all spaces and the passages between them."""
     for region in scene.regions:
         yield PlanShape(ShapeRole.FLOOR, "area", (region.outline, *region.holes), region.name)
     for doorway in scene.doorways:
@@ -106,7 +106,7 @@ def floor_shapes(scene: Scene) -> Iterator[PlanShape]:
 
 
 def solid_shapes(scene: Scene, cut: float) -> Iterator[PlanShape]:
-    """Yield what never moves: what crosses the height ``cut`` [m], and what stays below it."""
+    """Yield the solids that cross the height ``cut`` [m], and those below it."""
     for solid in scene.solids:
         if is_below(solid, cut):
             yield PlanShape(ShapeRole.LOW, "area", (solid.polygon,))
@@ -119,8 +119,8 @@ def body_shapes(
 ) -> Iterator[PlanShape]:
     """Yield the links of all objects, or those that cross the height ``cut`` [m].
 
-    Whoever walks is there at any height: a robot is not to run into what nobody sees.
-    ``positions`` [rad or m] go by scene-wide joint name; what is not named is where it starts.
+    Movers are shown at any height, so that all of them are visible. ``positions`` [rad or m] are by
+    scene-wide joint name; other joints are at their start.
     """
     for thing in scene.objects:
         moving = {joint.child for joint in thing.joints} if not thing.frozen else set()
@@ -132,19 +132,19 @@ def body_shapes(
 
 
 def swing_shapes(scene: Scene, positions: Mapping[str, float]) -> Iterator[PlanShape]:
-    """Yield the floor each moving link can sweep: sectors of hinges, both ends of sliders.
+    """Yield the floor that each moving link can sweep: sectors of hinges, both ends of sliders.
 
-    ``positions`` [rad or m] of all joints, by scene-wide name.
+    ``positions`` [rad or m] are those of all joints by scene-wide name.
     """
     for thing in scene.objects:
         if thing.frozen:
             continue
-        given = [positions[f"{thing.name}.{joint.name}"] for joint in thing.joints]
+        own = [positions[f"{thing.name}.{joint.name}"] for joint in thing.joints]
         links = {link.name: link for link in thing.links}
         moving = driven_joints(thing)
         for index, joint in enumerate(thing.joints):
             if joint in moving:
-                yield from _swing(thing, joint, links[joint.child], given, index)
+                yield from _swing(thing, joint, links[joint.child], own, index)
 
 
 def _swing(
@@ -163,7 +163,7 @@ def _swing(
         return
     corners = [corner for ring in link.polygons for corner in ring]
     tip = max(corners, key=lambda c: math.dist(c, joint.anchor))
-    # One turn shows it all.
+    # One full turn is enough.
     upper = min(joint.upper, joint.lower + math.tau)
     angles = [joint.lower + (upper - joint.lower) * i / _STEPS for i in range(_STEPS + 1)]
     arc = tuple(at(angle, tip) for angle in angles)
@@ -180,7 +180,7 @@ def space_names(scene: Scene) -> Iterator[PlanShape]:
 
 
 def object_names(scene: Scene, positions: Mapping[str, float]) -> Iterator[PlanShape]:
-    """Yield the name of every object that has a shape, with its rings where it stands."""
+    """Yield the name of every object with a shape, with its current rings."""
     for thing in scene.objects:
         rings = tuple(ring for _, placed in placed_links(thing, positions) for ring in placed)
         if rings:
@@ -189,7 +189,7 @@ def object_names(scene: Scene, positions: Mapping[str, float]) -> Iterator[PlanS
 
 
 def waypoint_shapes(mission: Mission, reached: int = 0) -> Iterator[PlanShape]:
-    """Yield the waypoints with their numbers, counted from one; the first are ``reached``."""
+    """Yield the waypoints with numbers from one; the first ``reached`` ones are reached."""
     for number, waypoint in enumerate(mission.waypoints, start=1):
         role = ShapeRole.REACHED if number <= reached else ShapeRole.WAYPOINT
         yield PlanShape(role, "dots", (((waypoint.x, waypoint.y),),), str(number))
@@ -207,7 +207,7 @@ def heading_shape(pose: Pose2, robot: Robot) -> PlanShape:
 
 
 def nose_reach(robot: Robot) -> float:
-    """Return how far the footprint of a robot reaches forward [m], at least 10 cm."""
+    """Return the reach of a robot's footprint forward [m], at least 10 cm."""
     return max(max(x for x, _ in robot.footprint), 0.1)
 
 
@@ -228,20 +228,20 @@ def spread_shape(centre: Pose2, spread: tuple[float, float, float], count: int =
 def trail_shapes(
     trail: Points, clearances: Sequence[float] = (), limit: float | None = None
 ) -> Iterator[PlanShape]:
-    """Yield the way a robot took in pieces: touching something, nearer than ``limit`` [m], free.
+    """Yield the path of a robot by role: touching something, nearer than ``limit`` [m], free.
 
-    ``clearances`` [m] are as many as points, NaN where unknown; without them all of it is free. A
-    piece between two points is as its worse end. Lines of one role come together.
+    ``clearances`` [m] belong to the points, NaN if unknown; without them the whole path is free. A
+    piece between two points takes the role of its worse end.
     """
     points = np.asarray(trail, dtype=np.float64).reshape(-1, 2)
     if len(points) < 2:
         return
-    known = np.asarray(clearances, dtype=np.float64)
-    if len(known) != len(points):
-        known = np.full(len(points), np.nan)
+    distances = np.asarray(clearances, dtype=np.float64)
+    if len(distances) != len(points):
+        distances = np.full(len(points), np.nan)
     with np.errstate(invalid="ignore"):
-        near = known < limit if limit is not None else np.zeros(len(points), np.bool_)
-        worst = np.where(known <= 0.0, 2, np.where(near, 1, 0))
+        near = distances < limit if limit is not None else np.zeros(len(points), np.bool_)
+        worst = np.where(distances <= 0.0, 2, np.where(near, 1, 0))
     pieces = np.maximum(worst[:-1], worst[1:])
     cuts = [0, *(np.flatnonzero(np.diff(pieces)) + 1).tolist(), len(pieces)]
     spans = list(itertools.pairwise(cuts))
@@ -253,7 +253,7 @@ def trail_shapes(
 
 
 def mark_shapes(mark: MeasuredMark) -> Iterator[PlanShape]:
-    """Yield the object that decides, the line to it, and the point with its measure."""
+    """Yield the deciding object, the line to it, and the point with its measure."""
     role = ShapeRole.FAILURE if mark.fails else ShapeRole.DECISION
     yield PlanShape(role, "area", mark.rings)
     yield PlanShape(role, "outline", (mark.place,))

@@ -1,7 +1,7 @@
-"""Which cells of a grid a polygon takes, by three rules; corners are given in cells.
+"""Cells of a grid that a polygon covers, by three rules; corners are in cells.
 
 Cell (0, 0) reaches from (0, 0) to (1, 1). Every function returns runs of cells (:data:`Spans`),
-which :func:`painted` turns into a picture. What lies outside the picture is cut off.
+which :func:`painted` turns into a grid. Cells outside the grid are cut off.
 """
 
 from __future__ import annotations
@@ -15,22 +15,22 @@ import numpy.typing as npt
 
 from grammars.model.geometry import Floats
 
-# Corners are rounded to nanometres, a cell is some centimetres: anything below is no overlap.
+# Corners are rounded to nanometres; a cell measures some centimetres.
 NOISE: Final = 1e-6
-"""Overlaps smaller than this part of a cell are rounding errors."""
+"""Part of a cell up to which an overlap is a rounding error."""
 
 Spans: TypeAlias = npt.NDArray[np.intp]
 """Runs of cells, shape (n, 3): row, first column, last column."""
 
 CellsOf: TypeAlias = Callable[[Floats], Spans]
-"""Gives the cells of a polygon whose corners are in cells, shape (n, 2)."""
+"""Function from a polygon with corners in cells, shape (n, 2), to its cells."""
 
 
 def cells_overlapped(ring: Floats) -> Spans:
-    """Return the cells a convex polygon overlaps; ``ring`` has shape (n, 2).
+    """Return the cells that a convex polygon overlaps; ``ring`` has shape (n, 2).
 
-    A row of cells cuts a convex polygon to a convex piece, so the cells it overlaps there are
-    those between the ends of the piece: the ends of the edges clipped to the row.
+    A row of cells cuts a convex polygon to a convex piece. Its cells lie between the ends of the
+    edges clipped to the row.
     """
     low, high = _rows(ring[:, 1])
     row = np.arange(low, high + 1)[:, None]
@@ -45,15 +45,15 @@ def cells_overlapped(ring: Floats) -> Spans:
     upper = start[:, 0] + slope * (np.clip(row + 1, bottom, top) - start[:, 1])
     left = np.where(in_row, np.minimum(lower, upper), np.inf).min(axis=1)
     right = np.where(in_row, np.maximum(lower, upper), -np.inf).max(axis=1)
-    met = right >= left
-    return _spans(row[met, 0], np.floor(left[met] + NOISE), np.ceil(right[met] - NOISE) - 1)
+    hit = right >= left
+    return _spans(row[hit, 0], np.floor(left[hit] + NOISE), np.ceil(right[hit] - NOISE) - 1)
 
 
 def centres_inside(ring: Floats) -> Spans:
     """Return the cells whose centre lies in or on a simple polygon; ``ring`` has shape (n, 2).
 
-    Every row is scanned a little below and above its centre line, so that polygons that share an
-    edge leave no gap between them.
+    Every row is scanned slightly below and above its centre line, so that polygons with a common
+    edge leave no gap.
     """
     low, high = _rows(ring[:, 1])
     row = np.arange(low, high + 1)
@@ -81,11 +81,11 @@ def _scan(ring: Floats, y: Floats) -> tuple[npt.NDArray[np.intp], Floats, Floats
 
 
 def outline_filled(ring: Floats) -> Spans:
-    """Return the cells in or on the outline of a simple polygon whose corners are put into cells.
+    """Return the cells in or on the outline of a simple polygon with corners rounded to cells.
 
-    Every corner takes the cell it lies in (on a border between cells, the upper one: such corners
-    differ by rounding errors only), and the polygon through the middles of these cells is filled:
-    in each row from the cell nearest to where an edge crosses the middle of the row.
+    Every corner moves to the middle of its cell; on a border of cells it takes the upper one, as
+    such corners differ only by rounding errors. The polygon through these middles is filled. In
+    each row, the fill starts at the cell nearest to the crossing of an edge.
     """
     corners = _corner_cells(ring)
     start, end = corners, np.roll(corners, -1, axis=0)
@@ -93,7 +93,7 @@ def outline_filled(ring: Floats) -> Spans:
     spans = [_spans(start[level, 1], *np.sort([start[level, 0], end[level, 0]], axis=0))]
     low, high = corners[:, 1].min(), corners[:, 1].max()
     row = np.arange(low, high + 1).astype(np.float64)
-    # A row through corners belongs to what is below of it and to what is above.
+    # A row through corners belongs to the parts below and above it.
     for flipped in (1.0, -1.0):
         at, left, right = _scan(corners * (1.0, flipped), row * flipped)
         spans.append(_spans(row[at], *_nearest(left, right)))
@@ -101,23 +101,23 @@ def outline_filled(ring: Floats) -> Spans:
 
 
 def outline_of_convex(ring: Floats) -> Spans:
-    """Return what :func:`outline_filled` does, for a convex polygon, and never a broken line.
+    """Return the cells of :func:`outline_filled` for a convex polygon, without breaks.
 
-    Where a sliver leaves a row without a cell, or beside the next row without touching it, cells
-    are added that connect it, as a line is drawn.
+    Slivers may have rows without a cell, or rows that do not touch the next one. Additional cells
+    connect such rows, as in a drawn line.
     """
     corners = _corner_cells(ring)
     start, end = corners, np.roll(corners, -1, axis=0)
     row = np.arange(corners[:, 1].min(), corners[:, 1].max() + 1)[:, None]
     bottom = np.minimum(start[:, 1], end[:, 1])
     top = np.maximum(start[:, 1], end[:, 1])
-    met = (bottom <= row) & (row <= top)
+    hit = (bottom <= row) & (row <= top)
     rise = np.where(top > bottom, end[:, 1] - start[:, 1], 1.0)
     x = start[:, 0] + (row - start[:, 1]) * (end[:, 0] - start[:, 0]) / rise
-    # Both ends of level edges; of the others both are where they cross the row.
+    # Level edges have two ends in the row; other edges cross it in one point.
     other = np.where(top > bottom, x, end[:, 0])
-    left = np.where(met, np.minimum(x, other), np.inf).min(axis=1)
-    right = np.where(met, np.maximum(x, other), -np.inf).max(axis=1)
+    left = np.where(hit, np.minimum(x, other), np.inf).min(axis=1)
+    right = np.where(hit, np.maximum(x, other), -np.inf).max(axis=1)
     first, last = _nearest(left, right)
     last = np.maximum(first, last)
     onwards, back = first[1:] > last[:-1] + 1, last[1:] < first[:-1] - 1
@@ -136,12 +136,12 @@ def _corner_cells(ring: Floats) -> Floats:
 
 
 def _nearest(left: Floats, right: Floats) -> tuple[Floats, Floats]:
-    """Return the cells nearest to both ends; an end halfway between two takes the inner one."""
+    """Return the cells nearest to both ends; an end halfway between two cells takes the inner."""
     return np.floor(left + 0.5), np.ceil(right - 0.5)
 
 
 def painted(parts: Iterable[Spans], shape: tuple[int, int]) -> npt.NDArray[np.bool_]:
-    """Return which cells of a grid of ``shape`` (rows, columns) lie in any span."""
+    """Return a grid of ``shape`` (rows, columns), true for cells in any span."""
     rows, columns = shape
     inside = np.zeros(rows * columns, dtype=np.bool_)
     inside[cells_in(np.concatenate([np.zeros((0, 3), dtype=np.intp), *parts]), shape)] = True
@@ -149,22 +149,22 @@ def painted(parts: Iterable[Spans], shape: tuple[int, int]) -> npt.NDArray[np.bo
 
 
 def cells_in(spans: Spans, shape: tuple[int, int]) -> npt.NDArray[np.intp]:
-    """Return the cells of a grid of ``shape`` in every span, counted row by row.
+    """Return the indices of the cells of all spans in a grid of ``shape``, counted row by row.
 
-    What lies in several spans is there several times.
+    A cell of several spans occurs several times.
     """
     row, first, last = _inside(spans, shape).T
     length = last - first + 1
-    # The cells of all runs one after the other: each counts on from where its own run begins.
-    done = np.cumsum(length) - length
+    # Number all cells in order, then shift each run to its place in the grid.
+    previous = np.cumsum(length) - length
     cells: npt.NDArray[np.intp] = np.arange(length.sum()) + np.repeat(
-        row * shape[1] + first - done, length
+        row * shape[1] + first - previous, length
     )
     return cells
 
 
 def grown(spans: Spans, shape: tuple[int, int], steps: int) -> Spans:
-    """Return the cells at most ``steps`` away from one of ``spans`` in a grid, diagonals too."""
+    """Return the cells at most ``steps`` away from ``spans`` in a grid, also diagonally."""
     row, first, last = _inside(spans, shape).T
     steps_up = range(-steps, steps + 1)
     return np.concatenate(
@@ -177,8 +177,8 @@ def _inside(spans: Spans, shape: tuple[int, int]) -> Spans:
     rows, columns = shape
     row, first, last = spans.T
     first, last = np.maximum(first, 0), np.minimum(last, columns - 1)
-    met = (row >= 0) & (row < rows) & (first <= last)
-    inside: Spans = np.stack([row[met], first[met], last[met]], axis=1)
+    hit = (row >= 0) & (row < rows) & (first <= last)
+    inside: Spans = np.stack([row[hit], first[hit], last[hit]], axis=1)
     return inside
 
 

@@ -19,7 +19,7 @@ _SHA256: Final = URIRef("https://schema.org/sha256")
 
 
 def write_provenance(job: ExportJob) -> tuple[Path, ...]:
-    """Write ``<world>.prov.ttl``: each file of this export so far, and the scene it comes from."""
+    """Write ``<world>.prov.ttl``: the files of this export so far, and their scene."""
     here, graph = Namespace(f"urn:x-scenario:{quote(job.name)}:"), Graph()
 
     def add(name: str, kind: URIRef, title: str, sha256: str = "") -> URIRef:
@@ -46,7 +46,7 @@ def write_provenance(job: ExportJob) -> tuple[Path, ...]:
         parameter = add(f"parameter/{name}", PROV.Entity, name)
         graph.add((parameter, PROV.value, Literal(value)))
         graph.add((activity, PROV.used, parameter))
-    for path in (path for paths in job.made.values() for path in paths):
+    for path in (path for paths in job.files.values() for path in paths):
         name = path.relative_to(job.folder).as_posix()
         file = add(f"file/{name}", PROV.Entity, name, _digest(path))
         graph.add((file, PROV.wasGeneratedBy, activity))

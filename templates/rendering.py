@@ -13,12 +13,12 @@ import jinja2
 from templates.naming import xml_text
 
 BUILT_IN: Final = Path(__file__).parent / "files"
-# Endings of templates into which everything is put escaped.
+# Endings of templates whose values are escaped.
 _XML: Final = (".sdf.j2", ".world.j2", ".config.j2", ".svg.j2", ".launch.j2", ".xml.j2")
 
 
 def render(template: str, /, **values: Any) -> str:
-    """Return ``template`` filled with ``values``; everything put into XML is escaped."""
+    """Return ``template`` filled with ``values``, which are escaped in XML."""
     return _environment().get_template(template).render(values)
 
 
@@ -34,11 +34,11 @@ def _environment() -> jinja2.Environment:
 
 
 def strict_environment(loader: jinja2.BaseLoader, **options: Any) -> jinja2.Environment:
-    """Return an environment in which missing names are errors and texts are fit for XML."""
+    """Return an environment that raises errors for missing names and makes texts fit for XML."""
     return jinja2.Environment(
         loader=loader,
         undefined=jinja2.StrictUndefined,
-        # Plain strings only: what is marked as safe was made here and stays as it is.
+        # Only plain strings: markup marked as safe was made here and stays as it is.
         finalize=lambda value: xml_text(value) if type(value) is str else value,
         trim_blocks=True,
         lstrip_blocks=True,
@@ -49,10 +49,10 @@ def strict_environment(loader: jinja2.BaseLoader, **options: Any) -> jinja2.Envi
 def number(value: float, digits: int = 9) -> str:
     """Return ``value`` in plain decimals, rounded to ``digits``; no exponent, no ``-0``.
 
-    Raises :class:`ValueError` for what is not finite: no file format here can hold it.
+    Raises :class:`ValueError` for infinite numbers and NaN, which these file formats lack.
     """
     if not math.isfinite(value):
-        raise ValueError(f"{value} is no number a file can hold")
+        raise ValueError(f"a file cannot contain the number {value}")
     text = f"{value:.{digits}f}"
     text = text.rstrip("0").rstrip(".") if "." in text else text
     return "0" if text == "-0" else text

@@ -1,8 +1,9 @@
 """Gazebo worlds, models and key frames: for gz-sim and ROS 2, and for Gazebo Classic and ROS 1.
 
-Both kinds of world share the models. What doors do is said with the plugins of the floor plan
-tools (secorolab/floorplan-gazebo-plugins) in their present form and in that of 2024, key frames in
-JSON files of their own; where these cannot say all of a behaviour, a note tells what is lost.
+Both kinds of world share the models. The plugins of the floor plan tools
+(secorolab/floorplan-gazebo-plugins) move the doors, in their present form and in that of 2024. Key
+frames are separate JSON files. Notes report the parts of a behaviour that the plugins cannot
+express.
 """
 
 from __future__ import annotations
@@ -32,30 +33,30 @@ from templates.rendering import render
 from templates.world import BehaviourDraw, ExportJob
 
 ERA = "era"
-"""Folder of the files as the plugins of 2024 read them: ``pose`` instead of ``position``."""
+"""Folder of the files for the plugins of 2024, with ``pose`` instead of ``position``."""
 
 
 def behaviour_by_joint(scene: Scene, behaviours: tuple[Behaviour, ...]) -> dict[str, Behaviour]:
-    """Return what every joint that can move does, by scene-wide name in scene order.
+    """Return the behaviours of movable joints, by scene-wide name in scene order.
 
-    A free joint that starts away from zero is set there by one key frame at time 0: simulators
-    start all joints at zero. So is one that waits for an event, which no simulator knows of.
-    Joints of frozen objects, and free ones at zero, are left out.
+    Simulators start all joints at zero. One key frame at time 0 therefore sets a free joint, or one
+    that waits for an event, to another start. Simulators do not know events. Joints of frozen
+    objects, and free joints at zero, are omitted.
     """
-    given = {behaviour.joint: behaviour for behaviour in behaviours}
+    by_joint = {behaviour.joint: behaviour for behaviour in behaviours}
     start = start_positions(scene, behaviours)
-    found: dict[str, Behaviour] = {}
+    acts: dict[str, Behaviour] = {}
     for thing in scene.objects:
         moving = () if thing.frozen else driven_joints(thing)
         for joint, initial in zip(thing.joints, thing.initial, strict=True):
             name = f"{thing.name}.{joint.name}"
             if joint not in moving:
                 continue
-            if name in given and given[name].kind in ("hold", "key-frames", "trigger"):
-                found[name] = _from_the_start(given[name], initial)
+            if name in by_joint and by_joint[name].kind in ("hold", "key-frames", "trigger"):
+                acts[name] = _from_the_start(by_joint[name], initial)
             elif start[name] != 0.0:
-                found[name] = KeyFrames(name, (KeyFrame(0.0, start[name]),), Jump())
-    return found
+                acts[name] = KeyFrames(name, (KeyFrame(0.0, start[name]),), Jump())
+    return acts
 
 
 def _from_the_start(behaviour: Behaviour, initial: float) -> Behaviour:
@@ -70,11 +71,11 @@ def _from_the_start(behaviour: Behaviour, initial: float) -> Behaviour:
 def played_frames(
     scene: Scene, behaviours: tuple[Behaviour, ...], *, era: bool = False
 ) -> dict[str, KeyFrames]:
-    """Return what the plugin for key frames plays, by scene-wide joint name in scene order.
+    """Return the frames for the plugin of key frames, by scene-wide joint name in scene order.
 
-    These are the key frames of the behaviours, and one frame for every joint that something else
-    moves but that does not start at zero: the other plugins only pull it there. The one of 2024
-    that holds a joint needs none, it puts the joint there in the first step.
+    These are the key frames of the behaviours, and one frame for every joint of another plugin that
+    does not start at zero: other plugins only pull it there. The holding plugin of 2024 needs no
+    frame, since it sets the joint in the first step.
     """
     acts, start = behaviour_by_joint(scene, behaviours), start_positions(scene, behaviours)
     played: dict[str, KeyFrames] = {}
@@ -87,7 +88,7 @@ def played_frames(
 
 
 def frames_file(thing: SceneObject, joint: str, draw: BehaviourDraw, *, era: bool = False) -> str:
-    """Return the file of a joint's key frames, relative to the folder of the world."""
+    """Return the path of a joint's key frames, relative to the folder of the world."""
     single = len(thing.joints) == 1
     stem = file_name(thing.name) if single else f"{file_name(thing.name)}.{file_name(joint)}"
     folders = ["keyframes", *([ERA] if era else []), *([draw.name] if draw.name else [])]
@@ -96,7 +97,7 @@ def frames_file(thing: SceneObject, joint: str, draw: BehaviourDraw, *, era: boo
 
 def write_keyframes(job: ExportJob) -> tuple[Path, ...]:
     """Write the key frames of every joint that has some, in both forms."""
-    scene, written = job.world.scene, []
+    scene, files = job.world.scene, []
     for draw in job.world.draws:
         # The plugins renamed the key in June 2025; with the wrong one every position reads as 0.
         forms = [
@@ -109,12 +110,12 @@ def write_keyframes(job: ExportJob) -> tuple[Path, ...]:
                     act = played.get(f"{thing.name}.{joint.name}")
                     if act is not None:
                         path = job.path(*frames_file(thing, joint.name, draw, era=era).split("/"))
-                        written.append(job.write(path, frames_text(act, key)))
-    return tuple(written)
+                        files.append(job.write(path, frames_text(act, key)))
+    return tuple(files)
 
 
 def frames_text(act: KeyFrames, key: str) -> str:
-    """Return the key frames as JSON, one per line, in the order they are played in, times in s."""
+    """Return the key frames as JSON, one per line, in the order of playing, times in s."""
     lines = ",\n".join(
         f"  {json.dumps({key: frame.position, 'time': frame.time})}" for frame in act.frames
     )
@@ -122,13 +123,13 @@ def frames_text(act: KeyFrames, key: str) -> str:
 
 
 _BANDWIDTH: Final = 20.0
-"""How fast a position controller follows [rad/s]: critically damped, stable at steps of 3 ms."""
+"""Bandwidth of a position controller [rad/s]: critically damped, stable at steps of 3 ms."""
 _GROUND: Final = "ground_plane"
 
 
 @dataclass(frozen=True, slots=True)
 class PlacedModel:
-    """An object in a world: its model, its pose x, y, z, roll, pitch, yaw, what its joints do."""
+    """Object in a world: its model, its pose x, y, z, roll, pitch, yaw, and acts of its joints."""
 
     name: str
     model: str
@@ -137,28 +138,28 @@ class PlacedModel:
     acts: tuple[dict[str, Any], ...]
 
 
-def models_of(scene: Scene, taken: set[str]) -> dict[str, tuple[str, Body]]:
-    """Return for every object its model's name and body; equal bodies share one model.
+def models_of(scene: Scene, reserved: set[str]) -> dict[str, tuple[str, Body]]:
+    """Return, by object, the name and body of its model; equal bodies share one model.
 
-    ``taken`` are names models must not have.
+    Models must not have ``reserved`` names.
     """
     names: dict[tuple[str, Body], str] = {}
-    used = set(taken)
-    found: dict[str, tuple[str, Body]] = {}
+    used = set(reserved)
+    models: dict[str, tuple[str, Body]] = {}
     for thing in scene.objects:
         body = body_of(thing)
         # Mirrored and frozen objects are other bodies of the same model.
         key = (thing.model, body)
         if key not in names:
-            wanted = file_name(thing.model + ("_mirrored" if thing.mirrored else ""))
-            wanted += "_static" if thing.frozen and thing.joints else ""
-            names[key] = _free(wanted, used)
-        found[thing.name] = (names[key], body)
-    return found
+            name = file_name(thing.model + ("_mirrored" if thing.mirrored else ""))
+            name += "_static" if thing.frozen and thing.joints else ""
+            names[key] = _free(name, used)
+        models[thing.name] = (names[key], body)
+    return models
 
 
 def world_file(job: ExportJob, draw: BehaviourDraw, *, classic: bool) -> str:
-    """Return a world's file, relative to the folder of the world."""
+    """Return the path of a world's file, relative to the folder of the world."""
     stem = f"{job.name}-{draw.name}" if draw.name else job.name
     return f"gazebo/worlds/{stem}.{'world' if classic else 'sdf'}"
 
@@ -167,11 +168,11 @@ def write_sdf(job: ExportJob) -> tuple[Path, ...]:
     """Write the models and, for every draw of behaviours, a world for each Gazebo."""
     scene = job.world.scene
     models = models_of(scene, {job.building, _GROUND})
-    written = _write_building(job)
+    files = _write_building(job)
     for name, body in dict(models.values()).items():
-        written += [_render(job, f"gazebo/models/{name}/model.sdf", name=name, body=body)]
+        files += [_render(job, f"gazebo/models/{name}/model.sdf", name=name, body=body)]
         about = f"{name}, an object of {scene.name}"
-        written += [_render(job, f"gazebo/models/{name}/model.config", name=name, about=about)]
+        files += [_render(job, f"gazebo/models/{name}/model.config", name=name, about=about)]
     for draw in job.world.draws:
         for classic in (False, True):
             path = job.path(*world_file(job, draw, classic=classic).split("/"))
@@ -183,9 +184,9 @@ def write_sdf(job: ExportJob) -> tuple[Path, ...]:
                 ground=_free(_GROUND, {job.building, *(o.name for o in scene.objects)}),
                 instances=_instances(job, models, draw, classic),
             )
-            written.append(job.write(path, text))
+            files.append(job.write(path, text))
     job.notes.extend(dict.fromkeys(_losses(job)))
-    return tuple(written)
+    return tuple(files)
 
 
 def _write_building(job: ExportJob) -> list[Path]:
@@ -193,17 +194,17 @@ def _write_building(job: ExportJob) -> list[Path]:
 
     name = job.building
     folder = f"gazebo/models/{name}"
-    written: list[Path] = []
+    files: list[Path] = []
     if job.world.scene.solids:
         stl = job.path(*folder.split("/"), "meshes", f"{name}.stl")
         stl.write_bytes(stl_bytes(wall_mesh(job.world.scene.solids)))
-        written.append(stl)
-    mesh = f"model://{name}/meshes/{name}.stl" if written else ""
+        files.append(stl)
+    mesh = f"model://{name}/meshes/{name}.stl" if files else ""
     path = job.path(*folder.split("/"), "model.sdf")
     text = render("building_model.sdf.j2", name=name, mesh=mesh)
     about = f"walls and columns of {job.world.scene.name}"
     config = _render(job, f"{folder}/model.config", name=name, about=about)
-    return [*written, job.write(path, text), config]
+    return [*files, job.write(path, text), config]
 
 
 def _render(job: ExportJob, path: str, **values: Any) -> Path:
@@ -217,23 +218,23 @@ def _instances(
     acts = behaviour_by_joint(job.world.scene, draw.behaviours)
     played = played_frames(job.world.scene, draw.behaviours, era=classic)
     target = job.world.robot.name if job.world.robot else "robot"
-    found = []
+    instances = []
     for thing in job.world.scene.objects:
         model, body = models[thing.name]
         pose = (thing.pose.x, thing.pose.y, 0.0, 0.0, 0.0, thing.pose.yaw)
-        described = tuple(
+        joint_acts = tuple(
             _act(thing, joint, acts[name])
             | {"uri": frames_file(thing, joint.of, draw, era=classic) if name in played else ""}
             | {"target": target}
             for joint in body.joints
             if (name := f"{thing.name}.{joint.of}") in acts
         )
-        found.append(PlacedModel(thing.name, model, body.static, pose, described))
-    return found
+        instances.append(PlacedModel(thing.name, model, body.static, pose, joint_acts))
+    return instances
 
 
 def _act(thing: SceneObject, joint: BodyJoint, act: Behaviour) -> dict[str, Any]:
-    """Return what a template needs to say about one joint, by the tags of the plugins."""
+    """Return the values for one joint in the template, by the tags of the plugins."""
     several = len(thing.joints) > 1
     values: dict[str, Any] = {
         "kind": act.kind,
@@ -251,27 +252,27 @@ def _act(thing: SceneObject, joint: BodyJoint, act: Behaviour) -> dict[str, Any]
 
 
 def _gains(joint: BodyJoint, motion: Servo | Spring | Jump) -> dict[str, float]:
-    """Return gains of a position controller that moves the joint as the motion says."""
+    """Return gains of a position controller for a motion of the joint."""
     if isinstance(motion, Spring):
-        # A spring pulls as hard as it takes; 1000 is no limit for a door.
+        # A spring has no limit of effort; 1000 is more than any door needs.
         return {"p": motion.stiffness, "d": motion.damping, "effort": 1000.0}
     effort = motion.effort if isinstance(motion, Servo) else 1000.0
     moment = joint.moment
-    # p = I w^2 and d = 2 I w: critically damped for the moment of inertia the joint moves.
+    # p = I w^2 and d = 2 I w: critical damping for the moment of inertia of the joint's load.
     return {"p": moment * _BANDWIDTH**2, "d": 2.0 * moment * _BANDWIDTH, "effort": effort}
 
 
 def _losses(job: ExportJob) -> Iterator[str]:
-    """Say what the published plugins cannot do."""
+    """Yield notes about behaviours that the published plugins cannot execute."""
     for draw in job.world.draws:
         for behaviour in draw.behaviours:
             if behaviour.kind == "reaction":
-                yield f"{behaviour.joint}: no plugin waits for events, it stays where it starts"
+                yield f"{behaviour.joint}: no plugin waits for events, it stays at its start"
             elif behaviour.kind == "walk":
-                yield f"{behaviour.object}: no plugin walks, it stands where it starts"
+                yield f"{behaviour.object}: no plugin walks, it stays at its start"
         for joint, act in behaviour_by_joint(job.world.scene, draw.behaviours).items():
             if isinstance(act, KeyFrames) and not isinstance(act.motion, Jump):
-                yield f"{joint}: the plugin for key frames jumps, it knows no {act.motion.kind}"
+                yield f"{joint}: the plugin for key frames jumps, it has no {act.motion.kind}"
             if not isinstance(act, Trigger):
                 continue
             if act.of not in ("hinge", "foot") or act.to != "base":
@@ -281,17 +282,17 @@ def _losses(job: ExportJob) -> Iterator[str]:
                 )
             if act.rearm is not None:
                 yield f"{joint}: the trigger plugin fires once, it does not rearm"
-            # Its PID has P 0.5, I 1, D 0 with the default limits [0, 0] of the integral, which
-            # Gazebo Classic clamps to zero: what is left is a spring.
+            # Its PID has P 0.5, I 1, D 0. Gazebo Classic clamps the integral to its default limits
+            # [0, 0], so the controller acts as a spring.
             if act.motion != Spring(0.5, 0.0):
                 yield (
                     f"{joint}: the trigger plugin of 2024 pulls with a spring of 0.5 N m/rad, "
-                    f"whatever the {act.motion.kind} of the layer says"
+                    f"not with the {act.motion.kind} of the layer"
                 )
 
 
-def _free(name: str, taken: set[str]) -> str:
-    """Return ``name``, or the first of ``name_2``, ``name_3``, … that is not taken; take it."""
-    free = free_name(name, taken, "_")
-    taken.add(free)
+def _free(name: str, used: set[str]) -> str:
+    """Return and use ``name``, or the first unused one of ``name_2``, ``name_3``, …."""
+    free = free_name(name, used, "_")
+    used.add(free)
     return free

@@ -1,14 +1,13 @@
 """Waypoints around every space and the mission of a campaign, as YAML task files.
 
 The inset contour of a floor (Ortega et al. 2024, section 3.3) is a negative buffer with mitred
-corners, so it is right for rooms of any shape. Where a space is too narrow there is none, where it
-has a narrow middle there are several parts: both are reported. Waypoints are numbered as in the
-published tools: waypoint 0 lies near the second corner of the space, the following ones in the
-order of its corners.
+corners, correct for rooms of any shape. Too narrow spaces have no contour; spaces with a narrow
+middle have several parts. Both are reported. Waypoints are numbered as in the published tools:
+waypoint 0 is near the second corner of the space, later ones follow the order of its corners.
 
-Two published forms: ``tasks/<name>_route.yaml`` as the tools write them now, and
-``tasks/era/<name>_task.yaml`` with the plain list of waypoints that the experiments of 2024 ran,
-there rounded to centimetres.
+There are two published forms. ``tasks/<name>_route.yaml`` is the current form of the tools.
+``tasks/era/<name>_task.yaml`` is the plain list of waypoints of the experiments of 2024, rounded to
+centimetres.
 """
 
 from __future__ import annotations
@@ -34,16 +33,16 @@ from templates.world import ExportJob
 
 Yaw: TypeAlias = Literal["zero", "path"]
 _SHARPEST: Final = 1e6
-"""Corners are never cut off, however sharp."""
+"""Limit of mitres that never cuts off a corner."""
 _SAME: Final = 1e-6
-"""Lengths below this are rounding errors [m]."""
+"""Length up to which differences are rounding errors [m]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Contour:
-    """The inset of one space: ``parts`` are rings, numbered in the order of the space's corners.
+    """Inset of one space: ``parts`` are rings, numbered in the order of the space's corners.
 
-    ``findings`` say what is not as people may expect.
+    ``findings`` describe unexpected results.
     """
 
     space: str
@@ -53,7 +52,7 @@ class Contour:
 
 @dataclass(frozen=True, slots=True)
 class RouteStop:
-    """A waypoint of a route: ``part`` and ``number`` of its corner, position [m], yaw [rad]."""
+    """Waypoint of a route: ``part`` and ``number`` of its corner, position [m], yaw [rad]."""
 
     part: int
     number: int
@@ -63,22 +62,21 @@ class RouteStop:
 
 
 def inset_contour(region: Region, distance: float) -> Contour:
-    """Return the contour ``distance`` [m] inside of a space.
+    """Return the contour ``distance`` [m] inside a space.
 
     Raises :class:`ValueError` unless ``distance`` is positive and finite.
     """
     if not (distance > 0.0 and math.isfinite(distance)):
-        raise ValueError(f"a contour lies inside of a space, not {distance} m from its edge")
+        raise ValueError(f"the distance of a contour must be positive, not {distance} m")
     floor = Polygon(region.outline, region.holes)
-    # The published tool insets edge by edge, which is wrong for rooms that are not convex or
-    # narrow.
+    # The published tool insets edge by edge, which is wrong for concave or narrow rooms.
     inner = floor.buffer(-distance, join_style="mitre", mitre_limit=_SHARPEST)
     rings = [
         _numbered(part.exterior, region.outline, distance)
         for part in shapely.get_parts(inner)
         if part.area > _SAME
     ]
-    rings.sort(key=lambda found: found[0])
+    rings.sort(key=lambda pair: pair[0])
     parts = tuple(ring for _, ring in rings)
     return Contour(region.name, parts, _findings(region, parts, distance))
 
@@ -91,11 +89,11 @@ def contour_route(
     closed: bool = False,
     yaw: Yaw = "zero",
 ) -> tuple[RouteStop, ...]:
-    """Return the waypoints of a contour in the order they are driven.
+    """Return the waypoints of a contour in the order of driving.
 
-    ``first`` is the number to begin with (counted around where there are fewer corners),
-    ``closed`` comes back to it in the end. With yaw ``path`` the robot looks towards the next
-    waypoint, with ``zero`` along the x axis of the map.
+    ``first`` is the number of the first waypoint, modulo the number of corners. A ``closed`` route
+    returns to it. With yaw ``path`` the robot faces the next waypoint, with ``zero`` the x axis of
+    the map.
     """
     stops: list[RouteStop] = []
     for index, ring in enumerate(contour.parts):
@@ -115,12 +113,13 @@ def too_close(
 ) -> tuple[tuple[str, str, float], ...]:
     """Return the waypoints nearer than ``distance`` to a column or divider below ``height`` [m].
 
-    Each as waypoint (``0``, or ``1.0`` for part 1), what stands there, and how far it is [m].
+    Each entry holds the waypoint (``0``, or ``1.0`` in part 1), the column or divider, and the
+    distance [m].
     """
-    # Walls are kept off by the inset itself.
+    # The inset itself keeps the distance from walls.
     things = [s for s in scene.solids if s.kind != "wall" and s.z_min < height]
     tree = shapely.STRtree([Polygon(s.polygon) for s in things])
-    found: dict[tuple[str, str], float] = {}
+    nearest: dict[tuple[str, str], float] = {}
     for index, ring in enumerate(contour.parts):
         for number, corner in enumerate(ring):
             at = Point(corner)
@@ -128,24 +127,24 @@ def too_close(
                 label = f"{index}.{number}" if len(contour.parts) > 1 else str(number)
                 away = float(at.distance(Polygon(things[hit].polygon)))
                 key = (label, things[hit].owner)
-                found[key] = min(away, found.get(key, math.inf))
-    return tuple((label, owner, away) for (label, owner), away in found.items())
+                nearest[key] = min(away, nearest.get(key, math.inf))
+    return tuple((label, owner, away) for (label, owner), away in nearest.items())
 
 
 def _numbered(ring: shapely.LinearRing, outline: Ring, distance: float) -> tuple[int, Ring]:
-    """Return the corners in the order of ``outline``, and which of its edges comes first."""
+    """Return the first edge of ``outline``, and the corners in the order of its edges."""
     corners = shapely.get_coordinates(shapely.normalize(ring).simplify(0.0))[:-1]
-    # shapely turns rings as it likes.
+    # The orientation of rings in shapely is undefined.
     if _turns_left(corners) != _turns_left(np.array(outline)):
         corners = corners[::-1]
     arriving = _edges_behind(corners, np.array(outline), distance)
     start = int(np.argmin(arriving))
-    turned = np.roll(corners, -start, axis=0)
-    return int(arriving[start]), tuple((float(x), float(y)) for x, y in turned)
+    ordered = np.roll(corners, -start, axis=0)
+    return int(arriving[start]), tuple((float(x), float(y)) for x, y in ordered)
 
 
 def _edges_behind(corners: Floats, outline: Floats, distance: float) -> npt.NDArray[np.intp]:
-    """Return for every corner which edge of the outline its arriving side is the inset of."""
+    """Return, for every corner, the edge of the outline whose inset is its arriving side."""
     start, end = outline, np.roll(outline, -1, axis=0)
     along = end - start
     length = np.linalg.norm(along, axis=1)
@@ -176,35 +175,36 @@ def _headings(points: Sequence[Point2]) -> list[float]:
 
 def _findings(region: Region, parts: tuple[Ring, ...], distance: float) -> tuple[str, ...]:
     if not parts:
-        return (f"{region.name}: nowhere {distance:g} m from its walls, so no waypoints",)
-    found = []
+        return (f"{region.name}: no place {distance:g} m from its walls, so no waypoints",)
+    findings = []
     if len(parts) > 1:
-        found.append(
+        findings.append(
             f"{region.name}: {distance:g} m from its walls it falls into {len(parts)} parts"
         )
     corners = shapely.get_num_coordinates(Polygon(region.outline).simplify(0.0)) - 1
-    lost = int(corners) - sum(map(len, parts))
-    if lost > 0:
-        found.append(
-            f"{region.name}: {lost} of its corners have no waypoint {distance:g} m from the walls"
+    missing = int(corners) - sum(map(len, parts))
+    if missing > 0:
+        findings.append(
+            f"{region.name}: {missing} of its corners have no waypoint "
+            f"{distance:g} m from the walls"
         )
-    return tuple(found)
+    return tuple(findings)
 
 
 def mission_file(job: ExportJob, *, era: bool = False) -> str:
-    """Return the mission's task file, relative to the folder of the world."""
+    """Return the path of the mission's task file, relative to the folder of the world."""
     mission = job.world.mission
     name = file_name(mission.name if mission else "mission")
     return f"tasks/era/mission/{name}_task.yaml" if era else f"tasks/mission/{name}_route.yaml"
 
 
 def write_tasks(job: ExportJob) -> tuple[Path, ...]:
-    """Write a task for every space that has a contour, and one for the mission.
+    """Write a task for every space with a contour, and one for the mission.
 
-    Notes say which spaces have none, or in several parts, and which waypoints are too close to
-    what stands in a space.
+    Notes report spaces without a contour or with several parts, and waypoints too close to a
+    column or divider.
     """
-    written: list[Path] = []
+    files: list[Path] = []
     settings, scene = job.settings, job.world.scene
     height = job.world.robot.height if job.world.robot else job.laser_height
     distance = settings.distance
@@ -223,11 +223,11 @@ def write_tasks(job: ExportJob) -> tuple[Path, ...]:
         if stops:
             name = file_name(region.name)
             paths = f"tasks/{name}_route.yaml", f"tasks/era/{name}_task.yaml"
-            written += _write(job, region.name, paths, _of_contour(contour, stops))
+            files += _write(job, region.name, paths, _of_contour(contour, stops))
     if job.world.mission:
         paths = mission_file(job), mission_file(job, era=True)
-        written += _write(job, job.world.mission.name, paths, _of_mission(job.world.mission))
-    return tuple(written)
+        files += _write(job, job.world.mission.name, paths, _of_mission(job.world.mission))
+    return tuple(files)
 
 
 def _write(
@@ -244,10 +244,10 @@ def _write(
 
 def _of_contour(contour: Contour, stops: Sequence[RouteStop]) -> list[dict[str, Any]]:
     several = len(contour.parts) > 1
-    found = []
+    waypoints = []
     for stop in stops:
         space = f"{contour.space}-part-{stop.part}" if several else contour.space
-        found.append(
+        waypoints.append(
             {
                 "id": f"{space}-point-{stop.number:04d}",
                 "era_id": f"{space}-point-{stop.number}",
@@ -256,15 +256,15 @@ def _of_contour(contour: Contour, stops: Sequence[RouteStop]) -> list[dict[str, 
                 "yaw": stop.yaw,
             }
         )
-    return found
+    return waypoints
 
 
 def _of_mission(mission: Mission) -> list[dict[str, Any]]:
-    """Return the mission's waypoints; where any heading will do, the one it arrives with."""
-    found = []
+    """Return the mission's waypoints; the default yaw is the direction of arrival."""
+    waypoints = []
     x, y = mission.start.x, mission.start.y
     for stop in mission.waypoints:
         yaw = math.atan2(stop.y - y, stop.x - x) if stop.yaw is None else stop.yaw
-        found.append({"id": stop.id, "era_id": stop.id, "x": stop.x, "y": stop.y, "yaw": yaw})
+        waypoints.append({"id": stop.id, "era_id": stop.id, "x": stop.x, "y": stop.y, "yaw": yaw})
         x, y = stop.x, stop.y
-    return found
+    return waypoints

@@ -1,4 +1,4 @@
-"""The world that artefacts are made of, what happens in it, and how to write it down.
+"""World and settings of an export of artefacts.
 
 Named states of its objects come from their layers (:func:`named_states`).
 """
@@ -24,9 +24,9 @@ NamedStates: TypeAlias = tuple[tuple[str, tuple[tuple[str, float], ...]], ...]
 
 
 def named_states(scene: Scene, layers: Iterable[SceneryLayer]) -> NamedStates:
-    """Return every state name with the positions [rad or m] it gives by scene-wide joint name.
+    """Return, for every state name, positions [rad or m] by scene-wide joint name.
 
-    Mirrored objects turn the other way round, as in the scene.
+    Mirrored objects turn in the opposite direction, as in the scene.
     """
     models = {model.name: model for layer in layers for model in layer.models}
     states: dict[str, dict[str, float]] = {}
@@ -49,7 +49,7 @@ DEFAULT_RULE: Final = "outline"
 
 @dataclass(frozen=True, slots=True)
 class BehaviourDraw:
-    """The behaviours of some repeats; ``name`` is empty when all repeats have the same."""
+    """Behaviours of some repeats; ``name`` is empty if all repeats have the same ones."""
 
     name: str
     behaviours: tuple[Behaviour, ...]
@@ -57,13 +57,13 @@ class BehaviourDraw:
 
 @dataclass(frozen=True, slots=True)
 class ArtefactWorld:
-    """A scene and, when it comes from a campaign, mission, robot and behaviours.
+    """Scene and, if it comes from a campaign, mission, robot and behaviours.
 
-    ``states`` are named joint states of the objects: joint positions [rad or m] by scene-wide
-    joint name. ``layers`` are the scenery layers the scene was composed of, in order.
-    ``sources`` are the files all of it was written in. ``resolution`` [m], ``rule`` and ``doors``
-    are those of the campaign's maps (``none`` leaves objects out of the map of a run, ``initial``
-    draws them as they start); ``given_map`` is the map that it gives instead of a drawn one.
+    ``states`` are named states of the objects: joint positions [rad or m] by scene-wide joint
+    name. ``layers`` are the scenery layers of the scene, in order, ``sources`` all source files.
+    ``resolution`` [m], ``rule`` and ``doors`` are those of the campaign's maps. Doors ``none``
+    omits objects from the map of a run, ``initial`` draws them at their start. ``given_map`` is the
+    campaign's own map instead of a drawn one.
     """
 
     name: str
@@ -83,13 +83,13 @@ class ArtefactWorld:
 
 @dataclass(frozen=True, slots=True)
 class ExportSettings:
-    """Choices of people about artefacts.
+    """Settings of an export.
 
     ``laser_height`` [m] defaults to the robot's first laser, ``resolution`` [m] to the campaign's.
-    Waypoints keep ``distance`` [m] from the walls, begin with number ``first``, run ``forward``
-    through the corners of a space or backward, end where they began when ``closed``, and look
-    along the way or (``zero``) east. ``timestamp`` (ISO 8601) is put into the provenance, which
-    otherwise has none.
+    Waypoints keep ``distance`` [m] from the walls and begin with number ``first``. They run
+    ``forward`` or backward through the corners of a space, and return to the first if ``closed``.
+    Their ``yaw`` is along the path or ``zero``. A ``timestamp`` (ISO 8601), if any, goes into the
+    provenance.
     """
 
     laser_height: float | None = None
@@ -104,15 +104,15 @@ class ExportSettings:
 
 @dataclass(slots=True)
 class ExportJob:
-    """One export of one world into ``folder``, which makers of artefacts get.
+    """Export of one world into ``folder``, the argument of all makers of artefacts.
 
-    ``made`` collects the files by kind, ``notes`` what could not be said in a format.
+    ``files`` collects the files by kind, ``notes`` the losses in their formats.
     """
 
     world: ArtefactWorld
     folder: Path
     settings: ExportSettings = field(default_factory=ExportSettings)
-    made: dict[str, tuple[Path, ...]] = field(default_factory=dict)
+    files: dict[str, tuple[Path, ...]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
     @property
@@ -139,12 +139,12 @@ class ExportJob:
         return self.settings.resolution or self.world.resolution
 
     def path(self, *parts: str) -> Path:
-        """Return a file in the folder, whose own folder exists afterwards."""
+        """Return the path of a file in the folder; create its parent folders."""
         path = self.folder.joinpath(*parts)
         path.parent.mkdir(parents=True, exist_ok=True)
         return path
 
     def write(self, path: Path, text: str) -> Path:
-        """Write ``text`` with one kind of line end on every machine."""
+        """Write ``text`` with the same line ends on every machine."""
         path.write_text(text, encoding="utf-8", newline="\n")
         return path

@@ -5,12 +5,12 @@ from grammars.floorplan._files import (
     ParsedFloorPlan,
     load_floorplan,
     parse_floorplan,
+    parse_syntax,
     read_floorplan,
 )
 from grammars.floorplan._geometry import Flaw, geometric_flaws, overlaps, warn_of
 from grammars.floorplan._shapes import CircleNode, PolygonNode, RectangleNode
 from grammars.floorplan._spaces import outer_corners, space_at, wall_frames
-from grammars.floorplan._syntax import parse_syntax
 from grammars.floorplan.model import (
     WALLS_ENDING,
     WORLD_FRAME,

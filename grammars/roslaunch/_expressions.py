@@ -1,9 +1,8 @@
-"""Values of ``$(eval …)``, which are expressions of Python in launch files.
+"""Values of ``$(eval …)``: Python expressions in launch files.
 
-simpleeval works them out, and nothing of them reaches the interpreter: literals, names of args, the
-functions of roslaunch and of :mod:`math`, comparisons, arithmetic, texts, ``and``, ``or``, ``not``
-and ``if … else``. Growth without bound is refused.
-Source of what means what: roslaunch.substitution_args (ROS Noetic).
+simpleeval evaluates them without the interpreter. They may contain literals, names of args,
+functions of roslaunch and :mod:`math`, comparisons, arithmetic, texts, ``and``, ``or``, ``not`` and
+``if … else``. Unbounded growth is refused. Source: roslaunch.substitution_args (ROS Noetic).
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from grammars.text.diagnostics import did_you_mean
 Value: TypeAlias = Any
 """A truth value, number, text, None, or a list or tuple of them."""
 _LONGEST: Final = 2_000
-"""Characters of the longest expression, text and list; two of them multiplied fit into memory."""
+"""Largest length of expressions, texts and lists; a product of two lengths fits into memory."""
 _LARGEST: Final = 2**64
 _LARGEST_POWER: Final = 64
 _NODES: Final = (
@@ -40,32 +39,32 @@ _TEXT_METHODS: Final = {
 
 
 class ExpressionError(ValueError):
-    """An expression without a value, or one that is not worked out here; the text is the reason."""
+    """An expression without a value or with an unsupported part; the text is the reason."""
 
 
 def _power(base: Value, exponent: Value) -> Value:
     if abs(exponent) > _LARGEST_POWER or abs(base) > _LARGEST:
-        raise ExpressionError("is a power too large to be meant")
+        raise ExpressionError("has a power that is too large")
     return base**exponent
 
 
 def _product(one: Value, other: Value) -> Value:
     """Multiply numbers and texts; a repeated list of lists would grow without bound."""
     if isinstance(one, list | tuple) or isinstance(other, list | tuple):
-        raise ExpressionError("repeats a list, which is not worked out here")
+        raise ExpressionError("repeats a list, which is not supported here")
     return simpleeval.safe_mult(one, other)
 
 
 def _remainder(one: Value, other: Value) -> Value:
     if isinstance(one, str) and re.search(r"\d{4}|\*", one):
-        raise ExpressionError("is a text too long to be meant")
+        raise ExpressionError("has a text that is too long")
     return one % other
 
 
 def _rounded(number: float, digits: int = 0) -> Value:
-    """Round as Python does; a thousand digits before the point would take for ever."""
+    """Round as Python does, with a limit: rounding to a thousand digits takes forever."""
     if abs(digits) > 20:
-        raise ExpressionError("rounds to more digits than anybody means")
+        raise ExpressionError("rounds to too many digits")
     return round(number, digits) if digits else round(number)
 
 
@@ -87,45 +86,45 @@ def evaluate(
 ) -> Value:
     """Return the value of an expression.
 
-    ``args`` gives the value of an arg by its name, None if there is none; ``functions`` come
-    before all else of their name. Raises :class:`ExpressionError`, and what they raise.
+    ``args`` returns the value of an arg by its name, or ``None``. ``functions`` override others of
+    the same name. Raises :class:`ExpressionError`, and the errors of ``args`` and ``functions``.
     """
     if "__" in text:
-        raise ExpressionError("double underscores are not allowed, by roslaunch either")
+        raise ExpressionError("double underscores are not allowed, as in roslaunch")
     if len(text) > _LONGEST:
         raise ExpressionError(f"is longer than {_LONGEST} characters")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             tree = ast.parse(text.strip(), mode="eval")
-        return _work_out(text, tree.body, args, {**_FUNCTIONS, **functions})
+        return _value(text, tree.body, args, {**_FUNCTIONS, **functions})
     except SyntaxError as error:
-        raise ExpressionError(f"is no expression: {error.msg}") from error
+        raise ExpressionError(f"is not an expression: {error.msg}") from error
     except ExpressionError:
         raise
     except simpleeval.FunctionNotDefined as error:
         hint = did_you_mean(error.func_name, (*functions, *_FUNCTIONS))
-        message = f'no function is called "{error.func_name}" here; {hint}'
+        message = f'there is no function "{error.func_name}" here; {hint}'
         raise ExpressionError(message) from error
     except simpleeval.NameNotDefined as error:
-        raise ExpressionError(f'no arg is called "{error.name}"') from error
+        raise ExpressionError(f'there is no arg "{error.name}"') from error
     except simpleeval.IterableTooLong as error:
-        raise ExpressionError("is a text too long to be meant") from error
+        raise ExpressionError("has a text that is too long") from error
     except simpleeval.InvalidExpression as error:
-        raise ExpressionError("is not worked out here") from error
+        raise ExpressionError("is not supported here") from error
     except (RecursionError, MemoryError) as error:
         raise ExpressionError("is nested too deeply") from error
     except (TypeError, ValueError, ArithmeticError, LookupError) as error:
         raise ExpressionError(str(error)) from error
 
 
-def _work_out(
+def _value(
     text: str,
     tree: ast.expr,
     args: Callable[[str], Value | None],
     functions: Mapping[str, Callable[..., Value]],
 ) -> Value:
-    """Return the value of a tree; raises :class:`ExpressionError` for parts that are refused."""
+    """Return the value of a tree; raises :class:`ExpressionError` for unsupported parts."""
 
     methods = {id(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
     for node in ast.walk(tree):
@@ -134,7 +133,7 @@ def _work_out(
         else:
             is_known = type(node) in _NODES or not isinstance(node, ast.expr | ast.keyword)
         if not is_known:
-            raise ExpressionError(f'"{ast.unparse(node)}" is not worked out here')
+            raise ExpressionError(f'"{ast.unparse(node)}" is not supported here')
 
     def value_of(node: ast.Name) -> Value:
         value = _CONSTANTS[node.id] if node.id in _CONSTANTS else args(node.id)
@@ -149,20 +148,20 @@ def _work_out(
     return evaluator.eval(text, tree)
 
 
-def _bounded(work_out: Callable[[Any], Value]) -> Callable[[Any], Value]:
-    """Return the handler of a kind of node, which refuses values too large to be meant."""
+def _bounded(handler: Callable[[Any], Value]) -> Callable[[Any], Value]:
+    """Return a handler of a kind of node that refuses values that are too large."""
 
     def bounded(node: Any) -> Value:
-        value = work_out(node)
+        value = handler(node)
         if isinstance(value, complex):
-            raise ExpressionError("is the root of a negative number")
+            raise ExpressionError("has the root of a negative number")
         if not isinstance(node, ast.Attribute | ast.Slice) and not isinstance(value, _VALUES):
-            raise ExpressionError(f'"{ast.unparse(node)}" is no value of launch files')
-        number = isinstance(value, int) and not isinstance(value, bool)
-        if number and abs(value) >= _LARGEST:
-            raise ExpressionError("is a number too large to be meant")
+            raise ExpressionError(f'"{ast.unparse(node)}" is not a value in launch files')
+        is_number = isinstance(value, int) and not isinstance(value, bool)
+        if is_number and abs(value) >= _LARGEST:
+            raise ExpressionError("has a number that is too large")
         if isinstance(value, str | list | tuple) and len(value) > _LONGEST:
-            raise ExpressionError("is a text too long to be meant")
+            raise ExpressionError("has a text that is too long")
         return value
 
     return bounded

@@ -1,4 +1,4 @@
-"""What a launch file comes to: nodes, the parameters each would find, and the names it uses."""
+"""Content of launch files: nodes, their parameters, and the names they use."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ NodeType: TypeAlias = tuple[str, str]
 
 @dataclass(frozen=True, slots=True)
 class LaunchSettings:
-    """What a person says beside the launch files, and where they said it.
+    """Settings for the launch files, with their places.
 
-    ``args`` are those of the command line, ``packages`` folders that are packages or hold some,
-    ``env`` all environment variables there are, ``skip`` endings of files that are left out.
-    ``where`` places such a setting: ``where(("args", "model"))``.
+    ``args`` are those of the command line. ``packages`` are folders that are packages or contain
+    some. ``env`` holds all environment variables, ``skip`` the endings of files to ignore.
+    ``where`` returns the place of a setting: ``where(("args", "model"))``.
     """
 
     where: SettingPlace
@@ -34,7 +34,7 @@ class LaunchSettings:
 
 @dataclass(frozen=True, slots=True)
 class LaunchRemap:
-    """The absolute name that takes the place of another one."""
+    """Absolute name that replaces another one."""
 
     to: str
     where: Where
@@ -42,9 +42,9 @@ class LaunchRemap:
 
 @dataclass(frozen=True, slots=True)
 class LaunchNode:
-    """A node that is started: ``name`` is absolute, as are the names in ``remaps``.
+    """Started node; its ``name`` and the names in ``remaps`` are absolute.
 
-    ``parameters`` are its private ones by the parts of their names below the node.
+    ``parameters`` are its private ones, by the parts of their names below the node.
     """
 
     name: str
@@ -63,10 +63,10 @@ class LaunchNode:
 
 @dataclass(frozen=True, slots=True)
 class Launch:
-    """What was read: all ``nodes`` in the order of the files, all ``parameters`` by full name.
+    """All ``nodes`` of launch files in order, and all ``parameters`` by full name.
 
-    ``files`` are all files that were read, in the order they were first named; ``left_out`` are
-    includes of packages that are not given.
+    ``files`` are all files that were read, in the order of their first use. ``left_out`` are
+    includes of unknown packages.
     """
 
     nodes: tuple[LaunchNode, ...]

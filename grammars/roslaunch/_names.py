@@ -1,4 +1,4 @@
-"""Names of ROS, and texts of launch files turned into values as roslaunch turns them.
+"""Names of ROS, and roslaunch's conversion of texts to values.
 
 Sources: rosgraph.names, roslaunch.loader.convert_value, roscpp's init of private parameters
 (ROS Noetic).
@@ -10,43 +10,43 @@ import re
 from typing import Final, TypeAlias
 
 ParameterName: TypeAlias = tuple[str, ...]
-"""An absolute name of the parameter server, part by part."""
+"""Parts of an absolute name of the parameter server."""
 _LEGAL: Final = re.compile(r"^[~/]?[A-Za-z][A-Za-z0-9_/]*$")
 _TRUE: Final = ("true", "1")
 _FALSE: Final = ("false", "0")
 
 
 def join_names(namespace: str, name: str) -> str:
-    """Return ``name`` below ``namespace``, or as it is when it is global or private."""
+    """Return ``name`` below ``namespace``, or unchanged if it is global or private."""
     if name.startswith(("/", "~")) or not namespace:
         return name
     return f"{namespace.rstrip('/')}/{name}"
 
 
 def split_name(name: str) -> ParameterName:
-    """Return the parts of a name; slashes in excess mean nothing."""
+    """Return the parts of a name; extra slashes are ignored."""
     return tuple(part for part in name.split("/") if part)
 
 
 def absolute_name(parts: ParameterName) -> str:
-    """Return an absolute name as ROS writes it."""
+    """Return the text of an absolute name."""
     return "/" + "/".join(parts)
 
 
 def resolve_for_node(name: str, node: str) -> str:
-    """Return the absolute name that ``name`` has for the node with the absolute name ``node``."""
+    """Return the absolute name of ``name`` for the node with the absolute name ``node``."""
     if name.startswith("~"):
         return absolute_name(split_name(f"{node}/{name[1:]}"))
     return absolute_name(split_name(join_names(absolute_name(split_name(node)[:-1]), name)))
 
 
 def is_legal(name: str) -> bool:
-    """Say whether a text can be a name of ROS."""
+    """Return whether a text is a valid name of ROS."""
     return _LEGAL.match(name) is not None
 
 
 def to_bool(text: str) -> bool:
-    """Return what a text says that is to be true or false; raises ``ValueError``."""
+    """Return the truth value in a text; raises ``ValueError``."""
     lowered = text.strip().lower()
     if lowered in _TRUE or lowered in _FALSE:
         return lowered in _TRUE
@@ -54,9 +54,9 @@ def to_bool(text: str) -> bool:
 
 
 def convert_value(text: str, kind: str = "auto") -> bool | int | float | str:
-    """Return the value of a ``<param>`` or an ``<arg>`` in an expression.
+    """Return the value of a ``<param>`` or of an ``<arg>`` in an expression.
 
-    ``kind`` is what ``type`` says, without ``yaml``. Raises ``ValueError``.
+    ``kind`` is the value of ``type``, except for ``yaml``. Raises ``ValueError``.
     """
     if kind == "auto":
         return _guess(text)
@@ -74,7 +74,7 @@ def convert_value(text: str, kind: str = "auto") -> bool | int | float | str:
 
 
 def _guess(text: str) -> bool | int | float | str:
-    """Return a number, a truth value or the text; what has no point is no real number."""
+    """Return a number, a truth value or the text; real numbers need a decimal point."""
     try:
         return float(text) if "." in text else int(text)
     except ValueError:

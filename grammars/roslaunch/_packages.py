@@ -1,7 +1,7 @@
 """Packages by name, and the files that launch files name.
 
-A folder is a package when it holds a ``package.xml``; its name is the one written there. Nothing
-of the machine is asked: no ROS_PACKAGE_PATH, no installed ROS.
+A folder with a ``package.xml`` is a package with the name in that file. The search uses neither
+ROS_PACKAGE_PATH nor an installed ROS.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _MOST_LINKS: Final = 8
 
 
 class Packages:
-    """The packages that are known, each with its folder; of two with one name the first counts."""
+    """Known packages with their folders; of two with the same name the first counts."""
 
     def __init__(self) -> None:
         self._folders: dict[str, Path] = {}
@@ -33,32 +33,32 @@ class Packages:
     def add(self, folder: Path, where: Where) -> None:
         """Add the package in ``folder``, or all packages below it.
 
-        ``where`` names the folder. Raises :class:`InputError` if there is none.
+        ``where`` names the folder. Raises :class:`InputError` if there is no package.
         """
         if not folder.is_dir():
             raise InputError.at(where, f"packages: no folder {folder}", _folders_near(folder))
-        found = list(_packages_below(folder))
-        if not found:
-            message = f"packages: no package in {folder} or below it (looked for package.xml)"
+        packages = list(_packages_below(folder))
+        if not packages:
+            message = f"packages: no package.xml in {folder} or below it"
             raise InputError.at(where, message)
         self._symbols.clear()
-        for package in found:
+        for package in packages:
             self._folders.setdefault(_package_name(package), package)
 
     def add_around(self, file: Path) -> None:
-        """Add the package that ``file`` is part of, if it is part of one."""
+        """Add the package that contains ``file``, if any."""
         self._symbols.clear()
         for folder in file.absolute().parents:
             if _is_package(folder):
-                # Relative as the file is, so that messages name files as people wrote them.
+                # As relative as ``file``, so that messages name files as people wrote them.
                 way = os.path.relpath(folder, file.parent.absolute())
-                self._folders.setdefault(_package_name(folder), _shortened(file.parent / way))
+                self._folders.setdefault(_package_name(folder), _normalised(file.parent / way))
                 return
 
     def symbolic(self, folder: Path) -> str:
-        """Return a folder as ``$(find PACKAGE)/…`` if it is part of a package, else its path.
+        """Return a folder in a package as ``$(find PACKAGE)/…``, any other one as its path.
 
-        What stands in parameters then is the same on every machine.
+        Parameters with such folders are then the same on every machine.
         """
         if folder not in self._symbols:
             self._symbols[folder] = self._symbolic(folder)
@@ -75,27 +75,26 @@ class Packages:
         return str(absolute)
 
     def path(self, text: str, beside: Path, where: Where) -> Path:
-        """Return the path that ``text`` means in a file of the folder ``beside``.
+        """Return the path that ``text`` names in a file of the folder ``beside``.
 
-        ``where`` is the place of the text. Raises :class:`PackageError` for a package that is not
-        known.
+        ``where`` is the place of the text. Raises :class:`PackageError` for an unknown package.
         """
         for match in _FIND.finditer(text):
             if match[1] not in self._folders:
                 message = f"package {match[1]} is not given"
                 hint = f'name the folder of {match[1]}, or one above it, under "packages"'
                 raise PackageError(Finding(where, message, hint))
-        found = _FIND.match(text)
-        if found is not None:
-            return _shortened(self._folders[found[1]] / text[found.end() :].lstrip("/"))
+        start = _FIND.match(text)
+        if start is not None:
+            return _normalised(self._folders[start[1]] / text[start.end() :].lstrip("/"))
         return beside / text
 
 
 class PackageError(InputError):
-    """A package is needed that is not known."""
+    """A required package is unknown."""
 
 
-def _shortened(path: Path) -> Path:
+def _normalised(path: Path) -> Path:
     return Path(os.path.normpath(path))
 
 
@@ -104,15 +103,15 @@ def _is_package(folder: Path) -> bool:
 
 
 def _packages_below(top: Path) -> Iterator[Path]:
-    """Yield packages in alphabetical order; what lies in a package is not looked through."""
+    """Yield packages in alphabetical order, without searching inside packages."""
     waiting = [(top, 0)]
-    seen = 0
+    count = 0
     while waiting:
         folder, depth = waiting.pop()
-        seen += 1
+        count += 1
         if _is_package(folder):
             yield folder
-        elif depth < _DEEPEST and seen < _MOST_FOLDERS:
+        elif depth < _DEEPEST and count < _MOST_FOLDERS:
             below = sorted(_folders_in(folder), reverse=True)
             waiting += [(one, depth + 1) for one in below]
 
@@ -128,19 +127,19 @@ def _folders_in(folder: Path) -> Iterable[Path]:
             and not any((one / name).exists() for name in _IGNORED)
         ]
     except PermissionError:
-        # A folder that this user may not look into holds no package of theirs.
+        # A folder that this user may not read contains no package of theirs.
         return []
 
 
 def _package_name(folder: Path) -> str:
-    """Return the name in the manifest; older ones (manifest.xml) are named like their folder."""
+    """Return the name in the manifest; older packages (manifest.xml) have that of their folder."""
     manifest = folder / _MANIFESTS[0]
     if not manifest.is_file():
         return folder.absolute().name
-    # Only searched: what else is in the manifests of a workspace is nobody's business here.
+    # A search suffices: manifests of other packages in a workspace need not be valid.
     text = re.sub(r"<!--.*?-->", "", read_text(manifest), flags=re.DOTALL)
-    found = re.search(r"<name>\s*([^<\s]+)\s*</name>", text)
-    return found[1] if found else folder.absolute().name
+    match = re.search(r"<name>\s*([^<\s]+)\s*</name>", text)
+    return match[1] if match else folder.absolute().name
 
 
 def _folders_near(folder: Path) -> str:
@@ -150,10 +149,10 @@ def _folders_near(folder: Path) -> str:
 
 
 def follow_links(path: Path, warnings: list[Finding]) -> Path:
-    """Return the file that holds what ``path`` stands for.
+    """Return the target of ``path`` if it is a symbolic link checked out as text.
 
-    A symbolic link that was checked out as text (git without support for links, an archive) is a
-    file with nothing but the name of another file in it.
+    Such a file contains only the name of another file. Archives, and git without support for links,
+    write it.
     """
     for _ in range(_MOST_LINKS):
         if not path.is_file() or path.stat().st_size > 300:
@@ -163,19 +162,18 @@ def follow_links(path: Path, warnings: list[Finding]) -> Path:
         target = path.parent / name
         if not re.fullmatch(r"[\w./-]{1,200}", name) or name == path.name or not target.is_file():
             return path
-        message = f"is a symbolic link that became text: {target.name} is read in its place"
+        message = f"is a symbolic link that became text: {target.name} is read instead"
         note = Finding(Where(str(path), 1, 1), message, "", Severity.WARNING)
         if note not in warnings:
             warnings.append(note)
-        path = _shortened(target)
-    raise InputError.at(Where(str(path)), "is one link too many in a row")
+        path = _normalised(target)
+    raise InputError.at(Where(str(path)), "is at the end of too many links in a row")
 
 
 def is_file(path: Path, where: Where) -> bool:
-    """Say whether there is a file; ``where`` names it.
+    """Return whether a file exists; ``where`` names it.
 
-    Raises :class:`InputError` when that cannot be told, for a name no file can have or a folder
-    that may not be looked into.
+    Raises :class:`InputError` for an invalid file name or an unreadable folder.
     """
     try:
         return path.is_file()
@@ -184,7 +182,7 @@ def is_file(path: Path, where: Where) -> bool:
 
 
 def files_near(path: Path) -> str:
-    """Return a hint on what the name of a file that is not there was meant to be."""
+    """Return a hint with a similar name for a missing file."""
     if not is_folder(path.parent):
         return f"there is no folder {path.parent}"
     return did_you_mean(path.name, names_in(path.parent))

@@ -1,8 +1,8 @@
-"""What launch files put on the parameter server, and what could not be read of it.
+"""Parameters that launch files put on the parameter server, and unread ones.
 
-roslaunch gathers the parameters of one launch, of a name the last, and sends them all at once;
-what ``clear_params`` and ``rosparam delete`` take away is what was there before: from launch
-files that were started earlier. Source: roslaunch.launch, roslaunch.config (ROS Noetic).
+roslaunch collects the parameters of one launch, where the last value of a name counts, and sends
+them together. ``clear_params`` and ``rosparam delete`` remove only parameters of launch files that
+were started before. Source: roslaunch.launch, roslaunch.config (ROS Noetic).
 """
 
 from __future__ import annotations
@@ -21,38 +21,38 @@ from grammars.text.ros_yaml import ParameterValue, parse_ros_yaml
 _NOT_READ: Final = {
     "textfile": "is the text of a file, which is not read",
     "binfile": "is the content of a file, which is not read",
-    "command": "is what a command prints, and commands of launch files are never run",
+    "command": "is the output of a command, and commands of launch files are never run",
 }
 SOURCES: Final = ("value", *_NOT_READ)
-"""The attributes of a ``<param>`` of which one gives its value."""
+"""Attributes of a ``<param>``, one of which gives its value."""
 
 
 @dataclass(frozen=True, slots=True)
 class UnreadParameters:
-    """Parameters that could not be read, why, and whom that concerns.
+    """Unread parameters below ``namespace``, and the reasons.
 
-    They belong below ``namespace``; ``owner`` is the node in which they are loaded, if any.
+    ``owner`` is the node whose tag loads them, if any.
     """
 
     namespace: ParameterName
     owner: ParameterName | None
     reasons: tuple[Finding, ...]
 
-    def inside(self, node: ParameterName) -> bool:
-        """Say whether they are meant for ``node``."""
+    def is_inside(self, node: ParameterName) -> bool:
+        """Return whether all of them belong to ``node``."""
         return self.owner == node or self.namespace[: len(node)] == node
 
-    def around(self, node: ParameterName) -> bool:
-        """Say whether there may be some among them for ``node``."""
+    def is_around(self, node: ParameterName) -> bool:
+        """Return whether some of them may belong to ``node``."""
         return node[: len(self.namespace)] == self.namespace
 
 
 def read_param(
     element: XmlElement, source: str, text: str, unknown: UnknownValues
 ) -> ParameterValue:
-    """Return the value that a ``<param>`` has by one of its attributes.
+    """Return the value of a ``<param>`` from its attribute ``source``.
 
-    Raises :class:`InputError` for a value that is not of the type it is said to be.
+    Raises :class:`InputError` for a value that does not have the declared type.
     """
     where = element.place(source)
     name = element.attributes.get("name", "")
@@ -60,25 +60,25 @@ def read_param(
         hint = 'write the value under "parameters" if the node needs it'
         lack = Finding(where, f"{name}: {_NOT_READ[source]}", hint)
         return ParameterValue(text, where, (lack,))
-    written = text.strip()
-    if reasons := unknown.reasons_in(written):
-        return ParameterValue(written, where, reasons)
+    text = text.strip()
+    if reasons := unknown.reasons_in(text):
+        return ParameterValue(text, where, reasons)
     kind = (element.attributes.get("type") or "auto").strip().lower()
     if kind == "yaml":
-        document, _ = parse_ros_yaml(written, where.file, locate=lambda *_: where, any_value=True)
+        document, _ = parse_ros_yaml(text, where.file, locate=lambda *_: where, any_value=True)
         return ParameterValue(document.data, where)
     try:
-        return ParameterValue(convert_value(written, kind), where)
+        return ParameterValue(convert_value(text, kind), where)
     except ValueError as error:
         raise InputError.at(where, f"{name}: {error}") from error
 
 
 @dataclass(slots=True)
 class ParameterUpload:
-    """The parameters of one launch, as roslaunch gathers them."""
+    """Parameters that one launch sets, and namespaces that it clears before."""
 
     values: dict[ParameterName, ParameterValue] = field(default_factory=dict)
-    taken_away: list[ParameterName] = field(default_factory=list)
+    cleared: list[ParameterName] = field(default_factory=list)
 
     def set(self, name: ParameterName, parameter: ParameterValue) -> None:
         """Set one parameter, or each of a mapping."""
@@ -92,7 +92,7 @@ class ParameterUpload:
     def load(
         self, namespace: ParameterName, document: YamlDocument, unknown: UnknownValues
     ) -> None:
-        """Set what a YAML document holds; names that begin with a slash leave the namespace."""
+        """Set the values of a YAML document; names with a leading slash leave the namespace."""
         for path, value in _leaves(document.data, ()):
             name = namespace
             for part in map(str, path):
@@ -113,22 +113,22 @@ def _leaves(data: Any, above: KeyPath) -> Iterable[tuple[KeyPath, Any]]:
 
 @dataclass(slots=True)
 class ParameterServer:
-    """What is on the server after each launch."""
+    """Content of the parameter server after each launch."""
 
     values: dict[ParameterName, ParameterValue] = field(default_factory=dict)
     _namespaces: set[ParameterName] = field(default_factory=set)
-    """Every namespace that something was ever set in: where to look for what is below a name."""
+    """All namespaces of parameters set so far; only these can have parameters below them."""
 
-    def take(self, upload: ParameterUpload) -> None:
-        """Take away what a launch clears, then set what it has."""
-        for namespace in upload.taken_away:
+    def apply(self, upload: ParameterUpload) -> None:
+        """Clear the namespaces of a launch, then set its parameters."""
+        for namespace in upload.cleared:
             for name in [n for n in self.values if n[: len(namespace)] == namespace]:
                 del self.values[name]
         for name, parameter in upload.values.items():
             self._set(name, parameter)
 
     def _set(self, name: ParameterName, parameter: ParameterValue) -> None:
-        """Set a parameter in place of what stands at its name, above it or below it."""
+        """Set a parameter; remove those at its name, above it and below it."""
         for length in range(1, len(name)):
             self.values.pop(name[:length], None)
             self._namespaces.add(name[:length])

@@ -1,7 +1,6 @@
-"""Reading launch files tag by tag, in the order of the document, as roslaunch does.
+"""Reader of launch files: tag by tag, in the order of the document, as roslaunch does.
 
-Nothing is run and nothing is evaluated by the interpreter; files are opened only where a launch
-file that is included, or parameters that are loaded, are in them.
+It neither runs nor evaluates anything. It opens only included launch files and parameter files.
 Source: roslaunch.xmlloader, roslaunch.loader (ROS Noetic).
 """
 
@@ -36,9 +35,9 @@ from grammars.text.sources import MAX_BYTES, read_text
 
 _DEEPEST: Final = 30
 _MOST_INCLUDES: Final = 1_000
-"""More than any robot has; files that include each other twice each end here."""
+"""More than any robot needs; the limit stops files that include each other twice."""
 _IGNORED: Final = frozenset({"env", "machine", "master", "test"})
-"""Where and how processes are run: nothing of it reaches parameters or names."""
+"""Tags about the execution of processes, without effect on parameters and names."""
 _NODE_ATTRIBUTES: Final = (
     "pkg", "type", "name", "ns", "args", "clear_params", "machine", "output", "respawn",
     "respawn_delay", "cwd", "launch-prefix", "required",
@@ -57,10 +56,10 @@ _CONDITIONS: Final = ("if", "unless")
 
 @dataclass(slots=True)
 class LaunchReader:
-    """Reads launch files; what it finds is in its fields.
+    """Reader of launch files, which collects the results in its fields.
 
-    ``notes`` are warnings about parameters, which are worth saying of nodes of interest only;
-    ``declared`` are the args of the files that are started, true for those that can be given.
+    ``notes`` are warnings about parameters, for nodes of interest only. ``declared`` are the args
+    of the started files, true for those that can be given.
     """
 
     settings: LaunchSettings
@@ -80,7 +79,7 @@ class LaunchReader:
     _started: set[str] = field(default_factory=set)
 
     def start(self, path: Path) -> None:
-        """Read the launch file that is started; its parameters are in ``upload`` afterwards."""
+        """Read a started launch file, and store its parameters in ``upload``."""
         self.upload = ParameterUpload()
         self._started = set()
         scope = Scope(path, args=dict(self.settings.args), outermost=True)
@@ -88,23 +87,23 @@ class LaunchReader:
             self._children(self._root(path), scope, 0)
         except InputError as error:
             self.errors += error.findings
-        for name, open_ in scope.declared.items():
-            self.declared[name] = open_ or self.declared.get(name, False)
+        for name, is_open in scope.declared.items():
+            self.declared[name] = is_open or self.declared.get(name, False)
 
     def _root(self, path: Path) -> XmlElement:
-        """Return the root of a launch file, which is read once."""
+        """Return the root of a launch file, which is parsed once."""
         path = follow_links(path, self.warnings)
         if str(path) not in self.files:
             root = parse_xml(read_text(path), str(path))
             if root.tag != "launch":
                 raise InputError.at(
-                    root.where, f"<{root.tag}> is no launch file, expected <launch>"
+                    root.where, f"<{root.tag}> is not a launch file, expected <launch>"
                 )
             self.files[str(path)] = root
         return self.files[str(path)]
 
     def _children(self, element: XmlElement, scope: Scope, depth: int) -> None:
-        """Read what is inside of an element; an error in one tag does not hide another."""
+        """Read the children of an element; an error in one does not hide another."""
         for child in element.children:
             try:
                 self._child(child, scope, depth)
@@ -112,12 +111,16 @@ class LaunchReader:
                 self.errors += error.findings
                 name = child.attributes.get("name")
                 if child.tag == "arg" and name:
-                    # Every use of it fails for the same reason, which is reported once.
+                    # Every use of the arg fails for the same reason, which is reported once.
                     self.unknown.add(f"$(arg {name})", error.findings)
                     scope.args.setdefault(name, f"$(arg {name})")
 
     def _child(self, element: XmlElement, scope: Scope, depth: int) -> None:
-        if element.tag in _IGNORED or not self._known(element) or not self._applies(element, scope):
+        if (
+            element.tag in _IGNORED
+            or not self._is_known(element)
+            or not self._applies(element, scope)
+        ):
             return
         match element.tag:
             case "arg":
@@ -135,16 +138,16 @@ class LaunchReader:
             case "rosparam":
                 self._rosparam(element, scope, scope.namespace, None)
 
-    def _known(self, element: XmlElement) -> bool:
-        """Warn of tags and attributes that mean nothing, as roslaunch does."""
+    def _is_known(self, element: XmlElement) -> bool:
+        """Return whether roslaunch knows a tag; warn of unknown tags and attributes."""
         if element.tag not in _ATTRIBUTES:
             hint = did_you_mean(element.tag, _ATTRIBUTES)
-            self._warn(element.where, f"<{element.tag}> means nothing to roslaunch", hint)
+            self._warn(element.where, f"roslaunch has no tag <{element.tag}>", hint)
             return False
         allowed = (*_ATTRIBUTES[element.tag], *_CONDITIONS)
         for name in element.attributes:
             if name not in allowed and not (element.tag == "node" and name == "exec"):
-                message = f"<{element.tag}> has no attribute {name} for roslaunch"
+                message = f"<{element.tag}> of roslaunch has no attribute {name}"
                 self._warn(element.place(name), message, did_you_mean(name, allowed))
         return True
 
@@ -154,26 +157,26 @@ class LaunchReader:
             self.warnings.append(warning)
 
     def _substitution(self, scope: Scope) -> Substitution:
-        """Return what commands stand for at a place."""
+        """Return the meaning of commands in a scope."""
         folder = self.packages.symbolic(scope.file.parent)
         return Substitution(scope.args, self.settings.env, folder, self.unknown)
 
     def _attribute(self, element: XmlElement, name: str, scope: Scope) -> str | None:
-        """Return the value of an attribute with its commands filled in, None without it."""
+        """Return an attribute with its commands replaced, or ``None`` if it does not exist."""
         text = element.attributes.get(name)
         if text is None:
             return None
         return self._substitution(scope).fill_in(text, element.place(name))
 
     def _required(self, element: XmlElement, name: str, scope: Scope) -> str:
-        """Return the value of an attribute that must be there; raises :class:`InputError`."""
-        found = self._attribute(element, name, scope)
-        if found is None:
+        """Return a required attribute; raises :class:`InputError` if it does not exist."""
+        text = self._attribute(element, name, scope)
+        if text is None:
             raise InputError.at(element.where, f"<{element.tag}> needs the attribute {name}")
-        return found
+        return text
 
     def _switch(self, element: XmlElement, name: str, scope: Scope) -> bool:
-        """Return whether an attribute says true; raises :class:`InputError`."""
+        """Return whether an attribute is true; raises :class:`InputError`."""
         text = self._attribute(element, name, scope)
         if text is None:
             return False
@@ -185,14 +188,14 @@ class LaunchReader:
             raise InputError.at(element.place(name), message, "write true or false") from error
 
     def _applies(self, element: XmlElement, scope: Scope) -> bool:
-        """Say whether an element is read, by its ``if`` or ``unless``."""
-        written = [name for name in _CONDITIONS if name in element.attributes]
-        if len(written) > 1:
+        """Return whether an element applies, by its ``if`` or ``unless``."""
+        names = [name for name in _CONDITIONS if name in element.attributes]
+        if len(names) > 1:
             raise InputError.at(element.where, "has both if and unless", "write one of them")
-        return all(self._switch(element, name, scope) is (name == "if") for name in written)
+        return all(self._switch(element, name, scope) is (name == "if") for name in names)
 
     def _inner(self, element: XmlElement, scope: Scope) -> Scope:
-        """Return the scope inside of a group, include or node; clears what it is to clear."""
+        """Return the scope inside a group, include or node; clear its namespace if it says so."""
         namespace = self._attribute(element, "ns", scope)
         if namespace == "":
             raise InputError.at(element.place("ns"), "ns is empty", "leave it out, or write a name")
@@ -200,11 +203,11 @@ class LaunchReader:
         if element.tag != "node" and self._switch(element, "clear_params", scope):
             if namespace is None:
                 raise InputError.at(element.place("clear_params"), "clear_params needs ns")
-            self.upload.taken_away.append(split_name(inner.namespace))
+            self.upload.cleared.append(split_name(inner.namespace))
         return inner
 
     def _arg(self, element: XmlElement, scope: Scope, target: Scope) -> None:
-        """Declare an arg in ``target`` with a value worked out in ``scope``."""
+        """Declare an arg in ``target`` with a value evaluated in ``scope``."""
         name = self._required(element, "name", scope)
         value = self._attribute(element, "value", scope)
         default = self._attribute(element, "default", scope)
@@ -216,26 +219,25 @@ class LaunchReader:
         target.declare(name, value, default, element.where)
 
     def _param(self, element: XmlElement, scope: Scope, *, private: bool = False) -> None:
-        """Set a parameter; a private one is kept for the nodes that follow in the scope."""
-        given = [name for name in SOURCES if name in element.attributes]
-        if len(given) != 1:
-            message = f"<param> has {' and '.join(given) or 'no value'}"
+        """Set a parameter; a private one is stored for later nodes of the scope."""
+        sources = [name for name in SOURCES if name in element.attributes]
+        if len(sources) != 1:
+            message = f"<param> has {' and '.join(sources) or 'no value'}"
             raise InputError.at(element.where, message, f"write one of {', '.join(SOURCES)}")
-        name = self._required(element, "name", scope)
-        text = self._required(element, given[0], scope)
-        parameter = read_param(element, given[0], text, self.unknown)
-        written = name.strip()
-        if private or written.startswith("~"):
-            scope.private[written.removeprefix("~")] = parameter
+        name = self._required(element, "name", scope).strip()
+        text = self._required(element, sources[0], scope)
+        parameter = read_param(element, sources[0], text, self.unknown)
+        if private or name.startswith("~"):
+            scope.private[name.removeprefix("~")] = parameter
         else:
-            self.upload.set(split_name(join_names(scope.namespace, written)), parameter)
+            self.upload.set(split_name(join_names(scope.namespace, name)), parameter)
 
     def _remap(self, element: XmlElement, scope: Scope, target: Scope) -> None:
         source = self._required(element, "from", scope)
         to = self._required(element, "to", scope)
         if not source or not to:
             raise InputError.at(element.where, "<remap> from and to must not be empty")
-        # Where a name was remapped further out, this one takes its place.
+        # This remap replaces one of the same name further out.
         target.remaps.pop(source, None)
         target.remaps[source] = WrittenRemap(source, to, element.where)
 
@@ -254,7 +256,7 @@ class LaunchReader:
             raise InputError.at(where, f"no file {path} to include", _remedies(path))
         self._includes += 1
         if depth >= _DEEPEST or self._includes > _MOST_INCLUDES:
-            raise InputError.at(where, f"include of {path.name} within include goes on without end")
+            raise InputError.at(where, f"includes of {path.name} are nested without end")
         inner = self._inner(element, scope)
         everything = self._switch(element, "pass_all_args", scope)
         passed = Scope(
@@ -275,7 +277,7 @@ class LaunchReader:
     def _refuse_unused(
         self, element: XmlElement, passed: Iterable[str], inner: Scope, path: Path
     ) -> None:
-        """Refuse args that the included file does not declare, as roslaunch does."""
+        """Report args that the included file does not declare, as roslaunch does."""
         places = {c.attributes.get("name"): c.place("name") for c in element.children}
         for name in passed:
             if name not in inner.declared:
@@ -285,8 +287,8 @@ class LaunchReader:
 
     def _leave_out(self, file: str, reason: Finding) -> None:
         self.left_out.append(file)
-        hint = f'{reason.hint}, or the file under "skip" if nothing of it matters'
-        self._warn(reason.where, f"{reason.message}: {file} is left out", hint)
+        hint = f'{reason.hint}, or the file under "skip" if you do not need it'
+        self._warn(reason.where, f"{reason.message}: {file} is ignored", hint)
 
     def _is_skipped(self, file: str) -> bool:
         endings = [ending for ending in self.settings.skip if file.endswith(ending)]
@@ -295,19 +297,19 @@ class LaunchReader:
 
     def _node(self, element: XmlElement, scope: Scope) -> None:
         if "exec" in element.attributes and "type" not in element.attributes:
-            message = "<node exec=…> is for ROS 2; this reads launch files of ROS 1"
-            raise InputError.at(element.where, message, 'test a ROS 2 stack by "kind: ros2"')
+            message = "<node exec=…> is for ROS 2, but this is a launch file of ROS 1"
+            raise InputError.at(element.where, message, 'test a ROS 2 stack with "kind: ros2"')
         name = self._required(element, "name", scope)
         inner = self._inner(element, scope)
         full = split_name(join_names(inner.namespace, name))
         if "/" in name:
-            message = f'name "{name}" of a node cannot hold a namespace'
+            message = f'name "{name}" of a node cannot contain a namespace'
             raise InputError.at(element.place("name"), message, "write the namespace as ns")
         if self._switch(element, "clear_params", scope):
-            self.upload.taken_away.append(full)
+            self.upload.cleared.append(full)
         own = replace(inner, private={}, remaps=dict(scope.remaps))
         for child in element.children:
-            if child.tag in _IGNORED or not self._known(child) or not self._applies(child, own):
+            if child.tag in _IGNORED or not self._is_known(child) or not self._applies(child, own):
                 continue
             if child.tag == "remap":
                 self._remap(child, scope, own)
@@ -315,7 +317,7 @@ class LaunchReader:
                 self._param(child, own, private=True)
             elif child.tag == "rosparam":
                 self._rosparam(child, own, absolute_name(full), full)
-        # roslaunch sets a node's <param>s last, wherever they stand among its <rosparam>s.
+        # roslaunch sets a node's <param>s after its <rosparam>s, in any order of the tags.
         for key, parameter in (*scope.private.items(), *own.private.items()):
             self.upload.set((*full, *split_name(key)), parameter)
         package, kind = (self._required(element, key, scope) for key in ("pkg", "type"))
@@ -331,21 +333,21 @@ class LaunchReader:
     def _rosparam(
         self, element: XmlElement, scope: Scope, namespace: str, owner: ParameterName | None
     ) -> None:
-        """Load parameters into ``namespace``; ``owner`` is the node this stands in."""
+        """Load parameters into ``namespace``; ``owner`` is the node around the tag, if any."""
         command = self._attribute(element, "command", scope) or "load"
         ns, param = (self._attribute(element, key, scope) for key in ("ns", "param"))
         below = join_names(ns or "", param or "")
         target = split_name(join_names(namespace, below))
         if command == "delete":
-            self.upload.taken_away.append(target)
+            self.upload.cleared.append(target)
         elif command == "load":
             try:
                 self._load(element, scope, target, owner, any_value=bool(below))
             except InputError as error:
                 self.unread.append(UnreadParameters(target, owner, error.findings))
         elif command != "dump":
-            message = f'command "{command}" is none of load, delete, dump'
-            raise InputError.at(element.place("command"), message)
+            message = f'unknown command "{command}"'
+            raise InputError.at(element.place("command"), message, "write load, delete or dump")
 
     def _load(
         self,
@@ -356,7 +358,7 @@ class LaunchReader:
         *,
         any_value: bool,
     ) -> None:
-        """Load what a file or the element itself holds; raises :class:`InputError`."""
+        """Load the parameters in a file or in the element itself; raises :class:`InputError`."""
         lines = element.lines
         source, name = element.text, element.where.file
         file = self._attribute(element, "file", scope)
@@ -369,10 +371,10 @@ class LaunchReader:
 
         def locate(line: int, column: int) -> Where:
             if file is not None:
-                # Texts that are filled in may be longer than the line they stand in.
-                written = source_lines[line - 1] if line <= len(source_lines) else ""
-                return Where(name, line, min(column, len(written) + 1))
-            if line > len(lines):  # The end of the text, where a line begins that has nothing.
+                # A text with replaced commands may be longer than its line.
+                original = source_lines[line - 1] if line <= len(source_lines) else ""
+                return Where(name, line, min(column, len(original) + 1))
+            if line > len(lines):  # The end of the text, at the start of an empty line.
                 last = lines[-1] if lines else element.where
                 return Where(name, last.line + line - len(lines), column)
             begin = lines[line - 1]
@@ -384,7 +386,7 @@ class LaunchReader:
             for number, line in enumerate(source_lines, 1):
                 source += substitution.fill_in(line, locate(number, 1)) + "\n"
                 if len(source) > MAX_BYTES:
-                    message = f"is larger than {MAX_BYTES >> 20} MiB with its commands filled in"
+                    message = f"is larger than {MAX_BYTES >> 20} MiB with its commands replaced"
                     raise InputError.at(locate(number, 1), message)
         document, notes = parse_ros_yaml(source, name, locate=locate, any_value=any_value)
         self.notes.append(UnreadParameters(target, owner, notes))
@@ -403,6 +405,6 @@ class LaunchReader:
 
 
 def _remedies(path: Path) -> str:
-    """Return what to do about a file that is not there."""
+    """Return a hint about a missing file."""
     skip = f'if it is not needed, write "{path.name}" under "skip"'
     return "; ".join(filter(None, (files_near(path), skip)))

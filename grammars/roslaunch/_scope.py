@@ -1,4 +1,4 @@
-"""Declarations in force at a place of a launch file, and the names they give a node."""
+"""Declarations in force at a place of a launch file, and their effect on a node."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from grammars.text.ros_yaml import ParameterValue
 
 @dataclass(frozen=True, slots=True)
 class WrittenRemap:
-    """A remap as it is written; its names are resolved for each node."""
+    """Remap as written; its names are resolved for each node."""
 
     source: str
     target: str
@@ -29,11 +29,11 @@ class WrittenRemap:
 
 @dataclass(slots=True)
 class Scope:
-    """A launch file, an include or a group while it is read; what is inside gets a copy.
+    """Scope of a launch file, an include or a group; inner scopes begin as copies.
 
-    ``declared`` are the args this file has named, true for those that can be passed.
-    ``overriding`` is set where all args of the outer file were passed on: values of the file then
-    replace them. ``outermost`` is set in a file that is started, whose args are given by people.
+    ``declared`` are the args of this file, true for those that can be passed. ``overriding`` holds
+    if the outer file passed on all args: values of this file then replace them. ``outermost`` holds
+    in a started file, whose args come from people.
     """
 
     file: Path
@@ -46,7 +46,7 @@ class Scope:
     private: dict[str, ParameterValue] = field(default_factory=dict)
 
     def child(self, namespace: str | None) -> Scope:
-        """Return a scope inside of this one, in a namespace of its own if there is one."""
+        """Return a scope inside this one, in its own namespace if any."""
         return Scope(
             file=self.file,
             namespace=join_names(self.namespace, namespace) if namespace else self.namespace,
@@ -58,17 +58,17 @@ class Scope:
         )
 
     def declare(self, name: str, value: str | None, default: str | None, where: Where) -> None:
-        """Declare an arg; a ``value`` is fixed, a ``default`` holds where none was passed.
+        """Declare an arg; a ``value`` is fixed, a ``default`` holds if no value was passed.
 
-        Raises :class:`InputError` for what roslaunch refuses.
+        Raises :class:`InputError` for declarations that roslaunch refuses.
         """
         if name in self.declared and not self.overriding:
-            raise InputError.at(where, f"arg {name} is declared twice", "take one of them out")
-        # People name args once for all files they start, of which another one may have it open.
+            raise InputError.at(where, f"arg {name} is declared twice", "remove one of them")
+        # People give args once for all started files, and the arg may be open in another file.
         free = self.overriding or self.outermost
         if value is not None and name in self.args and not free:
-            message = f"arg {name} has a fixed value here, and another one was passed"
-            raise InputError.at(where, message, "write default in place of value, or pass none")
+            message = f"arg {name} has a fixed value here, but another value was passed"
+            raise InputError.at(where, message, "write default instead of value, or pass no value")
         self.declared[name] = value is None
         if value is not None:
             self.args[name] = value
@@ -78,26 +78,25 @@ class Scope:
     def start(
         self, node: LaunchNode, arguments: str, where: Where, unknown: UnknownValues
     ) -> LaunchNode:
-        """Return ``node`` with its remaps and arguments, which stand at ``where``.
+        """Return ``node`` with its remaps and ``arguments``, which are own_remaps at ``where``.
 
-        Its ``parameters`` are those among its arguments. Raises :class:`InputError` for names that
-        ROS does not have.
+        Its ``parameters`` are those in its arguments. Raises :class:`InputError` for invalid names.
         """
         try:
             words = split_words(arguments)
         except ValueError as error:
             raise InputError.at(where, f"args: {error}") from error
-        written = [
+        own_remaps = [
             WrittenRemap(source, target, where)
             for source, sign, target in (word.partition(":=") for word in words)
             if sign and source and not source.startswith("_")
         ]
-        # roslaunch appends what remaps say to the arguments, and the last one of a name counts.
+        # roslaunch appends the remaps to the arguments, and the last remap of a name counts.
         remaps: dict[str, LaunchRemap] = {}
-        for remap in (*written, *self.remaps.values()):
+        for remap in (*own_remaps, *self.remaps.values()):
             for name in (remap.source, remap.target):
-                if remap not in written and not is_legal(name) and not unknown.reasons_in(name):
-                    raise InputError.at(remap.where, f'"{name}" is no name that ROS has')
+                if remap not in own_remaps and not is_legal(name) and not unknown.reasons_in(name):
+                    raise InputError.at(remap.where, f'"{name}" is not a valid name of ROS')
             source = resolve_for_node(remap.source, node.name)
             remaps[source] = LaunchRemap(resolve_for_node(remap.target, node.name), remap.where)
         return replace(

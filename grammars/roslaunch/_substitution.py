@@ -1,9 +1,9 @@
-"""``$(arg …)``, ``$(env …)``, ``$(find …)`` and the like in texts of launch files.
+"""Commands such as ``$(arg …)``, ``$(env …)`` and ``$(find …)`` in texts of launch files.
 
-A variable that is not set, and an arg that could not be worked out, stay in the text as they are
-written: they are wrong only where somebody needs the text (:meth:`Substitution.unknown_in`).
-``$(find PACKAGE)`` stays in any case and becomes a path where a file is opened, so that no
-parameter depends on a machine's folders. Source: roslaunch.substitution_args (ROS Noetic).
+Unset variables and args without a value remain in the text as written. They are errors only in a
+text that a node of interest needs (:class:`UnknownValues`). ``$(find PACKAGE)`` always remains and
+becomes a path when a file is opened, so that no parameter depends on a machine's folders. Source:
+roslaunch.substitution_args (ROS Noetic).
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ from grammars.text.diagnostics import Finding, InputError, Where, did_you_mean
 
 _COMMAND: Final = re.compile(r"\$\(([^)]*)\)")
 _LONGEST: Final = 10_000
-"""Characters of the longest text with commands: args that double each other grow without end."""
+"""Largest length of a text with commands: args that double each other grow without end."""
 _COMMANDS: Final = ("anon", "arg", "dirname", "env", "find", "optenv")
 
 
 class UnknownValues:
-    """Commands without a value, and why: each is reported once, wherever it is needed."""
+    """Commands without a value and the reasons, for each text that needs them."""
 
     def __init__(self) -> None:
         self._reasons: dict[str, tuple[Finding, ...]] = {}
 
     def add(self, command: str, reasons: Iterable[Finding]) -> None:
-        """Remember why a command such as ``$(env ROBOT)`` has no value; the first reasons count."""
+        """Store why a command such as ``$(env ROBOT)`` has no value; the first reasons count."""
         self._reasons.setdefault(command, tuple(reasons))
 
     def add_remedy(self, text: str, remedy: str) -> None:
-        """Add another way out to the hints about what has no value in ``text``."""
+        """Add a remedy to the hints about commands in ``text`` without a value."""
         for match in _COMMAND.finditer(text):
             reasons = self._reasons.get(match[0], ())
             self._reasons[match[0]] = tuple(
@@ -45,19 +45,19 @@ class UnknownValues:
             )
 
     def reasons_in(self, text: str) -> tuple[Finding, ...]:
-        """Return what keeps ``text`` from being the text meant."""
+        """Return the reasons why commands in ``text`` have no value."""
         commands = (match[0] for match in _COMMAND.finditer(text))
         return tuple(reason for one in commands for reason in self._reasons.get(one, ()))
 
     def refuse_in(self, text: str) -> None:
-        """Raise :class:`InputError` if something in ``text`` has no value."""
+        """Raise :class:`InputError` if a command in ``text`` has no value."""
         if reasons := self.reasons_in(text):
             raise InputError(reasons)
 
 
 @dataclass(frozen=True, slots=True)
 class Substitution:
-    """The meaning of commands in one file: its args, its folder, the variables that are given."""
+    """Meaning of commands in one file: its args, its folder, the given variables."""
 
     args: Mapping[str, str]
     env: Mapping[str, str]
@@ -65,30 +65,30 @@ class Substitution:
     unknown: UnknownValues
 
     def fill_in(self, text: str, where: Where) -> str:
-        """Return ``text``, which stands at ``where``, with its commands replaced.
+        """Return ``text``, which is written at ``where``, with its commands replaced.
 
-        Raises :class:`InputError` for commands that roslaunch does not know or cannot read.
+        Raises :class:`InputError` for unknown and malformed commands.
         """
         if "$(" not in text:
             return text
         if text.startswith("$(eval ") and text.endswith(")"):
             return self._evaluated(text, where)
-        filled = text[: _LONGEST + 1]
+        result = text[: _LONGEST + 1]
         if len(text) <= _LONGEST:
-            filled = _COMMAND.sub(lambda match: self._command(match[0], match[1], where), text)
-        if len(filled) > _LONGEST:
-            message = f"is a text of more than {_LONGEST:,} characters with its commands filled in"
+            result = _COMMAND.sub(lambda match: self._command(match[0], match[1], where), text)
+        if len(result) > _LONGEST:
+            message = f"is a text of more than {_LONGEST:,} characters with its commands replaced"
             raise InputError.at(where, message)
-        return filled
+        return result
 
     def _command(self, whole: str, inside: str, where: Where) -> str:
         if "$" in inside or "(" in inside:
-            message = f"{whole}: nothing can stand inside of a substitution"
-            raise InputError.at(where, message, "only $(eval …), alone in its text, has parts")
+            message = f"{whole}: a substitution cannot contain another one"
+            raise InputError.at(where, message, "only $(eval …), alone in its text, can")
         name, *arguments = inside.split() or [""]
         if name == "eval":
             message = "$(eval …) must be the whole of its text"
-            raise InputError.at(where, message, "put what stands beside it into the expression")
+            raise InputError.at(where, message, "move the rest of the text into the expression")
         if name not in _COMMANDS:
             hint = did_you_mean(name, (*_COMMANDS, "eval"))
             raise InputError.at(where, f'{whole}: there is no command "{name}"', hint)
@@ -128,7 +128,7 @@ class Substitution:
         return command
 
     def _evaluated(self, text: str, where: Where) -> str:
-        """Return the value of an expression, or the first text in it that has none."""
+        """Return the value of an expression, or the first text in it without a value."""
 
         def checked(value: str) -> str:
             if self.unknown.reasons_in(value):
@@ -157,12 +157,12 @@ class Substitution:
         except _UnknownError as error:
             return error.text
         except ExpressionError as error:
-            hint = did_you_mean("", self.args) if "no arg is called" in str(error) else ""
+            hint = did_you_mean("", self.args) if "there is no arg" in str(error) else ""
             raise InputError.at(where, f"{text}: {error}", hint) from error
 
 
 class _UnknownError(Exception):
-    """An expression needs ``text``, in which something has no value."""
+    """An expression needs ``text``, which contains a command without a value."""
 
     def __init__(self, text: str) -> None:
         self.text = text
@@ -170,14 +170,14 @@ class _UnknownError(Exception):
 
 
 def split_words(text: str) -> tuple[str, ...]:
-    """Return the words of a command line as a shell has them; a command is part of one word.
+    """Return the words of a command line as in a shell; a command belongs to a single word.
 
-    Raises ``ValueError`` for quotes without an end.
+    Raises ``ValueError`` for an unclosed quote.
     """
     closed = _COMMAND.sub(lambda match: match[0].replace(" ", "\0"), text)
     return tuple(word.replace("\0", " ") for word in shlex.split(closed))
 
 
 def _anonymous(name: str) -> str:
-    """Return a name of its own; roslaunch adds host, process and time, which no run may hang on."""
+    """Return a unique name; roslaunch adds host, process and time, which would change each run."""
     return f"{name}_anonymous"

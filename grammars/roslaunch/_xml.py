@@ -1,7 +1,7 @@
-"""XML as launch files have it: elements, attributes and text with their places, and nothing else.
+"""Parser of the XML in launch files: elements, attributes and text with their places.
 
-A document type, and with it every entity of one's own, is refused: launch files come from
-elsewhere, and nothing in them may make a reader open a file or grow without end.
+Launch files come from outside and must neither open files nor grow without end. The parser
+therefore refuses document types, and with them user-defined entities.
 """
 
 from __future__ import annotations
@@ -21,10 +21,9 @@ _ATTRIBUTE: Final = re.compile(rb"\s+([^\s=<>/\"']+)\s*=\s*(\"[^\"]*\"|'[^']*')"
 
 @dataclass(frozen=True, slots=True)
 class XmlElement:
-    """An element; ``text`` is its own text without that of its children and of comments.
+    """Element; ``text`` is its own text without that of children and comments.
 
-    ``places`` holds where the value of each attribute begins, ``lines`` where each line of the text
-    begins.
+    ``places`` are the places of the attributes' values, ``lines`` those of the lines of the text.
     """
 
     tag: str
@@ -36,17 +35,17 @@ class XmlElement:
     lines: tuple[Where, ...] = ()
 
     def place(self, attribute: str) -> Where:
-        """Return where an attribute's value begins, or the element without one."""
+        """Return the place of an attribute's value, or of the element without the attribute."""
         return self.places.get(attribute, self.where)
 
 
 def parse_xml(text: str, file: str) -> XmlElement:
-    """Return the root of a document; ``file`` is its name in messages.
+    """Return the root of a document; messages name it ``file``.
 
-    Raises :class:`InputError` for what is no XML, for document types and for endless nesting.
+    Raises :class:`InputError` for invalid XML, document types and too deep nesting.
     """
     builder = _Builder(file, text.encode())
-    # Expat reads the text as UTF-8, whatever the declaration at its top says.
+    # Expat reads the text as UTF-8 regardless of its XML declaration.
     parser = expat.ParserCreate()
     parser.StartElementHandler = builder.start
     parser.EndElementHandler = builder.end
@@ -65,7 +64,7 @@ def parse_xml(text: str, file: str) -> XmlElement:
 
 @dataclass(slots=True)
 class _Open:
-    """An element whose end has not been reached."""
+    """Element before its end."""
 
     tag: str
     where: Where
@@ -77,7 +76,7 @@ class _Open:
 
 
 class _Builder:
-    """Puts elements together while expat reads."""
+    """Builder of elements from the events of expat."""
 
     def __init__(self, file: str, data: bytes) -> None:
         self.file = file
@@ -91,7 +90,7 @@ class _Builder:
         return self._open[0].children[0]
 
     def start(self, tag: str, attributes: list[str]) -> None:
-        """Begin an element; ``attributes`` are names and values in turn."""
+        """Begin an element; ``attributes`` are alternating names and values."""
         where = self._here()
         if len(self._open) > _DEEPEST:
             raise InputError.at(where, f"is nested deeper than {_DEEPEST} levels")
@@ -100,16 +99,16 @@ class _Builder:
 
     def end(self, _: str) -> None:
         """End the innermost element."""
-        done = self._open.pop()
+        element = self._open.pop()
         self._open[-1].children.append(
             XmlElement(
-                done.tag, done.where, done.attributes, done.places,
-                tuple(done.children), "".join(done.text), tuple(done.lines),
+                element.tag, element.where, element.attributes, element.places,
+                tuple(element.children), "".join(element.text), tuple(element.lines),
             )
         )  # fmt: skip
 
     def characters(self, data: str) -> None:
-        """Add text; expat hands it over in pieces, none longer than a line."""
+        """Add text; expat reports it in pieces of at most a line."""
         element = self._open[-1]
         if not element.text or element.text[-1].endswith("\n"):
             element.lines.append(self._here())
@@ -117,14 +116,14 @@ class _Builder:
 
     def refuse_document_type(self, *_: object) -> None:
         """Refuse a document type."""
-        message = "has a document type (DOCTYPE), which launch files have no use for"
-        raise InputError.at(self._here(), message, "take it out")
+        message = "has a document type (DOCTYPE), which launch files do not need"
+        raise InputError.at(self._here(), message, "remove it")
 
     def _here(self) -> Where:
         return Where(self.file, self.parser.CurrentLineNumber, self.parser.CurrentColumnNumber + 1)
 
     def _attribute_places(self, tag: str) -> dict[str, Where]:
-        """Return where the attributes of the element here have their values."""
+        """Return the places of the attributes' values of the current element."""
         position = self.parser.CurrentByteIndex + 1 + len(tag.encode())
         places = {}
         while match := _ATTRIBUTE.match(self.data, position):

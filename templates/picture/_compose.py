@@ -1,4 +1,4 @@
-"""From a world to the drawing people see."""
+"""Composition of the drawing of a world."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from templates.plan_shapes import is_below
 from templates.world import ArtefactWorld
 
 _BESIDE: Final = 0.9
-"""Room [m] around a way that is shown closely: the robot, and what it may have met."""
+"""Room [m] around the path in a close picture, for the robot and things beside it."""
 _FAR: Final = 6.0
-"""A measured line that is longer [m] leads out of a picture that is close."""
+"""Length [m] beyond which a measured line may leave a close picture."""
 
 
 def draw_world(
     world: ArtefactWorld, run: RunOverlay | None = None, style: PageStyle = FILE
 ) -> Drawing:
-    """Return the drawing of a world as it is at time 0 of its first repeat.
+    """Return the drawing of a world at time 0 of its first repeat.
 
-    With a ``run`` of it, also the way the robot took; of a part of a run that is shown closely,
-    its surroundings as they were at its end.
+    A ``run`` adds the path of the robot. A close picture of a part of a run shows only its
+    surroundings, at its end.
     """
     mission = world.mission
     points: tuple[Point2, ...] = ()
@@ -53,15 +53,15 @@ def draw_world(
     figure.add("axes", axes)
     figure.add("walks", _scene.walks(behaviours, page))
     figure.add("doors", bodies)
-    # What a text may cover, and how much it costs, was found by looking at the demo and building C:
-    # bodies and the robot least, lines rather.
+    # The costs of covering items were chosen by eye with the demo and building C: bodies and the
+    # robot are the most expensive, lines the cheapest.
     labels.avoid(swings, 1.5)
     labels.avoid(bodies, 3.0)
     labels.avoid(axes, 1.0)
     labels.avoid(_scene.outlines(scene, page), 1.5)
     on_top: list[tuple[str, list[DrawingItem]]] = []
     if mission:
-        # From waypoint to waypoint as the crow flies says nothing about a few metres of the way.
+        # Straight lines between waypoints do not help in a picture of a few metres.
         way = [] if closely else _mission.route_lines(mission, page)
         machine = [] if closely else _mission.robot(mission, world.robot, page)
         stops = _mission.waypoints(mission, page)
@@ -73,15 +73,15 @@ def draw_world(
     labels.avoid(driven, 1.5)
     if run and run.mark:
         on_top.append(("mark", _run.mark_items(run.mark, page, labels)))
-    # Names of doors are placed before those of spaces, which have far more spots to go to;
-    # waypoints and the robot are painted last, since a mission is what one looks for.
+    # Names of doors are placed before those of spaces, which have far more free spots. Waypoints
+    # and the robot are painted last, since the mission matters most.
     if style.names:
         object_names = _scene.object_names(scene, page, start, labels)
         if mission and not closely:
             on_top.append(("start", _mission.start_label(mission, world.robot, page, labels)))
         figure.add("space names", _scene.space_names(scene, page, labels))
         figure.add("names", object_names)
-    # Above the names, where there is no room for both: the way is what one looks for.
+    # The path is painted above the names, since it matters more.
     figure.add("driven", driven)
     for name, items in on_top:
         figure.add(name, items)
@@ -103,7 +103,7 @@ def draw_world(
 
 
 def _close_points(run: RunOverlay) -> tuple[Point2, ...]:
-    """Return the points that a close picture of a run is around."""
+    """Return the points that a close picture of a run must show."""
     if run.mark is None or math.dist(*run.mark.line) > _FAR:
         return run.points
     return (*run.points, *run.mark.line)

@@ -1,4 +1,4 @@
-"""Items of a picture in the order they are painted, and room for its texts.
+"""Items of a picture in the order of painting, and the placement of texts.
 
 Page units are pixels of the SVG, x to the right, y down.
 """
@@ -19,7 +19,7 @@ from grammars.model.geometry import Floats, Point2
 
 
 class Colour(StrEnum):
-    """Colours on light paper; the style sheet of a page may have others for dark paper."""
+    """Colours on light paper; the style sheet of a page may replace them for dark paper."""
 
     PAPER = "#faf8f4"
     FLOOR = "#ffffff"
@@ -43,7 +43,7 @@ class Colour(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """Lines and areas: ``rings`` are closed (even-odd filled) or, when ``open``, lines."""
+    """Lines or areas: ``rings`` are closed (even-odd filled) or, if ``open``, lines."""
 
     rings: tuple[tuple[Point2, ...], ...]
     fill: Colour | None = None
@@ -56,7 +56,7 @@ class Shape:
 
 @dataclass(frozen=True, slots=True)
 class Disc:
-    """A circle, filled or with an outline or both."""
+    """Circle with a fill, an outline, or both."""
 
     centre: Point2
     radius: float
@@ -67,10 +67,10 @@ class Disc:
 
 @dataclass(frozen=True, slots=True)
 class TextLabel:
-    """A text around or beside ``at``; ``turn`` is counter-clockwise on the page [degrees].
+    """Text around or beside ``at``; ``turn`` is counter-clockwise on the page [degrees].
 
-    ``centred`` texts have their middle at ``at``, others their base line. With a ``halo`` colour
-    a text stays readable on whatever lies below.
+    ``centred`` texts have their middle at ``at``, others their base line. A ``halo`` colour keeps
+    the text readable on any background.
     """
 
     at: Point2
@@ -89,10 +89,10 @@ DrawingItem: TypeAlias = Shape | Disc | TextLabel
 
 @dataclass(slots=True)
 class Drawing:
-    """A page of ``width`` by ``height``; ``title`` is read out where pictures are not seen.
+    """Page of ``width`` by ``height``; screen readers read its ``title``.
 
-    ``ways`` are those of the runs as JSON, for scripts. ``groups`` are items that belong together,
-    by name, in the order they are painted.
+    ``ways`` are the paths of the runs as JSON, for scripts. ``groups`` are items by name, in the
+    order of painting.
     """
 
     width: float
@@ -114,54 +114,54 @@ _PAD: Final = 2.0
 
 
 class Labels:
-    """Texts on a page that keep clear of each other and of earlier items."""
+    """Placement of texts on a page, away from each other and from earlier items."""
 
     def __init__(self) -> None:
-        self._taken: list[Any] = []
+        self._places: list[Any] = []
         self._weights: list[float] = []
         self._widths: list[float] = []
 
     def avoid(self, items: Iterable[DrawingItem], weight: float) -> None:
-        """Keep texts off ``items``: an area fully covered costs ``weight``."""
+        """Keep texts away from ``items``: full coverage of an item costs ``weight``."""
         for item in items:
             for place in _places(item):
-                # A line has no area: it takes its length, as wide as it is drawn with some room.
+                # The area of a line is its length times its width plus padding.
                 width = item.width + 2 * _PAD if isinstance(item, Shape) and item.open else 0.0
-                self._take(place, weight, width)
+                self._occupy(place, weight, width)
 
-    def _take(self, place: Any, weight: float, width: float = 0.0) -> None:
-        self._taken.append(place)
+    def _occupy(self, place: Any, weight: float, width: float = 0.0) -> None:
+        self._places.append(place)
         self._weights.append(weight)
         self._widths.append(width)
 
     def place(self, words: TextLabel, spots: Iterable[Point2]) -> TextLabel:
-        """Return ``words`` at the best of ``spots``; earlier ones win where all is equal."""
+        """Return ``words`` at the best of ``spots``; earlier spots win ties."""
         places = list(spots) or [words.at]
         areas = _extents(words, places)
-        # A little for every later spot: texts stay near what they name unless much is in the way.
+        # Later spots cost slightly more, so that texts stay near their objects if possible.
         best = int(np.argmin(0.02 * np.arange(len(places)) + self._covered(areas)))
-        self._take(areas[best], 4.0)
+        self._occupy(areas[best], 4.0)
         return replace(words, at=places[best])
 
     def _covered(self, texts: Any) -> Floats:
-        """Return the cost of a text on each of some areas, which obstacles there raise."""
-        taken, widths = np.array(self._taken, dtype=object), np.array(self._widths)
-        text, other = shapely.STRtree(taken).query(texts, predicate="intersects")
-        both, width = shapely.intersection(texts[text], taken[other]), widths[other]
+        """Return the cost of each area of a text, from the items that it covers."""
+        places, widths = np.array(self._places, dtype=object), np.array(self._widths)
+        text, other = shapely.STRtree(places).query(texts, predicate="intersects")
+        both, width = shapely.intersection(texts[text], places[other]), widths[other]
         shared = np.where(width > 0.0, shapely.length(both) * width, shapely.area(both))
         shares: Floats = shared / shapely.area(texts)[text] * np.array(self._weights)[other]
         return np.bincount(text, shares, minlength=len(texts)).astype(np.float64)
 
 
 def _extents(words: TextLabel, places: Sequence[Point2]) -> Any:
-    """Return the areas a centred text would take at ``places``, with a little room around."""
+    """Return the padded areas of a centred text at each of ``places``."""
     wide = LETTER * words.size * max(len(words.text), 1) / 2.0 + _PAD
     high = words.size * 0.6 + _PAD
     at_x, at_y = np.array(places, dtype=np.float64).T[:, :, None]
     x = at_x + np.array((wide, wide, -wide, -wide))
     y = at_y + np.array((-high, high, high, -high))
     if words.turn:
-        # The page's y looks down, so a turn to the left there is one to the right here.
+        # The y axis of the page points down, so a left turn there is a right turn here.
         angle = math.radians(-words.turn)
         along, across = math.cos(angle), math.sin(angle)
         x, y = (

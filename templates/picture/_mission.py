@@ -19,7 +19,7 @@ _NUMBER: Final = 11.0
 
 
 def route_lines(mission: Mission, page: Page) -> list[DrawingItem]:
-    """Return straight lines from the start from waypoint to waypoint, with arrow heads."""
+    """Return straight lines from the start through all waypoints, with arrow heads."""
     points = [(mission.start.x, mission.start.y), *((w.x, w.y) for w in mission.waypoints)]
     items: list[DrawingItem] = []
     for a, b in itertools.pairwise(map(page.point, points)):
@@ -31,12 +31,12 @@ def route_lines(mission: Mission, page: Page) -> list[DrawingItem]:
 
 
 def waypoints(mission: Mission, page: Page) -> list[DrawingItem]:
-    """Return the waypoints with their places in the order, those of one place together."""
+    """Return the waypoints with their numbers; waypoints of one place share a disc."""
     places: list[tuple[Point2, list[str]]] = []
     for shape in waypoint_shapes(mission):
         (at,) = page.ring(shape.parts[0])
         for place, numbers in places:
-            # A pixel of the page.
+            # Within a pixel of the page.
             if math.dist(at, place) < 1.0:
                 numbers.append(shape.text)
                 break
@@ -62,7 +62,7 @@ def waypoints(mission: Mission, page: Page) -> list[DrawingItem]:
 
 
 def robot(mission: Mission, machine: Robot | None, page: Page) -> list[DrawingItem]:
-    """Return the footprint of the robot at its start and an arrow the way it looks."""
+    """Return the footprint of the robot at its start, and an arrow in its direction."""
     start = mission.start
     items: list[DrawingItem] = []
     reach = 0.35
@@ -97,7 +97,7 @@ def start_label(
 
 
 def _beside(at: Point2, discs: list[Point2]) -> Point2:
-    """Return the nearest spot around ``at`` where no other number is."""
+    """Return the nearest spot around ``at`` without another number."""
     for ring in range(4):
         for step in range(8 if ring else 1):
             angle = step * math.tau / 8.0

@@ -1,4 +1,4 @@
-"""The page: where the world lies on it, title, legend, scale bar, axes of the map."""
+"""The page: place of the world on it, title, legend, scale bar, axes of the map."""
 
 from __future__ import annotations
 
@@ -16,39 +16,39 @@ from templates.plan_shapes import Points
 _NARROWEST: Final = 720.0
 _LARGEST_SCALE: Final = 120.0
 CUT: Final = 1.2
-"""Height of the horizontal cut a plan shows [m], as architects draw it."""
+"""Height of the horizontal cut of a plan [m], as in architecture."""
 
 
 @dataclass(frozen=True, slots=True)
 class PageStyle:
-    """Room around a map at both sides, above it and below it, for heading, legend and scale.
+    """Room beside, above and below a map, for heading, legend and scale.
 
-    ``width`` is that of a page of a part of the map, and the longer side of a whole map. A page of
-    a part is at least ``lying`` times as wide as high. Without ``names`` spaces, objects and the
-    start have none.
+    ``width`` is that of a page with a part of the map, and the longer side of a whole map. A page
+    with a part is at least ``aspect`` times as wide as high. Without ``names``, the names of
+    spaces, objects and the start are omitted.
     """
 
     side: float
     head: float
     foot: float
     width: float
-    lying: float
+    aspect: float
     names: bool = True
 
 
 FILE: Final = PageStyle(48.0, 92.0, 76.0, 1400.0, 1.35)
-"""A page of its own, lying as a screen does: heading, legend, key and scale."""
+"""Separate page in landscape format, with heading, legend, key and scale."""
 LARGE: Final = PageStyle(48.0, 16.0, 76.0, 1400.0, 1.35)
-"""Within a page whose text has the heading."""
+"""Picture in a page whose text has the heading."""
 MOMENT: Final = PageStyle(0.0, 0.0, 0.0, 620.0, 1.35)
-"""The map alone, whose words are as large as those around it."""
+"""Map only, with words as large as the surrounding text."""
 SMALL: Final = PageStyle(0.0, 0.0, 0.0, 480.0, 0.85, names=False)
-"""One of several beside each other."""
+"""One of several pictures in a row."""
 
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """``scale`` [px/m] and the world point (``west``, ``north``) at (``left``, ``top``)."""
+    """Page: ``scale`` [px/m] and the world point (``west``, ``north``) at (``left``, ``top``)."""
 
     scale: float
     west: float
@@ -61,7 +61,7 @@ class Page:
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
-        """The part of the map on the page [m]: west, south, east, north."""
+        """Bounds of the map on the page [m]: west, south, east, north."""
         west = self.west - self.left / self.scale
         north = self.north + self.top / self.scale
         return west, north - self.height / self.scale, west + self.width / self.scale, north
@@ -73,7 +73,7 @@ class Page:
         return (round(x, 2), round(y, 2))
 
     def shows(self, ring: Iterable[Point2]) -> bool:
-        """Return whether the box around a ring of the page, and the page, share something."""
+        """Return whether the box around a ring of the page overlaps the page."""
         xs, ys = zip(*ring, strict=True)
         inside = (max(xs) >= 0.0, min(xs) <= self.width, max(ys) >= 0.0, min(ys) <= self.height)
         return all(inside)
@@ -86,7 +86,7 @@ class Page:
 def page_for(
     scene: Scene, start: Mapping[str, float], more: tuple[Point2, ...], style: PageStyle
 ) -> Page:
-    """Return a page on which the whole scene as it starts and the points ``more`` have room."""
+    """Return a page with room for the whole scene at its start and the points ``more``."""
     corners = [c for region in scene.regions for c in region.outline]
     corners += [c for solid in scene.solids for c in solid.polygon]
     corners += [
@@ -99,9 +99,9 @@ def page_for(
     corners += more
     xs, ys = [c[0] for c in corners] or [0.0, 1.0], [c[1] for c in corners] or [0.0, 1.0]
     wide, high = max(max(xs) - min(xs), 1.0), max(max(ys) - min(ys), 1.0)
-    # A single room is not blown up to the size of a poster.
+    # The limit keeps a single room from filling a poster.
     scale = min(style.width / max(wide, high), _LARGEST_SCALE)
-    # The legend takes room.
+    # The legend needs this width.
     width = max(wide * scale + 2 * style.side, _NARROWEST if style.foot else 0.0)
     left = (width - wide * scale) / 2.0
     height = high * scale + style.head + style.foot
@@ -109,19 +109,19 @@ def page_for(
 
 
 def page_around(points: tuple[Point2, ...], beside: float, style: PageStyle) -> Page:
-    """Return a page for ``points`` with ``beside`` [m] on every side, no more."""
+    """Return a page for ``points`` with ``beside`` [m] on every side."""
     xs, ys = [p[0] for p in points], [p[1] for p in points]
     west, north = min(xs) - beside, max(ys) + beside
     wide, high = max(xs) + beside - west, north - (min(ys) - beside)
-    # Lying, also where a robot drives straight up.
-    west -= max(style.lying * high - wide, 0.0) / 2.0
-    scale = (style.width - 2 * style.side) / max(wide, style.lying * high)
+    # Landscape format, even if the robot drives straight up.
+    west -= max(style.aspect * high - wide, 0.0) / 2.0
+    scale = (style.width - 2 * style.side) / max(wide, style.aspect * high)
     height = round(high * scale + style.head + style.foot)
     return Page(scale, west, north, style.side, style.head, style.width, height, style)
 
 
 def margins(page: Page) -> list[DrawingItem]:
-    """Return paper over everything beyond the part of the map that a page shows."""
+    """Return paper over the margins, and a frame around the map."""
     side, head = page.style.side, page.style.head
     right, low = page.width - side, page.height - page.style.foot
     sides = (
@@ -132,7 +132,7 @@ def margins(page: Page) -> list[DrawingItem]:
     )
     rings = tuple(((x0, y0), (x1, y0), (x1, y1), (x0, y1)) for (x0, y0), (x1, y1) in sides)
     edge = ((side, head), (right, head), (right, low), (side, low))
-    # One by one: where two of them lie on each other, together they would be a hole.
+    # Separate shapes: the overlap of two rings in one shape would be a hole.
     return [
         *(Shape((ring,), fill=Colour.PAPER) for ring in rings),
         Shape((edge,), line=Colour.FAINT),
@@ -149,7 +149,7 @@ def heading(figure: Drawing, page: Page) -> list[DrawingItem]:
 
 
 def scale_bar(page: Page) -> list[DrawingItem]:
-    """Return a bar of a round length, about a fifth of the page, in the lower right corner."""
+    """Return a scale bar of a round length, about a fifth of the page, at the lower right."""
     length = _round_length(page.width / 5.0 / page.scale)
     width = length * page.scale
     x1 = page.width - max(page.style.side, 18.0)
@@ -166,9 +166,9 @@ def scale_bar(page: Page) -> list[DrawingItem]:
 
 
 def axes(page: Page, start: Point2 | None) -> list[DrawingItem]:
-    """Return the axes of the map at its origin, when that lies on the page.
+    """Return the axes of the map, if its origin is on the page.
 
-    They are left out where a robot that starts at ``start`` would stand on them.
+    They are omitted if a robot at ``start`` would cover them.
     """
     x, y = page.point((0.0, 0.0))
     if start is not None and math.dist(page.point(start), (x, y)) < 60.0:
@@ -188,7 +188,7 @@ def axes(page: Page, start: Point2 | None) -> list[DrawingItem]:
 def legend(page: Page, *, doors: str, low: bool, mission: bool, robot: bool) -> list[DrawingItem]:
     """Return the meaning of the colours, in one row at the foot of the page.
 
-    ``doors`` says when doors are as they are drawn, empty where there are none.
+    ``doors`` names the time at which doors are shown; it is empty without doors.
     """
     entries: list[tuple[str, Colour]] = [("wall", Colour.WALL)]
     entries += [("low or sill", Colour.LOW)] if low else []
@@ -213,7 +213,7 @@ def legend_row(
     below: float,
     sample: Callable[[Colour, float, float], DrawingItem],
 ) -> list[DrawingItem]:
-    """Return texts and colours in a row at the foot of the page, a sample before each text."""
+    """Return a row of texts at the foot of the page, each after a sample of its colour."""
     x, y = page.style.side, page.height - page.style.foot / 2.0 + below
     items: list[DrawingItem] = []
     for text, colour in entries:
@@ -224,6 +224,6 @@ def legend_row(
 
 
 def _round_length(about: float) -> float:
-    """Return the largest of 1, 2 or 5 times a power of ten that is not above ``about``."""
+    """Return the largest 1, 2 or 5 times a power of ten that is at most ``about``."""
     power: float = 10.0 ** math.floor(math.log10(about))
     return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= about * 1.000001)

@@ -1,4 +1,4 @@
-"""Runs on the page: ways, footprints, contacts, and the object that decides a verdict."""
+"""Runs on the page: paths, footprints, contacts, and the object that decides a verdict."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ from templates.plan_shapes import MeasuredMark, ShapeRole, trail_shapes
 
 Samples: TypeAlias = npt.NDArray[np.floating[Any]]
 _DEVIATION: Final = 0.15
-"""Page units that a line may pass beside the samples it is drawn from."""
+"""Largest deviation of a line from its samples, in page units."""
 _PLACES: Final = 150
-"""Places of a way that scripts find by their time."""
+"""Approximate number of places of a path that scripts find by time."""
 _SHORT: Final = 10.0
-"""A measured line shorter than this on the page gets a circle."""
+"""Length on the page below which a measured line gets a circle."""
 _LINES: Final = {
     ShapeRole.TRAIL: (Colour.DRIVEN, 1.8),
     ShapeRole.NEAR_TRAIL: (Colour.CLOSE, 3.2),
     ShapeRole.TOUCHING_TRAIL: (Colour.TOUCHED, 4.5),
 }
-"""Colour and width of a way that is clear of everything, inside the buffer, or touches."""
+"""Colours and widths of a path that is clear, inside the buffer, or touching."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DrivenWay:
-    """Places (n, 2) [m] of a robot, with the ``clearance`` (n,) [m] there, NaN where unknown.
+    """Places (n, 2) [m] of a robot, with the ``clearance`` (n,) [m] there, NaN if unknown.
 
-    Below ``limit`` [m] something is inside of the safety buffer. Scripts of a page find places by
+    Below ``limit`` [m] something is inside the safety buffer. Scripts of a page find places by
     ``repeat`` and ``time`` (n,) [s].
     """
 
@@ -50,12 +50,12 @@ class DrivenWay:
 
 @dataclass(frozen=True, slots=True)
 class RunOverlay:
-    """Ways of one or several runs with what happened on them, in the map frame [m].
+    """Paths of one or several runs with their events, in the map frame [m].
 
-    The last of the ``footprints`` is where the run ends, or the part of it that is shown. Of a part
-    there are others now and then before it, and ``apparent_goals``: where the waypoint lies that
-    the robot drives to, as far as it knows. ``positions`` [rad or m] of joints by scene-wide name
-    are those at the end; ``closely`` shows the surroundings of the ways alone.
+    The last of the ``footprints`` is that at the end of the run, or of the shown part. A part also
+    has earlier ones, and ``apparent_goals``: the places of the current waypoint by the robot's
+    estimate. ``positions`` [rad or m] of joints by scene-wide name are those at the end. With
+    ``closely``, only the surroundings of the paths are shown.
     """
 
     ways: tuple[DrivenWay, ...]
@@ -70,12 +70,12 @@ class RunOverlay:
 
     @property
     def points(self) -> tuple[Point2, ...]:
-        """All points of the ways."""
+        """All points of the paths."""
         return tuple((x, y) for way in self.ways for x, y in way.points.tolist())
 
 
 def run_lines(run: RunOverlay, page: Page) -> list[DrawingItem]:
-    """Return the lines of a run, its estimate below the truth."""
+    """Return the lines of a run, with the estimate below the true path."""
     items: list[DrawingItem] = [
         Shape((page.ring(ring),), line=Colour.ROBOT, width=0.9, opacity=0.55)
         for ring in run.footprints
@@ -110,15 +110,15 @@ def run_lines(run: RunOverlay, page: Page) -> list[DrawingItem]:
 
 
 def _simple_line(line: tuple[Point2, ...]) -> tuple[Point2, ...]:
-    """Return a line of the page without the points that make no difference."""
+    """Return a line of the page without its redundant points."""
     simple = shapely.simplify(shapely.LineString(line), _DEVIATION)
     return tuple((x, y) for x, y in shapely.get_coordinates(simple).tolist())
 
 
 def way_data(run: RunOverlay, page: Page) -> str:
-    """Return the ways over time as JSON: ``repeat``, ``t`` [s], ``x`` and ``y`` on the page each.
+    """Return the paths as JSON, each with ``repeat``, ``t`` [s], ``x`` and ``y`` on the page.
 
-    Empty if no way has times.
+    The text is empty if no path has times.
     """
     ways: list[dict[str, object]] = []
     for way in run.ways:
@@ -137,7 +137,7 @@ def way_data(run: RunOverlay, page: Page) -> str:
 
 
 def mark_items(mark: MeasuredMark, page: Page, labels: Labels) -> list[DrawingItem]:
-    """Return what decides: the object in red, the measured line, its words beside it."""
+    """Return the deciding object in red, the measured line, and its words beside it."""
     items: list[DrawingItem] = []
     colour = Colour.TOUCHED if mark.fails else Colour.INK
     if mark.rings:
@@ -160,7 +160,7 @@ def mark_items(mark: MeasuredMark, page: Page, labels: Labels) -> list[DrawingIt
 
 
 def run_key(run: RunOverlay, page: Page) -> list[DrawingItem]:
-    """Return the meaning of the lines, in a row of its own at the foot of the page."""
+    """Return the meaning of the lines, in a separate row at the foot of the page."""
     nearest = min((float(np.nanmin(w.clearance, initial=math.inf)) for w in run.ways), default=0.0)
     limit = max((way.limit for way in run.ways), default=0.0)
     entries = (

@@ -1,4 +1,4 @@
-"""The scene on the page: floors, walls as they are cut, objects and where they can go."""
+"""The scene on the page: floors, cut walls, objects and the floor that they sweep."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from templates.plan_shapes import PlanShape, ShapeRole
 _GRID: Final = 1e-6
 _ALONG: Final = (0.0, -0.12, 0.12, -0.24, 0.24, -0.34, 0.34)
 _ACROSS: Final = (0.0, -0.2, 0.2, -0.35, 0.35)
-"""Where a name may stand, in sides of the space from its middle."""
+"""Offsets of a name from the middle of its space, in sides of the space."""
 _BODIES: Final = {
     ShapeRole.DOOR: Colour.DOOR,
     ShapeRole.MOVER: Colour.DOOR,
@@ -32,7 +32,7 @@ _BODIES: Final = {
 
 
 def part_on_page(scene: Scene, page: Page) -> Scene:
-    """Return the scene without what stands still outside of a page."""
+    """Return the scene without the regions, doorways and solids outside of a page."""
     return replace(
         scene,
         regions=tuple(r for r in scene.regions if page.shows(page.ring(r.outline))),
@@ -48,10 +48,10 @@ def floors(scene: Scene, page: Page) -> list[DrawingItem]:
 
 
 def walls(scene: Scene, page: Page) -> list[DrawingItem]:
-    """Return the solids: low things and sills in light, walls at the cut in dark."""
-    standing = list(plan_shapes.solid_shapes(scene, CUT))
+    """Return the solids: low things and sills light, walls at the cut dark."""
+    solids = list(plan_shapes.solid_shapes(scene, CUT))
     low, cut = (
-        tuple(_polygon(shape) for shape in standing if shape.role is role)
+        tuple(_polygon(shape) for shape in solids if shape.role is role)
         for role in (ShapeRole.LOW, ShapeRole.WALL)
     )
     items: list[DrawingItem] = []
@@ -63,21 +63,21 @@ def walls(scene: Scene, page: Page) -> list[DrawingItem]:
 
 
 def outlines(scene: Scene, page: Page) -> list[DrawingItem]:
-    """Return every solid the plan shows by itself, for texts to keep off."""
-    return [Shape(_drawn(shape, page)) for shape in plan_shapes.solid_shapes(scene, CUT)]
+    """Return every solid of the plan separately, for texts to avoid."""
+    return [Shape(_on_page(shape, page)) for shape in plan_shapes.solid_shapes(scene, CUT)]
 
 
 def space_names(scene: Scene, page: Page, labels: Labels) -> list[DrawingItem]:
-    """Return the name of every space, along its longer side, where it has most room."""
-    named = plan_shapes.space_names(scene)
-    return [words for shape in named if (words := _name(shape, page, labels))]
+    """Return the name of every space, along its longer side, at the place with most room."""
+    shapes = plan_shapes.space_names(scene)
+    return [words for shape in shapes if (words := _name(shape, page, labels))]
 
 
 def _polygon(shape: PlanShape) -> Polygon:
     return Polygon(shape.parts[0], shape.parts[1:])
 
 
-def _drawn(shape: PlanShape, page: Page) -> tuple[tuple[Point2, ...], ...]:
+def _on_page(shape: PlanShape, page: Page) -> tuple[tuple[Point2, ...], ...]:
     """Return the rings or lines of a shape that reach into the page."""
     rings = (page.ring(part) for part in shape.parts)
     return tuple(ring for ring in rings if page.shows(ring))
@@ -94,7 +94,7 @@ def _name(space: PlanShape, page: Page, labels: Labels) -> TextLabel | None:
     sides = [corners[1] - corners[0], corners[2] - corners[1]]
     long, short = sorted(sides, key=lambda side: -math.hypot(*side))
     length, breadth = math.hypot(*long), math.hypot(*short)
-    # Nearly square rooms keep their name level: it is easier to read.
+    # Names of nearly square rooms stay horizontal, which is easier to read.
     turn = math.atan2(long[1], long[0]) if length > 1.15 * breadth else 0.0
     turn = math.remainder(turn, math.pi)
     text = space.text.replace("_", " ")
@@ -116,11 +116,10 @@ def _name(space: PlanShape, page: Page, labels: Labels) -> TextLabel | None:
     return labels.place(words, map(page.point, inside or [(at.x, at.y)]))
 
 
-# Kept: pictures of runs and scenarios come by the dozen, and few of them differ in the building.
+# Cached, because many pictures of runs and scenarios show the same building.
 @functools.lru_cache(maxsize=8)
 def _union(areas: tuple[Polygon, ...]) -> Any:
-    # Snapped to a grid: pieces of walls that meet within rounding would show hairlines between
-    # them.
+    # Snap to a grid: rounding errors between pieces of walls would show as hairlines.
     return shapely.union_all(areas, grid_size=_GRID)
 
 
@@ -135,10 +134,10 @@ def _rings(area: Any, page: Page) -> tuple[tuple[tuple[float, float], ...], ...]
 
 
 def swings(scene: Scene, page: Page, start: Mapping[str, float]) -> list[DrawingItem]:
-    """Return the floor each moving link can sweep: sectors of hinges, tracks of sliders."""
+    """Return the floor that each moving link can sweep: sectors of hinges, tracks of sliders."""
     items: list[DrawingItem] = []
     for shape in plan_shapes.swing_shapes(scene, start):
-        rings = _drawn(shape, page)
+        rings = _on_page(shape, page)
         if not rings:
             continue
         if shape.form == "area":
@@ -151,7 +150,7 @@ def swings(scene: Scene, page: Page, start: Mapping[str, float]) -> list[Drawing
 
 
 def walks(behaviours: Sequence[Behaviour], page: Page) -> list[DrawingItem]:
-    """Return the routes of whoever walks, dotted, with their turning points."""
+    """Return the routes of walks, dotted, with their turning points."""
     items: list[DrawingItem] = []
     for behaviour in behaviours:
         if behaviour.kind == "walk":
@@ -162,11 +161,11 @@ def walks(behaviours: Sequence[Behaviour], page: Page) -> list[DrawingItem]:
 
 
 def bodies(scene: Scene, page: Page, start: Mapping[str, float]) -> list[DrawingItem]:
-    """Return every link of every object where it stands at the start."""
+    """Return every link of every object at its start."""
     items: list[DrawingItem] = []
     for shape in plan_shapes.body_shapes(scene, start):
         colour = _BODIES[shape.role]
-        if rings := _drawn(shape, page):
+        if rings := _on_page(shape, page):
             items.append(Shape(rings, fill=colour, line=colour, width=1.2))
     return items
 
@@ -174,11 +173,11 @@ def bodies(scene: Scene, page: Page, start: Mapping[str, float]) -> list[Drawing
 def object_names(
     scene: Scene, page: Page, start: Mapping[str, float], labels: Labels
 ) -> list[DrawingItem]:
-    """Return the name of every object, beside it."""
+    """Return the name of every object, placed beside it."""
     size = min(12.5, max(9.5, 0.38 * page.scale))
     items: list[DrawingItem] = []
     for shape in plan_shapes.object_names(scene, start):
-        corners = [corner for ring in _drawn(shape, page) for corner in ring]
+        corners = [corner for ring in _on_page(shape, page) for corner in ring]
         if not corners:
             continue
         text = shape.text.replace("_", " ")
@@ -188,7 +187,7 @@ def object_names(
 
 
 def spots_around(corners: Sequence[Point2], words: TextLabel, page: Page) -> list[Point2]:
-    """Return spots on the page for a text around the box of ``corners``, nearer ones first."""
+    """Return spots for a text around the box of ``corners`` on the page, nearer spots first."""
     xs, ys = [c[0] for c in corners], [c[1] for c in corners]
     x, y = (min(xs) + max(xs)) / 2.0, (min(ys) + max(ys)) / 2.0
     half, up = LETTER * words.size * len(words.text) / 2.0, words.size * 0.6

@@ -1,4 +1,4 @@
-"""Reports as HTML files: their templates, their style and what makes them answer a reader."""
+"""Reports as HTML files: templates, style and scripts."""
 
 from __future__ import annotations
 
@@ -19,11 +19,10 @@ OURS: Final = Path(__file__).parent
 def render_report(
     filters: Mapping[str, Callable[..., Any]], *, template: str, library: str, **values: Any
 ) -> str:
-    """Return a page filled with ``values``, each of them escaped.
+    """Return a page filled with ``values``, escaped except for :class:`markupsafe.Markup`.
 
-    Only :class:`markupsafe.Markup` (figures drawn here) goes in as it is. Names missing in the
-    template are errors; characters no document can hold are replaced. The page executes
-    ``library`` and the scripts of this folder that use it, nothing else, and fetches nothing.
+    Missing names are errors, and invalid characters are replaced. The page executes only
+    ``library`` and the scripts of this folder, and it fetches no other resources.
     """
     ours = [file.read_text(encoding="utf-8") for file in sorted(OURS.glob("*.js"))]
     script = "\n".join((library, *ours))

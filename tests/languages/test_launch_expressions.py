@@ -32,8 +32,8 @@ def test_what_launch_files_use_has_the_value_roslaunch_gives_it(golden, tmp_path
     [
         ("(" * 300 + "1" + ")" * 300, "is no"), ("1 + " * 600 + "1", "longer than"),
         ("str((((1,) * 999,) * 999,) * 999)", "repeats a list"),
-        ("b'%999999999d' % 1", "no value"), ("'a' * 2001", "too long"),
-        ("name.split", "not worked out here"), ("sqrt", "no value"),
+        ("b'%999999999d' % 1", "not a value"), ("'a' * 2001", "too long"),
+        ("name.split", "not supported here"), ("sqrt", "not a value"),
     ],
 )  # fmt: skip
 def test_monsters_are_refused(tmp_path, expression, expected):

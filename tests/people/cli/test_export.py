@@ -114,7 +114,7 @@ def test_pictures_need_no_mesh_library(campaigns, tmp_path, monkeypatch, capsys)
 
 def test_a_note_about_every_scenario_is_said_once(demo, tmp_path, capsys):
     assert invoke(["export", str(demo), "tasks", "--distance", "2", "-o", str(tmp_path)]) == 0
-    notes = [line for line in capsys.readouterr().err.splitlines() if "nowhere 2 m" in line]
+    notes = [line for line in capsys.readouterr().err.splitlines() if "no place 2 m" in line]
     assert notes
     assert len(notes) == len(set(notes))
     assert all(note.startswith(f"{demo}: warning: ") for note in notes)

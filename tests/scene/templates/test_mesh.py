@@ -60,7 +60,7 @@ def test_blocks_that_touch_stay_a_manifold_without_useless_faces():
     assert body.volume == pytest.approx(2.0, rel=1e-6)
     in_a_face = scene_of((box(0, 0, 1, 1), 0.0, 1.0), (box(1, 0, 2, 1), 0.0, 1.0))
     assert len(wall_mesh(in_a_face.solids).faces) == 12
-    with pytest.raises(ValueError, match="there is no mesh of nothing"):
+    with pytest.raises(ValueError, match="a mesh needs at least one solid"):
         wall_mesh(())
 
 

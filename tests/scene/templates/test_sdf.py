@@ -51,7 +51,7 @@ def test_what_the_plugins_cannot_do_is_noted(tmp_path):
     work = job(tmp_path, "errand", BehaviourDraw("", acts))
     write_sdf(work)
     notes = "\n".join(work.notes)
-    for words in ("not from the leaf to its footprint", "does not rearm", "knows no servo"):
+    for words in ("not from the leaf to its footprint", "does not rearm", "has no servo"):
         assert words in notes
     faithful = job(tmp_path, "errand", BehaviourDraw("", BEHAVIOURS))
     write_sdf(faithful)
