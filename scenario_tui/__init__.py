@@ -1,4 +1,4 @@
-"""Scenario-based testing of mobile robots: campaigns, their runs, what came out of them.
+"""Scenario-based testing of mobile robots: campaigns, their runs, their results.
 
     import scenario_tui as st
 
@@ -6,8 +6,8 @@
     assert results.passed, results.unexpected
     print(results["busy-house", "pilot"]["keeps-clear"].margin)
 
-``__all__`` is the whole of the public interface, with :mod:`scenario_tui.errors` and
-:mod:`scenario_tui.sut`. Everything else may change.
+The public interface is ``__all__``, :mod:`scenario_tui.errors` and :mod:`scenario_tui.sut`.
+Everything else may change.
 """
 
 from importlib import import_module
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from scenario_tui._own_packages import claim_names
 
-# The other packages of this project are found from now on, and none in their place.
+# From now on the names of the project's other packages mean ours.
 claim_names()
 
 if TYPE_CHECKING:

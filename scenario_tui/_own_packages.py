@@ -1,9 +1,9 @@
-"""Our other packages have short names: whoever else has one of them, here it means ours.
+"""Import of the project's other packages, whose short names may clash with others.
 
-``daemon``, ``templates``, … may also be files of the folder somebody works in, something on
-``PYTHONPATH``, or another project's package (``python-daemon``). Installed, ours therefore lie
-below this package, where nobody else's files are, and are found by name whatever the modules' path
-says. In a checkout they lie beside it. Imports nothing but the standard library.
+``daemon``, ``templates``, … may also be files of the working folder, something on ``PYTHONPATH``,
+or another project's package (``python-daemon``). Therefore our packages are installed below this
+one, and a finder maps their names to that place, before ``sys.path``. In a checkout they lie
+beside it. Imports only the standard library.
 """
 
 from __future__ import annotations
@@ -19,28 +19,28 @@ OWN_PACKAGES: Final = ("grammars", "templates", "daemon", "campaigns")
 _HERE: Final = Path(__file__).resolve().parent
 _INSTALLED: Final = _HERE / "_import_root"
 IMPORT_ROOT: Final = _INSTALLED if _INSTALLED.is_dir() else _HERE.parent
-"""The folder our other packages lie in."""
+"""The folder of our other packages."""
 
 
 class OwnPackageFinder:
-    """Finds our packages, and leaves everything else to others.
+    """Finds our packages, and leaves all others to other finders.
 
-    A finder needs no base class; that of ``importlib.abc`` imports forty modules.
+    A finder needs no base class, and the one of ``importlib.abc`` imports forty modules.
     """
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """Return where one of our packages is; its modules are found by the usual means."""
+        """Return the place of one of our packages; its modules are found by the usual means."""
         if path is None and fullname in OWN_PACKAGES:
             return PathFinder.find_spec(fullname, [str(IMPORT_ROOT)], target)
         return None
 
 
 def claim_names() -> None:
-    """Have the names of our packages mean ours in this process from now on.
+    """Make the names of our packages mean ours in this process from now on.
 
-    Raises ``ImportError`` when one of them has been imported as something else already.
+    Raises ``ImportError`` if another package of such a name has been imported already.
     """
     for name in OWN_PACKAGES:
         module = sys.modules.get(name)

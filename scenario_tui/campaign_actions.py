@@ -1,6 +1,6 @@
 """Actions on a campaign, each declared once: its command, its key, its request, its outcome.
 
-The command line and the dashboard do the same things and say them in the same words.
+The command line and the dashboard share them, with the same words.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class CampaignAction:
 PAUSE: Final = CampaignAction(
     "pause",
     lambda daemon, campaign: daemon.steer(campaign, paused=True),
-    "paused {campaign} with {runs} queued; go on with `{resume}`",
+    "paused {campaign} with {runs} queued; continue with `{resume}`",
     "P",
     "Pause",
     "Start no more runs of the campaign",
@@ -59,7 +59,7 @@ RESUME: Final = CampaignAction(
     "resumed {campaign}, {runs} queued",
     "P",
     "Resume",
-    "Go on with the paused campaign",
+    "Continue the paused campaign",
     options=("--off",),
 )
 """Has the key of :data:`PAUSE`, which is in effect for a campaign that is not paused."""
@@ -69,7 +69,7 @@ CANCEL: Final = CampaignAction(
     "cancelled {runs} of {campaign}",
     "c",
     "Cancel",
-    "What is not over, after a question",
+    "Cancel unfinished runs, after a question",
 )
 RETRY: Final = CampaignAction(
     "retry",
@@ -82,10 +82,10 @@ RETRY: Final = CampaignAction(
 ACKNOWLEDGE: Final = CampaignAction(
     "acknowledge",
     lambda daemon, campaign: daemon.acknowledge(campaign),
-    "acknowledged {campaign}: {runs} did not pass; what is new is told again",
+    "acknowledged {campaign}: {runs} did not pass; new failures are shown again",
     "A",
     "Acknowledge",
-    "What went wrong is known: the first line tells of it no more, until there is news",
+    "Mark the failures as seen: the first line is quiet about them until there are new ones",
 )
 PRIORITY: Final = CampaignAction(
     "priority",
@@ -93,7 +93,7 @@ PRIORITY: Final = CampaignAction(
     "{campaign} has priority {priority}",
     "number_sign",
     "Priority",
-    "Which campaign goes first",
+    "A campaign with a higher priority runs first",
 )
 DELETE: Final = CampaignAction(
     "delete",
@@ -101,12 +101,12 @@ DELETE: Final = CampaignAction(
     "deleted {campaign}: {runs}, {traces}",
     "D",
     "Delete",
-    "Remove a finished campaign with results and traces, after a question",
+    "Delete a finished campaign with results and traces, after a question",
 )
 
 
 def deletion_text(deleted: Sequence[DeletedCampaign], *, dry: bool = False) -> str:
-    """Return a line for each deleted campaign with its runs and traces, ``dry`` if it stays."""
+    """Return a line for each deleted campaign with its runs and traces; ``dry`` if it stays."""
     lines = [
         DELETE.outcome_text(
             one.campaign,

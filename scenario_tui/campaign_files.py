@@ -10,11 +10,11 @@ from typing import Final
 
 _DEPTH: Final = 6
 _LOOKED_AT: Final = 20_000
-"""Directory entries looked at: a search from `/` ends, too."""
+"""Most directory entries to look at, so that a search from `/` ends."""
 _MOST: Final = 500
 """Files returned at most."""
 _HEAD: Final = 65_536
-"""Bytes of a file that are searched for a key, instead of loading it."""
+"""Bytes of a file to search for a key, instead of loading the file."""
 _PASSED: Final = frozenset(
     {"node_modules", "site-packages", "__pycache__", "build", "dist", "scenario-results", "venv"}
 )
@@ -80,7 +80,7 @@ def fuzzy_matches(names: tuple[str, ...], typed: str) -> tuple[str, ...]:
     """Return the names with the typed letters in order, the best match first."""
     if not typed:
         return names
-    # The functions above answer TAB, which must not wait for this library.
+    # Imported here, because the functions above answer TAB and must be fast.
     from textual.fuzzy import FuzzySearch
 
     search = FuzzySearch()

@@ -5,10 +5,10 @@ ScenarioError                root of them all
 │   ├── TraceError           a trace is damaged, cut off or not to be trusted
 │   └── MissingExtraError    an optional part of this project is not installed
 └── DaemonError              a daemon did not answer a request
-    ├── Refused              it answered no: there is no such campaign or run
-    ├── Unreachable          none answers where one was expected
-    │   └── Unavailable      it cannot do it just now, its disk is full, say
-    ├── LaunchFailed         one that was started did not come up
+    ├── Refused              it refused: the campaign or run does not exist
+    ├── Unreachable          no daemon answers
+    │   └── Unavailable      it cannot do it now; its disk is full, for example
+    ├── LaunchFailed         a daemon was started and did not come up
     ├── PlaceUnusable        a state directory or an address cannot be used
     ├── KeysUnusable         keys for a connection are missing, damaged or of the wrong kind
     └── TraceUnavailable     the trace of a run does not exist or cannot be reached

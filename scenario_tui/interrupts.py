@@ -1,9 +1,9 @@
 """Interrupts (Ctrl-C, SIGINT) that arrive while libraries load, which may lose them.
 
 Python raises ``KeyboardInterrupt`` wherever the program is. A callback of a library written in C,
-or a handler of all exceptions, may swallow it: the program would go on for an hour, or end as if
-it had failed. Therefore this module remembers the interrupt. Commands ask for it between their
-steps, and it decides the exit code. Only the standard library is imported: this loads first.
+or a handler of all exceptions, may swallow it: the program would continue for an hour, or end as
+if it had failed. Therefore this module remembers the interrupt. Commands check it between their
+steps, and it decides the exit code. This module loads first and imports only the standard library.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _came = False
 def remember_interrupts() -> None:
     """Remember interrupts from now on; they raise as before.
 
-    A handler of others for SIGINT stays in place.
+    Another handler of SIGINT stays in place.
     """
     if threading.current_thread() is not threading.main_thread():
         return

@@ -1,7 +1,7 @@
-"""One source of what was recorded: a daemon, the ledger of a state directory, traces, a file.
+"""Sources of recorded campaigns: a daemon, the ledger of a state directory, traces, a file.
 
-Everything people name is found here: campaigns, searches, runs and traces. Nothing is printed: a
-:class:`DaemonTarget` holds what tells people of it.
+This module finds everything that people name: campaigns, searches, runs and traces. It does not
+print: a :class:`DaemonTarget` has functions for messages and progress.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 
 _NONE_YET: Final = "there are no campaigns yet: write one with `scenario new my-tests`"
 _MCAP: Final = b"\x89MCAP0\r\n"
-"""What every MCAP file begins with."""
-_NAMED: Final = 3
-"""Traces that are named when several are meant and one is wanted."""
+"""First bytes of every MCAP file."""
+_LISTED: Final = 3
+"""Traces that a message lists if one is required and several match."""
 
 
 def _no_progress(*_: object) -> AbstractContextManager[Callable[[int], None]]:
@@ -41,10 +41,10 @@ def _no_progress(*_: object) -> AbstractContextManager[Callable[[int], None]]:
 
 @dataclass(frozen=True, slots=True)
 class DaemonTarget:
-    """The daemon that is meant: the one at ``connect``, or that of the directory ``state``.
+    """A daemon: the one at ``connect``, otherwise that of the directory ``state``.
 
-    ``say`` gets messages for people, ``progress`` shows how far a transfer or a judgement is; both
-    are silent unless given.
+    ``say`` gets messages for people, ``progress`` shows the progress of a transfer or a judgement;
+    both are silent by default.
     """
 
     connect: str = ""
@@ -54,11 +54,10 @@ class DaemonTarget:
 
     @property
     def endpoint(self) -> str:
-        """Address of the daemon as far as known now; it may move when it restarts.
+        """Present address of the daemon; it may change when the daemon restarts.
 
-        Raises :class:`Unreachable` for a state directory somebody chose that no
-        daemon keeps: there is no need to look for its socket. Raises
-        :class:`InputError` when the environment names what is no endpoint.
+        Raises :class:`Unreachable` for a chosen state directory that no daemon keeps, and
+        :class:`InputError` if the variable of the environment is not an endpoint.
         """
         from daemon.batch.paths import StatePaths, find_endpoint, is_endpoint
 
@@ -76,33 +75,33 @@ class DaemonTarget:
 
     @property
     def paths(self) -> StatePaths:
-        """The state directory of this machine that is meant."""
+        """The state directory of the daemon of this machine."""
         from daemon.batch.paths import StatePaths
 
         return StatePaths.find(self.state)
 
     @property
     def named(self) -> bool:
-        """True if people named a daemon: then none is started behind their back."""
+        """True if people named a daemon; then no other is started for them."""
         from daemon.batch.paths import find_endpoint
 
         return find_endpoint(self.connect, self.state).origin in ("--connect", "SCENARIO_CONNECT")
 
     @property
     def words(self) -> tuple[str, ...]:
-        """The options that mean this daemon."""
+        """The command line options for this daemon."""
         state = ("--state", str(self.state)) if self.state is not None else ()
         return (*(("--connect", self.connect) if self.connect else ()), *state)
 
     def command(self, *words: object) -> str:
         """Return a command about this daemon for people to type, quoted for a shell."""
-        # A negative number is no option only behind a bare --, where no options can follow.
+        # A negative number would be an option, except behind a bare --, which comes last.
         last = ("--", words[-1]) if re.fullmatch(r"-\d+", str(words[-1])) else ()
         return command_line(*(words[:-1] if last else words), *self.words, *last)
 
     @property
     def may_come_back(self) -> bool:
-        """True for a daemon that is only away: one that was named, or has left a ledger."""
+        """True if the daemon is named or has left a ledger: it may only be away."""
         return self.named or self.paths.ledger.exists()
 
     def open(self) -> AbstractContextManager[DaemonClient]:
@@ -112,17 +111,17 @@ class DaemonTarget:
         return Client.open(self.endpoint)
 
     def read(self) -> AbstractContextManager[CampaignSource]:
-        """Open the daemon that people named, otherwise the ledger here, which needs no daemon.
+        """Open the named daemon, otherwise the ledger here, which needs no daemon.
 
-        Raises :class:`Refused` when nothing was submitted here.
+        Raises :class:`Refused` if there is no ledger.
         """
         if self.named:
             return self.open()
         if not self.paths.ledger.is_file():
             state = self.paths.state
             raise Refused(
-                f"nothing was submitted here, {state} is no state directory: name a folder of "
-                "traces, or choose another directory with --state"
+                f"no campaign was submitted here, {state} is not a state directory: name a folder "
+                "of traces, or choose another directory with --state"
             )
         from daemon.batch.ledger import LedgerReader
 
@@ -132,13 +131,12 @@ class DaemonTarget:
 def open_source(
     name: str, target: DaemonTarget, *, judge: bool = True
 ) -> AbstractContextManager[CampaignSource]:
-    """Open whatever knows the campaign, the run or the trace ``name``.
+    """Open the source of the campaign, the run or the trace ``name``.
 
-    A folder with traces, a trace and a file of results are read from this machine; anything else
-    is asked of a daemon or ledger (:meth:`DaemonTarget.read`). Without a name it is that ledger,
-    or the newest folder of `scenario run` when there is none. With ``judge`` the traces of a
-    folder are judged when they are asked for. Raises :class:`Refused`, :class:`Unreachable` and
-    :class:`InputError`.
+    A folder with traces, a trace and a file of results are read from this machine; any other name
+    belongs to a daemon or ledger (:meth:`DaemonTarget.read`). Without a name, open that ledger,
+    otherwise the newest folder of `scenario run`. With ``judge``, the source judges the traces of
+    a folder on demand. Raises :class:`Refused`, :class:`Unreachable` and :class:`InputError`.
     """
     recorded = _read_here(name, target, judge)
     if recorded is not None:
@@ -149,7 +147,7 @@ def open_source(
         if name:
             where = f"no campaign or run in {target.paths.state}"
             raise Refused(
-                _why_no_traces(name) or f"{name} is no trace, no folder, {where}"
+                _why_no_traces(name) or f"{name} is not a trace, not a folder, {where}"
             ) from error
         newest = newest_results()
         if newest is None:
@@ -158,14 +156,14 @@ def open_source(
 
 
 def _read_here(name: str, target: DaemonTarget, judge: bool) -> RecordedCampaign | None:
-    """Return the traces or the results of that name on this machine, if there are any."""
+    """Return the traces or the results of that name on this machine, if any."""
     path = Path(name)
     if trace_files(name):
         from daemon.analysis.recorded import read_traces
 
         return read_traces(name, progress=target.progress if judge else None)
     if path.suffix == ".mcap":
-        raise Refused(_why_no_traces(name) or f"there is no trace {name}")
+        raise Refused(_why_no_traces(name) or f"the trace {name} does not exist")
     if path.suffix == ".json" or path.is_fifo():
         from daemon.analysis.recorded import read_results_file
 
@@ -174,17 +172,17 @@ def _read_here(name: str, target: DaemonTarget, judge: bool) -> RecordedCampaign
 
 
 def _why_no_traces(name: str) -> str:
-    """Say what a folder or a file is that names no campaign; empty when there is neither."""
+    """Return the kind of a folder or a file that names no campaign; empty for neither."""
     if Path(name).is_dir():
         holds = "is a folder of traces" if trace_files(name) else "holds no traces (.mcap files)"
         return f"{name} {holds}"
     if Path(name).is_file():
-        return f"{name} is a trace" if trace_files(name) else f"{name} is no trace (MCAP file)"
+        return f"{name} is a trace" if trace_files(name) else f"{name} is not a trace (MCAP file)"
     return ""
 
 
 def newest_results() -> Path | None:
-    """Return the folder in which `scenario run` left the newest traces here, if it did."""
+    """Return the folder with the newest traces of `scenario run` here, if any."""
     notes = Path("scenario-results").glob("*/campaign.json")
     newest = max(notes, key=lambda note: note.stat().st_mtime, default=None)
     return None if newest is None else newest.parent
@@ -193,7 +191,7 @@ def newest_results() -> Path | None:
 def trace_files(name: str) -> Sequence[Path]:
     """Return the traces in the folder ``name``, or the trace of that name; empty for neither.
 
-    `scenario new patrol` makes a folder that is called like its campaign and holds none.
+    `scenario new patrol` makes a folder with the name of its campaign, without traces.
     """
     path = Path(name)
     if path.is_file():
@@ -209,11 +207,11 @@ def trace_files(name: str) -> Sequence[Path]:
 def find_run(source: CampaignSource, name: str) -> RunDetail:
     """Return the run of an id, or of a campaign as :func:`find_campaign`, a dot and its number.
 
-    Raises :class:`Refused` when it does not exist, with those that do.
+    Raises :class:`Refused` with the existing runs if it does not exist.
     """
     campaign_name, _, number = name.rpartition(".")
     is_numbered = bool(campaign_name) and number.isdecimal()
-    # An id costs one question; anything else needs the list of campaigns.
+    # An id costs one request; any other name needs the list of campaigns.
     with suppress(Refused):
         return source.run(name)
     if files := trace_files(name):
@@ -227,17 +225,17 @@ def find_run(source: CampaignSource, name: str) -> RunDetail:
         with suppress(Refused):
             return source.run(run)
     runs = f"{campaign.id}.0 to {campaign.id}.{campaign.total - 1}"
-    raise Refused(f'"{name}" is no run: those of {campaign.id} are {runs}')
+    raise Refused(f'"{name}" is not a run: those of {campaign.id} are {runs}')
 
 
 def find_campaign(source: CampaignSource, name: str) -> CampaignRow:
     """Return the campaign of an id, a name (the newest of it) or the beginning of either.
 
-    Without a name it is the newest. A search has a name of its own, which its campaign file gives.
-    Raises :class:`Refused` when there is none, or when several different names begin that way.
+    Without a name, return the newest campaign. The name of a search comes from its campaign file.
+    Raises :class:`Refused` if no campaign or several different names match.
     """
-    # An id beats a name and both beat a beginning, so that a whole word is never doubtful.
-    # Asked one by one: there may be thousands of campaigns, and each of these returns a few.
+    # An id beats a name and both beat a beginning, so a whole word is never ambiguous.
+    # One request for each, because there may be thousands of campaigns and these return a few.
     if not name:
         newest = source.campaign_page(limit=1)
         if newest:
@@ -246,7 +244,7 @@ def find_campaign(source: CampaignSource, name: str) -> CampaignRow:
     exact = source.campaign_page(id=name, limit=1) or source.campaign_page(name=name, limit=1)
     if exact:
         return exact[0]
-    # Ids begin with the name: several campaigns of one name are no doubt, the newest is meant.
+    # Ids begin with the name: of several campaigns with one name, take the newest.
     close = source.campaign_page(beginning=name)
     if len({row.name for row in close}) > 1:
         ids = ", ".join(row.id for row in close[:5])
@@ -261,12 +259,12 @@ def find_campaign(source: CampaignSource, name: str) -> CampaignRow:
 
 
 def _why_no_campaign(source: CampaignSource, name: str) -> str:
-    """Say what a word is that is no campaign, or what may be meant."""
+    """Return the kind of a word that names no campaign, or a suggestion."""
     from scenario_tui.campaign_files import is_campaign
 
     text = Path(name).read_text("utf-8", "replace") if is_campaign(Path(name)) else ""
     if match := re.search(r"^campaign\s*:\s*([\w-]+)", text, re.MULTILINE):
-        return f'{name} is a file: what was submitted of it is called "{match[1]}"'
+        return f'{name} is a file: its submitted campaign is called "{match[1]}"'
     if words := _why_no_traces(name):
         return f"{words}, and no campaign has that name"
     if name.rpartition(".")[2].isdecimal():
@@ -274,17 +272,17 @@ def _why_no_campaign(source: CampaignSource, name: str) -> str:
             campaign = find_run(source, name).row.campaign
         except Refused as error:
             return str(error)
-        return f"{name} is a run of {campaign}: `scenario show` tells about it"
+        return f"{name} is a run of {campaign}: `scenario show` shows it"
     # Ids have neither (daemon.model.ids).
     if "/" in name or "." in name:
-        return f"there is no folder or file {name}"
+        return f"the folder or file {name} does not exist"
     rows = source.campaign_page()
     names = {row.name for row in rows} | {row.id for row in rows}
-    return f'there is no campaign "{name}": {did_you_mean(name, names)}' if rows else _NONE_YET
+    return f'no campaign is called "{name}": {did_you_mean(name, names)}' if rows else _NONE_YET
 
 
 def one_trace(run: str, target: DaemonTarget) -> Path:
-    """Return the trace of a run named by its id or as a file, brought here if it lies elsewhere.
+    """Return the trace of a run, named by its id or as a file; fetch it if it lies elsewhere.
 
     Raises :class:`Refused` for none or several, and :class:`TraceUnavailable`.
     """
@@ -294,7 +292,7 @@ def one_trace(run: str, target: DaemonTarget) -> Path:
 def verdict_marks(run: str, target: DaemonTarget) -> Mapping[str, Mark]:
     """Return the marks, by oracle, of the verdicts of a run named as for :func:`one_trace`.
 
-    Empty where nothing says what its campaign expects.
+    Empty if the expectations of its campaign are unknown.
     """
     from daemon.analysis.recorded import read_marks
 
@@ -310,9 +308,9 @@ def all_traces(
 ) -> tuple[Path, ...]:
     """Return the traces of files, folders, and ids of campaigns and runs.
 
-    Each once, in the order named, those of a folder by name. Otherwise as :func:`one_trace`; a
-    trace that cannot be brought is left out with a message, unless there is no other. With
-    ``one_of_cell`` only the first of each scenario and system comes from a campaign.
+    Each comes once, in the order of the names, those of a folder by name. As for
+    :func:`one_trace`, but a trace that cannot be fetched is left out with a message, unless it is
+    the only one. With ``one_of_cell``, a campaign gives the first of each scenario and system.
     """
     traces = [_traces_of(name, target, one_of_cell=one_of_cell) for name in names]
     return tuple(dict.fromkeys(itertools.chain.from_iterable(traces)))
@@ -333,7 +331,7 @@ def _traces_of(
             for row in rows:
                 cells.setdefault((row.scenario, row.sut), row)
             rows = tuple(cells.values())
-        # Before anything is brought: a campaign may have thousands of traces.
+        # Before any transfer: a campaign may have thousands of traces.
         if is_alone:
             _refuse_several(name, [row.id for row in rows])
         brought = bring_traces(rows, source, target)
@@ -341,7 +339,7 @@ def _traces_of(
     missing = [trace for trace in brought if not isinstance(trace, Path)]
     if not files:
         raise missing[0]
-    # One trace that is gone must not keep the others of a campaign.
+    # A missing trace must not hide the others of a campaign.
     for problem in missing:
         target.say(str(problem))
     return files
@@ -349,14 +347,14 @@ def _traces_of(
 
 def _refuse_several(name: str, traces: Sequence[str]) -> None:
     if len(traces) > 1:
-        names = ", ".join(traces[:_NAMED]) + (", …" if len(traces) > _NAMED else "")
-        raise Refused(f"{name} means {len(traces)} traces ({names}): name one of them")
+        names = ", ".join(traces[:_LISTED]) + (", …" if len(traces) > _LISTED else "")
+        raise Refused(f"{name} has {len(traces)} traces ({names}): name one of them")
 
 
 def recorded_runs(source: CampaignSource, name: str, target: DaemonTarget) -> tuple[RunRow, ...]:
-    """Return the run, or the runs of the campaign, that ``name`` means; those with a result.
+    """Return the run, or the runs of the campaign, called ``name``; those with a result.
 
-    Raises :class:`Refused` when it means neither, and, with the reason, when none has a result yet.
+    Raises :class:`Refused` if the name is unknown, or with the reason why there is no result yet.
     """
     # Ids of campaigns have no dots.
     if "." in name:
@@ -371,12 +369,12 @@ def recorded_runs(source: CampaignSource, name: str, target: DaemonTarget) -> tu
         raise Refused(without_traces_text(with_time_left(campaign, target), target.command))
     if rest := unfinished_text(campaign):
         finished = f"{count_noun(len(rows), 'run')} finished so far"
-        target.say(f"{campaign.id} goes on ({rest}): {finished}")
+        target.say(f"{campaign.id} is not finished ({rest}): {finished}")
     return rows
 
 
 def why_no_trace(run: RunRow, source: CampaignSource, target: DaemonTarget) -> str:
-    """Return why a run has no trace (yet), and where it stands in the queue of its campaign."""
+    """Return why a run has no trace (yet), and its place in the queue of its campaign."""
     from daemon.model.messages import LARGEST_PAGE
 
     campaign = source.campaign(run.campaign)
@@ -390,7 +388,7 @@ def why_no_trace(run: RunRow, source: CampaignSource, target: DaemonTarget) -> s
 
 
 def with_time_left(campaign: CampaignRow, target: DaemonTarget) -> CampaignRow:
-    """Return a campaign with the time it takes, which only a daemon that runs can say."""
+    """Return a campaign with its remaining time, if a daemon answers."""
     with suppress(DaemonError):
         if not campaign.finished and campaign.seconds_left is None:
             with target.open() as daemon:
@@ -401,9 +399,9 @@ def with_time_left(campaign: CampaignRow, target: DaemonTarget) -> CampaignRow:
 def bring_traces(
     rows: Sequence[RunRow], source: CampaignSource, target: DaemonTarget
 ) -> list[Path | TraceUnavailable]:
-    """Return the trace of each run as a file of this machine, or why it cannot be had.
+    """Return the trace of each run as a local file, or why it is unavailable.
 
-    Those of the ledger here are files already, except in stores.
+    Traces of the ledger here are local already, except in stores.
     """
     from daemon.batch.stores import is_url, trace_file
     from daemon.model.verbs import DaemonClient
@@ -412,7 +410,7 @@ def bring_traces(
     far = [row for row in rows if row.trace and (daemon or is_url(row.trace))]
     size = sum(row.result.trace.size for row in far if row.result)
     traces: list[Path | TraceUnavailable] = []
-    with target.progress("bringing traces", size, "bytes") as advance:
+    with target.progress("fetching traces", size, "bytes") as advance:
         for row in rows:
             try:
                 traces.append(trace_file(row, daemon, progress=advance))

@@ -1,8 +1,8 @@
-"""The protocol of systems under test, under the name that plug-ins use.
+"""The protocol of systems under test, for plug-ins.
 
 Your package names a factory under the entry point group ``scenario.suts``. The factory returns a
-:class:`SystemUnderTest` within 10 s of wall clock; longer work belongs into ``start``. All chance
-comes from the briefing's ``seed``: ``scenario verify`` reports any other. The contract stands in
+:class:`SystemUnderTest` within 10 s of wall clock; longer work belongs into ``start``. All random
+numbers come from the briefing's ``seed``: ``scenario verify`` reports others. The contract is in
 :mod:`daemon.model.sut`.
 """
 

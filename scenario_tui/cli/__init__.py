@@ -18,7 +18,7 @@ _INTERRUPTED = 130
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and leave with its exit code."""
-    # Before the first library is loaded: people press Ctrl-C when a command takes long to begin.
+    # Before the first library is loaded: people press Ctrl-C when a command is slow to start.
     remember_interrupts()
     try:
         from scenario_tui.cli import command_line

@@ -1,9 +1,9 @@
-"""Answers of commands: a value, how it is said to people, the exit code of it.
+"""Answers of commands: a value, its text for people, its exit code.
 
-A command is a function: its parameters are its arguments and options, its body one call of the
-public face. It returns an :class:`Answer`, or nothing when it stays or writes files only.
-:func:`as_typed` makes of it what typer calls: a parameter ``target`` becomes ``--connect``,
-``--state`` and ``--keys``, and a command that answers has ``--json``, which writes the value.
+A command is a function: its parameters are the arguments and options, its body is one call of the
+public library. It returns an :class:`Answer`, or nothing when it keeps running or only writes
+files. :func:`as_typed` adapts it to typer: a parameter ``target`` becomes ``--connect``,
+``--state`` and ``--keys``, and a command that answers gets ``--json``, which writes the value.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _TARGET_OPTIONS: Final[dict[str, tuple[Any, Any]]] = {
 
 @dataclass(frozen=True, slots=True)
 class Answer(Generic[T]):
-    """The ``value`` that ``--json`` writes, what prints it for people, and the exit ``code``.
+    """The ``value`` that ``--json`` writes, the function that prints it, and the exit ``code``.
 
     ``schema`` is its name in :mod:`scenario_tui.cli.output_schemas`.
     """
@@ -49,10 +49,10 @@ class Answer(Generic[T]):
 def as_typed(command: Callable[..., Any]) -> Callable[..., Any]:
     """Return a command as typer calls it; it writes the answer and returns the exit code."""
     signature = inspect.signature(command)
-    # Annotations are text (PEP 563). What is returned need not be imported to be called.
-    written = {k: v for k, v in command.__annotations__.items() if k != "return"}
+    # Annotations are text (PEP 563), and the type of the answer is not imported at run time.
+    annotations = {k: v for k, v in command.__annotations__.items() if k != "return"}
     types = get_type_hints(
-        SimpleNamespace(__annotations__=written), command.__globals__, include_extras=True
+        SimpleNamespace(__annotations__=annotations), command.__globals__, include_extras=True
     )
     parameters = [
         one.replace(annotation=types[name], kind=inspect.Parameter.KEYWORD_ONLY)
@@ -100,7 +100,7 @@ def write_json(schema: str, value: Any) -> None:
     from grammars.text.codec import to_plain
 
     body = {"schema": schema_identifier(schema)} | _null_for_nonfinite(to_plain(value))
-    # Escapes carry any text through any encoding; a stream that knows them all needs none.
+    # Escapes carry any text through any encoding; UTF-8 needs none.
     escaped = (sys.stdout.encoding or "").lower().replace("-", "") != "utf8"
     text = json.dumps(body, ensure_ascii=escaped, indent=2, allow_nan=False)
     sys.stdout.write(escape_json(text) + "\n")
@@ -108,8 +108,8 @@ def write_json(schema: str, value: Any) -> None:
 
 def _null_for_nonfinite(plain: Any) -> Any:
     """Return plain data with ``None`` for numbers that are infinite or not a number."""
-    # Margins may be infinite. JSON knows no such number, and what Python's json writes for it,
-    # Infinity, other readers refuse.
+    # Margins may be infinite. JSON has no such number, and other readers refuse the Infinity that
+    # Python's json writes.
     if isinstance(plain, float):
         return plain if math.isfinite(plain) else None
     if isinstance(plain, dict):

@@ -38,34 +38,34 @@ def blame(
         str,
         typer.Option(
             "--oracle",
-            help="The verdict to explain. Default: the first failing.",
+            help="Verdict to explain. Default: the first failing one.",
             autocompletion=completion.offers(completion.oracles),
         ),
     ] = "",
     runs: Annotated[
-        int, typer.Option("--runs", "-n", min=1, max=100_000, help="At most so many runs.")
+        int, typer.Option("--runs", "-n", min=1, max=100_000, help="Maximum number of runs.")
     ] = 100,
     campaign: Annotated[
         Path | None,
         typer.Option(
             "--campaign",
             metavar="FILE",
-            help="Campaign file of a trace or id. Default: the file it was run from.",
+            help="Campaign file of the trace or id. Default: the file that the run came from.",
             autocompletion=completion.offers(completion.campaign_files),
         ),
     ] = None,
     out: Annotated[
         Path | None,
         out_folder(
-            "Where the smallest failing scenario goes. Default: scenario-results/blame/RUN/."
+            "Folder for the smallest failing scenario. Default: scenario-results/blame/RUN/."
         ),
     ] = None,
     *,
     target: DaemonTarget,
 ) -> Answer[Explanation]:
-    """Find the layer or parameter that makes a run fail, and the least that still fails.
+    """Find the layer or parameter that makes a run fail, and the smallest failing scenario.
 
-    Runs are executed here, two at a time. Ctrl-C keeps what was found.
+    The runs execute on this machine, two at a time. Ctrl-C keeps the findings so far.
     """
     from daemon.analysis.blame import (
         BudgetSpentError,
@@ -80,10 +80,10 @@ def blame(
     is_file = run[0].endswith((".yaml", ".yml"))
     case = _written_case(run) if is_file else _recorded_case(run, target, campaign)
     if not case.spec.sut.repeatable:
-        # Each candidate is run once: what passes by luck would be called the reason.
+        # Each candidate runs once, so a lucky pass would look like the reason.
         say(f"{case.spec.sut.name} is not repeatable: a reason found here may be chance, verify it")
     try:
-        # Runs are forked, and threads do not survive that.
+        # The runs are forked processes; threads do not survive a fork.
         with open_progress("{task.description}", threads=False) as progress:
             task = progress.add_task("")
 
@@ -93,13 +93,14 @@ def blame(
 
             runner = CandidateRunner(runs, watch=watch)
             result = explain_failure(case, runner, oracle)
-            # Whether the first repeat fails as well may be one more run.
+            # This may need one more run, to see whether the first repeat fails as well.
             file = save_campaign(case, result, out or _folder(case), runner)
     except NoFailureError as error:
-        # Nothing is wrong with what was typed: there is just no failure to explain.
+        # The input is correct; there is just no failure to explain.
         raise CommandError(str(error), ExitCode.INCONCLUSIVE) from error
     except BudgetSpentError as error:
-        raise typer.BadParameter("not even the run itself fits", param_hint="--runs") from error
+        message = "too few: the run itself needs more"
+        raise typer.BadParameter(message, param_hint="--runs") from error
     story = result.story
     value = Explanation(story, runner.runs, runner.cached, runner.seconds, file)
     code = ExitCode.INTERRUPTED if story.stopped == "interrupted" else ExitCode.EXPECTED
@@ -107,9 +108,9 @@ def blame(
 
 
 def _written_case(words: list[str]) -> RunCase:
-    """Return the run that a campaign file, a scenario, a system and a repeat mean.
+    """Return the run that a campaign file, a scenario, a system and a repeat name.
 
-    The system may be left out where there is one, and the repeat is the first.
+    The system may be left out if there is only one; the default repeat is the first.
     """
     from daemon.analysis.blame import load_case
 
@@ -119,16 +120,16 @@ def _written_case(words: list[str]) -> RunCase:
         raise typer.BadParameter(message, param_hint="RUN")
     scenario, sut, repeat = (*place, *("", "0")[len(place) - 1 :])
     if not repeat.isdecimal():
-        message = f"{repeat} is not the number of a repeat, they count from 0"
+        message = f"{repeat} is not the number of a repeat; repeats count from 0"
         raise typer.BadParameter(message, param_hint="RUN")
     return load_case(Path(file), scenario, sut, int(repeat))
 
 
 def _recorded_case(words: list[str], target: DaemonTarget, campaign: Path | None) -> RunCase:
-    """Return the run of a trace or an id, taken apart.
+    """Return the run of a trace or an id, with its layers.
 
-    That takes the layers that a trace does not hold: those of ``campaign``, otherwise of the
-    campaign file that the record of the run names, as long as it specifies that very run.
+    A trace does not hold layers. They come from ``campaign``, otherwise from the campaign file in
+    the record of the run, as long as that file still specifies this very run.
     """
     from daemon.analysis.blame import load_case
     from daemon.trace import read_spec
@@ -141,25 +142,25 @@ def _recorded_case(words: list[str], target: DaemonTarget, campaign: Path | None
     recorded = _recorded_file(words[0], trace, target)
     file = campaign or Path(recorded)
     if campaign is None and not (recorded and file.is_file()):
-        problem = f"there is no {recorded} any more"
+        problem = f"{recorded} does not exist any more"
         if not recorded:
             problem = f"no record names the campaign file of {trace}"
-        raise typer.BadParameter(f"{problem}: say --campaign FILE", param_hint="RUN")
+        raise typer.BadParameter(f"{problem}: name it with --campaign FILE", param_hint="RUN")
     case = load_case(file, spec.scenario, spec.sut.name, spec.repeat)
     if case.spec.digest != spec.digest:
         if campaign is None:
-            hint = f"say --campaign {file} to ask about the run as its layers are now"
+            hint = f"use --campaign {file} to explain the run with its present layers"
             message = f"{file} does not specify this run any more: {hint}"
             raise typer.BadParameter(message, param_hint="RUN")
-        changed = "its layers have changed since: this is about the run as they are now"
+        changed = "its layers have changed since; this explains the run with its present layers"
         say(f"{case.spec.label}: {changed}")
     return case
 
 
 def _recorded_file(name: str, trace: Path, target: DaemonTarget) -> str:
-    """Return the campaign file that the record of a run names, empty without one.
+    """Return the campaign file that the record of a run names, empty without a record.
 
-    The record is the note of ``scenario run`` beside the trace, otherwise that of the submission.
+    The record is the note of ``scenario run`` beside the trace, otherwise the submission.
     Raises wrong usage for a run of a search, which no campaign file specifies.
     """
     from daemon.analysis.results import read_campaign_note
@@ -196,9 +197,9 @@ def _print(explanation: Explanation, like: str) -> None:
         print_line(f"  {line}")
     print_line()
     if story.stopped:
-        print_line(f"stopped before nothing else could go: {story.stopped}")
+        print_line(f"stopped before it was smallest: {story.stopped}")
     took = f"{count_noun(explanation.runs, 'run')}, {duration_text(explanation.seconds)}"
-    known = f"; {explanation.cached} more were known already" if explanation.cached else ""
-    print_line(took + known)
+    cached = f"; {explanation.cached} more had a result already" if explanation.cached else ""
+    print_line(took + cached)
     command = command_line("run", explanation.saved)
     print_commands((command, "the smallest failing scenario, on its own"))

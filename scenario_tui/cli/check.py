@@ -1,4 +1,4 @@
-"""The command that finds what is wrong with files."""
+"""The command that finds problems in files."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ def check(
     ],
     base: Base = "",
 ) -> Answer[CheckedFiles]:
-    """Find every problem of campaigns and layers.
+    """Find every problem in campaigns and layers.
 
-    Nothing is run; the geometry of what would run is examined.
+    The check includes the geometry of every run, but executes none.
     """
     checks = {str(file): _check(file, base) for file in files}
     value = CheckedFiles({name: findings for name, (_, findings) in checks.items()})
@@ -52,7 +52,7 @@ def check(
 
 
 def _check(file: Path, base: str) -> tuple[str, tuple[Finding, ...]]:
-    """Return the kind of a file and its findings; of one that does not exist, what is meant."""
+    """Return the kind of a file and its findings; a missing file gets a suggestion."""
     from scenario_tui.library.checking import check_file
 
     try:

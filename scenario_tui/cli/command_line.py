@@ -1,4 +1,4 @@
-"""The command line as a whole: its commands, how help shows them, and what becomes of errors."""
+"""The command line as a whole: its options, its exit codes, and the report of errors."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _TYPED: Final = frozenset(
         errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOTEMPTY,
     }
 )  # fmt: skip
-"""What is wrong with a path that somebody typed or wrote; no disk is at fault."""
+"""Errors of a path that a person typed or wrote; no disk is at fault."""
 
 app = typer.Typer(
     name="scenario",
@@ -41,8 +41,8 @@ app = typer.Typer(
 )
 
 
-def _print_version(wanted: bool) -> None:
-    if wanted:
+def _print_version(is_requested: bool) -> None:
+    if is_requested:
         from importlib.metadata import version
 
         typer.echo(f"scenario {version('scenario-tui')}")
@@ -53,7 +53,9 @@ def _print_version(wanted: bool) -> None:
 def options(
     version: Annotated[
         bool,
-        typer.Option("--version", callback=_print_version, is_eager=True, help="Say the version."),
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Print the version and exit."
+        ),
     ] = False,
 ) -> None:
     """Test mobile robots in scenarios: run campaigns in simulation, judge every run."""
@@ -61,16 +63,16 @@ def options(
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and leave with its exit code."""
-    # Before anything is written: the first message may already hold a sign the terminal lacks.
+    # First: any message may hold a character that the terminal lacks.
     settle_streams()
     code = invoke(sys.argv[1:] if arguments is None else arguments)
     if was_interrupted():
-        code = ExitCode.INTERRUPTED  # also where a library has swallowed it
+        code = ExitCode.INTERRUPTED  # even if a library has swallowed the interrupt
     try:
         sys.stdout.flush()
     except OSError as error:
-        # Whoever read us has left (`scenario results | head`) or a disk is full: nothing more
-        # can be said there.
+        # The reader has left (`scenario results | head`) or a disk is full: the stream takes no
+        # more output.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = _unhandled(error).exit_code
     # Not by sys.exit: a thread of the dashboard may still wait for an answer, and Zenoh aborts the
@@ -81,8 +83,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def invoke(arguments: Sequence[str]) -> int:
     """Run the command line and return its exit code; every error has been reported."""
-    # Out of standalone mode typer raises instead of printing and leaving: the codes are ours, and
-    # tests and the dashboard can call this.
+    # Outside of standalone mode typer raises instead of printing and leaving: the exit codes are
+    # ours, and tests and the dashboard can call this function.
     with printable_streams(), library_messages():
         try:
             typed = list(arguments)
@@ -94,7 +96,7 @@ def invoke(arguments: Sequence[str]) -> int:
             return _typer_left(leaving)
         except Exception as error:
             failure = _report(error)
-        # No component validates this text later: what was typed may be anything.
+        # Typer may have failed before it came to --json, so look for the word itself.
         if failure.error and "--json" in takewhile(lambda word: word != "--", arguments):
             from scenario_tui.cli.answer import write_json
 
@@ -104,8 +106,8 @@ def invoke(arguments: Sequence[str]) -> int:
 
 
 def _typer_left(leaving: SystemExit) -> int:
-    """Commands leave with typer.Exit; what else leaves is typer itself."""
-    # It asks shells by its code whether there is anything to complete; otherwise it and rich call
+    """Return the exit code when typer itself leaves; commands leave by ``typer.Exit``."""
+    # Its code tells shells whether there is anything to complete; otherwise typer and rich call
     # sys.exit(1) when a pipe is broken.
     if not leaving.code or "_SCENARIO_COMPLETE" in os.environ:
         return leaving.code if isinstance(leaving.code, int) else ExitCode.EXPECTED
@@ -113,7 +115,7 @@ def _typer_left(leaving: SystemExit) -> int:
 
 
 def _report(error: Exception) -> ErrorValue:
-    """Say what went wrong to people; return the same for machines."""
+    """Report an error to people; return it for machines."""
     if isinstance(error, typer.TyperException):
         return _wrong_usage(error)
     if isinstance(error, InputError):
@@ -125,9 +127,9 @@ def _report(error: Exception) -> ErrorValue:
 
 
 def _wrong_usage(error: typer.TyperException) -> ErrorValue:
-    # A validator's word for a choice that does not exist.
+    # The prefix that pydantic puts before the message of a validator.
     error.message = error.message.replace("Value error, ", "")
-    # Usage errors show themselves with the command they are about; the root has only its words.
+    # Usage errors print themselves with their command; other typer errors have only a message.
     show: Callable[[], None] | None = getattr(error, "show", None)
     if show is not None:
         show()
@@ -148,23 +150,23 @@ def _bad_input(error: InputError) -> ErrorValue:
 
 
 def _unhandled(error: Exception) -> ErrorValue:
-    """Return the exit code, and a message unless whoever left knows why."""
+    """Return the exit code, with a message unless the user caused the end."""
     if isinstance(error, CommandError):
         return ErrorValue(str(error), error.code)
     # A library that was interrupted while it loaded may raise anything.
     if was_interrupted():
         return ErrorValue("", ExitCode.INTERRUPTED)
-    # Whoever left early knows why; a message would only tear at what is printed next.
+    # Whoever closed the pipe knows why; a message would only disturb the next output.
     if isinstance(error, BrokenPipeError):
         return ErrorValue("", ExitCode.BROKEN_PIPE)
     from daemon.batch.errors import DaemonError, KeysUnusable, PlaceUnusable, Refused
 
     if isinstance(error, DaemonError):
-        # A daemon that refuses is fine itself: it was asked for something that is not there. Keys
-        # and places are what somebody named or wrote.
+        # A daemon that refuses works: the request was wrong. Keys and places are named or written
+        # by people.
         typed = isinstance(error, Refused | KeysUnusable | PlaceUnusable)
         return ErrorValue(str(error), ExitCode.BAD_INPUT if typed else ExitCode.INFRASTRUCTURE)
-    # A full disk, a folder that may not be written: not ours to mend, and no trace back helps.
+    # A full disk or a read-only folder is no bug of ours, and a traceback does not help.
     if isinstance(error, OSError):
         where = f": {error.filename}" if error.filename else ""
         code = ExitCode.BAD_INPUT if error.errno in _TYPED else ExitCode.INFRASTRUCTURE

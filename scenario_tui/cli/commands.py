@@ -1,7 +1,7 @@
-"""The commands before one is called: a name, the panel of help it stands in, a line about it.
+"""Table of the commands: the name, the panel of the help, a line about it.
 
-Help and completion need no more than this table, so that a command loads its own module and no
-other. A test holds every line to the first sentence of the command it is about.
+Help and completion need only this table, so a command loads its own module and no other. A test
+compares every line with the first sentence of its command.
 """
 
 from __future__ import annotations
@@ -26,69 +26,61 @@ C = TypeVar("C", bound=Callable[..., Any])
 _PANELS: Final[dict[str, dict[str, str]]] = {
     "Run campaigns": {
         "demo": "Show everything once: a robot, moving doors, verdicts.",
-        "new": "Write a small campaign that runs, to change into yours.",
-        "check": "Find every problem of campaigns and layers.",
+        "new": "Write a small campaign that runs, for you to change.",
+        "check": "Find every problem in campaigns and layers.",
         "run": "Run a campaign here and now, without a daemon.",
-        "submit": "Hand a campaign to the daemon, watch it if you like.",
-        "search": "Search for values that make a scenario fail, and for the failure nearest to it.",
-        "wait": "Wait until a campaign is over, and leave with its exit code.",
-        "serve": "Let a scenario's world go on by the clock: drive in it, look at it, connect a "
-        "stack to it.",
+        "submit": "Submit a campaign to the daemon, and watch it with --watch.",
+        "search": "Search for values that make a scenario fail, and for the nearest failure.",
+        "wait": "Wait until a campaign ends, and exit with its code.",
+        "serve": "Run the world of a scenario live: drive in it, watch it, connect a stack to it.",
         "sut": "Show a system under test, or start an external one and see what it lacks.",
     },
     "Look": {
         "tui": "Open the dashboard; leaving it never stops any work.",
-        "status": "Say how everything stands: daemon, workers, campaigns.",
-        "results": "Show what came out of a campaign: every cell, what is not as expected and why.",
-        "show": "Show one run: what each oracle says and why, or what happened in it.",
-        "replay": "Watch a recorded run from above, with what its oracles say, or two of them "
-        "side by side.",
-        "plot": "Draw signals of a recorded run over time, with the moments that decided against "
-        "it.",
+        "status": "Show the state of the daemon, its workers and its campaigns.",
+        "results": "Show the results of a campaign: every cell, and why cells are not as expected.",
+        "show": "Show one run: the verdict of each oracle and its reason, or the log.",
+        "replay": "Watch a recorded run from above with its verdicts, or two runs side by side.",
+        "plot": "Draw signals of a recorded run over time, and mark the moments of failures.",
     },
     "Understand": {
-        "judge": "Judge recorded runs again and say which verdicts differ; traces stay as they "
-        "are.",
-        "verify": "Run specifications twice and say whether the bytes are the same, or where they "
-        "part.",
+        "judge": "Judge recorded runs again and list the verdicts that differ.",
+        "verify": "Run specifications twice and compare the traces byte by byte.",
         "compare": "Compare two campaigns: verdicts, margins, measures, cell by cell.",
-        "report": "Write a campaign or a search as one page with figures, a campaign as tables, "
-        "too.",
-        "coverage": "Say which features a campaign exercises, and which it does not.",
-        "blame": "Find the layer or parameter that makes a run fail, and the least that still "
-        "fails.",
+        "report": "Write a report of a campaign or a search: one page with figures.",
+        "coverage": "List the features that a campaign exercises, and those that it does not.",
+        "blame": "Find the layer or parameter that makes a run fail, and the smallest failing "
+        "scenario.",
     },
     "Steer": {
-        "cancel": "Cancel what is queued or running of a campaign.",
+        "cancel": "Cancel the queued and running runs of a campaign.",
         "retry": "Queue lost or cancelled runs of a campaign again.",
-        "acknowledge": "Note that you know what went wrong in a campaign; the dashboard tells what "
-        "is new.",
-        "pause": "Start no more runs of a campaign, or go on with it.",
-        "priority": "Let a campaign go before those of lower priority.",
-        "delete": "Remove campaigns for good: runs, results, and traces that no other campaign "
-        "uses.",
+        "acknowledge": "Mark the failures of a campaign as seen; the dashboard then shows new ones "
+        "only.",
+        "pause": "Start no more runs of a campaign, or continue it with --off.",
+        "priority": "Set the priority of a campaign; a higher one runs first.",
+        "delete": "Delete campaigns: runs, results, and traces that no other campaign uses.",
     },
     "Machines": {
-        "daemon": "Run the daemon in the foreground, or end it.",
+        "daemon": "Run the daemon in the foreground, or stop it.",
         "worker": "Run a worker in the foreground.",
-        "keys": "Make the keys with which machines prove to each other who they are.",
+        "keys": "Manage the keys by which machines authenticate each other.",
     },
     "Operate": {
-        "doctor": "Say what is configured, what answers, and what is wrong, each with its remedy.",
-        "gc": "Remove what nobody needs, and traces of finished campaigns, the oldest first.",
+        "doctor": "Examine the installation: settings, connections, results; with remedies.",
+        "gc": "Remove unused files, and the oldest traces of finished campaigns.",
     },
     "Artefacts": {
-        "import": "Make a building, NAME.walls.yaml, of the map of a robot or of a drawing (DXF).",
+        "import": "Make a building, NAME.walls.yaml, from a robot's map or a drawing (DXF).",
         "export": "Write artefacts of a building, a campaign or a run: maps, worlds, pictures, "
         "traces, …",
         "vary": "Write variants of a floor plan, drawn from distributions.",
     },
     "Editors": {
-        "schema": "Print or write what editors use: JSON Schemas of YAML files, the VS Code "
-        "extension.",
+        "schema": "Print or write files for editors: JSON Schemas, the VS Code extension.",
     },
 }
-"""Help shows commands in this order, in panels of these names."""
+"""Lines about the commands by the panel of the help, in its order."""
 
 COMMANDS: Final = {
     name: (panel, about) for panel, lines in _PANELS.items() for name, about in lines.items()
@@ -99,7 +91,7 @@ _MODULES: Final = {
     "wait": "submit",
     "import": "import_",
 }
-"""The module of a command that is not in one of its own name."""
+"""Modules of the commands whose module has another name."""
 
 
 class _PlainFlags:
@@ -114,11 +106,11 @@ class _PlainFlags:
         return parameters
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Print the help, whose words are all ours, in colours."""
+        """Print the help in colours; all of its text is ours."""
         # typer joins the lines of the first paragraph only.
         paragraphs = inspect.cleandoc(self.help or "").split("\n\n")
         self.help: str | None = "\n\n".join(" ".join(one.split()) for one in paragraphs)
-        # rich, which typer prints it with, writes its styles as text of this stream.
+        # typer prints by rich, which writes its styles as text of this stream.
         with redirect_stdout(unfiltered(sys.stdout)):
             super().format_help(ctx, formatter)  # type: ignore[misc]
 
@@ -161,7 +153,7 @@ def command_of(group: typer.Typer, name: str) -> Callable[[C], C]:
 
 
 class CommandGroup(PlainFlagsGroup):
-    """All our commands; help and completion list them without loading any."""
+    """All commands; help and completion list them without loading any."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
@@ -171,6 +163,6 @@ class CommandGroup(PlainFlagsGroup):
         }
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
-        """Return the command that is called, by its name; only that one is loaded."""
+        """Return the name and the called command, the only one that is loaded."""
         name, command, rest = super().resolve_command(ctx, args)
         return name, command and load_command(command.name or ""), rest

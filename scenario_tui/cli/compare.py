@@ -1,4 +1,4 @@
-"""Comparing results with others: baselines, the compare command, how differences print.
+"""Comparison of results: baselines, the compare command, printed differences.
 
 A baseline is a campaign, a folder of traces, a file of results, or the last campaign that was as
 expected.
@@ -44,9 +44,9 @@ _MOST_LISTED: Final = 30
 def compare_with_baseline(
     results: CampaignResults, baseline: str, worse_by: float | None, target: DaemonTarget
 ) -> CampaignDifference | None:
-    """Compare results with what they must not be worse than, if anybody says so.
+    """Compare results with the ``baseline``, otherwise with that of the campaign file.
 
-    Returns ``None``, and says so, when there is nothing to compare with.
+    Returns ``None`` without a baseline, with a message if it has never been green.
     """
     from daemon.judging.assessment import compare_campaigns
 
@@ -54,7 +54,7 @@ def compare_with_baseline(
     name = baseline or (gate.baseline if gate else "")
     if not name:
         return None
-    # The option, then the gate of the campaign file, then what is usual.
+    # The option, then the gate of the campaign file, then the default.
     allowed = gate.worse_by if gate else _DEFAULT_WORSE_BY
     is_last = name == LAST_GREEN
     before = _last_green(results.row, target) if is_last else _read(name, target)
@@ -82,10 +82,10 @@ def _last_green(row: CampaignRow, target: DaemonTarget) -> CampaignResults | Non
     with suppress(Refused), target.read() as source:
         rows = source.campaign_page(name=row.name)
         ids = [one.id for one in rows]
-        # Rows come newest first: what stands behind it was submitted before.
+        # Rows come newest first, so the rows behind it were submitted before.
         for candidate in rows[ids.index(row.id) + 1 if row.id in ids else 0 :]:
             if candidate.finished:
-                # Judged anew each time: green is what its rules say, nobody stores it.
+                # Judged anew each time: its rules decide, and the answer is not stored.
                 results = read_results(source, candidate)
                 if results.assessment.exit_code == ExitCode.EXPECTED:
                     return results
@@ -105,7 +105,7 @@ def compare(
         str,
         typer.Argument(
             metavar="AFTER",
-            help="Another one, compared with it.",
+            help="Another one, to compare with BEFORE.",
             autocompletion=completion.offers(completion.campaigns, completion.files(".json")),
         ),
     ],
@@ -116,16 +116,16 @@ def compare(
             "--worse-by",
             metavar="RATIO",
             parser=parse_ratio,
-            help="Fail when a verdict is worse, or a margin or a duration by more than this.",
+            help="Fail if a verdict is worse, or a margin or a duration by more than this.",
         ),
     ] = None,
     everything: Annotated[
-        bool, typer.Option("--all", help="List what did not change as well.")
+        bool, typer.Option("--all", help="List unchanged quantities as well.")
     ] = False,
 ) -> Answer[ComparedCampaigns]:
     """Compare two campaigns: verdicts, margins, measures, cell by cell.
 
-    Repeats of equal number and seed are paired.
+    Repeats with the same number and seed are paired.
     """
     from daemon.judging.assessment import ComparedCampaigns, compare_campaigns
 
@@ -140,7 +140,7 @@ def compare(
 
 
 def print_comparison(difference: CampaignDifference, *, everything: bool = False) -> None:
-    """Print what changed from one campaign to the other, what got worse first."""
+    """Print the changes from one campaign to the other, the worse ones first."""
     print_line(f"{difference.before} → {difference.after}", style="bold")
     sides = (
         (difference.before, difference.unfinished_before),
@@ -148,7 +148,7 @@ def print_comparison(difference: CampaignDifference, *, everything: bool = False
     )
     for name, count in dict(sides).items():
         if count:
-            words = f"{name}: {count_noun(count, 'run')} not finished, compared is the rest"
+            words = f"{name}: {count_noun(count, 'run')} not finished, only the rest is compared"
             print_line(words, style="yellow")
     for title, cells in (
         ("only before", difference.only_before),
@@ -166,7 +166,7 @@ def print_comparison(difference: CampaignDifference, *, everything: bool = False
         stdout_console().print(_shift_table(shifts[:_MOST_LISTED]))
         if len(shifts) > _MOST_LISTED:
             print_line(f"and {len(shifts) - _MOST_LISTED} more")
-    # How many were tested is said because Holm's correction depends on it.
+    # Holm's correction depends on the number of tests.
     tested = sum(shift.p is not None for shift in difference.shifts)
     quantities = count_noun(tested, "quantity", "quantities")
     changed = sum(shift.changed for shift in difference.shifts)

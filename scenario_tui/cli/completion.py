@@ -1,8 +1,8 @@
-"""Words that TAB offers: campaigns, runs, oracles and files that fit, not every file there is.
+"""Words that TAB offers: campaigns, runs, oracles and files of the right kind.
 
-Names come from the ledger of this machine, read as it is. Without one, or with a daemon named
-that keeps another, nothing is offered, and the shell completes file names as it does anywhere.
-Whatever goes wrong stays unsaid: people are in the middle of a line.
+Names come from the ledger of this machine. Without a ledger, or if another daemon is named, no
+word is offered, and the shell completes file names as usual. Errors are not printed: people are
+in the middle of a line.
 """
 
 from __future__ import annotations
@@ -19,24 +19,24 @@ import typer
 from scenario_tui.campaign_files import has_key, is_campaign
 
 Offers: TypeAlias = Iterable[tuple[str, str]]
-"""Words and what they are; shells that show explanations show both."""
+"""Words with explanations, for shells that show them."""
 Source: TypeAlias = Callable[[typer.Context, str], Offers]
-"""Function from what was typed so far to words, which need not begin with it."""
+"""Function from the text typed so far to words, which need not begin with it."""
 Fits: TypeAlias = Callable[[Path], bool]
 
 _MAX_FILES: Final = 200
 _WORD: Final = re.compile(r"[\w@%+=:,./~-]+\Z")
-"""Words that can stand in a command line as they are: shells do not quote what they are offered."""
+"""Words that need no quotes in a command line: shells do not quote the words they are offered."""
 _NOT_PLAIN: Final = re.compile(r"[^\w.,:%/-]+")
-"""Signs of an explanation that shells would interpret, quotes and brackets say."""
+"""Characters of an explanation that shells would interpret, such as quotes and brackets."""
 _MAX_EXPLANATION: Final = 70
 _FOLDER: Final = re.compile(r"[^/]+/")
 
 
 def offers(*sources: Source) -> Callable[[typer.Context, str], list[tuple[str, str]]]:
-    """Return a completer: the words of all sources that begin with what was typed.
+    """Return a completer: the words of all sources that begin with the typed text.
 
-    A folder here is offered only where no source before has a word.
+    Folders are offered only if no earlier source has a word.
     """
 
     def offered(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
@@ -49,7 +49,7 @@ def offers(*sources: Source) -> Callable[[typer.Context, str], list[tuple[str, s
                     if word.startswith(incomplete) and _WORD.match(word)
                     if not (matching and _FOLDER.fullmatch(word))
                 }
-        except Exception:  # the command itself will say what is wrong, when it is entered
+        except Exception:  # the command itself reports the error when it is entered
             return []
         return list(matching.items())
 
@@ -62,9 +62,9 @@ def words(*all_words: str) -> Source:
 
 
 def files(*kinds: str | Fits) -> Source:
-    """Return a source of files, and folders to go into; a kind is an ending, or says what fits.
+    """Return a source of files and folders; a kind is an ending, or a test of paths.
 
-    Into a folder that is alone it goes at once. Without a kind there are only folders.
+    A folder without siblings is entered at once. Without a kind there are only folders.
     """
     endings = tuple(kind for kind in kinds if isinstance(kind, str))
     tests = [kind for kind in kinds if not isinstance(kind, str)]
@@ -107,25 +107,26 @@ def campaigns(ctx: typer.Context, incomplete: str) -> Offers:
 
 
 def runs(ctx: typer.Context, incomplete: str) -> Offers:
-    """Offer campaigns to begin with, then the runs of the one that is meant."""
+    """Offer campaigns first, then the runs of the only one that matches."""
     from daemon.batch.ledger_names import runs
 
     beginnings = [(f"{id}.", about) for id, _, about in _campaigns(ctx)]
-    meant = [one for one in beginnings if one[0].startswith(incomplete)]
-    if "." not in incomplete and len(meant) != 1:
-        return meant
-    return [] if _names_daemon(ctx) else runs(_ledger(ctx), meant[0][0] if meant else incomplete)
+    matches = [one for one in beginnings if one[0].startswith(incomplete)]
+    if "." not in incomplete and len(matches) != 1:
+        return matches
+    campaign = matches[0][0] if matches else incomplete
+    return [] if _names_daemon(ctx) else runs(_ledger(ctx), campaign)
 
 
 def oracles(ctx: typer.Context, incomplete: str) -> Offers:
-    """Offer the oracles of the run that was named."""
+    """Offer the oracles of the named run."""
     from daemon.batch.ledger_names import oracles
 
     return [] if _names_daemon(ctx) else oracles(_ledger(ctx), _argument_before(ctx, "run"))
 
 
 def names_in_campaign(ctx: typer.Context, incomplete: str) -> Offers:
-    """Offer scenarios, systems under test and oracles of the campaign that was named."""
+    """Offer scenarios, systems under test and oracles of the named campaign."""
     from daemon.batch.ledger_names import layers
 
     return [] if _names_daemon(ctx) else layers(_ledger(ctx), _argument_before(ctx, "campaign"))
@@ -139,7 +140,7 @@ def signals(ctx: typer.Context, incomplete: str) -> Offers:
 
 
 def _argument_before(ctx: typer.Context, argument: str) -> str:
-    """Return the argument of that name; while an option lacks its value it is not taken yet."""
+    """Return the argument of that name, also one not parsed because an option lacks its value."""
     values = ctx.params.get(argument) or ctx.args
     return values if isinstance(values, str) else values[0] if values else ""
 
@@ -158,6 +159,6 @@ def _ledger(ctx: typer.Context) -> Path:
 
 
 def _names_daemon(ctx: typer.Context) -> bool:
-    """Whether somebody names a daemon, whose ledger may be another than that of this machine."""
+    """Return True if a daemon is named: its ledger may not be that of this machine."""
     named = ctx.params.get("connect") or os.environ.get("SCENARIO_CONNECT")
     return "connect" in ctx.params and bool(named)

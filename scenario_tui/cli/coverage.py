@@ -1,4 +1,4 @@
-"""The command that says what a campaign exercises, and what it leaves out."""
+"""The command that lists the features a campaign exercises, and those it leaves out."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def coverage(
         list[str],
         typer.Argument(
             metavar="CAMPAIGN.yaml|TRACES...",
-            help="A campaign file, before it runs; or what it left: traces (.mcap), folders of "
+            help="A campaign file, before it runs; or recorded runs: traces (.mcap), folders of "
             "them, ids of campaigns or runs.",
             autocompletion=completion.offers(
                 completion.campaigns,
@@ -39,15 +39,15 @@ def coverage(
     ],
     near: Annotated[
         float,
-        typer.Option(min=0.01, max=1000.0, help="A door is met when the robot is so near, metres."),
+        typer.Option(min=0.01, max=1000.0, help="The robot meets a door at this distance, metres."),
     ] = 1.5,
     processes: Processes = None,
     *,
     target: DaemonTarget,
 ) -> Answer[Coverage]:
-    """Say which features a campaign exercises, and which it does not.
+    """List the features that a campaign exercises, and those that it does not.
 
-    Of recorded runs also: doors met and triggered, floor seen and driven on.
+    For recorded runs also the doors met and triggered, and the floor seen and driven on.
     """
     counts = _measure_coverage(subject, near, processes, target)
     code = ExitCode.INFRASTRUCTURE if counts.unreadable else ExitCode.EXPECTED
@@ -59,7 +59,7 @@ def _measure_coverage(
 ) -> Coverage:
     from daemon.analysis.coverage import planned_coverage, trace_coverage
 
-    # By name alone: a campaign file that is not there is to be missed as a file, not as a run.
+    # By the name alone, so that a missing campaign file is reported as a file, not as a run.
     files = [name for name in subject if name.endswith((".yaml", ".yml"))]
     if files and len(subject) > 1:
         raise typer.BadParameter("one campaign file, or traces, not both", param_hint="CAMPAIGN")
@@ -78,7 +78,7 @@ def _measure_coverage(
 
 
 def _print(counts: Coverage) -> None:
-    """Print a table for each kind of thing that can be covered."""
+    """Print the tables of features, doors and floors."""
     basis = "by their traces" if counts.recorded else "as planned"
     print_line(f"{count_noun(counts.runs, 'run')}, {basis}")
     print_line()
@@ -92,7 +92,7 @@ def _print(counts: Coverage) -> None:
 
 
 def _feature_table(counts: Coverage) -> Table:
-    """One row per group of features: those exercised with their runs, and those not."""
+    """Return a table with a row per group of features: exercised ones with runs, and the others."""
     table = plain_table("feature", "", "not exercised")
     for group in counts.groups:
         exercised = ", ".join(_feature_with_runs(feature, counts) for feature in group.planned)

@@ -1,4 +1,4 @@
-"""The command that runs the daemon, or ends it."""
+"""The command that runs the daemon, or stops it."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ Commands: TypeAlias = Annotated[
     bool | None,
     typer.Option(
         "--commands/--no-commands",
-        help="Whether runs may start commands that stand in SUT files (kind ros2). Default: yes, "
-        "unless runs come from other machines.",
+        help="Let runs start the commands in SUT files (kind ros2). Default: yes, unless runs come "
+        "from other machines.",
     ),
 ]
 PrintUnit: TypeAlias = Annotated[
-    bool, typer.Option("--print-unit", help="Write a systemd user unit for this and leave.")
+    bool, typer.Option("--print-unit", help="Print a systemd user unit for this command and exit.")
 ]
 
 
 @dataclass(frozen=True, slots=True)
 class LeavingDaemon:
-    """A daemon that leaves with this many ``unfinished`` runs."""
+    """A daemon that stops, with the number of ``unfinished`` runs."""
 
     endpoint: str
     unfinished: int
@@ -56,35 +56,35 @@ def daemon(
         str,
         typer.Option(
             "--listen", metavar="ENDPOINT", parser=parse_endpoint,
-            help="Where to listen for other machines, tls/host:port. Default: nowhere; this "
-            "machine is served through the state directory.",
+            help="Endpoint for other machines, tls/host:port. Default: none; this machine "
+            "connects through the state directory.",
         ),
     ] = "",
     insecure: Annotated[
         bool,
-        typer.Option("--insecure", help="Listen at plain tcp/ to the network, without any keys."),
+        typer.Option("--insecure", help="Listen to the network on plain tcp/, without any keys."),
     ] = False,
     slots: Annotated[
         int | None,
         typer.Option(
             "--slots", "-j", min=0, max=1024,
-            help="Runs at a time on this machine; 0: none here. Default: one per core.",
+            help="Parallel runs on this machine; 0 for none. Default: one per core.",
         ),
     ] = None,
     traces: Annotated[
         str,
         typer.Option(
             "--traces", metavar="URL", parser=_parse_store,
-            help="Where traces of finished runs move to, file:///mnt/traces or s3://bucket/folder; "
-            "credentials belong into the environment. Default: they stay in the state directory.",
+            help="Store for traces of finished runs, file:///mnt/traces or s3://bucket/folder; "
+            "credentials come from the environment. Default: the state directory.",
         ),
     ] = "",
     quota: Annotated[
         int | None,
         typer.Option(
             "--quota", metavar="SIZE", envvar="SCENARIO_QUOTA", parser=parse_size,
-            help="What traces may take in the state directory, 20GiB: then those of the oldest "
-            "finished campaigns go. Default: no limit.",
+            help="Space for traces in the state directory, such as 20GiB; beyond it, traces of the "
+            "oldest finished campaigns are removed. Default: no limit.",
         ),
     ] = None,
     commands: Commands = None,
@@ -93,15 +93,15 @@ def daemon(
         bool,
         typer.Option(
             "--stop",
-            help="Ask the daemon that runs to leave: running runs get a while to finish, what is "
-            "queued goes on with the next daemon.",
+            help="Stop the running daemon: runs get a while to finish; the next daemon continues "
+            "with the queue.",
         ),
     ] = False,
 ) -> Answer[LeavingDaemon] | None:  # fmt: skip
-    """Run the daemon in the foreground, or end it.
+    """Run the daemon in the foreground, or stop it.
 
-    It keeps the queue and the results, and executes runs on this machine. --connect and --json go
-    with --stop.
+    It keeps the queue and the results, and executes runs on this machine. --connect and --json
+    belong to --stop.
     """
     if end:
         leaving = _stop_daemon(target)
@@ -120,7 +120,7 @@ def daemon(
         return None
     from daemon.batch.server import DaemonSettings, exposure_warning, serve
 
-    # A warning only: refusing is the server's, which knows the keys it found.
+    # Only a warning: the server knows its keys, and refuses if they are missing.
     if warning := exposure_warning(listen):
         say(warning)
     decide_on_commands(commands, elsewhere=bool(listen))
@@ -128,15 +128,15 @@ def daemon(
     say(f"starting a daemon{where}, state in {state}, Ctrl-C to leave")
     settings = DaemonSettings(store=traces, quota=quota or 0)
     serve(state, listen=listen, insecure=insecure, slots=slots, settings=settings)
-    say("the daemon has left; what is queued waits for the next one")
+    say("the daemon has stopped; queued runs wait for the next one")
     return None
 
 
 def unit_words(context: typer.Context, options: Mapping[str, str]) -> list[str]:
-    """Return the command line of a unit: what was typed, with absolute paths.
+    """Return the command line of a unit: the typed words, with absolute paths.
 
-    A unit has neither the variables of this shell nor its folder. So ``options`` that are not
-    empty, and the folder of keys, take the place of typed ones.
+    A unit has neither the variables of this shell nor its folder. Therefore ``options`` that are
+    not empty, and the folder of keys, replace typed ones.
     """
     keys = os.environ.get("SCENARIO_KEYS", "")
     options = {"--keys": str(Path(keys).absolute()) if keys else "", **options}
@@ -156,7 +156,7 @@ def unit_words(context: typer.Context, options: Mapping[str, str]) -> list[str]:
 
 
 def _stop_daemon(target: DaemonTarget) -> LeavingDaemon:
-    # Asked first: once the daemon has left, nothing says where it was.
+    # First: the state directory does not know the endpoint of a daemon that has stopped.
     endpoint = target.endpoint
     with target.open() as client:
         overview = client.overview()
@@ -166,5 +166,5 @@ def _stop_daemon(target: DaemonTarget) -> LeavingDaemon:
 
 def _print_leaving(leaving: LeavingDaemon) -> None:
     count = leaving.unfinished
-    rest = f"; {count} unfinished runs go on when it is started again" if count else ""
-    say(f"the daemon at {endpoint_text(leaving.endpoint)} is leaving{rest}")
+    rest = f"; {count} unfinished runs continue with the next daemon" if count else ""
+    say(f"the daemon at {endpoint_text(leaving.endpoint)} is stopping{rest}")

@@ -1,4 +1,4 @@
-"""The command that examines an installation: what is configured, what answers, what is wrong."""
+"""The command that examines an installation: settings, connections, results."""
 
 from __future__ import annotations
 
@@ -29,22 +29,22 @@ def doctor(
         bool, typer.Option("--quick", help="Verify the newest results only, and no files.")
     ] = False,
     traces: Annotated[
-        bool, typer.Option("--traces", help="Read every trace and verify its digest too.")
+        bool, typer.Option("--traces", help="Also read every trace and verify its digest.")
     ] = False,
 ) -> Answer[Examination]:
-    """Say what is configured, what answers, and what is wrong, each with its remedy.
+    """Examine the installation: settings, connections, results; with remedies.
 
-    Every result is held against its digest. Changes nothing. Leaves with 3 when there is a problem.
+    Compares every result with its digest. Changes nothing. Exits with 3 if there is a problem.
     """
     from daemon.batch.operation import Examination, FindingLevel, examine, guarded
     from daemon.batch.paths import find_endpoint
 
     if quick and traces:
-        raise typer.BadParameter("cannot be quick: leave one out", param_hint="--traces")
+        raise typer.BadParameter("contradicts --quick: leave one out", param_hint="--traces")
     endpoint = find_endpoint(target.connect, target.state)
     with _verification_progress() as progress:
         findings = examine(target.paths, endpoint, quick=quick, traces=traces, progress=progress)
-    # The settings of the dashboard are examined here: the daemon's side knows no dashboard.
+    # Examined here because the daemon's packages do not know the dashboard.
     findings = (*findings, *guarded("config", lambda: [_check_settings()]))
     value = Examination(target.paths.state, endpoint, findings)
     is_ill = any(finding.level is FindingLevel.PROBLEM for finding in findings)
@@ -54,7 +54,7 @@ def doctor(
 
 @contextmanager
 def _verification_progress() -> Iterator[VerificationProgress]:
-    """Show on a terminal how much has been verified: a large ledger takes a while."""
+    """Show the progress on a terminal: to verify a large ledger takes a while."""
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
 
     columns = (TextColumn("verifying {task.description}"), BarColumn(), MofNCompleteColumn())
@@ -66,17 +66,17 @@ def _verification_progress() -> Iterator[VerificationProgress]:
 
 
 def _check_settings() -> DoctorFinding:
-    """Say which file the dashboard takes its settings from, and whether it can."""
+    """Return the finding about the settings file of the dashboard."""
     from daemon.batch.operation import DoctorFinding, FindingLevel
     from scenario_tui.dashboard.config import config_path, read_config
 
     try:
         config = read_config()
     except InputError as error:
-        remedy = "correct it: the dashboard does not start until then"
+        remedy = "correct the file: the dashboard does not start until then"
         problem = str(error).splitlines()[0]
         return DoctorFinding(FindingLevel.PROBLEM, "config", problem, remedy)
-    message = f"{config_path()} is not there: everything as usual"
+    message = f"{config_path()} does not exist: the defaults apply"
     if config.path is not None:
         parts = [count_noun(len(config.keys), "key")] if config.keys else []
         parts += [f"theme {config.theme}"] if config.theme else []
@@ -86,7 +86,7 @@ def _check_settings() -> DoctorFinding:
 
 
 def _print_findings(findings: tuple[DoctorFinding, ...]) -> None:
-    """Print a line for each finding, and its remedy below."""
+    """Print a line for each finding, and its remedy below it."""
     from rich.text import Text
 
     for finding in findings:

@@ -1,7 +1,7 @@
 """Examples below the help of each command: lines to copy. The tests execute every one of them.
 
-They stand in a folder with a campaign file ``campaign.yaml`` called ``nightly`` that was submitted
-there, a floor plan ``flat.fpm`` and what their own earlier lines have made.
+The tests run them in a folder with a campaign file ``campaign.yaml``, submitted as ``nightly``, a
+floor plan ``flat.fpm``, and the output of earlier lines.
 """
 
 from __future__ import annotations
@@ -87,4 +87,4 @@ EXAMPLES: Final[dict[str, tuple[str, ...]]] = {
         "scenario schema --vscode .",
     ),
 }
-"""By the words of the command."""
+"""Examples by the words of the command."""

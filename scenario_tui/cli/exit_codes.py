@@ -1,4 +1,4 @@
-"""Exit codes: the one that a set of runs deserves, and errors that have one."""
+"""Exit codes: the code of a set of runs, and errors with a code."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ class ExitCode(IntEnum):
     INFRASTRUCTURE = 3
     INCONCLUSIVE = 4
     BUG = 70
-    # What a shell reports for SIGINT and SIGPIPE: 128 and the number of the signal.
+    # The codes of shells for SIGINT and SIGPIPE: 128 plus the number of the signal.
     INTERRUPTED = 130
     BROKEN_PIPE = 141
 
 
 class CommandError(Exception):
-    """Reason why a command cannot do what was typed, in a line; ``code`` is the exit code."""
+    """Reason, in a line, why a command cannot do its work; ``code`` is the exit code."""
 
     def __init__(self, message: str, code: ExitCode = ExitCode.BAD_INPUT) -> None:
         super().__init__(message)
@@ -44,10 +44,10 @@ class ErrorValue:
 
 
 def exit_code(words: Iterable[str]) -> ExitCode:
-    """Return the code for finished runs, given their words (``pass``, ``lost`` ...).
+    """Return the code for finished runs from their words (``pass``, ``lost`` ...).
 
-    A failure is a finding even when other runs were lost; without one, runs that could not be
-    judged because something broke weigh more than inconclusive ones.
+    A failure counts even if other runs were lost. Without a failure, broken runs weigh more than
+    inconclusive ones.
     """
     outcomes = set(words)
     if "fail" in outcomes:

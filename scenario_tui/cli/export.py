@@ -1,4 +1,4 @@
-"""The command that makes artefacts of a floor plan, a campaign or a recorded run."""
+"""The command that writes artefacts of a floor plan, a campaign or a recorded run."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 def world_of_plan(path: Path, base: str = "") -> tuple[ArtefactWorld, tuple[Finding, ...]]:
     """Return the world of a plan (`.fpm`, `.walls.yaml` or JSON-LD), and the warnings about it.
 
-    Relative identifiers of JSON-LD resolve against ``base``, else against the file's address.
+    Relative identifiers of JSON-LD resolve against ``base``, by default the file's address.
     """
     from grammars.floorplan import WALLS_ENDING, load_floorplan
     from grammars.jsonld import load_floorplan_jsonld
@@ -42,8 +42,7 @@ def world_of_plan(path: Path, base: str = "") -> tuple[ArtefactWorld, tuple[Find
         name = path.name.removesuffix(WALLS_ENDING)
     else:
         plan = load_floorplan_jsonld(path, base) if is_jsonld(path) else load_floorplan(path)
-        # One of several files is called after what it holds of the plan: the plan itself has a
-        # name.
+        # The files of a folder are named after their parts of the plan; the plan has its own name.
         name = path.stem if path.suffix != ".json" and path.is_file() else plan.name
     world = ArtefactWorld(name, compile_scene(plan), plan, sources=model_files(path))
     return world, plan.warnings
@@ -70,14 +69,14 @@ _OF_FILES: Final = (
     "laser_height", "resolution", "distance", "first", "backward", "closed", "yaw", "repeats",
     "timestamp", "base",
 )  # fmt: skip
-"""Parameters that mean nothing for recorded runs."""
+"""Parameters that do not apply to recorded runs."""
 _OF_KINDS: Final[dict[Artefact, tuple[str, ...]]] = {
     Artefact.TASKS: ("distance", "first", "backward", "closed", "yaw"),
     Artefact.PROV: ("timestamp",),
 }
-"""Parameters that mean nothing without this kind."""
+"""Parameters that apply to this kind only."""
 _OF_PICTURES: Final = ("since", "until")
-"""Parameters that mean nothing but for the picture of a run."""
+"""Parameters that apply to the picture of a run only."""
 
 
 def export(
@@ -87,8 +86,8 @@ def export(
         typer.Argument(
             metavar="SOURCE",
             help="A floor plan (.fpm, .jsonld or a folder of .json), a walls layer "
-            "(.walls.yaml), a campaign file; a recorded run or its trace (.mcap), a campaign that "
-            "was submitted.",
+            "(.walls.yaml), a campaign file, a recorded run or its trace (.mcap), or a submitted "
+            "campaign.",
             autocompletion=completion.offers(
                 completion.runs,
                 completion.files(".mcap", ".fpm", ".jsonld", ".json", ".walls.yaml"),
@@ -101,8 +100,8 @@ def export(
         typer.Argument(
             metavar="KIND",
             help="all, or any of: jsonld, map, mesh, sdf (Gazebo), "
-            "keyframes (of campaigns only), tasks, launch (ROS), foxglove, picture, prov; of "
-            "recorded runs picture or traces.",
+            "keyframes (campaigns only), tasks, launch (ROS), foxglove, picture, prov; for "
+            "recorded runs: picture or traces.",
         ),
     ],
     out: Annotated[
@@ -111,7 +110,7 @@ def export(
             "--out",
             "-o",
             metavar="PATH",
-            help="Folder to write to; for the picture of a run also its file, run.svg.",
+            help="Folder to write to; for the picture of a run, also a file such as run.svg.",
         ),
     ] = Path(),
     laser_height: Annotated[
@@ -125,14 +124,14 @@ def export(
         ),
     ] = None,
     distance: Annotated[
-        float, typer.Option(min=0.01, help="For tasks: how far from the walls, metres.")
+        float, typer.Option(min=0.01, help="For tasks: distance from the walls, metres.")
     ] = 0.7,
-    first: Annotated[int, typer.Option(min=0, help="For tasks: waypoint to begin with.")] = 0,
+    first: Annotated[int, typer.Option(min=0, help="For tasks: the first waypoint.")] = 0,
     backward: Annotated[
         bool, typer.Option("--backward", help="For tasks: the other way round.")
     ] = False,
     closed: Annotated[
-        bool, typer.Option("--closed", help="For tasks: come back to the first waypoint.")
+        bool, typer.Option("--closed", help="For tasks: return to the first waypoint.")
     ] = False,
     yaw: Annotated[
         Literal["zero", "path"],
@@ -140,27 +139,27 @@ def export(
     ] = "zero",
     repeats: Annotated[
         int | None,
-        typer.Option(min=1, help="Behaviours of the first repeats only. Default: of all."),
+        typer.Option(min=1, help="Behaviours of the first repeats only. Default: all."),
     ] = None,
     timestamp: Annotated[
         datetime | None,
         typer.Option(
             metavar="ISO8601",
             formats=["%Y-%m-%d", "%Y-%m-%dT%H:%M:%S", "%Y-%m-%dT%H:%M:%S%z"],
-            help="For prov: when. Default: left out.",
+            help="For prov: time of the export. Default: left out.",
         ),
     ] = None,
     base: Base = "",
     since: Annotated[
         float | None,
         typer.Option(
-            "--from", metavar="SECONDS", help="For the picture of a run: closely, from here on."
+            "--from", metavar="SECONDS", help="For the picture of a run: a close-up from here on."
         ),
     ] = None,
     until: Annotated[
         float | None,
         typer.Option(
-            "--until", metavar="SECONDS", help="For the picture of a run: closely, up to here."
+            "--until", metavar="SECONDS", help="For the picture of a run: a close-up up to here."
         ),
     ] = None,
     *,
@@ -169,20 +168,20 @@ def export(
     """Write artefacts of a building, a campaign or a run: maps, worlds, pictures, traces, …
 
     A campaign gets one folder per scenario; scenarios with equal worlds share one. Traces come
-    from a daemon or the store they lie in, and each is verified; what was interrupted goes on.
+    from a daemon or from their store, and each is verified. An interrupted export can be resumed.
     """
     if is_recorded(source, kinds):
-        refuse_typed(context, _OF_FILES, "are of floor plans and campaign files, not of runs")
+        refuse_typed(context, _OF_FILES, "applies to floor plans and campaign files, not to runs")
         if Artefact.PICTURE not in kinds:
-            refuse_typed(context, _OF_PICTURES, "goes with picture only")
+            refuse_typed(context, _OF_PICTURES, "applies to a picture only")
         value = export_recorded(source, kinds, out, target, (since, until))
     else:
         from templates.world import ExportSettings
 
-        refuse_typed(context, _OF_PICTURES, "goes with a picture of a run")
+        refuse_typed(context, _OF_PICTURES, "applies to the picture of a run only")
         for kind, names in _OF_KINDS.items():
             if kind not in kinds and Artefact.ALL not in kinds:
-                refuse_typed(context, names, f"goes with {kind}")
+                refuse_typed(context, names, f"applies to {kind} only")
         settings = ExportSettings(
             laser_height=laser_height,
             resolution=resolution,
@@ -209,7 +208,7 @@ def _print(exported: ExportedFiles) -> None:
 def _worlds(
     source: Path, out: Path, repeats: int | None, base: str
 ) -> list[tuple[ArtefactWorld, Path]]:
-    """Return the worlds of a plan or a campaign, each with the folder it is written to."""
+    """Return the worlds of a plan or a campaign, each with its folder."""
     from daemon.analysis.campaign_worlds import worlds_of_campaign
     from grammars.floorplan import WALLS_ENDING
     from templates.naming import file_name
@@ -220,7 +219,7 @@ def _worlds(
         return [(world, out)]
     worlds, warnings = worlds_of_campaign(source, repeats)
     report_findings(warnings)
-    # Also when there is one: paths stay the same when another scenario is added.
+    # Also for a single world: paths stay the same when another scenario is added.
     return [(world, out / file_name(world.name)) for world in worlds]
 
 
@@ -230,7 +229,7 @@ def _export_files(
     settings: ExportSettings,
     source: Path,
 ) -> ExportedFiles:
-    """Write artefacts of every world into its folder, once they can be made of all of them."""
+    """Write artefacts of every world into its folder, after all kinds have been checked."""
     from templates.artefacts import choose_kinds, export
 
     for world, _ in worlds:
@@ -254,7 +253,7 @@ def _export_files(
 
 
 def _about(source: Path, worlds: list[str], count: int) -> str:
-    """Return what a note is about: the source, with the worlds if it is not about all of them."""
+    """Return the subject of a note: the source, with the worlds unless all of them have it."""
     if len(worlds) == count:
         return str(source)
     more = f" and {len(worlds) - 3} more" if len(worlds) > 3 else ""

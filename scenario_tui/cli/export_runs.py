@@ -20,20 +20,20 @@ if TYPE_CHECKING:
 RECORDED_KINDS: Final = ("picture", "traces")
 _PICTURE_ENDINGS: Final = (".svg", ".png", ".pdf")
 _FILE_ENDINGS: Final = (".fpm", ".yaml", ".yml", ".json", ".jsonld", ".variation", ".scenery")
-"""Endings of files that people write; they may be missing."""
+"""Endings of files that people write, for names of files that do not exist."""
 
 
 @dataclass(frozen=True, slots=True)
 class ExportedFiles:
-    """Files that are here now, and by their runs why traces are ``missing``."""
+    """Exported files, and the reasons why traces are ``missing`` by their runs."""
 
     files: tuple[Path, ...]
     missing: dict[str, str] = field(default_factory=dict)
 
 
 def is_recorded(source: Path, kinds: Sequence[str]) -> bool:
-    """Return True if artefacts of these kinds are of a trace, a run or a submitted campaign."""
-    # `scenario new patrol` makes a folder that is called like its campaign: it hides no traces.
+    """Return True if the source is a trace, a run or a submitted campaign."""
+    # `scenario new patrol` makes a folder with the name of its campaign, which has traces as well.
     if source.suffix == ".mcap" or "traces" in kinds:
         return True
     return not source.exists() and source.suffix not in _FILE_ENDINGS and len(source.parts) == 1
@@ -48,14 +48,14 @@ def export_recorded(
 ) -> ExportedFiles:
     """Write the traces of recorded runs into the folder ``out``, or the picture of one run.
 
-    ``part`` is what is drawn of it, between two moments in seconds. Raises wrong usage for other
+    The picture shows the ``part`` of the run between two moments [s]. Raises wrong usage for other
     kinds, and for both at a time.
     """
     if len(kinds) != 1 or kinds[0] not in RECORDED_KINDS:
         other = [kind for kind in kinds if kind not in RECORDED_KINDS]
-        message = "of recorded runs there are `picture` and `traces`, one at a time"
+        message = "recorded runs have `picture` and `traces`, one at a time"
         if other and "traces" not in kinds:
-            about = f"{other[0]} is of a building or a campaign file, and {source} is no file"
+            about = f"{other[0]} needs a building or a campaign file, and {source} is not a file"
             message = f"{about}: {message}"
         raise typer.BadParameter(message, param_hint="KIND")
     if kinds[0] == "traces":
@@ -76,17 +76,17 @@ def export_recorded(
 
 
 def _copy_traces(name: str, folder: Path, target: DaemonTarget) -> ExportedFiles:
-    """Copy the traces of a campaign or a run, from a daemon or where they lie.
+    """Copy the traces of a campaign or a run, from a daemon or their store.
 
-    Each is verified. What was interrupted goes on where it was; what is here already stays.
+    Each is verified. Interrupted copies are resumed, and complete ones are kept.
     """
     from daemon.batch.stores import copy_trace, trace_reference
     from daemon.model.ids import trace_name
     from daemon.model.verbs import DaemonClient
 
     if Path(name).is_file() and trace_files(name):
-        raise typer.BadParameter(f"the trace {name} is here already", param_hint="SOURCE")
-    # All are asked for first, so that the bar knows how much there is to come.
+        raise typer.BadParameter(f"the trace {name} is already here", param_hint="SOURCE")
+    # First all references, so that the progress bar knows the total size.
     traces: list[tuple[TraceReference, Path]] = []
     missing: dict[str, str] = {}
     files: list[Path] = []
@@ -99,7 +99,7 @@ def _copy_traces(name: str, folder: Path, target: DaemonTarget) -> ExportedFiles
                 missing[row.id] = str(error)
         size = sum(trace.size for trace, _ in traces)
         daemon = source if isinstance(source, DaemonClient) else None
-        with target.progress("bringing traces", size, "bytes") as advance:
+        with target.progress("fetching traces", size, "bytes") as advance:
             for trace, path in traces:
                 try:
                     copy_trace(trace, daemon, path, progress=advance)

@@ -1,4 +1,4 @@
-"""The command that gives space back: traces of finished campaigns, and unused files."""
+"""The command that frees space: traces of finished campaigns, and unused files."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def gc(
     older_than: Annotated[
         float | None,
         typer.Option(
-            "--older-than", metavar="AGE", parser=_parse_age, help="Remove older ones: 30d, 12h."
+            "--older-than", metavar="AGE", parser=_parse_age, help="Remove older traces: 30d, 12h."
         ),
     ] = None,
     max_size: Annotated[
@@ -42,15 +42,15 @@ def gc(
         ),
     ] = None,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", "-n", help="Say what would go; remove nothing.")
+        bool, typer.Option("--dry-run", "-n", help="List what would go; remove nothing.")
     ] = False,
     state: State = None,
 ) -> Answer[Removal]:
-    """Remove what nobody needs, and traces of finished campaigns, the oldest first.
+    """Remove unused files, and the oldest traces of finished campaigns.
 
-    Results stay, and say that the trace is gone; a daemon may be running. A trace goes when any
-    of the options says so; without one no trace goes, only strays: temporary files, uploads
-    given up, scenes and files of no campaign, spools of workers long dead.
+    Traces go by the options only; their results stay and say that the trace is gone. Unused files
+    always go: temporary files, abandoned uploads, scenes and files of no campaign, spools of dead
+    workers. A daemon may be running.
     """
     from daemon.batch.ledger import (
         Removal,
@@ -69,7 +69,7 @@ def gc(
 
 
 def _print_removal(removal: Removal) -> None:
-    """Print a line for each campaign and stray file, and one for all."""
+    """Print a line for each campaign and stray file, and a total."""
     sizes = defaultdict[str, list[int]](list)
     for trace in removal.traces:
         sizes[trace.campaign].append(trace.size)

@@ -1,4 +1,4 @@
-"""The command that makes a building, a walls layer, of a map or a drawing."""
+"""The command that makes a building, a walls layer, from a map or a drawing."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def _parse_length(text: str) -> float:
 
     value = read_as(text, "length")
     if not 0.0 < value <= 100.0:
-        raise ValueError(f"{text} is no size for a building")
+        raise ValueError(f"{text} is not a size of a building")
     return value
 
 
@@ -35,7 +35,7 @@ def import_(
         Path,
         typer.Argument(
             metavar="MAP.yaml|DRAWING.dxf",
-            help="A map (the YAML of map_server, its image beside it) or a drawing.",
+            help="A map (YAML of map_server, with its image) or a drawing.",
             exists=True,
             dir_okay=False,
         ),
@@ -43,24 +43,24 @@ def import_(
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", "-o", metavar="NAME", help="NAME.walls.yaml is written. Default: as the file."
+            "--out", "-o", metavar="NAME", help="Write NAME.walls.yaml. Default: the file's name."
         ),
     ] = None,
     tolerance: Annotated[
         float,
-        typer.Option(min=0.4, max=5.0, help="How far walls may lie off their cells, in cells."),
+        typer.Option(min=0.4, max=5.0, help="Largest distance of walls from their cells, cells."),
     ] = 1.0,
     specks: Annotated[
-        int, typer.Option(min=1, help="Fewer unknown cells than this are noise.")
+        int, typer.Option(min=1, help="Treat groups of fewer unknown cells as noise.")
     ] = 4,
     least_room: Annotated[
-        float, typer.Option(min=0.0, help="Smallest piece of floor that is kept, m².")
+        float, typer.Option(min=0.0, help="Smallest piece of floor to keep, m².")
     ] = 1.0,
     doorways: Annotated[
         bool,
         typer.Option(
             "--doorways/--no-doorways",
-            help="Gaps of 0.7 to 1.3 m between walls become doorways between rooms.",
+            help="Turn gaps of 0.7 to 1.3 m between walls into doorways between rooms.",
         ),
     ] = True,
     height: Annotated[
@@ -68,7 +68,7 @@ def import_(
         typer.Option(
             metavar="LENGTH",
             parser=_parse_length,
-            help="Height of the walls, which neither shows. Default: 2.5 m.",
+            help="Height of the walls. Default: 2.5 m.",
         ),
     ] = None,
     layer: Annotated[
@@ -78,25 +78,25 @@ def import_(
     standing: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="PATTERN", help="For drawings: layers of racks, columns and the like."
+            metavar="PATTERN", help="For drawings: layers that hold racks, columns and the like."
         ),
     ] = None,
     unit: Annotated[
-        str, typer.Option(help="For drawings: mm, cm, dm, m, in or ft. Default: as the file says.")
+        str, typer.Option(help="For drawings: mm, cm, dm, m, in or ft. Default: the file's unit.")
     ] = "",
     thickness: Annotated[
         float | None,
         typer.Option(
             metavar="LENGTH",
             parser=_parse_length,
-            help="For drawings: of walls drawn as one line. Default: 0.1 m.",
+            help="For drawings: thickness of walls drawn as one line. Default: 0.1 m.",
         ),
     ] = None,
     force: Annotated[
-        bool, typer.Option("--force", help="Write over a walls layer that is there.")
+        bool, typer.Option("--force", help="Overwrite an existing walls layer.")
     ] = False,
 ) -> Answer[ImportedBuilding]:
-    """Make a building, NAME.walls.yaml, of the map of a robot or of a drawing (DXF).
+    """Make a building, NAME.walls.yaml, from a robot's map or a drawing (DXF).
 
     Campaigns name it in place of a floor plan: floorplan: NAME.
     """
@@ -106,8 +106,8 @@ def import_(
 
     target = _target(file, out)
     if target.exists() and not force:
-        remedy = "take another name (-o), or write over it: --force"
-        raise InputError.at(Where(str(target)), "is there already", remedy)
+        remedy = "choose another name (-o), or overwrite it with --force"
+        raise InputError.at(Where(str(target)), "exists already", remedy)
     yaw = 0.0
     if file.suffix.lower() in (".dxf", ".dwg"):
         grid = _drawn(file, layer, standing or (), unit, thickness or 0.1)
@@ -117,7 +117,7 @@ def import_(
         grid, yaw = saved.grid, saved.yaw
     else:
         message = "is neither the YAML file of a map nor a drawing"
-        remedy = "of a map, name the YAML file that map_server reads, not its image"
+        remedy = "for a map, name the YAML file that map_server reads, not its image"
         raise InputError.at(Where(str(file)), message, remedy)
     settings = ImportSettings(
         _name_in(target), tolerance, specks, least_room, height or 2.5, doorways
@@ -125,7 +125,7 @@ def import_(
     try:
         imported = vectorise(grid, settings, yaw=yaw)
     except EmptyMapError as error:
-        remedy = "look at its free_thresh and negate"
+        remedy = "check its free_thresh and negate"
         raise InputError.at(Where(str(file)), str(error), remedy) from error
     target.write_text(walls_text(imported.building), encoding="utf-8")
     value = ImportedBuilding(str(target), imported.report)
@@ -135,7 +135,7 @@ def import_(
 def _drawn(
     file: Path, layers: Sequence[str] | None, standing: Sequence[str], unit: str, thickness: float
 ) -> OccupancyGrid:
-    """Return the map of a drawing; print warnings, also when it cannot be read."""
+    """Return the map of a drawing; print warnings, even if it cannot be read."""
     from grammars.text.plugins import load_extra
 
     for library in ("ezdxf", "PIL"):
@@ -150,13 +150,13 @@ def _drawn(
 
 
 def _target(file: Path, out: Path | None) -> Path:
-    """Return the file to write: NAME.walls.yaml, whether or not its ending was given."""
+    """Return the file to write, NAME.walls.yaml, also for a name without the ending."""
     path = out if out is not None else Path(file.stem)
     return path if path.name.endswith(".walls.yaml") else path.with_name(f"{path.name}.walls.yaml")
 
 
 def _name_in(target: Path) -> str:
-    """Return a name a walls layer may have, from the name of its file."""
+    """Return a valid name of a walls layer from the name of its file."""
     name = re.sub(r"[^A-Za-z0-9._-]+", "_", target.name.removesuffix(".walls.yaml"))
     return (name.lstrip("._-") or "building")[:100]
 

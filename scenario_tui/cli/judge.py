@@ -37,7 +37,7 @@ def judge(
             "-o",
             metavar="FILE",
             help="Oracle layer to judge by, such as navigation.oracles.yaml. "
-            "Default: the oracles inside of each trace.",
+            "Default: the oracles in each trace.",
             autocompletion=completion.offers(completion.files(".oracles.yaml")),
         ),
     ] = None,
@@ -45,7 +45,10 @@ def judge(
     *,
     target: DaemonTarget,
 ) -> Answer[Rejudgement]:
-    """Judge recorded runs again and say which verdicts differ; traces stay as they are."""
+    """Judge recorded runs again and list the verdicts that differ.
+
+    The traces do not change.
+    """
     from daemon.analysis.rejudge import Rejudgement, rejudge
     from daemon.model.spec import OracleText
     from grammars.oracle import load_oracles
@@ -54,7 +57,7 @@ def judge(
     if oracles is not None:
         layer = tuple(OracleText(o.name, o.text) for o in load_oracles(oracles).values())
     paths = all_traces(traces, target)
-    # A generator: traces are judged by several processes while the bar counts what comes back.
+    # A generator: several processes judge traces while the bar counts the answers.
     judged = rejudge(paths, layer, places=target.paths, processes=processes)
     results = tuple(track_progress(judged, len(paths), "judging"))
     value = Rejudgement(str(oracles or ""), results)

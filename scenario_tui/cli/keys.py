@@ -1,4 +1,4 @@
-"""The keys of a daemon and of those who connect to it: init, issue, list, bundle, revoke."""
+"""Commands for the keys of a daemon and its clients: init, issue, list, bundle, revoke."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     name="keys",
-    help="Make the keys with which machines prove to each other who they are.",
+    help="Manage the keys by which machines authenticate each other.",
     no_args_is_help=True,
     add_completion=False,
     cls=PlainFlagsGroup,
@@ -32,15 +32,15 @@ Hosts: TypeAlias = Annotated[
     typer.Option(
         "--host",
         metavar="NAME",
-        help="A name or address the daemon is reached by; say it again for more. "
-        "Default: this machine's name. Loopback is always among them.",
+        help="A name or address of the daemon; may be repeated. "
+        "Default: this machine's name. Loopback is always included.",
     ),
 ]
 Days: TypeAlias = Annotated[
-    int, typer.Option("--days", min=1, max=3650, help="How long a certificate is good for.")
+    int, typer.Option("--days", min=1, max=3650, help="Days for which a certificate is valid.")
 ]
 KeyName: TypeAlias = Annotated[
-    str, typer.Argument(metavar="KEY", help="A key as `scenario keys list` calls it.")
+    str, typer.Argument(metavar="KEY", help="Name of a key in `scenario keys list`.")
 ]
 
 
@@ -48,14 +48,16 @@ KeyName: TypeAlias = Annotated[
 def init(
     folder: Annotated[
         Path | None,
-        typer.Argument(metavar="[DIR]", help="Where. Default: $SCENARIO_KEYS, then your settings."),
+        typer.Argument(
+            metavar="[DIR]", help="Folder of keys. Default: $SCENARIO_KEYS, then your settings."
+        ),
     ] = None,
     host: Hosts = None,
     days: Days = 730,
 ) -> None:
     """Make an authority, and a key each for the daemon, a worker, an operator and a viewer.
 
-    Nothing that is there is ever overwritten.
+    Existing files are never overwritten.
     """
     from daemon.batch.security import keys_folder
     from daemon.batch.security.authority import create_authority, utc_now
@@ -73,14 +75,14 @@ def init(
 def issue(
     role: Annotated[
         Literal["viewer", "operator", "worker", "daemon"],
-        typer.Argument(metavar="ROLE", help="What it is for."),
+        typer.Argument(metavar="ROLE", help="Role of its owner."),
     ],
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Whose it is: a-z 0-9 and -.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of its owner: a-z, 0-9 and -.")],
     keys: Keys = None,
     host: Hosts = None,
     days: Days = 730,
 ) -> None:
-    """Make one more key; a daemon admits it from its next start on."""
+    """Make one more key; the daemon admits it after its next start."""
     from daemon.batch.security import keys_folder
     from daemon.batch.security.authority import issue_key, utc_now
     from daemon.model.verbs import Role
@@ -91,7 +93,7 @@ def issue(
 
 @command_of(app, "list")
 def list_(keys: Keys = None) -> Answer[KeyList]:
-    """List who has a key, for what, until when, and its fingerprint."""
+    """List all keys with role, last day and fingerprint."""
     from daemon.batch.security import KeyList, keys_folder, load_register
 
     place = keys_folder(keys)
@@ -101,9 +103,9 @@ def list_(keys: Keys = None) -> Answer[KeyList]:
 
 @command_of(app, "revoke")
 def revoke(key: KeyName, keys: Keys = None) -> Answer[KeyList]:
-    """Take a key's rights away, at once; a daemon that runs sees it within a second.
+    """Revoke a key; a running daemon refuses it within a second.
 
-    What it has brought so far counts: to have it run again, retry or delete those campaigns.
+    Its earlier results still count: retry or delete those campaigns to run them again.
     """
     from daemon.batch.security import KeyList, keys_folder, load_register
     from daemon.batch.security.authority import revoke_key, utc_now
@@ -123,9 +125,9 @@ def bundle(
     ],
     keys: Keys = None,
 ) -> None:
-    """Pack a key for another machine: secret, to be carried by a safe road (scp, a stick).
+    """Pack a key for another machine; it is secret, so carry it safely (scp, a USB stick).
 
-    There: tar -xf FILE.tar -C ~/.config/scenario
+    Unpack it there: tar -xf FILE.tar -C ~/.config/scenario
     """
     from daemon.batch.security import keys_folder
     from daemon.batch.security.authority import pack_key
@@ -135,7 +137,7 @@ def bundle(
 
 
 def _certificate_hosts(names: list[str] | None) -> tuple[str, ...]:
-    # Without loopback among the names, the daemon's own machine could not check its certificate.
+    # Without loopback, the daemon's own machine could not check its certificate.
     hosts = [*(names or [socket.gethostname()]), "localhost", "127.0.0.1", "::1"]
     return tuple(dict.fromkeys(hosts))
 

@@ -1,4 +1,4 @@
-"""The command that begins: a new campaign, or a list of what campaigns can name."""
+"""The command that writes a new campaign, or lists the layers that campaigns can name."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,59}")
 
 @dataclass(frozen=True, slots=True)
 class NewCampaign:
-    """A new campaign: its file, and all that was written for it."""
+    """A new campaign: its file, and all written files."""
 
     campaign: str
     files: tuple[str, ...]
@@ -65,7 +65,7 @@ def new(
         Path | None,
         typer.Argument(
             metavar="NAME",
-            help="Name of the campaign, and of the folder that is made for it.",
+            help="Name of the campaign and of its new folder.",
             show_default=False,
         ),
     ] = None,
@@ -74,7 +74,7 @@ def new(
         typer.Option(
             "--floorplan",
             metavar="FILE",
-            help="Begin with this building instead of a flat of its own.",
+            help="Use this building instead of a new flat.",
             autocompletion=completion.offers(completion.files(".fpm", ".jsonld")),
         ),
     ] = None,
@@ -83,14 +83,14 @@ def new(
         typer.Option(
             "--robot",
             metavar="FILE|NAME",
-            help="Begin with this robot, a file or one that ships, instead of one of its own.",
+            help="Use this robot, a file or one that ships, instead of a new one.",
         ),
     ] = "",
     nav2: Annotated[
         bool,
         typer.Option(
             "--nav2",
-            help="Test Nav2 (ROS 2 Jazzy, Kilted) as well: write suts/my-nav2.yaml and parameters "
+            help="Also test Nav2 (ROS 2 Jazzy, Kilted): write suts/my-nav2.yaml and parameters "
             "for the robot.",
         ),
     ] = False,
@@ -98,23 +98,23 @@ def new(
         bool,
         typer.Option(
             "--layers",
-            help="Write nothing; list what a campaign in the folder NAME, this one if left out, "
-            "can name: robots, systems under test, plans, …",
+            help="Write nothing; list the layers that a campaign in the folder NAME can name: "
+            "robots, systems under test, plans, … Default: this folder.",
         ),
     ] = False,
 ) -> Answer[NewCampaign] | Answer[LayerList]:
-    """Write a small campaign that runs, to change into yours.
+    """Write a small campaign that runs, for you to change.
 
-    A flat with a door, a robot, a mission and oracles, every line explained; nothing is
-    overwritten.
+    It has a flat with a door, a robot, a mission and oracles, with every line explained. Existing
+    files are not overwritten.
     """
     if listing:
-        why = "begins a campaign: leave it out"
+        why = "belongs to a new campaign: leave it out"
         refuse_typed(context, ("floorplan", "robot", "nav2"), why)
         layers = LayerList(str(folder or Path()), tuple(_layers(folder or Path())))
         return Answer("layers", layers, partial(_print_layers, layers))
     if folder is None:
-        raise typer.BadParameter("say how the campaign is to be called", param_hint="NAME")
+        raise typer.BadParameter("name the new campaign", param_hint="NAME")
     name = _campaign_name(folder)
     from grammars.model.robot_files import read_robot
     from grammars.text.documents import load_yaml, parse_yaml
@@ -136,7 +136,7 @@ def new(
         files |= nav2_files(read_robot(document))
     for file, text in files.items():
         (folder / file).parent.mkdir(parents=True, exist_ok=True)
-        # Exclusively: whoever wrote there meanwhile keeps what they wrote.
+        # Exclusively: a file that somebody wrote there meanwhile is kept.
         with (folder / file).open("x", encoding="utf-8") as target:
             target.write(text)
     paths = tuple(str(folder / file) for file in files)
@@ -155,7 +155,7 @@ def _campaign_name(folder: Path) -> str:
         )
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise typer.BadParameter(
-            f"{folder} is there already, and nothing is overwritten: choose another name",
+            f"{folder} exists already and is not overwritten: choose another name",
             param_hint="NAME",
         )
     return name
@@ -169,7 +169,7 @@ def _print_next_steps(files: tuple[str, ...]) -> None:
     start = [command_line("sut", "check", path, "--campaign", file) for path in stacks]
     print_commands(
         (command_line("check", file), "find every problem before anything runs"),
-        *((command, "start Nav2, and see whether it fits") for command in start),
+        *((command, "start Nav2, and see what it lacks") for command in start),
         (command_line("run", file), "run it here and now"),
         ("scenario new --layers", "robots and systems under test it can name"),
     )
@@ -194,17 +194,17 @@ def _errand_in(path: Path) -> Errand:
 
 
 def _robot_file(robot: str, folder: Path) -> Path:
-    """Return the file of a robot, given by its path or its name; raises ``InputError``."""
+    """Return the file of a robot by its path or name; raises ``InputError``."""
     from daemon.campaign import ROBOT, LayerReference, find_layer
 
     is_path = "/" in robot or robot.endswith(ROBOT.endings)
     name = str(Path(robot).absolute()) if is_path else robot
-    # From above the new folder, which is not there yet.
+    # From the folder above, because the new one does not exist yet.
     return find_layer(folder.parent, LayerReference(name, {}, Where("--robot")), ROBOT)
 
 
 def _robot_reference(path: Path, folder: Path) -> str:
-    """Return how a campaign in ``folder`` names a robot: by name when it ships."""
+    """Return the reference to a robot in ``folder``: its name if it ships, else its path."""
     from grammars.text.sources import shipped_folder
 
     if path.resolve().is_relative_to(shipped_folder()):
@@ -215,7 +215,7 @@ def _robot_reference(path: Path, folder: Path) -> str:
 def _layers(folder: Path) -> Iterator[NamedLayer]:
     """Iterate over the layers of a folder, then the shared ones, then those that ship.
 
-    Of several with one name the first counts. Raises :class:`typer.BadParameter`.
+    The first of several with the same name counts. Raises :class:`typer.BadParameter`.
     """
     from daemon.campaign import LAYER_KINDS, layer_names, layer_places
     from grammars.text.sources import shipped_folder
@@ -235,7 +235,7 @@ def _layers(folder: Path) -> Iterator[NamedLayer]:
 
 
 def _about(path: Path) -> str:
-    """Return what a file says it is about."""
+    """Return the description in a file, or why it cannot be read."""
     from grammars.text.documents import load_yaml
 
     try:

@@ -1,4 +1,4 @@
-"""Options several commands share, and the amounts people type in them."""
+"""Options that several commands share, and the parsers of their amounts."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from grammars.text.diagnostics import InputError, Where, closest
 from scenario_tui.cli import completion
 
 _LISTED: Final = 5
-"""Campaign files that are named when none is close to what was typed."""
+"""Campaign files that a message lists if none is close to the typed name."""
 
 
 def parse_duration(text: str) -> float:
@@ -26,7 +26,7 @@ def parse_wall(text: str) -> float:
     """Return a wall clock limit in seconds: ``90``, ``90s`` or ``2min``; raises ``ValueError``."""
     seconds = parse_duration(f"{text}s" if text.strip().replace(".", "", 1).isdigit() else text)
     if seconds <= 0.0:
-        raise ValueError("a limit is longer than 0 s")
+        raise ValueError("a limit must be longer than 0 s")
     return seconds
 
 
@@ -44,32 +44,32 @@ def check_writable(path: Path, option: str) -> None:
     """Refuse a file that cannot be written, as wrong usage of ``option``."""
     why = ""
     if path.is_dir():
-        why = "is a folder, and a file is written"
+        why = "is a folder: name a file"
     elif lacking := why_no_folder(path.parent):
         why = f"cannot be written: {path.parent} {lacking}"
     elif not os.access(path if path.exists() else path.parent, os.W_OK):
-        why = "may not be written by you"
+        why = "cannot be written: you lack the permission"
     if why:
         raise typer.BadParameter(f"{path} {why}", param_hint=option)
 
 
 def why_no_folder(path: Path) -> str:
-    """Return what there is instead of a folder, empty when there is one."""
+    """Return why a path is not a folder; empty for a folder."""
     if path.is_dir():
         return ""
-    return "is no folder" if path.exists() else "is not there"
+    return "is not a folder" if path.exists() else "does not exist"
 
 
 def check_folder(path: Path, option: str) -> None:
     """Refuse a path with a file in place of a folder, as wrong usage of ``option``."""
     nearest = next(one for one in (path, *path.parents) if one.exists())
     if not nearest.is_dir():
-        why = f"{nearest} is a file: name a folder, new or existing"
+        why = f"{nearest} is a file: name a new or existing folder"
         raise typer.BadParameter(why, param_hint=option)
 
 
 def refuse_typed(context: typer.Context, names: Sequence[str], why: str) -> None:
-    """Refuse parameters that were typed although they mean nothing here."""
+    """Refuse parameters that were typed although they do not apply."""
     sources = {name: context.get_parameter_source(name) for name in names}
     typed = [
         parameter.opts[0]
@@ -81,27 +81,27 @@ def refuse_typed(context: typer.Context, names: Sequence[str], why: str) -> None
 
 
 def parse_endpoint(text: str) -> str:
-    """Return the endpoint that was typed, a path as that of a socket; raises ``ValueError``."""
+    """Return a typed endpoint, a path as the endpoint of a socket; raises ``ValueError``."""
     from daemon.batch import paths
 
     endpoint = paths.parse_endpoint(text)
     if text and not paths.is_endpoint(endpoint):
         raise ValueError(
-            f"{text!r} is not an endpoint, write tcp/<host>:<port>, tls/<host>:<port> "
+            f"{text!r} is not an endpoint: write tcp/<host>:<port>, tls/<host>:<port> "
             "or the path of a socket"
         )
     return endpoint
 
 
 def check_campaign_file(path: Path) -> Path:
-    """Return the path of a campaign file; raises :class:`InputError`, with files near by."""
+    """Return the path of a campaign file; raises :class:`InputError` with suggestions."""
     if not path.exists():
         raise InputError.at(Where(str(path)), "no such file", _campaign_hint(path))
     return path
 
 
 def refuse_missing_file(name: str) -> None:
-    """Check a name with the ending of a campaign file; campaigns and runs have none."""
+    """Check that a name with the ending of a campaign file exists as a file."""
     if name.endswith((".yaml", ".yml")):
         check_campaign_file(Path(name))
 
@@ -110,7 +110,7 @@ def _campaign_hint(path: Path) -> str:
     from scenario_tui.campaign_files import find_files, is_campaign
 
     files = find_files(Path(), is_campaign)
-    # Without their endings, which would make any two of them alike.
+    # Without the endings, by which any two of them would be similar.
     names = {file.stem: file for file in path.parent.glob("*.y*ml")}
     for file in files:
         for word in (str(file.with_suffix("")), file.stem, file.parent.name):
@@ -119,17 +119,17 @@ def _campaign_hint(path: Path) -> str:
     if word := next(filter(None, (closest(one, names) for one in typed)), ""):
         return f"did you mean {names[word]}?"
     if not files:
-        return "there is no campaign file here: `scenario new my-tests` writes one"
+        return "this folder has no campaign file: `scenario new my-tests` writes one"
     more = f" and {len(files) - _LISTED} more" if len(files) > _LISTED else ""
     return f"campaign files here: {', '.join(map(str, files[:_LISTED]))}{more}"
 
 
 _COMMON: Final = "Common options"
-"""The panel of help for options that many commands have."""
+"""Panel of the help for options of many commands."""
 
 
 def out_folder(about: str) -> Any:
-    """Return the option ``--out DIR``; it refuses files."""
+    """Return the option ``--out DIR``, which refuses files."""
     return typer.Option("--out", "-o", metavar="DIR", callback=_check_out, help=about)
 
 
@@ -147,7 +147,7 @@ Connect: TypeAlias = Annotated[
         metavar="ENDPOINT",
         parser=parse_endpoint,
         rich_help_panel=_COMMON,
-        help="Daemon to talk to, tls/host:port. Default: $SCENARIO_CONNECT, "
+        help="Endpoint of the daemon, tls/host:port. Default: $SCENARIO_CONNECT, "
         "then the daemon of this machine.",
     ),
 ]
@@ -167,7 +167,7 @@ Keys: TypeAlias = Annotated[
         "--keys",
         metavar="DIR",
         rich_help_panel=_COMMON,
-        help="Folder of keys, for tls/host:port. Default: $SCENARIO_KEYS, then keys in your "
+        help="Folder of keys, for tls/host:port. Default: $SCENARIO_KEYS, then the keys in your "
         "settings.",
     ),
 ]
@@ -176,8 +176,8 @@ Baseline: TypeAlias = Annotated[
     typer.Option(
         "--baseline",
         metavar="CAMPAIGN",
-        help="Fail when results are worse than those of this campaign, folder of traces, file of "
-        "results (JSON), or last-green. Default: what the campaign file says under gate.",
+        help="Fail if results are worse than those of this campaign, folder of traces, file of "
+        "results (JSON), or last-green. Default: the gate of the campaign file.",
         autocompletion=completion.offers(
             completion.words("last-green"), completion.campaigns, completion.files(".json")
         ),
@@ -189,7 +189,7 @@ WorseBy: TypeAlias = Annotated[
         "--worse-by",
         metavar="RATIO",
         parser=parse_ratio,
-        help="How much worse a margin or a duration may be. Default: the gate's, or 10 %.",
+        help="Allowed loss of a margin or a duration. Default: the gate's, or 10 %.",
     ),
 ]
 Base = Annotated[
@@ -197,7 +197,7 @@ Base = Annotated[
     typer.Option(
         "--base",
         metavar="IRI",
-        help="For JSON-LD: what relative identifiers resolve against. Default: the file's address.",
+        help="For JSON-LD: base of relative identifiers. Default: the file's address.",
     ),
 ]
 AsJson: TypeAlias = Annotated[
@@ -208,7 +208,7 @@ AsJson: TypeAlias = Annotated[
 ]
 Slots: TypeAlias = Annotated[
     int | None,
-    typer.Option("--slots", "-j", min=1, max=1024, help="Runs at a time. Default: one per core."),
+    typer.Option("--slots", "-j", min=1, max=1024, help="Parallel runs. Default: one per core."),
 ]
 Wall: TypeAlias = Annotated[
     float | None,
@@ -216,8 +216,8 @@ Wall: TypeAlias = Annotated[
         "--wall",
         metavar="TIME",
         parser=parse_wall,
-        help="Wall clock limit of a run, 90s or 10min: what has not ended by then ends as an error "
-        "that says so. Default: ten times its simulated limit, at least 5min.",
+        help="Wall clock limit of a run, 90s or 10min; a run that exceeds it ends as an error. "
+        "Default: ten times its simulated limit, at least 5min.",
     ),
 ]
 
@@ -241,7 +241,10 @@ TableFile: TypeAlias = Annotated[
     ),
 ]
 Processes: TypeAlias = Annotated[
-    int | None, typer.Option("--processes", "-j", min=1, max=1024, help="Default: one per core.")
+    int | None,
+    typer.Option(
+        "--processes", "-j", min=1, max=1024, help="Parallel processes. Default: one per core."
+    ),
 ]
 CampaignFile: TypeAlias = Annotated[
     Path,
@@ -256,7 +259,7 @@ CampaignName: TypeAlias = Annotated[
     str,
     typer.Argument(
         metavar="CAMPAIGN",
-        help="Id or name of a campaign, or how it begins.",
+        help="Id or name of a campaign, or its beginning.",
         autocompletion=completion.offers(completion.campaigns),
     ),
 ]
@@ -271,6 +274,6 @@ RunOrTrace: TypeAlias = Annotated[
 
 
 def use_keys(folder: Path | None) -> None:
-    """Look for keys in ``folder`` from now on, if one was named."""
+    """Look for keys in ``folder`` from now on, if it is given."""
     if folder is not None:
         os.environ["SCENARIO_KEYS"] = str(folder.absolute())

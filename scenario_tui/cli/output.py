@@ -32,7 +32,7 @@ def _replace_signs(error: UnicodeError) -> tuple[str, int]:
 
 
 class _LibraryMessages(logging.Handler):
-    """Prints what the library has to say while it works, where it draws no progress."""
+    """Prints the messages that the library logs while it works."""
 
     def emit(self, record: logging.LogRecord) -> None:
         """Write a message."""
@@ -54,10 +54,10 @@ def library_messages() -> Iterator[None]:
 
 
 def settle_streams() -> None:
-    """Make standard streams usable that are closed or cannot encode what we print.
+    """Make standard streams usable that are closed or cannot encode our output.
 
-    A closed stream gets the null device, so that no file of ours takes its descriptor; signs that
-    the terminal's encoding lacks are replaced.
+    A closed stream becomes the null device, so that no file of ours takes its descriptor. Signs
+    that the terminal's encoding lacks are replaced.
     """
     codecs.register_error("scenario.plainly", _replace_signs)
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
@@ -84,14 +84,14 @@ def stderr_console() -> Console:
 
 @contextmanager
 def open_progress(*columns: str | ProgressColumn, threads: bool = True) -> Iterator[Progress]:
-    """Show progress where somebody looks, and nothing of it afterwards.
+    """Show progress on a terminal, and remove it afterwards.
 
     Without ``threads`` it is drawn at each step only, not ten times a second.
     """
     from rich.progress import BarColumn, Progress, TaskProgressColumn
 
     console = stderr_console()
-    # The remaining time of rich is in another notation than ours, and a guess.
+    # Without the remaining time of rich: it is a guess, in another notation than ours.
     progress = Progress(
         *(columns or ("{task.description}", BarColumn(), TaskProgressColumn())),
         console=console,
@@ -99,7 +99,7 @@ def open_progress(*columns: str | ProgressColumn, threads: bool = True) -> Itera
         transient=True,
         disable=not console.is_terminal,
     )
-    # What is printed meanwhile passes through rich, which would take over its colours.
+    # Other output passes through rich meanwhile, which would interpret its colours.
     with progress, printable_streams():
         yield progress
 
@@ -108,7 +108,7 @@ def open_progress(*columns: str | ProgressColumn, threads: bool = True) -> Itera
 def show_progress(
     doing: str, total: int, unit: Literal["traces", "bytes"]
 ) -> Iterator[Callable[[int], None]]:
-    """Show how much of ``total`` is done; yields what counts further traces or bytes."""
+    """Show how much of ``total`` is done; yields a function that counts traces or bytes."""
     if not total:
         yield lambda _: None
         return
@@ -117,26 +117,26 @@ def show_progress(
     amounts: tuple[ProgressColumn, ...] = (MofNCompleteColumn(),)
     if unit == "bytes":
         amounts = (DownloadColumn(), TransferSpeedColumn())
-    # Processes are forked to judge traces, and threads do not survive that.
+    # Traces are judged by forked processes; threads do not survive a fork.
     with open_progress(doing, BarColumn(), *amounts, threads=unit == "bytes") as progress:
         task = progress.add_task("", total=total)
         yield lambda count: progress.update(task, advance=count, refresh=unit == "traces")
 
 
-def track_progress(found: Iterable[T], total: int, description: str) -> Iterator[T]:
-    """Pass ``found`` on and show how far it is, where somebody looks and it takes a while."""
-    # Processes are forked meanwhile, and threads do not survive that.
+def track_progress(results: Iterable[T], total: int, description: str) -> Iterator[T]:
+    """Yield all ``results``, and show the progress on a terminal."""
+    # Processes are forked meanwhile; threads do not survive a fork.
     with open_progress(threads=False) as progress:
-        yield from progress.track(found, total=total, description=description)
+        yield from progress.track(results, total=total, description=description)
 
 
 def print_line(text: str | Text = "", style: str | None = None) -> None:
-    """Print a line of results; the terminal wraps it, so that people can copy it whole."""
+    """Print a line of results; the terminal wraps it, so people can copy the whole line."""
     stdout_console().print(text, style=style, soft_wrap=True)
 
 
 def print_commands(*commands: tuple[str, str]) -> None:
-    """Print what to type next: ``(command, what it does)`` pairs, the purpose where it fits."""
+    """Print suggested commands: ``(command, purpose)`` pairs, the purpose if it fits."""
     from rich.text import Text
 
     console = stdout_console()
@@ -150,18 +150,18 @@ def print_commands(*commands: tuple[str, str]) -> None:
 
 
 def say(message: str) -> None:
-    """Write a message for people to standard error; that nobody reads it changes nothing."""
+    """Write a message for people to standard error; a closed pipe is no error."""
     with suppress(BrokenPipeError):
         sys.stderr.write(printable(message) + "\n")
         sys.stderr.flush()
 
 
 def report_findings(findings: Iterable[Finding]) -> None:
-    """Print every finding to standard error; that nobody reads them changes nothing."""
+    """Print every finding to standard error; a closed pipe is no error."""
     from scenario_tui.text.diagnostics import render_diagnostic
 
     console = stderr_console()
-    # rich leaves the program when a pipe is broken; the command has its own exit code to give.
+    # rich exits when a pipe is broken, but the exit code is the command's.
     with suppress(SystemExit):
         for finding in findings:
             console.print(render_diagnostic(finding), soft_wrap=True)

@@ -1,7 +1,7 @@
-"""The schemas of what ``--json`` writes: every output of the commands, by the name it carries.
+"""Schemas of the output of ``--json``: every answer of the commands, by its name.
 
-A field is never taken away nor changed in meaning without a new number behind the name; new ones
-may come. The JSON Schema of all of it is what ``scenario schema --outputs`` prints.
+No field is removed or changes its meaning without a new number behind the name; new fields may
+come. ``scenario schema --outputs`` prints the JSON Schema of all answers.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ _LEFT_OUT_WHEN_EMPTY: Final = {
     "CampaignOrigin": ("path",),
     "Robot": ("other_lasers",),
 }
-"""What JSON leaves out when it is empty, so that robots with one laser stay what they were."""
+"""Fields that JSON leaves out when empty, so that robots with one laser keep their form."""
 
 
 def outputs_schema() -> dict[str, Any]:
@@ -89,17 +89,17 @@ def outputs_schema() -> dict[str, Any]:
 
 
 def _value_schema(name: str, kind: type) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the JSON Schema of a value with its field ``schema``, and what it refers to."""
+    """Return the JSON Schema of a value with its field ``schema``, and the definitions it uses."""
     from pydantic import TypeAdapter
 
     template = "#/$defs/{model}"
     body = TypeAdapter(kind).json_schema(mode="serialization", ref_template=template)
     inner = body.pop("$defs", {})
-    if "$ref" in body:  # a value that refers to its own kind
+    if "$ref" in body:  # a recursive type
         body = dict(inner[body["$ref"].rpartition("/")[2]])
     for title, one in (*inner.items(), (kind.__name__, body)):
         if "properties" in one:
-            # Pydantic takes what has a default for optional; we write every field but those.
+            # Pydantic takes fields with a default for optional; we write all except these.
             left_out = _LEFT_OUT_WHEN_EMPTY.get(title, ())
             one["required"] = [key for key in one["properties"] if key not in left_out]
     body["properties"] = {"schema": {"const": schema_identifier(name)}, **body["properties"]}

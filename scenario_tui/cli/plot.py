@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class PlottedSignal:
-    """A signal over ``time`` [s]; a value is null where it is not known or not finite."""
+    """A signal over ``time`` [s]; a value that is unknown or not finite is null."""
 
     name: str
     unit: str
@@ -37,7 +37,7 @@ class PlottedSignal:
 
 @dataclass(frozen=True, slots=True)
 class Plot:
-    """Signals of a run, and what its oracles say."""
+    """Signals of a run, and its verdicts."""
 
     run: str
     trace: str
@@ -51,7 +51,7 @@ def plot(
         list[str],
         typer.Argument(
             metavar="SIGNAL",
-            help="Signals as oracles name them: clearance speed loc.error door_17.angle "
+            help="Signals by their names in oracles: clearance speed loc.error door_17.angle "
             "'clearance(0.35 m, 0.2 m)'.",
             autocompletion=completion.offers(completion.signals),
         ),
@@ -59,7 +59,7 @@ def plot(
     *,
     target: DaemonTarget,
 ) -> Answer[Plot]:
-    """Draw signals of a recorded run over time, with the moments that decided against it."""
+    """Draw signals of a recorded run over time, and mark the moments of failures."""
     from scenario_tui.library.trace import Trace
 
     trace = Trace(one_trace(run, target))
@@ -73,25 +73,25 @@ def _print(trace: Trace, signals: list[Signal], verdicts: tuple[Verdict, ...]) -
     from scenario_tui.dashboard.signal_graphs import draw_signals
 
     size = shutil.get_terminal_size((80, 24))
-    against = [v for v in verdicts if v.outcome is Outcome.FAIL]
-    marks = tuple(v.evidence.time for v in against if v.evidence.time is not None)
+    failures = [v for v in verdicts if v.outcome is Outcome.FAIL]
+    marks = tuple(v.evidence.time for v in failures if v.evidence.time is not None)
     for signal in signals:
         print_line(_summary(signal))
-    rows = size.lines - 1 - len(against) - len(signals)
+    rows = size.lines - 1 - len(failures) - len(signals)
     for row in draw_signals(trace.recorded, signals, size.columns, rows, marks=marks):
         print_line(row)
-    for one in against:
+    for one in failures:
         parts = (f"{glyph_word(one.outcome)}  {one.oracle}", moment_text(one.evidence.time))
         print_line(" ".join(filter(None, parts)))
 
 
 def _summary(signal: Signal) -> Text:
-    """Return a signal in a line: between which values, and the last one."""
+    """Return a signal in a line: its range and its last value."""
     import numpy as np
     from rich.text import Text
 
     finite = signal.value[np.isfinite(signal.value)]
-    words = "never known in this run"
+    words = "has no value in this run"
     if len(finite):
         unit = "" if signal.unit == "bool" else signal.unit
         low, high = format_quantity(float(finite.min())), format_quantity(float(finite.max()), unit)

@@ -36,32 +36,32 @@ def replay(
         typer.Option(
             "--from",
             metavar="SECONDS|ORACLE",
-            help="Begin there: a moment, or when that oracle was decided.",
+            help="Begin at this moment, or when this oracle was decided.",
             autocompletion=completion.offers(completion.oracles),
         ),
     ] = "",
     speed: Annotated[
-        float, typer.Option("--speed", min=0.1, max=1000.0, help="Simulated seconds a second.")
+        float, typer.Option("--speed", min=0.1, max=1000.0, help="Simulated seconds per second.")
     ] = 1.0,
     frame: Annotated[
         str,
         typer.Option(
             "--frame",
             metavar="SECONDS|ORACLE",
-            help="Only print this moment as text: a time in seconds, such as 124.2, or an oracle; "
-            "needs no terminal.",
+            help="Only print this moment as text: a time in seconds, such as 124.2, or an oracle. "
+            "Needs no terminal.",
             autocompletion=completion.offers(completion.oracles),
         ),
     ] = "",
     *,
     target: DaemonTarget,
 ) -> ExitCode:
-    """Watch a recorded run from above, with what its oracles say, or two of them side by side."""
+    """Watch a recorded run from above with its verdicts, or two runs side by side."""
     from scenario_tui.dashboard.playback import open_playback
     from scenario_tui.terminal.capabilities import why_undrawable
 
     if frame and other:
-        raise typer.BadParameter("goes with one run only", param_hint="--frame")
+        raise typer.BadParameter("works with one run only", param_hint="--frame")
     trace = one_trace(run, target)
     if frame:
         _print_frame(open_playback(trace), frame, verdict_marks(run, target))
@@ -70,7 +70,7 @@ def replay(
     # Drawn on standard error like the dashboard, with keys from standard input.
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
         scripts = target.command("replay", run, "--frame", "10")
-        reason = f"a replay needs a terminal; scripts use `{scripts}`"
+        reason = f"a replay needs a terminal; scripts can use `{scripts}`"
     if reason and not other:
         raise CommandError(reason)
     first, marks = open_playback(trace), verdict_marks(run, target)
@@ -105,7 +105,7 @@ def _print_frame(playback: Playback, moment: str, marks: Mapping[str, Mark]) -> 
 
     time = _moment(playback, moment, "--frame")
     size = shutil.get_terminal_size((80, 24))
-    # What is printed may go anywhere: only who says so gets ASCII.
+    # The output may go anywhere, so ASCII is used on request only.
     plain = os.environ.get("SCENARIO_GLYPHS") == "ascii"
     verdict = next((one for one in playback.verdicts if one.oracle == moment), None)
     room = (size.columns, size.lines - 1)

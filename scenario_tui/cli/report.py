@@ -42,7 +42,7 @@ def report(
         str,
         typer.Argument(
             metavar="CAMPAIGN",
-            help="Id or name of a campaign or search, or how it begins; a folder of traces. "
+            help="Id or name of a campaign or search, or its beginning; a folder of traces. "
             "Default: the newest campaign.",
             autocompletion=completion.offers(completion.campaigns, completion.files()),
         ),
@@ -59,7 +59,7 @@ def report(
             "--figures",
             metavar="FOLDER",
             file_okay=False,
-            help="Write each figure of the page as PDF into this folder, too.",
+            help="Also write each figure of the page as PDF into this folder.",
         ),
     ] = None,
     junit: Annotated[
@@ -72,16 +72,19 @@ def report(
     history: Annotated[
         bool,
         typer.Option(
-            "--history", help="Write how the submissions of this name went, and what is new."
+            "--history", help="Write a page about all submissions of this name, and what is new."
         ),
     ] = False,
     exit_status: Annotated[
         bool,
-        typer.Option("--exit-status", help="Leave with the code of the verdicts, 1 for a failure."),
+        typer.Option("--exit-status", help="Exit with the code of the verdicts, 1 for a failure."),
     ] = False,
     processes: Processes = None,
 ) -> Answer[WrittenReport] | Answer[WrittenHistory]:
-    """Write a campaign or a search as one page with figures, a campaign as tables, too."""
+    """Write a report of a campaign or a search: one page with figures.
+
+    For a campaign also as JUnit XML or a table; with these alone, no page is written.
+    """
     tables = {"junit": junit, "table": table}
     if figures is not None and (lacking := why_no_folder(figures.absolute().parent)):
         why = f"{figures} cannot be written: {figures.absolute().parent} {lacking}"
@@ -90,16 +93,16 @@ def report(
         if file is not None:
             check_writable(file, f"--{option}")
     if output is not None and output.suffix not in ("", ".html", ".htm"):
-        raise typer.BadParameter(f"{output} is a page: end it in .html", param_hint="--output")
+        raise typer.BadParameter(f"{output} must end in .html", param_hint="--output")
     if history:
         pages = ("figures", "junit", "table", "exit_status")
-        refuse_typed(context, pages, "a history is a page alone")
+        refuse_typed(context, pages, "does not apply to a history, which is only a page")
         return _report_history(campaign, output or _DEFAULT_PAGE, target)
     with open_source(campaign, target, judge=False) as source:
         row = find_campaign(source, campaign)
         if row.search:
             hint = f"its runs are in `scenario search {row.id} --json`"
-            why = f"tables are of campaigns, {row.id} is a search: {hint}"
+            why = f"applies to campaigns only, and {row.id} is a search: {hint}"
             refuse_typed(context, ("figures", "junit", "table"), why)
             return _report_search(source, row.id, output or _DEFAULT_PAGE, exit_status, target)
         from daemon.analysis.results import read_results
@@ -130,17 +133,17 @@ def report(
         from daemon.analysis.table import write_table
 
         write_table(report_table(material), table)
-    written = {"page": page, "figures": figures} | tables
+    files = {"page": page, "figures": figures} | tables
     answer, code = headline(material.assessment, material.runs), material.assessment.exit_code
     report = WrittenReport(
         row.name,
         len(material.runs),
         f"{answer.word}. {answer.sentence}",
         code,
-        {kind: str(path) for kind, path in written.items() if path},
+        {kind: str(path) for kind, path in files.items() if path},
         material.references,
     )
-    # A folder may be called like a campaign: say which of them this is about.
+    # A folder may have the name of a campaign, so print the id as well.
     say = partial(_print_written, report, f"{row.name} ({row.id})", results.unread)
     return Answer("report", report, say, code if exit_status else ExitCode.EXPECTED)
 
@@ -148,7 +151,7 @@ def report(
 def with_traces(
     results: CampaignResults, source: CampaignSource, target: DaemonTarget
 ) -> CampaignResults:
-    """Return results whose traces are files of this machine; without one, the reason says why."""
+    """Return results whose traces are local files; the reason explains a missing trace."""
     rows = [row for row in results.rows if row.trace]
     brought = dict(zip((row.id for row in rows), bring_traces(rows, source, target), strict=True))
 
@@ -164,7 +167,7 @@ def with_traces(
 def _report_history(campaign: str, page: Path, target: DaemonTarget) -> Answer[WrittenHistory]:
     """Write the page of a campaign's history.
 
-    Raises :class:`daemon.batch.errors.Refused` if there is no such campaign.
+    Raises :class:`daemon.batch.errors.Refused` if the campaign does not exist.
     """
     from daemon.analysis.history import WrittenHistory, read_history
     from daemon.analysis.history_page import history_page
@@ -179,7 +182,7 @@ def _report_history(campaign: str, page: Path, target: DaemonTarget) -> Answer[W
 def _report_search(
     source: CampaignSource, campaign: str, page: Path, exit_status: bool, target: DaemonTarget
 ) -> Answer[WrittenReport]:
-    """Write the page of a search: nothing is expected of what it tries, so there are no tables."""
+    """Write the page of a search; it has no expectations, hence no tables of verdicts."""
     from daemon.search.answers.sentences import headline
     from daemon.search.page import search_page
     from scenario_tui.cli.search import search_code
@@ -189,10 +192,10 @@ def _report_search(
     row = source.search_row(campaign)
     assert row is not None  # its campaign is one of a search
     runs = source.all_runs(campaign, results=True)
-    shown = row.answer.shown if row.answer is not None else None
-    drawn = [run for run in runs if shown is not None and run.id == shown.run and run.trace]
-    # A trace that is gone leaves its pictures out.
-    brought = zip(drawn, bring_traces(drawn, source, target), strict=True)
+    best = row.answer.shown if row.answer is not None else None
+    recorded = [run for run in runs if best is not None and run.id == best.run and run.trace]
+    # Without its trace, the page has no pictures of the run.
+    brought = zip(recorded, bring_traces(recorded, source, target), strict=True)
     traces = {run.id: trace for run, trace in brought if isinstance(trace, Path)}
     text = search_page(row, runs, traces=traces, commands=search_commands(row))
     page.write_text(text, encoding="utf-8")
@@ -203,7 +206,7 @@ def _report_search(
 
 
 def _run_commands() -> tuple[SuggestedCommand, ...]:
-    """Return what can be typed about a run with this version."""
+    """Return commands about a run that this version has."""
     from daemon.analysis.report import SuggestedCommand
 
     return (
@@ -211,14 +214,14 @@ def _run_commands() -> tuple[SuggestedCommand, ...]:
         SuggestedCommand("scenario replay {run}", "watch it again"),
         SuggestedCommand("scenario export {run} picture -o run.svg", "a picture of it"),
         SuggestedCommand("scenario judge {run}", "judge it again"),
-        SuggestedCommand("scenario blame {run}", "find out what makes it fail", failing=True),
+        SuggestedCommand("scenario blame {run}", "find out why it fails", failing=True),
     )
 
 
 def _print_written(
     report: WrittenReport | WrittenHistory, subject: str, unread: Sequence[tuple[str, str]] = ()
 ) -> None:
-    """Print the outcome and the files that were written."""
+    """Print the outcome and the written files."""
     from rich.filesize import decimal
 
     lines = [f"{subject}: {report.answer}"]

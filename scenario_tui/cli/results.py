@@ -1,4 +1,4 @@
-"""The command that shows what came out of a campaign, and its words for those that run one."""
+"""The command that shows the results of a campaign; others print the same summary."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 _OUTCOMES: Final = ("pass", "fail", "inconclusive", "error")
 _WIDE: Final = 120
-"""Columns from which on a table has room for paths."""
+"""Columns of a terminal from which on a table has room for paths."""
 
 
 def results(
@@ -38,7 +38,7 @@ def results(
         str,
         typer.Argument(
             metavar="CAMPAIGN",
-            help="Id or name of a campaign, or how it begins; a folder of traces, a trace or a "
+            help="Id or name of a campaign, or its beginning; a folder of traces, a trace or a "
             "file of results. Default: the newest campaign.",
             autocompletion=completion.offers(completion.campaigns, completion.files(".json")),
         ),
@@ -48,7 +48,7 @@ def results(
         str,
         typer.Option(
             "--outcome",
-            help="List only runs with this verdict, pass, fail ...",
+            help="List only runs with this verdict: pass, fail, inconclusive or error.",
             autocompletion=completion.offers(completion.words(*_OUTCOMES)),
         ),
     ] = "",
@@ -64,18 +64,18 @@ def results(
         bool,
         typer.Option(
             "--exit-status",
-            help="Leave with the code of the campaign: 0 as expected, 1 not, 3 broken, 4 open.",
+            help="Exit with the code of the campaign: 0 as expected, 1 not, 3 broken, 4 open.",
         ),
     ] = False,
     baseline: Baseline = "",
     worse_by: WorseBy = None,
     table: TableFile = None,
 ) -> Answer[ComparedResults] | Answer[SearchResult]:
-    """Show what came out of a campaign: every cell, what is not as expected and why."""
+    """Show the results of a campaign: every cell, and why cells are not as expected."""
     from daemon.analysis.results import ComparedResults, read_results
 
     if outcome and outcome not in _OUTCOMES:
-        message = f'"{outcome}" is no verdict: {did_you_mean(outcome, _OUTCOMES)}'
+        message = f'"{outcome}" is not a verdict: {did_you_mean(outcome, _OUTCOMES)}'
         raise typer.BadParameter(message, param_hint="--outcome")
     is_listed = bool(outcome or text)
     with open_source(campaign, target) as source:
@@ -94,7 +94,7 @@ def results(
         target.say(f"{table}: {count_noun(cells.num_rows, 'row')}")
     if search is not None:
         if baseline:
-            message = "a search has no verdicts to hold against others"
+            message = "does not apply to a search, which has no verdicts to compare"
             raise typer.BadParameter(message, param_hint="--baseline")
         answer = search_answer(search, rows, target)
         code = answer.code if exit_status else ExitCode.EXPECTED
@@ -110,7 +110,7 @@ def results(
 
 
 def _print_search(answer: Answer[SearchResult], rows: tuple[RunRow, ...], listed: bool) -> None:
-    """Print a search in place of a matrix of verdicts, which it has not."""
+    """Print the answer of a search, which has no matrix of verdicts."""
     answer.text()
     if listed:
         stdout_console().print()
@@ -118,7 +118,7 @@ def _print_search(answer: Answer[SearchResult], rows: tuple[RunRow, ...], listed
 
 
 def print_summary(results: CampaignResults, baseline: CampaignDifference | None = None) -> None:
-    """Print the matrix of cells, what is not as expected, and what changed since the baseline."""
+    """Print the matrix of cells, the unexpected ones, and the changes since the baseline."""
     from scenario_tui.text.summary import summary_parts
 
     row, console = results.row, stdout_console()
@@ -144,8 +144,8 @@ def _print_results(
     _print_folder(rows)
     more = (target.command("results", row.id, "--runs"), "every run and its trace")
     if listed and rows:
-        more = (target.command("show", rows[0].id), "one run: what each oracle says")
-    # The dashboard is of a daemon and knows no folders; a page needs more than results.
+        more = (target.command("show", rows[0].id), "one run: the verdict of each oracle")
+    # The dashboard shows a daemon, not a folder; a page needs more than a file of results.
     whole = [(target.command("tui"), "the dashboard")]
     if Path(row.id).exists():
         page = (target.command("report", row.id), "one page with figures")
@@ -181,16 +181,16 @@ def _print_runs(rows: tuple[RunRow, ...], expectations: Expectations | None = No
     from scenario_tui.text.run_text import marked_word
 
     console = stdout_console()
-    # Paths would be folded into columns of letters; below, the folder of all of them is said.
+    # Narrow columns would break paths; the folder of all traces is printed below.
     paths = console.width >= _WIDE
     remarks = paths or any(row.reason or row.cached for row in rows)
     more = ("trace" if paths else "remark",) if remarks else ()
     table = plain_table("run", "", "verdict", "decided by", "margin", *more)
-    # Names are there to be copied: where it is narrow the places of runs are shortened.
+    # People copy names, so a narrow table shortens the labels of runs instead.
     table.columns[0].no_wrap, table.columns[1].overflow = True, "ellipsis"
     for row in rows:
         value = margin(row.margin, row.unit) if row.oracle else ""
-        # In a folder a run is called as its trace; the folder of all of them is said below.
+        # In a folder a run has the name of its trace; the folder is printed below.
         name = row.id if paths or row.id != row.trace else row.id.rpartition("/")[2]
         remark = (paths and row.trace != row.id and row.trace) or row.reason
         if row.cached:

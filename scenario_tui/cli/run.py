@@ -31,23 +31,23 @@ if TYPE_CHECKING:
     from daemon.judging.assessment import CampaignDifference
     from scenario_tui.library.campaign import Campaign
 
-Out = Annotated[Path | None, out_folder("Where traces go. Default: scenario-results/<campaign>/.")]
+Out = Annotated[Path | None, out_folder("Folder of traces. Default: scenario-results/<campaign>/.")]
 
 
 def demo(out: Out = None, slots: Slots = None) -> Answer[ComparedResults]:
     """Show everything once: a robot, moving doors, verdicts.
 
-    Takes seconds and needs nothing but this installation.
+    Takes seconds and needs only this installation.
     """
     from importlib.resources import as_file, files
 
     from daemon.analysis.results import ComparedResults
     from scenario_tui.library.campaign import load
 
-    # The campaigns are part of the package, which may lie in an archive.
+    # The package may be an archive.
     with as_file(files("campaigns")) as folder:
         results = _run(load(folder / "demo" / "campaign.yaml"), out, slots)
-    # A demo may well show a failing robot: it succeeds when every run was judged.
+    # The demonstration may show a failing robot: it succeeds if every run was judged.
     judged = {run_word(row) for row in results.rows} <= {"pass", "fail", "inconclusive"}
     code = ExitCode.EXPECTED if judged else ExitCode.INFRASTRUCTURE
     return Answer("results", ComparedResults.of(results), partial(_print_demo, results), code)
@@ -75,19 +75,19 @@ def run(
             "--attempts",
             min=1,
             max=100,
-            help="How often a run is tried whose process dies without a result. Default: 3.",
+            help="Attempts for a run whose process dies without a result. Default: 3.",
         ),
     ] = None,
 ) -> Answer[ComparedResults]:
     """Run a campaign here and now, without a daemon.
 
-    Nothing is left behind but the traces and what they are about, in scenario-results/ unless
-    told otherwise.
+    The traces and a note about their campaign stay, by default in scenario-results/; everything
+    else is temporary.
     """
     from daemon.analysis.results import ComparedResults
     from scenario_tui.cli.compare import compare_with_baseline
 
-    # Before the runs, not after them; a folder that is made for the traces may hold it as well.
+    # Before the runs, not after them; the new folder of the traces may hold the file as well.
     if junit is not None and (out is None or out not in junit.parents):
         check_writable(junit, "--junit")
     results = _run(load_announced(campaign), out, slots, wall, attempts)
@@ -105,12 +105,12 @@ def run(
 
 
 def load_announced(path: Path) -> Campaign:
-    """Load a campaign; print its warnings and which searches it has, unless it has errors."""
+    """Load a campaign; print its warnings and its searches, unless it has errors."""
     from scenario_tui.library.campaign import load
     from scenario_tui.library.submission import searches_text
 
     campaign = load(path)
-    # Whoever runs a campaign with errors gets all of its findings.
+    # The run of a campaign with errors raises all of its findings.
     if not any(one.severity is Severity.ERROR for one in campaign.findings):
         report_findings(campaign.findings)
         if words := searches_text(path, campaign.searches):
@@ -125,8 +125,8 @@ def _run(
     wall: float | None = None,
     attempts: int | None = None,
 ) -> CampaignResults:
-    # Being told to end is being interrupted: what has finished is kept, nothing else is left.
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    # SIGTERM interrupts as Ctrl-C does: finished traces are kept, and nothing else is left.
+    previous = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         return campaign.run(workers=slots, out=out, wall=wall, attempts=attempts).value
     except KeyboardInterrupt:
@@ -134,11 +134,11 @@ def _run(
 
         folder = traces_folder(campaign.submission(), out)
         if folder.is_dir():
-            kept = count_noun(len(tuple(folder.glob("*.mcap"))), "finished trace")
-            say(f"\ninterrupted; {kept} in {folder}/")
+            traces = count_noun(len(tuple(folder.glob("*.mcap"))), "finished trace")
+            say(f"\ninterrupted; {traces} in {folder}/")
         raise
     finally:
-        signal.signal(signal.SIGTERM, before)
+        signal.signal(signal.SIGTERM, previous)
 
 
 def _print_demo(results: CampaignResults) -> None:
@@ -147,7 +147,7 @@ def _print_demo(results: CampaignResults) -> None:
     print_commands(
         ("scenario new my-tests", "write a small campaign, every line explained"),
         ("scenario check my-tests/campaign.yaml", "find every problem before anything runs"),
-        ("scenario submit my-tests/campaign.yaml", "hand it to the daemon and go on"),
+        ("scenario submit my-tests/campaign.yaml", "submit it to the daemon"),
         ("scenario tui", "watch it in the dashboard"),
     )
 
@@ -159,7 +159,7 @@ def _print_run(
     report = command_line("report", results.where)
     print_commands(
         *([(report, "one page with figures")] if any(row.trace for row in results.rows) else []),
-        (command_line("submit", campaign), "run it with the daemon, results are kept"),
+        (command_line("submit", campaign), "run it with the daemon, which keeps the results"),
         ("scenario tui", "the dashboard of the daemon"),
     )
 
@@ -168,5 +168,5 @@ def _print_results(results: CampaignResults, between: CampaignDifference | None 
     from scenario_tui.cli.results import print_summary
 
     print_summary(results, between)
-    kept = count_noun(sum(1 for row in results.rows if row.trace), "trace")
-    print_line(f"{kept} in {results.where}/\n")
+    traces = count_noun(sum(1 for row in results.rows if row.trace), "trace")
+    print_line(f"{traces} in {results.where}/\n")

@@ -1,7 +1,7 @@
-"""The command that serves editors: JSON Schemas of the YAML files people write, the extension.
+"""The command that writes files for editors: JSON Schemas of YAML files, and the extension.
 
-The schemas come from the models that read the files; that of systems under test includes the
-parameters of the kinds that ship.
+The schemas come from the models that read the files. The schema of systems under test includes
+the parameters of the kinds that ship.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Schema: TypeAlias = dict[str, Any]
 
 
 class FileKind(StrEnum):
-    """The kinds of YAML files; each has a schema file of its name."""
+    """Kinds of YAML files; each has a schema file with its name."""
 
     CAMPAIGN = "campaign"
     MISSION = "mission"
@@ -45,30 +45,30 @@ def schema(
         FileKind | None,
         typer.Argument(
             metavar="KIND",
-            help="Kind of YAML file. With --out, all of them when left out.",
+            help="Kind of YAML file. Default with --out: all kinds.",
             show_default=False,
         ),
     ] = None,
-    out: Annotated[Path | None, out_folder("Write KIND.schema.json files there.")] = None,
+    out: Annotated[Path | None, out_folder("Folder for KIND.schema.json files.")] = None,
     outputs: Annotated[
-        bool, typer.Option("--outputs", help="Instead the schema of what --json writes.")
+        bool, typer.Option("--outputs", help="Write the schema of the --json output instead.")
     ] = False,
     extension: Annotated[
         Path | None,
         typer.Option(
             "--vscode",
             metavar="DIR",
-            help="Instead write the extension for Visual Studio Code there, scenario.vsix.",
+            help="Folder for the extension of Visual Studio Code, scenario.vsix, instead.",
         ),
     ] = None,
 ) -> None:
-    """Print or write what editors use: JSON Schemas of YAML files, the VS Code extension.
+    """Print or write files for editors: JSON Schemas, the VS Code extension.
 
     Install the extension with: code --install-extension scenario.vsix
     """
     if extension is not None:
         if kind is not None or outputs or out is not None:
-            raise typer.BadParameter("goes with nothing else", param_hint="--vscode")
+            raise typer.BadParameter("cannot be combined", param_hint="--vscode")
         check_folder(extension, "--vscode")
         from grammars.editor import pack_extension
 
@@ -76,13 +76,13 @@ def schema(
         return
     if outputs:
         if kind is not None:
-            raise typer.BadParameter("is about no kind of file", param_hint="--outputs")
+            raise typer.BadParameter("takes no kind of file", param_hint="--outputs")
         from scenario_tui.cli.output_schemas import SCHEMA_FILE, outputs_schema
 
         _publish(outputs_schema(), out, SCHEMA_FILE)
         return
     if out is None and kind is None:
-        raise typer.BadParameter("name a kind to print, or a folder to write to with --out")
+        raise typer.BadParameter("name a kind to print, or a folder with --out")
     for each in FileKind if kind is None else (kind,):
         _publish(schema_of(each), out, each.file)
 
@@ -134,7 +134,7 @@ def _sut_schema(title: str) -> Schema:
         }
         for kind, parameters in kinds.items()
     ]
-    # The kind that another file says cannot be known here: offer what any of them takes.
+    # The kind may stand in another file, unknown here: offer the parameters of all kinds.
     any_kind = [parameters for parameters in kinds.values() if "$ref" in parameters]
     schema["allOf"].append(
         {
@@ -143,7 +143,7 @@ def _sut_schema(title: str) -> Schema:
         }
     )
     schema["$defs"] = dict(sorted((schema["$defs"] | definitions).items()))
-    # Every file has the others; editors offer keys in this order.
+    # Keys of ROS 2 go last, because editors offer keys in this order.
     keys: Schema = {k: v for k, v in schema["properties"].items() if k not in ROS2.keys}
     ros2 = {key: nullable(schema["properties"][key]) for key in ROS2.keys}
     for name in [name for name in schema["$defs"] if name.startswith("ros2")]:
@@ -166,7 +166,7 @@ def schema_text(schema: Schema) -> str:
 
 
 def _publish(schema: Schema, folder: Path | None, file: str) -> None:
-    """Print a schema, or write it into a folder and print where it is."""
+    """Print a schema, or write it into a folder and print its path."""
     if folder is None:
         typer.echo(schema_text(schema), nl=False)
     else:

@@ -1,4 +1,4 @@
-"""The command that searches a scenario for failures, and the campaign file of what it finds."""
+"""The command that searches a scenario for failures and writes the failing campaign file."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from scenario_tui.cli.values import Searches, SearchResult
 
 _PATIENCE: Final = 30.0
-"""Seconds to wait for an answer of the daemon before it is asked again."""
+"""Seconds to wait for an answer of the daemon before the next attempt."""
 _LOOK_EVERY: Final = 0.2
 _LAYERS: Final = "campaign"
 
@@ -51,13 +51,13 @@ def search(
         str,
         typer.Argument(
             metavar="CAMPAIGN.yaml | SEARCH",
-            help="A campaign file; or id or name of a search that the daemon has. "
-            "Default: list those.",
+            help="A campaign file; or the id or name of a search of the daemon. "
+            "Default: list all searches.",
             autocompletion=completion.offers(completion.campaigns, completion.campaign_files),
         ),
     ] = "",
     name: Annotated[
-        str, typer.Argument(metavar="NAME", help="Which search of the file. Default: the only one.")
+        str, typer.Argument(metavar="NAME", help="Search in the file. Default: the only one.")
     ] = "",
     budget: Annotated[
         str,
@@ -89,30 +89,30 @@ def search(
     confirm: Annotated[
         int | None,
         typer.Option(
-            "--confirm", min=0, max=100, metavar="N", help="Repeats of a failure that is told."
+            "--confirm", min=0, max=100, metavar="N", help="Repeats that confirm a failure."
         ),
     ] = None,
     fresh: Annotated[
         bool,
         typer.Option(
-            "--fresh", help="Search anew. Otherwise the same search goes on where it stands."
+            "--fresh", help="Start anew. Otherwise the same search continues where it stopped."
         ),
     ] = False,
     detach: Annotated[
-        bool, typer.Option("--detach", "-d", help="Let the search run in the background.")
+        bool, typer.Option("--detach", "-d", help="Run the search in the background.")
     ] = False,
     out: Annotated[
         Path | None,
-        out_folder("Where the found scenario goes. Default: scenario-results/search/SEARCH/."),
+        out_folder("Folder for the failing scenario. Default: scenario-results/search/SEARCH/."),
     ] = None,
     slots: Slots = None,
     *,
     target: DaemonTarget,
 ) -> Answer[SearchResult] | Answer[Searches]:
-    """Search for values that make a scenario fail, and for the failure nearest to it.
+    """Search for values that make a scenario fail, and for the nearest failure.
 
-    The search runs here and has its runs executed by the daemon; one is started on this machine if
-    none answers. After Ctrl-C the same command goes on where it was.
+    The search runs in this process, and the daemon executes its runs. If no daemon answers, one is
+    started on this machine. After Ctrl-C the same command continues the search.
     """
     from scenario_tui.cli.values import Searches
 
@@ -123,7 +123,7 @@ def search(
     file = Path(campaign)
     if not (file.suffix in (".yaml", ".yml") or file.is_file()):
         changes = ("budget", "stop", "method", "seed", "confirm", "fresh", "detach", "name")
-        why = "is for campaign files: a search that is there is shown as it was asked for"
+        why = "applies to campaign files: an existing search keeps its settings"
         refuse_typed(context, changes, why)
         return _watch(target, _find_search(target, campaign), out)
     change = _read_changes(budget, stop, method, seed, confirm)
@@ -145,10 +145,10 @@ def _watch(
     file: Path | None = None,
     client: SearchClient | None = None,
 ) -> Answer[SearchResult]:
-    """Watch a search to its end, write what it found, return its answer.
+    """Watch a search to its end, write the failure it found, return its answer.
 
     ``file`` is its campaign file, if that is here. Ctrl-C ends the watching, and the search if its
-    ``client`` runs here.
+    ``client`` runs in this process.
     """
     from scenario_tui.library.watching import WatchedSearch, watch
 
@@ -161,21 +161,21 @@ def _watch(
             client.leave()
         again = target.command("search", *([file] if file else []), campaign)
         end = target.command("cancel", campaign)
-        message = f"interrupted: go on with `{again}`, end it with `{end}`"
+        message = f"interrupted: continue it with `{again}`, end it with `{end}`"
         raise CommandError(message, ExitCode.INTERRUPTED) from None
     with target.open() as daemon:
         runs = daemon.all_runs(campaign, results=True)
-    found = write_found(row, out or Path("scenario-results") / "search" / campaign, file)
-    return search_answer(row, runs, target, found)
+    failing = write_found(row, out or Path("scenario-results") / "search" / campaign, file)
+    return search_answer(row, runs, target, failing)
 
 
 def search_answer(
-    row: SearchRow, runs: tuple[RunRow, ...], target: DaemonTarget, found: Path | None = None
+    row: SearchRow, runs: tuple[RunRow, ...], target: DaemonTarget, failing: Path | None = None
 ) -> Answer[SearchResult]:
-    """Return the answer about a search, ``found`` being the campaign file of its failure."""
+    """Return the answer about a search; ``failing`` is the campaign file of its failure."""
     from scenario_tui.cli.values import SearchResult
 
-    value = SearchResult(row, runs, str(found or ""))
+    value = SearchResult(row, runs, str(failing or ""))
     return Answer("search", value, partial(_print_search, value, target), search_code(row))
 
 
@@ -200,11 +200,11 @@ def _print_searches(searches: tuple[SearchRow, ...], target: DaemonTarget) -> No
         console.print("No searches yet. Write `search:` into a campaign file, then type:")
         print_commands((target.command("search", "campaign.yaml"), "its only search"))
         return
-    table = plain_table("search", "", "how it stands")
+    table = plain_table("search", "", "state")
     for row in searches:
         word = search_word(row)
-        shown = Text(glyph_word(word), style=word)
-        table.add_row(Text(row.campaign), shown, Text(search_line(row)))
+        state = Text(glyph_word(word), style=word)
+        table.add_row(Text(row.campaign), state, Text(search_line(row)))
     console.print(table)
     print_commands((target.command("search", searches[0].campaign), "its answer"))
 
@@ -212,7 +212,7 @@ def _print_searches(searches: tuple[SearchRow, ...], target: DaemonTarget) -> No
 def wait_for_search(
     target: DaemonTarget, campaign: str, *, patience: float, limit: float = inf
 ) -> Answer[SearchResult]:
-    """Watch a search to its end or for ``limit`` seconds; its answer is one line."""
+    """Watch a search to its end or for ``limit`` seconds; return its answer as one line."""
     from scenario_tui.library.watching import WatchedSearch, ask_patiently, watch
     from scenario_tui.text.search_text import search_line
 
@@ -224,9 +224,9 @@ def wait_for_search(
 
 
 def search_code(row: SearchRow) -> ExitCode:
-    """Return the exit code of a search: 1 when something fails, 3 when it could not go on.
+    """Return the exit code of a search: 1 if it found a failure, 3 if it broke off.
 
-    One that has not ended, was cancelled, or whose runs all were inconclusive, is not decided.
+    A search is inconclusive if it has not ended, was cancelled, or has only inconclusive runs.
     """
     from daemon.search.answers.sentences import search_word
 
@@ -236,7 +236,7 @@ def search_code(row: SearchRow) -> ExitCode:
 def _read_changes(
     budget: str, stop: str, method: str, seed: int | None, confirm: int | None
 ) -> Callable[[SearchTask], SearchTask]:
-    """Return what options change of a search; raises :class:`typer.BadParameter`."""
+    """Return a function that applies the options to a task; raises ``typer.BadParameter``."""
     from daemon.campaign import LEAST_CONFIRMED, read_budget, read_stop
 
     changes: dict[str, object] = {}
@@ -269,7 +269,7 @@ def _begin(
     *,
     fresh: bool,
 ) -> PreparedSearch:
-    """Begin a search in the daemon, or go on with it, and say so."""
+    """Begin a search in the daemon or continue it, with a message about it."""
     from daemon.batch.errors import Unreachable
     from daemon.search.client import client_name
     from daemon.search.preparation import prepare_search
@@ -291,13 +291,13 @@ def _begin(
     start_daemon_if_needed(target, slots)
 
     def begin(daemon: DaemonClient) -> tuple[SearchRow | None, SearchRow]:
-        # Asked before: afterwards one that was cancelled goes on.
+        # The state before it begins: a cancelled search has another state afterwards.
         return daemon.search_row(submission.campaign), daemon.begin_search(submission)
 
     before, after = ask_patiently(target, begin, SUBMIT_PATIENCE)
     say(_receipt_text(submission, before))
     if after.client not in ("", submission.client):
-        say(f"{after.client} runs it: watching, and going on with it should that leave")
+        say(f"{after.client} runs it: watching, and taking over if that leaves")
     return prepared
 
 
@@ -315,7 +315,7 @@ def _client_of(prepared: PreparedSearch, target: DaemonTarget) -> SearchClient:
 
 
 def _detach(submission: SearchSubmission, target: DaemonTarget, out: Path | None) -> SearchRow:
-    """Let a process of its own run a search; return how it stands once that has begun."""
+    """Start a process that runs a search; return the state once the search has begun."""
     from daemon.batch.errors import LaunchFailed
     from daemon.batch.launch import start_detached
     from daemon.model.execution import python_command
@@ -337,35 +337,35 @@ def _detach(submission: SearchSubmission, target: DaemonTarget, out: Path | None
 
 
 def _receipt_text(submission: SearchSubmission, before: SearchRow | None) -> str:
-    """Say what became of a search that was handed over."""
+    """Return the message about a search that was submitted."""
     task, id_ = submission.task, submission.campaign
     if before is None:
         about = f"{count_noun(len(task.parameters), 'parameter')} of {task.scenario}"
         time_limit = f" or {duration_text(task.seconds)}" if task.seconds else ""
         runs = count_noun(task.runs, "run")
         return f"submitted {id_}: {about}, at most {runs}{time_limit}"
-    anew = "(--fresh searches anew)"
+    anew = "(--fresh starts anew)"
     runs = count_noun(before.finished, "run")
     if before.state == "finished":
-        return f"{id_} is known already, its answer is kept {anew}"
-    return f"{id_} is known already and goes on after {runs} {anew}"
+        return f"{id_} exists already, its answer is kept {anew}"
+    return f"{id_} exists already and continues after {runs} {anew}"
 
 
-def _find_search(target: DaemonTarget, wanted: str) -> str:
-    """Return the id of the search meant."""
+def _find_search(target: DaemonTarget, name: str) -> str:
+    """Return the id of a search by its id or name."""
     with target.open() as daemon:
-        row = find_campaign(daemon, wanted)
+        row = find_campaign(daemon, name)
     if not row.search:
-        results = target.command("results", wanted)
-        raise CommandError(f"{wanted} is no search: `{results}` shows what came out of it")
+        results = target.command("results", name)
+        raise CommandError(f"{name} is not a search: `{results}` shows its results")
     return row.id
 
 
 def write_found(row: SearchRow, folder: Path, campaign: Path | None) -> Path | None:
     """Write the failure that a search found below a folder; return its campaign file.
 
-    It stands where the searched ``campaign`` stood among its layers, which are copied, so that the
-    folder can be handed on. Without that file here it is the one that was written before, if any.
+    The file lies beside copies of the layers of ``campaign``, so that the folder can be passed on.
+    If ``campaign`` is not here, the result is the file written before, if any.
     """
     from grammars.text.files import write_atomically
     from templates.naming import file_name
@@ -375,27 +375,27 @@ def write_found(row: SearchRow, folder: Path, campaign: Path | None) -> Path | N
         return None
     if campaign is None:
         return next(iter(sorted((folder / _LAYERS).rglob(name))), None)
-    found = copy_campaign(campaign, folder / _LAYERS) / name
-    write_atomically(found, answer.found.encode("utf-8"))
-    return found
+    path = copy_campaign(campaign, folder / _LAYERS) / name
+    write_atomically(path, answer.found.encode("utf-8"))
+    return path
 
 
 def copy_campaign(path: Path, folder: Path) -> Path:
-    """Copy the files that a campaign is made of below ``folder``; return its folder there.
+    """Copy all files of a campaign below ``folder``; return its folder there.
 
-    They lie to each other as they do, shipped layers beside the campaign, where it looks first.
-    Raises :class:`grammars.text.diagnostics.InputError`, and ``OSError``.
+    The copies keep their relative places; shipped layers go beside the campaign, where it looks
+    first. Raises :class:`grammars.text.diagnostics.InputError`, and ``OSError``.
     """
     from daemon.campaign import load_campaign
     from grammars.text.sources import recording_reads, shipped_folder
 
-    # Its folder without links: ".." of a link leads elsewhere than its text says.
+    # Resolve links in its folder, because ".." after a link leads elsewhere.
     file = path.parent.resolve() / path.name
     with recording_reads() as read:
         load_campaign(file)
     places = {Path(os.path.normpath(one.absolute())) for one in (file, *read)}
     shipped = shipped_folder()
-    # In a checkout the shipped campaigns are files like others.
+    # A campaign that ships itself keeps its layers where they are.
     own = file.parent.is_relative_to(shipped)
     ships = {place for place in places if not own and place.is_relative_to(shipped)}
     root = os.path.commonpath([place.parent for place in places - ships])

@@ -1,4 +1,4 @@
-"""The command that lets a scenario's world go on by the clock, for people and for stacks."""
+"""The command that runs the world of a scenario live, for people and for stacks."""
 
 from __future__ import annotations
 
@@ -31,19 +31,20 @@ if TYPE_CHECKING:
 
 _LOOPBACK: Final = frozenset({"127.0.0.1", "localhost", "::1"})
 _LOOK: Final = 0.5
-"""Seconds between two looks at whether there is anything to tell."""
+"""Seconds between two looks for news."""
 _NOBODY: Final = "nobody"
-"""Name of the system under test where none drives."""
+"""Name of the system under test if none drives."""
 _NO_SDK: Final = (
-    "Foxglove needs its SDK: pip install 'scenario-tui[foxglove]' (or leave it out: --no-foxglove)"
+    "Foxglove needs its SDK: pip install 'scenario-tui[foxglove]' (or turn it off: --no-foxglove)"
 )
 
 
 @dataclass(slots=True)
 class _Servers:
-    """Services by which a world can be reached; ``lacking`` names a missing one, and the reason.
+    """Services of a live world; ``lacking`` names a missing one, and the reason.
 
-    ``to_type`` connects a stack to the bridge, ``map_file`` is what its map server reads, if any.
+    The command ``to_type`` connects a stack to the bridge; its map server reads ``map_file``, if
+    any.
     """
 
     foxglove: FoxgloveServer | None = None
@@ -53,11 +54,11 @@ class _Servers:
     lacking: str = ""
 
     def lines(self) -> list[str]:
-        """Say where it is served and who is connected; the line to type is the last one."""
+        """Return lines with addresses and connections; the last one is the command to type."""
         lines = [self.lacking] if self.lacking else []
         if self.foxglove is not None:
             count = self.foxglove.clients
-            clients = count_noun(count, "client") if count else "nobody listens"
+            clients = count_noun(count, "client") if count else "no client"
             lines.append(f"Foxglove {_url(self.foxglove)}  {clients}")
         if self.bridge is not None:
             lines.append(f"ROS 2 {self.bridge.state}")
@@ -79,15 +80,15 @@ def serve(
         typer.Option(
             "--sut",
             metavar="NAME",
-            help="A system under test that drives while nobody else does; with --ros2 one of "
+            help="System under test that drives while nobody else does; with --ros2 one of "
             "kind ros2, for its topics and frames.",
         ),
     ] = "",
     repeat: Annotated[
-        int, typer.Option("--repeat", min=0, help="Which repeat: noise and drawn behaviours.")
+        int, typer.Option("--repeat", min=0, help="Repeat that sets noise and drawn behaviours.")
     ] = 0,
     speed: Annotated[
-        float, typer.Option("--speed", help="Simulated seconds a second, 0.01 to 1000.")
+        float, typer.Option("--speed", help="Simulated seconds per second, 0.01 to 1000.")
     ] = 1.0,
     foxglove: Annotated[
         bool | None,
@@ -104,24 +105,24 @@ def serve(
     ] = 8765,
     ros2: Annotated[
         bool,
-        typer.Option("--ros2", help="Let a ROS 2 stack connect that you start by hand."),
+        typer.Option("--ros2", help="Accept a ROS 2 stack that you start by hand."),
     ] = False,
     socket: Annotated[
         str,
         typer.Option(
             "--socket",
             metavar="PATH|tcp://127.0.0.1:PORT",
-            help="Where its relay connects to; goes with --ros2. Default: in a folder of its own.",
+            help="With --ros2: address for the relay of the stack. Default: a temporary folder.",
         ),
     ] = "",
     headless: Annotated[
-        bool, typer.Option("--headless", help="Print where it is served; no view, no keys.")
+        bool, typer.Option("--headless", help="Print addresses only; no view, no keys.")
     ] = False,
 ) -> int | None:  # fmt: skip
-    """Let a scenario's world go on by the clock: drive in it, look at it, connect a stack to it.
+    """Run the world of a scenario live: drive in it, watch it, connect a stack to it.
 
-    The topics are those of a trace. Nothing is recorded or judged, and nobody is waited for: it
-    is for developing a stack before testing it. Ctrl-C or q ends it.
+    Use it to develop a stack before you test it. The topics are those of a trace; the world
+    records and judges nothing, and waits for nobody. Ctrl-C or q ends it.
     """
     from daemon.live.simulation import LiveSimulation, check_speed
     from daemon.run import load_kernels
@@ -129,14 +130,14 @@ def serve(
     with wrong_usage("--speed"):
         check_speed(speed)
     if socket and not ros2:
-        raise typer.BadParameter("goes with --ros2", param_hint="--socket")
+        raise typer.BadParameter("needs --ros2", param_hint="--socket")
     spec, scene = _pick(campaign, scenario, sut, repeat)
     if not spec.sut.repeatable and not ros2:
         raise typer.BadParameter(
-            f"{sut} lives outside: start it by hand, and let it connect with --ros2",
+            f"{sut} is an external stack: start it by hand, and connect it with --ros2",
             param_hint="--sut",
         )
-    # Before the clock counts: a world that stutters at its start would say it cannot keep up.
+    # Before the clock starts: otherwise the world would report that it cannot keep up.
     load_kernels(spec, scene)
     simulation = LiveSimulation(spec, scene, speed=speed, sut=_maker(spec))
     code = 0
@@ -175,7 +176,7 @@ def _url(foxglove: FoxgloveServer) -> str:
 
 
 def _pick(path: Path, scenario: str, sut: str, repeat: int) -> tuple[RunSpec, Scene]:
-    """Return the run that is meant, and its scene."""
+    """Return the chosen run and its scene."""
     from daemon.model.spec import SutReference
     from scenario_tui.library.campaign import load
 
@@ -190,7 +191,7 @@ def _pick(path: Path, scenario: str, sut: str, repeat: int) -> tuple[RunSpec, Sc
         message = f"{runs[0].scenario} has repeats 0 to {last}"
         raise typer.BadParameter(message, param_hint="--repeat")
     if not sut:
-        # Chance is the same for all systems of a scenario, so any of its runs is its world.
+        # All systems of a scenario share their random numbers, so any run has its world.
         spec = replace(spec, sut=SutReference(_NOBODY, "idle", {}))
     return spec, next(scene for scene in submission.scenes if scene.digest == spec.scene)
 
@@ -219,19 +220,19 @@ def _serve_foxglove(
     if host not in _LOOPBACK:
         say(
             f"warning: whoever reaches this machine at {host} can watch and drive: the protocol "
-            "knows no passwords. Safer: leave --host out, and ssh -L 8765:127.0.0.1:8765 to it"
+            "has no passwords. Safer: leave --host out, and ssh -L 8765:127.0.0.1:8765 to it"
         )
     try:
         services.foxglove = FoxgloveServer(simulation, host=host, port=port)
     except OutletError as error:
-        message = f"{error}; --port 0 takes a free port, --no-foxglove does without"
+        message = f"{error}; --port 0 takes a free port, --no-foxglove turns it off"
         raise CommandError(message, ExitCode.INFRASTRUCTURE) from error
 
 
 def _serve_ros(
     services: _Servers, simulation: LiveSimulation, socket: str, folder: Path
 ) -> RosBridge:
-    """Listen for the relay of a stack; files for it lie in ``folder``."""
+    """Listen for the relay of a stack; its files go to ``folder``."""
     import secrets
 
     from daemon.live.ros_bridge import RosBridge, usual_settings
@@ -246,7 +247,7 @@ def _serve_ros(
         services.map_file = _write_map(simulation, folder)
     try:
         first = [RelayLink.listen(socket, nonce)]
-        # Of a port that was free: the next stack finds it where the first one did.
+        # The next stack connects to the same address, also if the port was a free one.
         address = first[0].address
         services.bridge = bridge = RosBridge(
             simulation, lambda: first.pop() if first else RelayLink.listen(address, nonce), settings
@@ -259,7 +260,7 @@ def _serve_ros(
 
 
 def _write_map(simulation: LiveSimulation, folder: Path) -> str:
-    """Write the map of a world as a run has it; return the path of its ``map.yaml``."""
+    """Write the map of a world that a run would get; return the path of its ``map.yaml``."""
     from daemon.run_map import run_map
     from grammars.model.behaviour import start_positions
     from grammars.model.map_files import write_map
@@ -271,13 +272,12 @@ def _write_map(simulation: LiveSimulation, folder: Path) -> str:
 
 
 def _serve_headless(simulation: LiveSimulation, services: _Servers, thread: LiveThread) -> None:
-    """Say where it is served, then what changes, until the end."""
-    # Told to end or interrupted: both are the way this ends, and nothing is lost. An event, as an
-    # exception raised by a signal is lost where Python cannot pass it on (in a weak reference's
-    # callback, say).
+    """Print the addresses, then changes, until the end."""
+    # SIGINT and SIGTERM are the normal end. They set an event, because Python loses the exception
+    # of a signal where it cannot propagate, such as in the callback of a weak reference.
     ended = threading.Event()
     endings = (signal.SIGINT, signal.SIGTERM)
-    before = [signal.signal(number, lambda *_: ended.set()) for number in endings]
+    handlers = [signal.signal(number, lambda *_: ended.set()) for number in endings]
     try:
         previous = services.lines()
         for line in (*previous, "Ctrl-C ends it"):
@@ -294,5 +294,5 @@ def _serve_headless(simulation: LiveSimulation, services: _Servers, thread: Live
         if ended.is_set():
             say("\nthe world has ended")
     finally:
-        for number, handler in zip(endings, before, strict=True):
+        for number, handler in zip(endings, handlers, strict=True):
             signal.signal(number, handler)

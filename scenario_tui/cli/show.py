@@ -1,4 +1,4 @@
-"""The command that shows one run: what each oracle says of it, or its log."""
+"""The command that shows one run: its verdicts, or its log."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def show(
         str,
         typer.Argument(
             metavar="RUN",
-            help="Id of a run, or a campaign's name, a dot and the run's number; or a trace.",
+            help="Id of a run, or name of a campaign, a dot and the run's number; or a trace.",
             autocompletion=completion.offers(completion.runs, completion.files(".mcap")),
         ),
     ],
@@ -44,11 +44,11 @@ def show(
         bool,
         typer.Option(
             "--log",
-            help="Tell what happened instead: attempts, mission, contacts, what the SUT said.",
+            help="Show the log instead: attempts, mission, contacts, messages of the SUT.",
         ),
     ] = False,
     everything: Annotated[
-        bool, typer.Option("--all", help="With the log all lines of all outputs, not the last.")
+        bool, typer.Option("--all", help="Show the log with all lines of all outputs.")
     ] = False,
     output: Annotated[
         str,
@@ -56,14 +56,14 @@ def show(
             "--output",
             "-o",
             metavar="NAME",
-            help="Of the log all that the system under test wrote to this output, stack.txt say.",
+            help="Show only this output of the system under test, such as stack.txt.",
         ),
     ] = "",
 ) -> Answer[RunSummary] | Answer[RunLog]:
-    """Show one run: what each oracle says and why, or what happened in it.
+    """Show one run: the verdict of each oracle and its reason, or the log.
 
-    It is read from the state directory of this machine unless a daemon is named. No daemon is
-    needed, except to say how far a run is.
+    It comes from the state directory of this machine, unless a daemon is named. Only the progress
+    of a run needs a daemon.
     """
     from daemon.analysis.recorded import read_marks
     from scenario_tui.cli.values import RunSummary
@@ -81,7 +81,7 @@ def show(
                     if names
                     else "its system under test printed nothing"
                 )
-                message = f'no output "{output}" in this run: {hint}'
+                message = f'this run has no output "{output}": {hint}'
                 raise typer.BadParameter(message, param_hint="--output")
             text = partial(_print_log, run_log, everything, target)
             if output:
@@ -97,7 +97,7 @@ def show(
 
 
 def _with_progress(summary: RunSummary, target: DaemonTarget) -> RunSummary:
-    """Return a running run with how far it is, which only a daemon that is there can say."""
+    """Return a running run with its progress, if a daemon answers."""
     from scenario_tui.library.watching import latest_snapshot
 
     row = summary.run.row
@@ -112,7 +112,7 @@ def _with_progress(summary: RunSummary, target: DaemonTarget) -> RunSummary:
 def _print_run(
     summary: RunSummary, expectations: Expectations | None, target: DaemonTarget
 ) -> None:
-    """Print what it was and what each oracle says, then what to type next."""
+    """Print the run and its verdicts, then suggested commands."""
     from scenario_tui.text.run_text import run_text
     from scenario_tui.text.search_text import proposal_text
 
@@ -134,25 +134,25 @@ def _next_commands(summary: RunSummary, target: DaemonTarget) -> Iterator[tuple[
         yield target.command("replay", row.id, *begin), "watch it"
     yield target.command("show", row.id, "--log"), "what happened, in order"
     if not row.repeatable and row.trace:
-        yield target.command("verify", row.id), "how far its outcomes spread"
+        yield target.command("verify", row.id), "how much its outcomes vary"
     if summary.task is not None:
         yield target.command("search", row.campaign), "the search it belongs to"
     elif row.outcome == "fail":
-        yield target.command("blame", row.id), "what makes it fail"
+        yield target.command("blame", row.id), "why it fails"
     if row.state in (RunState.LOST, RunState.CANCELLED):
-        yield target.command("retry", row.campaign), "queue what is lost or cancelled again"
+        yield target.command("retry", row.campaign), "queue lost or cancelled runs again"
 
 
 def _read_log(
     source: CampaignSource, detail: RunDetail, standing: str, target: DaemonTarget
 ) -> RunLog:
-    """Return what a run left; a daemon elsewhere does not tell of attempts."""
+    """Return the log of a run; a daemon elsewhere does not tell its attempts."""
     from daemon.batch.ledger import LedgerReader
     from scenario_tui.cli.values import RunLog, RunStep
 
     row = detail.row
     log = RunLog(row.id, row.attempt, row.reason, standing=standing)
-    # Attempts and what they print are of the state directory: no verb of the bus has them.
+    # Only the state directory has attempts and their output, no verb of the bus does.
     if isinstance(source, LedgerReader):
         steps = tuple(RunStep(*step) for step in source.steps(row.id))
         log = replace(log, steps=steps, output=_read_outputs(target.paths, row.id))
@@ -168,9 +168,9 @@ def _read_log(
 
 
 def _read_outputs(paths: StatePaths, run: str) -> tuple[str, ...]:
-    """Return what attempts on this machine printed that are running or not yet handed over.
+    """Return the output of attempts on this machine that run or are not yet handed over.
 
-    Of each the first and the last part, about a MiB at most.
+    It has the first and the last part of each output, about a MiB at most.
     """
     from daemon.batch.run_process import OUTPUT, read_output
     from grammars.text.files import matching_paths
@@ -181,9 +181,9 @@ def _read_outputs(paths: StatePaths, run: str) -> tuple[str, ...]:
 
 
 def _print_log(log: RunLog, everything: bool, target: DaemonTarget) -> None:
-    """Print a log in order, of printed outputs the last lines or everything."""
+    """Print a log in order, with the last lines of each output, or all lines."""
     _print_steps(log)
-    # The reason is the note of an attempt, as long as that attempt is remembered.
+    # The note of an attempt has the reason already, while that attempt is stored.
     has_reason = any(step.note.strip() == log.reason.strip() for step in log.steps)
     for text in filter(None, (*log.output, "" if has_reason else log.reason)):
         print_line(f"\n{text.strip()}")
@@ -211,7 +211,7 @@ def _print_steps(log: RunLog) -> None:
         return
     if log.attempts:
         attempts = count_noun(log.attempts, "attempt")
-        print_line(f"{attempts}; when is not remembered any more")
+        print_line(f"{attempts}; their times are not stored any more")
     elif log.standing:
         print_line(log.standing)
 
@@ -224,7 +224,7 @@ def _print_recorded(recorded: tuple[LogLine, ...]) -> None:
     width = max(len(line.source) for line in recorded)
     for line in recorded:
         text = Text(f"{time_text(line.time):>10}  {line.source:<{width}}  ")
-        # What nodes log is anybody's text, as what they print is.
+        # Log messages of nodes may hold any text, as printed output may.
         words = "\n".join(printed_lines(line.text))
         print_line(text.append(words, style=styles.get(line.level, "")))
 

@@ -1,4 +1,4 @@
-"""The command that says how everything stands."""
+"""The command that shows the state of the daemon, its workers and its campaigns."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ if TYPE_CHECKING:
 
 _MAX_CAMPAIGNS: Final = 15
 _MOST_RUNS: Final = 5_000
-"""Runs of campaigns with failures that are judged, to tell news from known ones: 0.08 ms each."""
+"""Largest number of runs to judge, 0.08 ms each, to tell new failures from known ones."""
 _OTHER_COLUMNS: Final = 18
-"""Columns that age and gaps take in the list of campaigns."""
+"""Columns of the age and the gaps in the list of campaigns."""
 
 
 def status(target: DaemonTarget) -> Answer[DaemonStatus]:
-    """Say how everything stands: daemon, workers, campaigns."""
+    """Show the state of the daemon, its workers and its campaigns."""
     from scenario_tui.cli.values import DaemonStatus
 
     endpoint = target.endpoint
@@ -43,7 +43,7 @@ def status(target: DaemonTarget) -> Answer[DaemonStatus]:
         campaigns: tuple[CampaignRow, ...] = ()
         searches: tuple[SearchRow, ...] = ()
         conclusions: Mapping[str, Conclusion] = {}
-        # A daemon whose disk is full has no more to say than that.
+        # A daemon whose disk is full answers with the overview only.
         with suppress(Unavailable):
             campaigns = daemon.campaigns()
             conclusions = _judge_failures(daemon, campaigns[:_MAX_CAMPAIGNS])
@@ -56,7 +56,7 @@ def status(target: DaemonTarget) -> Answer[DaemonStatus]:
 def _judge_failures(
     daemon: DaemonClient, campaigns: Iterable[CampaignRow]
 ) -> dict[str, Conclusion]:
-    """Return the conclusions of campaigns with failures, the first ones that have few runs."""
+    """Return the conclusions of campaigns with failures, as long as they have few runs."""
     from daemon.analysis.results import read_results
     from scenario_tui.text.results import conclude
 
@@ -75,17 +75,17 @@ def _print_status(
     campaigns = status.campaigns
     _print_overview(status, conclusions)
     if not campaigns and status.overview.trouble:
-        return  # there may be some that cannot be read just now
+        return  # campaigns may exist that cannot be read now
     if not campaigns:
         print_line("\nNo campaigns yet. Type:")
         submit = target.command("submit", "my-tests/campaign.yaml")
         print_commands(
-            ("scenario new my-tests", "write a small campaign"), (submit, "hand it to the daemon")
+            ("scenario new my-tests", "write a small campaign"), (submit, "submit it to the daemon")
         )
         return
     console = stdout_console()
-    shown, now = campaigns[:_MAX_CAMPAIGNS], status.overview.now
-    console.print(_campaign_table(shown, conclusions, now, console.width))
+    newest, now = campaigns[:_MAX_CAMPAIGNS], status.overview.now
+    console.print(_campaign_table(newest, conclusions, now, console.width))
     if len(campaigns) > _MAX_CAMPAIGNS:
         print_line(f"and {len(campaigns) - _MAX_CAMPAIGNS} older ones")
     if status.searches:
@@ -128,7 +128,7 @@ def _print_overview(status: DaemonStatus, conclusions: Mapping[str, Conclusion])
 def _tally_parts(
     row: CampaignRow | DaemonOverview, fail: str, conclusion: Conclusion | None = None
 ) -> list[Text]:
-    """Return how many runs there are of each word, with its glyph; then news and known failures.
+    """Return the number of runs with each word, then new and known failures.
 
     ``fail`` is the style of failed runs.
     """
@@ -154,7 +154,7 @@ def _campaign_table(
 
     table = plain_table("campaign", "runs", "verdicts", "submitted")
     runs = [f"{row.ended}/{row.total}" for row in campaigns]
-    # Verdicts wrap between their parts, never inside of one: rich would break at any blank.
+    # Verdicts wrap between their parts only: rich would break at any blank.
     room = width - max(len(row.id) for row in campaigns) - max(map(len, runs)) - _OTHER_COLUMNS
     for row, progress in zip(campaigns, runs, strict=True):
         conclusion = conclusions.get(row.id)
@@ -171,7 +171,7 @@ def _campaign_table(
 
 
 def _wrap_parts(parts: Iterable[Text], width: int) -> Text:
-    """Return parts two blanks apart, in lines of at most ``width`` that begin with a part."""
+    """Return parts, two blanks apart, in lines of at most ``width``; no part is broken."""
     lines: list[Text] = []
     for part in parts:
         if lines and len(lines[-1]) + 2 + len(part) <= width:

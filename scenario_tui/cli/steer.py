@@ -1,4 +1,4 @@
-"""Commands that steer: cancel, retry, acknowledge, pause, priority, delete."""
+"""Commands that steer campaigns: cancel, retry, acknowledge, pause, priority, delete."""
 
 from __future__ import annotations
 
@@ -50,25 +50,25 @@ class CampaignPriority:
 
 
 def _steer(
-    action: CampaignAction, name: str, target: DaemonTarget, **given: Any
+    action: CampaignAction, name: str, target: DaemonTarget, **arguments: Any
 ) -> Answer[SteeredRuns]:
     """Ask the daemon for an action on a campaign."""
     with target.open() as daemon:
         row = find_campaign(daemon, name)
-        value = SteeredRuns(row.id, action.request(daemon, row.id, **given))
-    words = action.outcome_text(row.id, value.runs, target.command, **given)
+        value = SteeredRuns(row.id, action.request(daemon, row.id, **arguments))
+    words = action.outcome_text(row.id, value.runs, target.command, **arguments)
     if action is CANCEL and row.search in ("running", "waiting"):
-        # Between two of its runs there may be none to cancel.
+        # A search may have no run to cancel, between two of them.
         answer = target.command("search", row.id)
-        words += f", which has ended; `{answer}` says what it found"
+        words += f", which has ended; `{answer}` shows its answer"
     schema = "resume" if action is RESUME else action.command
     return Answer(schema, value, partial(say, words))
 
 
 def cancel(campaign: CampaignName, *, target: DaemonTarget) -> Answer[SteeredRuns]:
-    """Cancel what is queued or running of a campaign.
+    """Cancel the queued and running runs of a campaign.
 
-    The results it has are kept.
+    Its results are kept.
     """
     return _steer(CANCEL, campaign, target)
 
@@ -79,7 +79,7 @@ def retry(
         str,
         typer.Option(
             "--only",
-            help="Which runs: lost, cancelled, an outcome, or all; separated by |.",
+            help="Runs to retry: lost, cancelled, an outcome, or all; separated by |.",
             autocompletion=completion.offers(completion.words(*_RETRYABLE)),
         ),
     ] = "lost|cancelled",
@@ -89,28 +89,28 @@ def retry(
     """Queue lost or cancelled runs of a campaign again."""
     for word in only.split("|"):
         if word.strip() not in _RETRYABLE:
-            message = f'"{word}" is no kind of run: {did_you_mean(word, _RETRYABLE)}'
+            message = f'"{word}" is not a kind of run: {did_you_mean(word, _RETRYABLE)}'
             raise typer.BadParameter(message, param_hint="--only")
     return _steer(RETRY, campaign, target, only=only)
 
 
 def acknowledge(campaign: CampaignName, *, target: DaemonTarget) -> Answer[SteeredRuns]:
-    """Note that you know what went wrong in a campaign; the dashboard tells what is new.
+    """Mark the failures of a campaign as seen; the dashboard then shows new ones only.
 
-    What is new ends it: a run that settles badly, or is executed again.
+    The mark ends when another run goes wrong, or one is executed again.
     """
     return _steer(ACKNOWLEDGE, campaign, target)
 
 
 def pause(
     campaign: CampaignName,
-    off: Annotated[bool, typer.Option("--off", help="Go on with a paused campaign.")] = False,
+    off: Annotated[bool, typer.Option("--off", help="Continue a paused campaign.")] = False,
     *,
     target: DaemonTarget,
 ) -> Answer[SteeredRuns]:
-    """Start no more runs of a campaign, or go on with it.
+    """Start no more runs of a campaign, or continue it with --off.
 
-    Runs that are running finish.
+    Running runs finish.
     """
     return _steer(RESUME if off else PAUSE, campaign, target)
 
@@ -120,18 +120,18 @@ def priority(
     number: Annotated[
         int,
         typer.Argument(
-            metavar="N", min=-1000, max=1000, help="Usual is 0; write -- before a negative one."
+            metavar="N", min=-1000, max=1000, help="Default is 0; write -- before a negative one."
         ),
     ],
     *,
     target: DaemonTarget,
 ) -> Answer[CampaignPriority]:
-    """Let a campaign go before those of lower priority.
+    """Set the priority of a campaign; a higher one runs first.
 
     Campaigns of the same priority take turns, run by run.
     """
-    done = _steer(PRIORITY, campaign, target, priority=number)
-    return Answer(done.schema, CampaignPriority(done.value.campaign, number), done.text)
+    answer = _steer(PRIORITY, campaign, target, priority=number)
+    return Answer(answer.schema, CampaignPriority(answer.value.campaign, number), answer.text)
 
 
 def delete(
@@ -139,36 +139,38 @@ def delete(
         list[str],
         typer.Argument(
             metavar="CAMPAIGN...",
-            help="Ids or names of campaigns, or how they begin.",
+            help="Ids or names of campaigns, or their beginnings.",
             autocompletion=completion.offers(completion.campaigns),
         ),
     ],
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask.")] = False,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", "-n", help="Say what would go; remove nothing.")
+        bool, typer.Option("--dry-run", "-n", help="List what would go; remove nothing.")
     ] = False,
     *,
     target: DaemonTarget,
 ) -> Answer[Deletion]:
-    """Remove campaigns for good: runs, results, and traces that no other campaign uses.
+    """Delete campaigns: runs, results, and traces that no other campaign uses.
 
-    Not while runs of them wait or run: cancel them first.
+    A campaign with queued or running runs is refused: cancel them first.
     """
     with target.open() as daemon:
-        found = tuple(dict.fromkeys(find_campaign(daemon, name).id for name in campaigns))
-        gone = daemon.delete(found, dry=True)
+        ids = tuple(dict.fromkeys(find_campaign(daemon, name).id for name in campaigns))
+        deleted = daemon.delete(ids, dry=True)
         if not dry_run:
             if not yes:
-                _ask_whether(deletion_text(gone, dry=True))
-            gone = DELETE.request(daemon, *found)
+                _confirm(deletion_text(deleted, dry=True))
+            deleted = DELETE.request(daemon, *ids)
     from daemon.model.status import Deletion
 
-    return Answer("delete", Deletion(dry_run, gone), partial(say, deletion_text(gone, dry=dry_run)))
+    text = partial(say, deletion_text(deleted, dry=dry_run))
+    return Answer("delete", Deletion(dry_run, deleted), text)
 
 
-def _ask_whether(what: str) -> None:
-    """Have it confirmed; wrong usage where there is nobody to ask."""
+def _confirm(deletion: str) -> None:
+    """Ask a person to confirm a deletion; wrong usage without a terminal."""
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
-        raise typer.BadParameter("there is no terminal to ask at: say --yes", param_hint="--yes")
-    say(what)
-    typer.confirm("Delete? Nothing brings it back.", abort=True, err=True)
+        message = "no terminal to ask for confirmation: use --yes"
+        raise typer.BadParameter(message, param_hint="--yes")
+    say(deletion)
+    typer.confirm("Delete? This cannot be undone.", abort=True, err=True)

@@ -1,4 +1,4 @@
-"""Commands that hand a campaign to a daemon and wait for it: submit, wait."""
+"""Commands that submit a campaign to a daemon and wait for it: submit, wait."""
 
 from __future__ import annotations
 
@@ -34,24 +34,23 @@ def submit(
     campaign: CampaignFile,
     target: DaemonTarget,
     watch: Annotated[
-        bool, typer.Option("--watch", "-w", help="Stay until it is finished, show progress.")
+        bool, typer.Option("--watch", "-w", help="Show progress until the campaign ends.")
     ] = False,
     fresh: Annotated[
         bool,
         typer.Option(
             "--fresh",
-            help="Run everything anew. Otherwise runs whose specification has a result keep it, "
-            "also when the code of a system under test has changed since.",
+            help="Run everything anew. Otherwise a run whose specification has a result keeps it, "
+            "even if the code of the system under test has changed since.",
         ),
     ] = False,
     baseline: Baseline = "",
     worse_by: WorseBy = None,
     slots: Slots = None,
 ) -> Answer[HandedOver] | Answer[ComparedResults]:
-    """Hand a campaign to the daemon, watch it if you like.
+    """Submit a campaign to the daemon, and watch it with --watch.
 
-    Only runs that have no result yet are executed. A daemon is started on this machine if none
-    answers.
+    Only runs without a result are executed. If no daemon answers, one is started on this machine.
     """
     from daemon.analysis.results import ComparedResults
     from scenario_tui.cli.compare import compare_with_baseline
@@ -59,7 +58,7 @@ def submit(
     from scenario_tui.library.submission import receipt_text
 
     if baseline and not watch:
-        raise typer.BadParameter("is judged at the end: add --watch", param_hint="--baseline")
+        raise typer.BadParameter("is compared at the end: add --watch", param_hint="--baseline")
     job = load_announced(campaign).submit(
         connect=target.connect, state=target.state, fresh=fresh, workers=slots
     )
@@ -72,7 +71,7 @@ def submit(
     try:
         results = job.wait().value
     except KeyboardInterrupt:
-        say(f"\n{job.id} goes on; come back with `{target.command('results', job.id)}`")
+        say(f"\n{job.id} continues; see `{target.command('results', job.id)}`")
         raise
     between = compare_with_baseline(results, baseline, worse_by, target)
     value = ComparedResults.of(results, between)
@@ -109,14 +108,14 @@ def wait(
             "--timeout",
             metavar="TIME",
             parser=parse_duration,
-            help="At most so long: 30s, 10min, 2h.",
+            help="Longest time to wait: 30s, 10min, 2h.",
         ),
     ] = None,
 ) -> Answer[ComparedResults] | Answer[SearchResult]:
-    """Wait until a campaign is over, and leave with its exit code.
+    """Wait until a campaign ends, and exit with its code.
 
-    Leaves with 4 when the time is up before. A daemon that is away is waited for, two minutes
-    unless --timeout says otherwise. Ctrl-C ends the waiting only.
+    Exits with 4 after --timeout. Waits for a daemon that does not answer, by default for two
+    minutes. Ctrl-C ends the waiting only.
     """
     from daemon.analysis.results import ComparedResults
     from scenario_tui.cli.search import wait_for_search
@@ -129,18 +128,18 @@ def wait(
     patience = PATIENCE if timeout is None else timeout
     name = campaign
     try:
-        meant = ask_patiently(target, lambda daemon: find_campaign(daemon, campaign), patience)
-        name, rest = meant.id, max(0.0, deadline - time.monotonic())
-        if meant.search:
+        match = ask_patiently(target, lambda daemon: find_campaign(daemon, campaign), patience)
+        name, rest = match.id, max(0.0, deadline - time.monotonic())
+        if match.search:
             return wait_for_search(target, name, patience=patience, limit=rest)
         results = wait_for(target, name, patience=patience, limit=rest).value
     except KeyboardInterrupt:
-        say(f"\n{name} goes on; come back with `{target.command('wait', name)}`")
+        say(f"\n{name} continues; wait again with `{target.command('wait', name)}`")
         raise
     row, code = results.row, results.assessment.exit_code
     words = conclude(results).glyph_text
     if not row.finished:
-        # The conclusion so far is printed, but a campaign that goes on has no verdict yet.
+        # The conclusion so far is printed, but an unfinished campaign has no verdict yet.
         runs = count_noun(row.queued + row.running, "run")
         words = f"{runs} left after {duration_text(limit)}, {words}"
         code = ExitCode.INCONCLUSIVE

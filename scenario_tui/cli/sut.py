@@ -1,4 +1,4 @@
-"""Commands about a system under test: every parameter and where it comes from; its relay."""
+"""Commands about a system under test: its parameters and their places; its check; its relay."""
 
 from __future__ import annotations
 
@@ -48,16 +48,16 @@ def show(
         str,
         typer.Argument(
             metavar="SUT.yaml",
-            help="A system under test: its file, or a name as campaigns say it.",
+            help="A system under test: its file, or its name in campaigns.",
             autocompletion=completion.offers(completion.sut_files),
         ),
     ],
 ) -> Answer[ShownSut]:
     """Show a system under test: its parameters and where each was written.
 
-    For the ROS stack also the defaults that apply, what has no effect here, the planners, the
-    layers of both costmaps and who hears which laser; for a ROS 2 stack the defaults that apply.
-    Nothing is started.
+    For ROS stacks it also shows the defaults that apply. For the ROS 1 stack it adds parameters
+    without effect, the planners, the layers of both costmaps, and the lasers of each part. Nothing
+    is started.
     """
     from daemon.campaign import RefusedSutError
     from daemon.stacks.ros1 import ROS
@@ -87,18 +87,18 @@ command_of(app, "check")(check)
 
 @command_of(app, "relay")
 def relay() -> None:
-    """Print the relay that talks to a ROS 2 stack, one file of Python, for building images.
+    """Print the relay that talks to a ROS 2 stack, one Python file, to build images.
 
-    A run brings its own along; it must be inside of an image only where nothing can be mounted.
+    A run brings its own; an image needs the relay only if nothing can be mounted.
     """
     from importlib.resources import files
 
-    # As a file and not as a module: it is written for the Python of the stack.
+    # Read as a file, not imported: it is written for the Python of the stack.
     sys.stdout.write(files("daemon.stacks.ros2").joinpath("relay.py").read_text("utf-8"))
 
 
 def _defaults(sut: LoadedSut, read: RosParameters | None) -> dict[str, dict[str, Any]]:
-    """Return the defaults that apply, by namespace or section, of kinds that have sections."""
+    """Return the defaults that apply by namespace or section, if the kind has any."""
     from daemon.stacks.ros2 import ROS2
 
     if sut.reference.kind == ROS2.name:
@@ -118,7 +118,7 @@ def _print_sut(
     print_line(head)
     print_line(" < ".join(sut.layer.files), style="dim")
     _print_settings(stdout_console(), sut.settings, sut.findings.without_effect)
-    # Files that travel with every run are no parameters of the table.
+    # Files that travel with every run are not in the table of parameters.
     digests = [f"{name} (sha256 {digest[:12]})" for name, digest in reference.files.items()]
     if digests:
         print_line(f"\nfiles: {', '.join(digests)}")
@@ -132,7 +132,7 @@ def _print_sut(
 def _print_settings(
     console: Console, settings: ParameterValues, idle: Iterable[ParameterFinding]
 ) -> None:
-    """Print values with their places; ``idle`` are those without effect, with the reason."""
+    """Print values with their places; ``idle`` ones have no effect, for a reason."""
     from rich.text import Text
 
     if not settings:
@@ -153,7 +153,7 @@ def _print_settings(
 
 
 def _yaml_text(value: Any) -> str:
-    """Return a value as YAML would have it."""
+    """Return a value in YAML's notation."""
     if isinstance(value, bool):
         return str(value).lower()
     if value is None:
@@ -166,7 +166,7 @@ def _yaml_text(value: Any) -> str:
 def _print_defaults(defaults: dict[str, dict[str, Any]]) -> None:
     if not any(defaults.values()):
         return
-    print_line("\nnot written anywhere", style="bold")
+    print_line("\ndefaults, not written in any file", style="bold")
     for namespace, values in defaults.items():
         if values:
             listed = ", ".join(f"{name} {_yaml_text(value)}" for name, value in values.items())

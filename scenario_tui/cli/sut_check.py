@@ -1,4 +1,4 @@
-"""The command that starts an external system under test and prints what it has and lacks."""
+"""The command that starts an external system under test and compares it with its needs."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _SIGNS: Final = {
     "warning": ("!", "inconclusive", "yellow"),
     "missing": (GLYPHS["fail"], "fail", "bold red"),
 }
-"""The sign of a line, its style, and the style of what it says."""
+"""The sign of a line by its state, its style, and the style of the text."""
 
 
 def check(
@@ -42,7 +42,7 @@ def check(
         str,
         typer.Argument(
             metavar="SUT",
-            help="A system under test that lives outside: its file, or its name as campaigns say.",
+            help="An external system under test: its file, or its name in campaigns.",
             autocompletion=completion.offers(completion.sut_files),
         ),
     ],
@@ -51,18 +51,18 @@ def check(
         typer.Option(
             "--campaign",
             metavar="FILE",
-            help="Take robot, map and start of its first run. Default: an empty room.",
+            help="Use robot, map and start of its first run. Default: an empty room.",
             autocompletion=completion.offers(completion.campaign_files),
         ),
     ] = None,
     out: Annotated[
         Path | None,
-        out_folder("Where all that it prints goes. Default: scenario-results/sut-check/NAME/."),
+        out_folder("Folder for its output. Default: scenario-results/sut-check/NAME/."),
     ] = None,
 ) -> Answer[StackCheck]:
     """Start a ROS 2 stack, compare it with the needs of a run, and end it.
 
-    No mission is sent. Leaves with 1 when something is missing, with 3 when it cannot be started.
+    No mission is sent. Exits with 1 if something is missing, with 3 if the stack does not start.
     """
     from daemon.model.sut import SutFailure
     from daemon.stacks.ros2 import inspection
@@ -73,7 +73,7 @@ def check(
     report_findings(loaded.warnings)
     name, kind = loaded.reference.name, loaded.reference.kind
     if kind != _KIND:
-        only = f"only systems of kind {_KIND} can be started to be looked at"
+        only = f"only systems of kind {_KIND} can be checked"
         raise typer.BadParameter(f"{name} is of kind {kind}: {only}", param_hint="SUT")
     settings = read_settings(loaded.reference.local_parameters)
     briefing, first = _first_moment(campaign, loaded.warnings)
@@ -87,7 +87,7 @@ def check(
                 (folder / file).write_bytes(data)
                 outputs.append(str(folder / file))
         except OSError as error:
-            say(f"its output cannot be written: {error}; name another folder with --out")
+            say(f"its output cannot be written: {error}; choose another folder with --out")
 
     say(f"starting {name}, which may take {settings.start_up:g} s")
     try:
@@ -113,7 +113,7 @@ def check(
 
 
 def load_sut(name: str, folder: Path) -> LoadedSut:
-    """Load a SUT file, or one that is found by its name as in a campaign of ``folder``.
+    """Load a SUT file by its path, or by its name in a campaign of ``folder``.
 
     Raises :class:`InputError`.
     """
@@ -130,8 +130,8 @@ def _first_moment(
 ) -> tuple[Briefing, Observation]:
     """Return the briefing of a stack, and the first measurements of its robot.
 
-    Without a campaign it is that of the empty room that ships. Warnings of the campaign are
-    printed, except those that are ``reported`` already.
+    The default campaign is the empty room that ships. Prints warnings of the campaign, except
+    those already ``reported``.
     """
     import numpy as np
 
@@ -159,7 +159,7 @@ def _first_moment(
 
 @contextmanager
 def _progress() -> Iterator[Callable[[str], None]]:
-    """Show progress on a terminal: the thing that the stack is waiting for."""
+    """Show progress on a terminal: the thing that the check is waiting for."""
     console = stderr_console()
     if not console.is_terminal:
         yield lambda _: None
@@ -177,7 +177,7 @@ def _print_failure(check: StackCheck) -> None:
 
 
 def _print_check(check: StackCheck) -> None:
-    """Print a line for each thing, and what to do where something is wrong."""
+    """Print a line for each item, with a hint if something is wrong."""
     from rich.text import Text
 
     width = max((len(line.subject) for line in check.lines), default=0)
@@ -211,4 +211,4 @@ def _facts(line: CheckLine) -> str:
 
 def _say_outputs(check: StackCheck) -> None:
     if check.outputs:
-        say(f"all it printed: {', '.join(check.outputs)}")
+        say(f"all of its output: {', '.join(check.outputs)}")

@@ -1,4 +1,4 @@
-"""Configuration as the ROS stack reads it: planners, layers, who hears which laser."""
+"""Configuration of the ROS 1 stack: planners, layers, the lasers of each part."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from daemon.stacks.ros1.costmap.layers import Layer, LayeredCostmap, ObservationSource
 
 _NOT_ROS_PARAMETERS: Final = frozenset({"layers", "frame", "recovery_behaviors"})
-"""Fields of the models that are no parameters, or say nothing when they are not given."""
+"""Fields of the models that are no parameters, or have no default to show."""
 _KINDS: Final = {
     "StaticLayer": "map",
     "ObstacleLayer": "obstacles",
@@ -23,7 +23,7 @@ _KINDS: Final = {
 
 
 def described(read: RosParameters) -> dict[str, Any]:
-    """Return topics, wiring, planners and costmaps of a configuration for scripts."""
+    """Return topics, wiring, planners and costmaps of a configuration for JSON."""
     return {
         "topics": dataclasses.asdict(read.topics),
         "wiring": {part: bool(lasers) for part, lasers in _wiring(read).items()},
@@ -73,7 +73,7 @@ def defaults(sut: LoadedSut, read: RosParameters) -> dict[str, dict[str, Any]]:
 
 
 def _written_names(sut: LoadedSut, namespace: str) -> set[str]:
-    """Return the names somebody wrote in a namespace, or where it is looked for besides."""
+    """Return the names written in a namespace, or in others where ROS looks for them."""
     above = tuple(namespace.split("/"))
     spaces = [above]
     if namespace.endswith("rotate_recovery"):
@@ -130,7 +130,7 @@ def _source_text(source: ObservationSource) -> str:
 
 
 def _wiring(read: RosParameters) -> dict[str, tuple[str, ...]]:
-    """Return which lasers of those the file speaks of each part of the stack hears."""
+    """Return the lasers in the file that each part of the stack hears."""
     return dataclasses.asdict(read.topics.heard(read.topics.lasers()))
 
 

@@ -25,45 +25,45 @@ if TYPE_CHECKING:
     from scenario_tui.dashboard.config import Config
 
 _COLLECT: Final = 10_000
-"""New objects after which garbage is looked for: Python's own 700 take a fifth of a key's time."""
+"""New objects between two garbage collections: Python's 700 take a fifth of a key's time."""
 _SERVED: Final = "TEXTUAL_DRIVER"
-"""Set by textual-serve for a dashboard that is drawn by a page in a browser."""
+"""Variable that textual-serve sets for a dashboard in a browser."""
 
 
 def tui(
     context: typer.Context,
     target: DaemonTarget,
     read_only: Annotated[
-        bool, typer.Option("--read-only", help="Look only: nothing can be changed from it.")
+        bool, typer.Option("--read-only", help="Only look: the dashboard changes nothing.")
     ] = False,
     bindings: Annotated[
         bool,
-        typer.Option("--bindings", help="List the ids of all keys, for config.toml, and leave."),
+        typer.Option("--bindings", help="List the ids of all keys for config.toml, and exit."),
     ] = False,
     web: Annotated[
         bool,
-        typer.Option("--web", help="Show it in browsers of this machine, to look only."),
+        typer.Option("--web", help="Show it in browsers of this machine, read-only."),
     ] = False,
     write: Annotated[
-        bool, typer.Option("--write", help="With --web: let browsers change things.")
+        bool, typer.Option("--write", help="With --web: allow changes from browsers.")
     ] = False,
     port: Annotated[
-        int, typer.Option("--port", min=1, max=65535, help="With --web: where it listens.")
+        int, typer.Option("--port", min=1, max=65535, help="With --web: port of the page.")
     ] = 8000,
     public_url: Annotated[
         str,
         typer.Option(
             "--public-url",
             metavar="URL",
-            help="With --web: where a proxy of yours shows it to others.",
+            help="With --web: address at which your proxy shows it to others.",
         ),
     ] = "",
 ) -> int | None:
     """Open the dashboard; leaving it never stops any work.
 
-    A daemon is started on this machine if none answers, unless --read-only or --connect is given.
-    With --web browsers show it, each page by a dashboard of its own, until Ctrl-C.
-    Keys, colours and more are set in config.toml; `scenario doctor` says where it is.
+    If no daemon answers, one is started on this machine, unless --read-only or --connect is given.
+    With --web, browsers show it until Ctrl-C; each page has its own dashboard.
+    Keys, colours and more are set in config.toml; `scenario doctor` prints its path.
     """
     if bindings:
         _print_bindings()
@@ -71,7 +71,7 @@ def tui(
     if web:
         _serve(target, port, public_url, may_write=write and not read_only)
         return None
-    refuse_typed(context, ("write", "port", "public_url"), "this is for --web")
+    refuse_typed(context, ("write", "port", "public_url"), "needs --web")
     served = _SERVED in os.environ
     if served:
         from daemon.supervision.child import die_with_parent
@@ -87,7 +87,7 @@ def tui(
             raise CommandError(
                 f"the dashboard needs a terminal: {why} (scripts: `scenario status --json`)"
             )
-        # The option can only take rights away: who forbade changes in the file meant it.
+        # The option can only take rights away: the file may forbid changes for good.
         config = replace(config, read_only=config.read_only or read_only)
         launch = None if target.named or config.read_only else partial(_launch_daemon, target)
         code, farewell = run_dashboard(target, config, launch)
@@ -108,22 +108,22 @@ def _read_config() -> Config:
 
 
 def _serve(target: DaemonTarget, port: int, public_url: str, *, may_write: bool) -> None:
-    """Serve the dashboard to browsers until somebody ends that."""
+    """Serve the dashboard to browsers until Ctrl-C."""
     from daemon.model.execution import python_command
     from grammars.text.plugins import load_extra
 
     load_extra("textual_serve.server", "web", "a dashboard in the browser", "--web")
     from scenario_tui.dashboard.web import DashboardServer
 
-    config = _read_config()  # what is wrong with it is said here, not in each page
+    config = _read_config()  # report its errors here, not in each page
     may_write = may_write and not config.read_only
     if public_url and not re.fullmatch(r"https?://[^/?#\s]+(/[^?#\s]*)?", public_url):
-        message = f"{public_url!r} is no address of a page, as https://lab.example/scenario"
+        message = f"{public_url!r} is not an address such as https://lab.example/scenario"
         raise typer.BadParameter(message, param_hint="--public-url")
     words = (*target.words, *(() if may_write else ("--read-only",)))
     command = python_command("-c", "from scenario_tui.cli import main; main()", "tui", *words)
     server = DashboardServer(command, port, public_url)
-    rights = "" if may_write else ", to look only"
+    rights = "" if may_write else ", read-only"
     behind = f" (for your proxy: http://127.0.0.1:{port}/)" if public_url else ""
     try:
         server.serve_until_stopped(
@@ -135,8 +135,8 @@ def _serve(target: DaemonTarget, port: int, public_url: str, *, may_write: bool)
 
 
 def _launch_daemon(target: DaemonTarget) -> str:
-    """Start the daemon of this machine if none answers; return what to say of that."""
-    # In a thread of the dashboard, which is there before.
+    """Start the daemon of this machine if none answers; return a message about it."""
+    # Imported here, in a thread of the dashboard, which opens before.
     from scenario_tui.library.job import launch_daemon
 
     return launch_daemon(target)
@@ -144,9 +144,9 @@ def _launch_daemon(target: DaemonTarget) -> str:
 
 @contextmanager
 def _connecting_screen() -> Iterator[None]:
-    """Answer at once: the libraries of the dashboard take several times as long as this line.
+    """Show a screen at once, because the libraries of the dashboard take a while to load.
 
-    The dashboard takes the screen over, and gives it back; an error on the way there does so, too.
+    The dashboard takes over the screen and restores it at its end; so does an error before.
     """
 
     def write(text: str) -> None:
@@ -164,7 +164,7 @@ def _connecting_screen() -> Iterator[None]:
 
 
 def _print_bindings() -> None:
-    """Print a line for each binding: its id, its keys, where it works, what it does."""
+    """Print a line for each binding: its id, its keys, its screens, its meaning."""
     from scenario_tui.dashboard.config import config_path
     from scenario_tui.dashboard.key_bindings import list_key_bindings
 

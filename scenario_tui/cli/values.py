@@ -1,7 +1,7 @@
-"""Values that only the command line answers with.
+"""Values of answers that only the command line has.
 
-Their fields are of types that take pydantic to load, so commands import this when they run: help
-and completion do without.
+The types of their fields load pydantic, so commands import this module when they run: help and
+completion do not need it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from grammars.text.diagnostics import Finding
 
 @dataclass(frozen=True, slots=True)
 class DaemonStatus:
-    """A daemon and everything it has; ``searches`` are those that have not ended."""
+    """State of a daemon; ``searches`` are those that have not ended."""
 
     endpoint: str
     overview: DaemonOverview
@@ -34,9 +34,9 @@ class DaemonStatus:
 class RunSummary:
     """Everything about one run; ``task`` is the search that it belongs to, if any.
 
-    ``standing`` says why there is no trace of it (yet), empty when there is one; ``live`` is how
-    far one is that runs, if it told within half a second. ``marks`` are those of its verdicts, by
-    the oracle's name: news, and known failures with their reason.
+    ``standing`` explains a missing trace and is empty otherwise. ``live`` is the progress of a
+    running run, if it came within half a second. ``marks`` of verdicts by the oracle's name tell
+    new failures from known ones, with their reason.
     """
 
     run: RunDetail
@@ -48,7 +48,7 @@ class RunSummary:
 
 @dataclass(frozen=True, slots=True)
 class RunStep:
-    """A step in the life of a run: the state it came to, when, and why if there is a reason."""
+    """A step in the life of a run: its new state, the time, and a note with the reason, if any."""
 
     at: float
     state: str
@@ -57,11 +57,10 @@ class RunStep:
 
 @dataclass(frozen=True, slots=True)
 class RunLog:
-    """Log of a run: the ``steps`` of its attempts, their ``output``, events that it recorded.
+    """Log of a run: the ``steps`` of its attempts, their ``output``, ``recorded`` events.
 
-    ``printed`` is what an external system under test wrote while it ran, by name. Of a trace
-    alone only what it recorded and printed is known. ``standing`` says why there is no trace of it
-    (yet), empty when there is one.
+    ``printed`` is the output of an external system under test by its name. A trace alone has only
+    ``recorded`` and ``printed``. ``standing`` explains a missing trace and is empty otherwise.
     """
 
     run: str
@@ -94,7 +93,7 @@ class Searches:
 class WrittenReport:
     """Outcome of a campaign or a search, and the files ``written`` about it by their kind.
 
-    ``references`` are what others found of the same beside what was found here.
+    ``references`` compare it with published results.
     """
 
     campaign: str
@@ -107,10 +106,10 @@ class WrittenReport:
 
 @dataclass(frozen=True, slots=True)
 class ShownSut:
-    """A system under test; ``places`` says where each of its parameters was written.
+    """A system under test, with the ``places`` where its parameters were written.
 
-    ``layers`` are the SUT files it is made of. ``ros`` has topics, wiring, planners and costmaps
-    of the ROS 1 stack, and is empty for others.
+    ``layers`` are its SUT files. ``ros`` has topics, wiring, planners and costmaps of the ROS 1
+    stack, and is empty for others.
     """
 
     reference: SutReference

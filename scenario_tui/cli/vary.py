@@ -29,7 +29,7 @@ def vary(
         Path,
         typer.Argument(
             metavar="FILE.variation",
-            help="What to vary, and how.",
+            help="Description of the variation.",
             autocompletion=completion.offers(completion.files(".variation")),
         ),
     ],
@@ -40,23 +40,23 @@ def vary(
             "-n",
             min=1,
             max=100_000,
-            help=f"Variants to make. Default: {_DEFAULT_NUMBER}; a grid: all it has.",
+            help=f"Number of variants. Default: {_DEFAULT_NUMBER}; for a grid: all.",
         ),
     ] = None,
     seed: Annotated[
-        int, typer.Option(min=0, max=2**32 - 1, help="Seed of the first variant; they count up.")
+        int, typer.Option(min=0, max=2**32 - 1, help="Seed of the first variant; others count up.")
     ] = 0,
     method: Annotated[
         Literal["random", "grid", "halton", "lhs"],
         typer.Option(
-            help="random: draw each by its seed. grid: every combination. halton, lhs: fill the "
+            help="random: draw each by its seed. grid: every combination. halton, lhs: cover the "
             "space evenly."
         ),
     ] = "random",
     levels: Annotated[int, typer.Option(min=1, max=100, help="Values per range of a grid.")] = 3,
     out: Annotated[Path, out_folder("Folder to write to.")] = Path(),
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace files that exist, instead of keeping them.")
+        bool, typer.Option("--overwrite", help="Replace existing files instead of keeping them.")
     ] = False,
     suffix: Annotated[
         bool, typer.Option("--suffix", help="Write the seed into the name of each plan.")
@@ -67,13 +67,11 @@ def vary(
             min=0.01,
             max=100.0,
             metavar="RADIUS",
-            help="Only sound plans: no rooms that overlap, openings inside of their walls, and a "
-            "robot of this radius, in metres, reaches every space.",
+            help="Make only sound plans: no overlapping rooms, openings inside their walls, and "
+            "every space within reach of a robot of this radius, metres.",
         ),
     ] = None,
-    tries: Annotated[
-        int, typer.Option(min=1, max=1_000_000, help="Draws per variant before giving up.")
-    ] = 200,
+    tries: Annotated[int, typer.Option(min=1, max=1_000_000, help="Most draws per variant.")] = 200,
 ) -> Answer[WrittenVariants]:
     """Write variants of a floor plan, drawn from distributions."""
     from grammars.variation import (
@@ -88,7 +86,7 @@ def vary(
     report_findings(source.warnings)
     if check is not None:
         report_findings(source_defects(source, check))
-    # A grid has an end of its own; the others could go on for ever.
+    # A grid is finite; the other methods are not.
     if number is None and method != "grid":
         number = _DEFAULT_NUMBER
     with wrong_usage():
@@ -103,7 +101,7 @@ def vary(
             suffix=suffix,
         )
     files = write_variants(variants, out, overwrite=overwrite, source=source.plan_file)
-    # A plan may have defects of its own: only more than those are the variant's.
+    # The plan itself may have defects: only further ones come from a variant.
     defects = len(source.source.warnings)
     doubtful = sum(len(one.plan.warnings) > defects for one in variants) if check is None else 0
     value = WrittenVariants(source.file, source.plan_file, files)
@@ -115,11 +113,11 @@ def _print(value: WrittenVariants, folder: Path, doubtful: int) -> None:
         stdout_console().print(table)
     say(_summary(value.variants, folder))
     if doubtful:
-        say(f"{doubtful} of them may not be sound: --check RADIUS makes only sound ones")
+        say(f"{doubtful} of them may not be sound; --check RADIUS makes only sound ones")
 
 
 def _tables(files: tuple[VariantFile, ...]) -> list[Table]:
-    """Return what the columns are, and the values of every variant."""
+    """Return tables with the names of columns and the values of every variant."""
     from rich.table import Table
     from rich.text import Text
 
@@ -139,7 +137,7 @@ def _tables(files: tuple[VariantFile, ...]) -> list[Table]:
 
 
 def _remark(file: VariantFile) -> str:
-    """Return the outcome unless it is the usual one, and the draws unless the first held."""
+    """Return an unusual outcome, and the number of draws if there were several."""
     remarks: list[str] = [] if file.outcome == "written" else [file.outcome]
     if file.tries > 1:
         remarks.append(f"draw {file.tries}")
@@ -161,7 +159,7 @@ def _summary(files: tuple[VariantFile, ...], folder: Path) -> str:
     new = counts["written"] + counts["overwritten"]
     parts = [f"{count_noun(new, 'plan')} written to {folder}"]
     if counts["unchanged"]:
-        parts.append(f"{counts['unchanged']} there already")
+        parts.append(f"{counts['unchanged']} unchanged")
     if counts["kept"]:
-        parts.append(f"{counts['kept']} kept as they were: --overwrite replaces them")
+        parts.append(f"{counts['kept']} existing ones kept: --overwrite replaces them")
     return "; ".join(parts)

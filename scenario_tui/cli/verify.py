@@ -1,4 +1,4 @@
-"""The command that runs specifications again and holds the recordings against each other."""
+"""The command that runs specifications again and compares the recordings."""
 
 from __future__ import annotations
 
@@ -30,12 +30,13 @@ if TYPE_CHECKING:
 _REPEATABLE: Final = 2
 _EXTERNAL: Final = 5
 _REMEDY: Final = (
-    "what is random in a system under test has to come from briefing.seed, as in "
-    "numpy.random.default_rng(briefing.seed); nothing from the clock, from threads, or from the "
-    "order of a set"
+    "random numbers of a system under test must come from briefing.seed, as in "
+    "numpy.random.default_rng(briefing.seed); nothing may depend on the clock, on threads, or on "
+    "the order of a set"
 )
 _OTHER_CODE: Final = (
-    "executions agree with each other: the recording is of other code, packages or another machine"
+    "the executions agree with each other: the recording comes from other code, other packages or "
+    "another machine"
 )
 
 
@@ -44,8 +45,8 @@ def verify(
         list[str],
         typer.Argument(
             metavar="RUN|CAMPAIGN...",
-            help="Runs, traces (.mcap), folders of traces, campaigns, or campaign files, whose "
-            "specifications nobody has to have run before.",
+            help="Runs, traces (.mcap), folders of traces, campaigns, or campaign files, which "
+            "need no earlier run.",
             autocompletion=completion.offers(
                 completion.campaigns,
                 completion.runs,
@@ -61,25 +62,25 @@ def verify(
             "-n",
             min=1,
             max=1000,
-            help=f"Executions. Default: {_REPEATABLE}, and {_EXTERNAL} of a system that is not "
-            "repeatable. Of a campaign file the first takes the place of the recording.",
+            help=f"Executions. Default: {_REPEATABLE}, or {_EXTERNAL} for a system that is not "
+            "repeatable. For a campaign file the first one serves as the recording.",
         ),
     ] = None,
     every: Annotated[
         bool,
         typer.Option(
-            "--all", help="Every run of a campaign, not only one of each scenario and system."
+            "--all", help="Every run of a campaign, not only one per scenario and system."
         ),
     ] = False,
     wall: Wall = None,
     *,
     target: DaemonTarget,
 ) -> Answer[Verifications]:
-    """Run specifications twice and say whether the bytes are the same, or where they part.
+    """Run specifications twice and compare the traces byte by byte.
 
-    Recorded runs are held against their recording. Of a system under test that is not repeatable,
-    an external stack, it says how far outcomes, margins, path and duration spread. Results of the
-    ledger stay as they are.
+    Recorded runs are compared with their recording. For an external stack, which is not
+    repeatable, it prints the spread of outcomes, margins, path and duration. Results in the ledger
+    do not change.
     """
     from daemon.analysis.verification import Verifications, verify, verify_spec
 
@@ -88,7 +89,7 @@ def verify(
     runs = [one for name in named for one in _runs(name, target, every)]
     counts = [repeats or (_REPEATABLE if s.sut.repeatable else _EXTERNAL) for s, _ in runs]
     checks: list[Verification] = []
-    # Processes are forked meanwhile, and threads do not survive that.
+    # Processes are forked meanwhile; threads do not survive a fork.
     with open_progress(threads=False) as progress:
         task = progress.add_task("running again", total=sum(counts))
         advance = partial(progress.advance, task)
@@ -103,9 +104,9 @@ def verify(
 
 
 def _runs(name: str, target: DaemonTarget, every: bool) -> list[tuple[RunSpec, Scene | Path]]:
-    """Return the specifications meant, each with its scene or its trace.
+    """Return the specifications of a name, each with its scene or its trace.
 
-    Only the first of each scenario and system, unless ``every`` one is meant.
+    Only the first of each scenario and system counts, unless ``every`` is set.
     """
     from daemon.trace import read_spec
     from scenario_tui.library.campaign import load
@@ -129,12 +130,12 @@ def _runs(name: str, target: DaemonTarget, every: bool) -> list[tuple[RunSpec, S
 
 
 def _code(checks: tuple[Verification, ...]) -> ExitCode:
-    # Nobody can say what an external system should have given.
+    # An external system has no right answer to compare with.
     differing = any(
         check.repeatable and any(one.difference is not None for one in check.executions)
         for check in checks
     )
-    # A finding stays one when other runs could not be executed.
+    # A difference counts even if other runs could not be executed.
     if differing:
         return ExitCode.UNEXPECTED
     if not all(check.all_executed for check in checks):
@@ -145,7 +146,7 @@ def _code(checks: tuple[Verification, ...]) -> ExitCode:
 
 
 def _print(checks: tuple[Verification, ...]) -> None:
-    """Print every run, and one that stands alone with the spread of its values."""
+    """Print every run; a single one with the spread of its values."""
     for check in checks:
         _print_check(check)
     if len(checks) == 1:
@@ -173,7 +174,7 @@ def _print_details(check: Verification) -> None:
     if not done or (check.repeatable and check.same_bytes == len(check.executions)):
         return
     outcomes = ", ".join(f"{number} {word}" for word, number in check.outcomes.items())
-    print_line(f"with the recorded one: {outcomes}")
+    print_line(f"including the recording: {outcomes}")
     table = plain_table("", "recorded", "least", "most", "of", figures=True)
     for spread in check.spreads:
         recorded = check.recorded.values.get(spread.name)
@@ -195,7 +196,7 @@ def _headline(check: Verification, count: int) -> str:
     if check.recorded.problem or (count and all(one.problem for one in check.executions)):
         return f"{check.run}: could not be executed"
     if not count:
-        return f"{check.run}: executed once, which compares nothing; say --repeats 2 or more"
+        return f"{check.run}: executed once, so nothing to compare; use --repeats 2 or more"
     if not check.repeatable:
         return (
             f"{check.run}: {check.sut} is not repeatable; {count} more executions, "
@@ -204,10 +205,10 @@ def _headline(check: Verification, count: int) -> str:
     where = check.first_difference
     if where is None and check.same_bytes == count:
         same = count if check.trace else executed
-        return f"{check.run}: {same} of {same} executions left the same bytes"
+        return f"{check.run}: {same} of {same} executions have the same bytes"
     if where is None:
-        return f"{check.run}: {check.same_bytes} of {count} executions left the same bytes"
+        return f"{check.run}: {check.same_bytes} of {count} executions have the same bytes"
     if check.nondeterministic:
-        return f"{check.run}: {check.sut} is not deterministic, executions part {where}"
-    result = f"not the same bytes, {check.same_bytes} of {count} executions left them"
-    return f"{check.run}: {result}; they part {where}"
+        return f"{check.run}: {check.sut} is not deterministic, executions differ {where}"
+    result = f"other bytes, only {check.same_bytes} of {count} executions have the same"
+    return f"{check.run}: {result}; they differ {where}"

@@ -1,4 +1,4 @@
-"""The command that executes runs of a daemon, here or in a Dask cluster."""
+"""The command that executes runs of a daemon, on this machine or in a Dask cluster."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def _parse_scheduler(address: str) -> str:
     """Return the address of a Dask scheduler; raises ``ValueError``."""
     protocol, _, rest = address.partition("://")
     if address and not (protocol in ("tcp", "tls") and rest.rpartition(":")[2].isdigit()):
-        raise ValueError(f"{address!r} is no address, write tcp://<host>:<port> or tls://")
+        raise ValueError(f"{address!r} is not an address: write tcp://<host>:<port> or tls://")
     return address
 
 
@@ -32,22 +32,22 @@ def worker(
         int | None,
         typer.Option(
             "--slots", "-j", min=1, max=1024,
-            help="Runs at a time. Default: one per core, or per thread of the cluster.",
+            help="Parallel runs. Default: one per core, or per thread of the cluster.",
         ),
     ] = None,
     dask: Annotated[
         str,
         typer.Option(
             "--dask", metavar="ADDRESS", parser=_parse_scheduler,
-            help="Execute runs in the Dask cluster whose scheduler is at tcp://host:8786 or "
-            "tls://host:8786, certificates as Dask is configured.",
+            help="Execute runs in the Dask cluster with the scheduler at tcp://host:8786 or "
+            "tls://host:8786, with the certificates of Dask's configuration.",
         ),
     ] = "",
     memory: Annotated[
         int | None,
         typer.Option(
             "--memory", metavar="SIZE", parser=parse_size,
-            help="Address space of a run; 0B: no limit. Default: 4GiB.",
+            help="Address space of a run; 0B for no limit. Default: 4GiB.",
         ),
     ] = None,
     wall: Wall = None,
@@ -55,8 +55,8 @@ def worker(
         int | None,
         typer.Option(
             "--nice", min=0, max=19,
-            help="How far this worker steps back behind whatever else runs here. Default: its "
-            "runs by 10, itself not.",
+            help="Nice value of this worker and its runs. Default: 0 for the worker, 10 for its "
+            "runs.",
         ),
     ] = None,
     commands: Commands = None,
@@ -66,7 +66,7 @@ def worker(
 
     It executes runs of a daemon, on this machine, on another one or in a Dask cluster.
     """
-    # Limits guard runs; how far the worker itself steps back is another matter, said to work().
+    # The limits are those of runs; the worker's own nice value goes to work().
     usual = RunLimits()
     limits = RunLimits(
         wall or usual.wall,
@@ -78,7 +78,7 @@ def worker(
         from daemon.batch.operation import worker_unit
 
         inherited = endpoint.address if endpoint.origin == "SCENARIO_CONNECT" else ""
-        # Without an endpoint it is the state directory that says where the daemon is.
+        # Without an endpoint, the state directory leads to the daemon.
         names_state = target.state or os.environ.get("SCENARIO_STATE") or not target.named
         state = str(target.paths.state) if names_state else ""
         words = unit_words(context, {"--connect": inherited, "--state": state})
@@ -98,7 +98,7 @@ def worker(
             commands=commands,
         )
     except Unreachable as error:
-        # Only at its start, later it waits: what was typed is where no daemon is.
+        # Raised only at the start, later the worker waits: no daemon is at the typed endpoint.
         if target.connect:
             raise typer.BadParameter(str(error), param_hint="--connect") from error
         raise

@@ -1,4 +1,4 @@
-"""The dashboard: a client of the daemon and nothing else; leaving it never stops any work."""
+"""The dashboard: only a client of the daemon, so leaving it never stops any work."""
 
 from __future__ import annotations
 
@@ -48,13 +48,11 @@ T = TypeVar("T")
 HERE: Final = DaemonTarget()
 """The daemon of this machine."""
 FRAMES: Final = 10
-"""How often a second the screen takes over what runs tell, live maps included."""
+"""Updates of the screen per second by snapshots of runs, live maps included."""
 _PATIENCE: Final = 1.0
-"""Seconds after which the screen is brought up to date without any news, while something runs."""
+"""Seconds between updates of the screen without news, while runs are running."""
 _READY: Final = 0.5
-"""Seconds after the first answer until other screens are loaded: it is shown before."""
-
-
+"""Seconds between the first answer, which is shown first, and the load of other screens."""
 _READING: Final = (
     "scenario_tui.dashboard.playback",
     "daemon.judging.oracles",
@@ -62,8 +60,8 @@ _READING: Final = (
 )
 """Modules that read traces and sample their signals."""
 _CHANGES: Final = ("launch", "report", "steer", "submit")
-"""Actions that change something on the machine of the daemon or on that of the dashboard."""
-_UNREACHABLE: Final = "no daemon answers: nothing was done"
+"""Actions that change something on the machine of the daemon or of the dashboard."""
+_UNREACHABLE: Final = "no daemon answers, so nothing was done"
 
 
 class Dashboard(ThemedApp):
@@ -71,21 +69,23 @@ class Dashboard(ThemedApp):
 
     TITLE = "scenario"
     CSS_PATH = ["dashboard.tcss", "playing.tcss", "search.tcss"]  # noqa: RUF012
-    # Narrow screens show one thing, Enter and Escape lead in and out (the first one also shows what
-    # the cursor is on, below); wide ones show that beside the table, which takes 110 columns.
+    # Narrow screens show one part, and Enter and Escape lead in and out; the first screen also
+    # shows details of the row with the cursor below. Wide ones show them beside the table, which
+    # takes 110 columns.
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (110, "-wide")]  # noqa: RUF012
     VERTICAL_BREAKPOINTS = [(0, "-short"), (16, "-tall")]  # noqa: RUF012
     COMMAND_PALETTE_BINDING = "colon"
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("1", "go('campaigns')", "Campaigns", show=False, id="campaigns", tooltip="All"),
         Binding("2", "go('runs')", "Runs", show=False, id="runs", tooltip="Of every campaign"),
-        Binding("3", "go('workers')", "Workers", show=False, id="workers", tooltip="Who executes"),
+        Binding("3", "go('workers')", "Workers", show=False, id="workers",
+                tooltip="Machines that execute runs"),
         Binding("d", "launch", "Start daemon", show=False, id="launch",
-                tooltip="On this machine, when none answers"),
+                tooltip="On this machine, if none answers"),
         Binding("s", "submit", "Submit", show=False, id="submit",
                 tooltip="Choose, check, submit a campaign"),
         Binding("colon", "command_palette", "Go", id="palette",
-                tooltip="Type what to do or where to go"),
+                tooltip="Find an action or a place by typing"),
         Binding("question_mark,f1", "keys", "Help", id="help", tooltip="Keys and signs"),
         Binding("q", "quit", "Quit", id="quit", tooltip="Leave; all work goes on"),
         Binding(
@@ -128,7 +128,7 @@ class Dashboard(ThemedApp):
         self._shown_at = 0.0
 
     def get_default_screen(self) -> Screen[None]:
-        """Begin with the campaigns."""
+        """Return the screen of campaigns, which comes first."""
         return CampaignsScreen()
 
     def chosen_theme(self) -> str:
@@ -136,7 +136,7 @@ class Dashboard(ThemedApp):
         return self.config.theme
 
     def on_mount(self) -> None:
-        """Start asking and looking, the way the user likes it."""
+        """Start the feed, and apply the user's settings."""
         if self.config.theme:
             self.theme = self.config.theme
         self.set_keymap(self.config.keys)
@@ -144,18 +144,18 @@ class Dashboard(ThemedApp):
         self._frames = self.set_interval(1.0 / FRAMES, self.update_state)
         self.action_launch()
         self.recordings.on_read = partial(self.call_later, self._update_front_screen)
-        # What asks the daemon takes as long to load as all that is shown first: that comes before.
+        # The client takes as long to load as the whole first screen, so show the screen first.
         self.call_after_refresh(self.feed.start)
 
     @work(thread=True)
     def _load_screens(self) -> None:
-        """Load the screens behind the first one, whose libraries take longer than it does."""
+        """Load other screens, whose libraries take longer than the first screen."""
         import_module("scenario_tui.dashboard.screens.matrix")
         import_module("scenario_tui.dashboard.screens.runs")
         import_module("scenario_tui.dashboard.screens.search")
 
     def action_launch(self) -> None:
-        """See to it that a daemon answers, where one may be started on this machine."""
+        """Start a daemon on this machine if none answers and this is allowed."""
         if self.launch_daemon is not None:
             self.launching = True
             self.start_task(self.launch_daemon, self._end_launch, self._fail_launch)
@@ -171,12 +171,12 @@ class Dashboard(ThemedApp):
         self._end_launch("")
 
     def on_unmount(self) -> None:
-        """Stop asking, and what is done for nobody any more."""
+        """Stop the feed and the child process."""
         self.feed.close()
         self.child_processes.close()
 
     def update_state(self) -> None:
-        """Take over what is new and bring the screen in front up to date."""
+        """Take over news and bring the screen in front up to date."""
         news = self.feed.take_news()
         for live in news.lives:
             self.tracks.add(live)
@@ -190,7 +190,7 @@ class Dashboard(ThemedApp):
             if news.front is not None:
                 news.front.news = news.fetched
         now, overview = self.clock(), self.known.overview
-        # Ages grow even when nothing is new. Where nothing runs the feed tells of all that is.
+        # Ages grow even without news. Without running runs, the feed announces every change.
         if news.known is not None or news.lives or now - self._shown_at >= _PATIENCE:
             self._shown_at = now
             self._update_front_screen()
@@ -208,7 +208,7 @@ class Dashboard(ThemedApp):
         self.open("submit")
 
     def action_go(self, place: str) -> None:
-        """Go to one of the main screens from wherever we are."""
+        """Go to one of the main screens from any screen."""
         if isinstance(self.screen, Help):
             self.pop_screen()
         while len(self.screen_stack) > 1:
@@ -217,7 +217,7 @@ class Dashboard(ThemedApp):
             self.open(place)
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Leave replays alone, which have keys of their own; keys never reach below dialogs."""
+        """Refuse keys in replays, which have their own, and actions that are impossible now."""
         if action == "launch":
             known = self.known
             is_away = bool(known.problem) and not (known.connected or known.refused)
@@ -230,8 +230,8 @@ class Dashboard(ThemedApp):
         return None if self.why_not(action) else True
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
-        """Yield what has a key on a screen; what is not in its line of keys is found by typing."""
-        # Of several keys for an action the first is told, one in the line of keys before others.
+        """Yield the actions of all keys; typing also finds those not in the line of keys."""
+        # Of several keys for an action show the first, and one in the line of keys before others.
         bindings = our_bindings(screen)[::-1]
         bindings.sort(key=lambda one: one.binding.show)
         for action, active in {one.binding.action: one for one in bindings}.items():
@@ -240,16 +240,16 @@ class Dashboard(ThemedApp):
                 about = f"{self.get_key_display(binding)}  {binding.tooltip}"
                 do = partial(self.run_action, action, active.node)
                 yield SystemCommand(binding.description, about, do, binding.show)
-        about = "Choose other colours, until you leave"
+        about = "Choose other colours for this session"
         yield SystemCommand("Theme", about, self.action_change_theme)
         for row in self.known.campaigns:
             show = partial(self.open_campaign, row.id)
             yield SystemCommand(f"go to campaign {row.id}", "", show, discover=False)
 
     async def on_event(self, event: Event) -> None:
-        """Let each key do all its work before the next one is looked at.
+        """Let each key do all its work before the next one.
 
-        Textual hands keys on at once. Those typed behind a key that opens a screen would go to the
+        Textual passes keys on at once. Those typed behind a key that opens a screen would go to the
         screen below, or to one that cannot take them yet.
         """
         if not isinstance(event, Key) or event.is_forwarded:
@@ -261,8 +261,8 @@ class Dashboard(ThemedApp):
         if not done:
             await super().on_event(event)
         if self._exit:
-            return  # nothing is dealt with any more
-        # What the key did may be a message on its way from what has the focus up to the screen.
+            return  # no message is handled any more
+        # The effect of the key may be a message on its way from the focused widget to the screen.
         for node in (before.focused or before).ancestors_with_self:
             if node is not self:
                 await _settle(node)
@@ -270,7 +270,7 @@ class Dashboard(ThemedApp):
             await _settle(self.screen)
 
     async def _do(self, active: ActiveBinding) -> bool:
-        """Do what a key is for; say why it is impossible in place of what it would open."""
+        """Run the action of a key, or open a dialog with the reason why it is impossible."""
         front = self.screen
         if not active.enabled and isinstance(front, BaseScreen):
             _, action, parameters = parse(active.binding.action)
@@ -287,62 +287,64 @@ class Dashboard(ThemedApp):
         self, path: Path, *, submit: bool = False, fresh: bool = False, state: Path | None = None
     ) -> CheckedFile:
         """Examine a campaign file in the child process; not for the thread that draws."""
-        # It knows the daemon's records, which load longer than the first screen.
+        # Imported here, because it loads longer than the first screen.
         from scenario_tui.library.submission import check_file
 
         return self.child_processes.run(check_file, path, submit=submit, fresh=fresh, state=state)
 
     def prepare_playback(self) -> None:
-        """Have what reads traces there: somebody is about to open a run."""
+        """Load the readers of traces in the child process: a run is about to be opened."""
         load = partial(self.child_processes.run, load_modules, *_READING)
         self.start_task(load, _nothing, self.problem)
 
     def open(self, place: str, *about: str) -> None:
         """Show a screen by the name of its module, with the ids of its contents."""
-        # Screens open each other in circles, and most of them load longer than the first one.
+        # By name, because screens open each other in circles and most load longer than the first.
         module = import_module(f"scenario_tui.dashboard.screens.{place}")
         self.push_screen(getattr(module, f"{place.capitalize()}Screen")(*about))
 
     def open_campaign(self, campaign: str) -> None:
-        """Show what a campaign is about: a search, or runs."""
+        """Show the search or the runs of a campaign."""
         row = self.known.campaign(campaign)
         self.open("search" if row is not None and row.search else "runs", campaign)
 
     def why_not(self, action: str) -> str:
         """Return why an action is impossible now on every screen, empty if it is possible."""
-        # Only what people see here is barred: who may do what, the daemon decides by their key.
+        # This bars only the dashboard; the daemon decides by the user's key.
         if self.read_only and action in _CHANGES:
-            return "read-only: nothing is changed from this dashboard"
-        # Before anything is known, nothing is known to be missing.
+            return "read-only: this dashboard changes nothing"
+        # Before the first answer, the connection may still come.
         if action in ("submit", "steer") and self.known.at and not self.known.connected:
             return _UNREACHABLE
         return ""
 
     def steer(self, action: Action, command: str) -> None:
-        """Have the daemon do something; its outcome is shown with the command for the same."""
+        """Request an action of the daemon; show its outcome with the equivalent command."""
         if self.known.connected:
             self.feed.enqueue_action(lambda daemon: f"{action(daemon)}\nsame as: {command}")
         else:
             self.problem(_UNREACHABLE)
 
     def say(self, text: str, command: str) -> None:
-        """Say something, and what to type to do the same."""
+        """Show a message with the equivalent command."""
         self.notify(f"{text}\nsame as: {command}", markup=False)
 
     def problem(self, text: str) -> None:
-        """Say that something cannot be done, and why."""
+        """Show an error message."""
         self.notify(text, severity="error", markup=False)
 
     def copy(self, command: str) -> None:
         """Put a command line into the clipboard of the terminal, also over SSH (OSC 52)."""
-        # A line end in it, from a name, would run what stands before it where it is pasted.
+        # A line end from a name would run the text before it when it is pasted.
         command = printable(" ".join(command.splitlines()))
         self.copy_to_clipboard(command)
         self.notify(f"copied: {command}", markup=False)
 
     def remember(self, file: Path, campaign: str) -> None:
-        """Note that a file was submitted as ``campaign``: it is offered first the next time, and
-        the cursor goes to the campaign once that is on the list.
+        """Note that a file was submitted as ``campaign``.
+
+        The file is offered first the next time, and the cursor goes to the campaign once it is
+        listed.
         """
         self.submitted_campaign = campaign
         self.submitted = tuple(dict.fromkeys((file, *self.submitted)))
@@ -350,9 +352,9 @@ class Dashboard(ThemedApp):
     def start_task(
         self, work: Callable[[], T], then: Callable[[T], object], otherwise: Callable[[str], object]
     ) -> None:
-        """Have ``work`` done by a thread; ``then`` takes what it returns, in Textual's thread.
+        """Do ``work`` in a thread; ``then`` takes its result, in Textual's thread.
 
-        ``otherwise`` takes the reason when the work cannot be done. Any other error is a bug, and
+        ``otherwise`` takes the reason if the work cannot be done. Any other error is a bug, and
         ends the dashboard.
         """
         # Not a worker of Textual: leaving would wait for it.
@@ -375,16 +377,16 @@ class Dashboard(ThemedApp):
             self.call_later(then, result)
 
     def farewell(self) -> str:
-        """Say what goes on without the dashboard."""
+        """Return the parting words: work that goes on without the dashboard."""
         overview = self.known.overview
         parts = ["Left the dashboard"]
         if overview is not None and self.known.connected:
             waiting = overview.queued + overview.running
             runs = count_noun(waiting, "unfinished run")
-            parts.append(f"the daemon goes on with {runs}" if waiting else "no run is waiting")
+            parts.append(f"the daemon continues with {runs}" if waiting else "no run is waiting")
         if self.submitting:
             parts.append(f"the submission of {self.submitting} was cut off")
-        parts += [f"a process of its own goes on {doing}" for doing in sorted(self.running_jobs)]
+        parts += [f"another process continues {doing}" for doing in sorted(self.running_jobs)]
         lines = [f"{'; '.join(parts)}. Back with: {self.target.command('tui')}"]
         if self.launched and self.known.connected:
             lines.append(f"Stop the daemon with: {self.target.command('daemon', '--stop')}")
@@ -392,7 +394,7 @@ class Dashboard(ThemedApp):
 
 
 def _nothing(_: object) -> None:
-    """Do nothing with a result: textual asks for the signature, which ``bool`` lacks."""
+    """Ignore a result; Textual inspects the signature, which ``bool`` lacks."""
 
 
 def _raise(error: Exception) -> None:
@@ -400,7 +402,7 @@ def _raise(error: Exception) -> None:
 
 
 async def _settle(node: MessagePump) -> None:
-    """Wait until the messages that a node has by now are dealt with."""
+    """Wait until a node has handled its present messages."""
     done = asyncio.Event()
     if node.call_later(done.set):
         await done.wait()
@@ -409,14 +411,14 @@ async def _settle(node: MessagePump) -> None:
 def run_dashboard(
     target: DaemonTarget, config: Config, launch_daemon: Callable[[], str] | None
 ) -> tuple[int, str]:
-    """Show the dashboard until somebody leaves it; return exit code and parting words.
+    """Show the dashboard until the user leaves it; return exit code and parting words.
 
-    ``launch_daemon`` sees to it that a daemon answers, and returns what to say if it started one.
+    ``launch_daemon`` starts a daemon if none answers, and returns a message if it did.
     """
     app = Dashboard(Feed(target.open), config=config, target=target, launch_daemon=launch_daemon)
-    # Started by what ignores it, it would stay, and draw, behind a terminal that was closed.
+    # If the parent ignored SIGHUP, the dashboard would go on drawing after its terminal is closed.
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
-    # The screen is drawn on standard error: a warning printed there would tear it.
+    # The screen is drawn on standard error, where a printed warning would destroy it.
     logging.getLogger().addHandler(logging.NullHandler())
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

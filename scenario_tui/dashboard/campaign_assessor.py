@@ -1,4 +1,4 @@
-"""Conclusions about campaigns, judged one after another while others are shown."""
+"""Conclusions about campaigns, judged one after another in the background."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ if TYPE_CHECKING:
     from daemon.model.verbs import DaemonClient
 
 ASSESS_SHOWN_EVERY: Final = 1.0
-"""Seconds between two looks at the campaign that is shown."""
+"""Seconds between two judgements of the campaign in front."""
 ASSESS_OTHERS_EVERY: Final = 5.0
-"""Seconds between two looks at another one."""
+"""Seconds between two judgements of any other campaign."""
 _NEWEST: Final = 100
-"""How many campaigns are judged whatever they are; older ones, if there may be news of them."""
+"""Number of campaigns to judge in any case; older ones only if they may have news."""
 _RESULTS_KEPT: Final = 4
-"""Whoever goes up and down the campaigns comes back to the same few; one may have 100,000 runs."""
+"""Results to keep: a user goes back to the same few campaigns, each of up to 100,000 runs."""
 _SHARE: Final = 0.25
-"""The share of its time the assessor works at most, however large the campaigns are: it is a thread
-beside the one that draws, and only one of them at a time runs Python.
+"""Largest share of its time in which the assessor works. Its thread shares the interpreter's lock
+with the one that draws.
 """
 _State: TypeAlias = "tuple[CampaignRow, int]"
 
 
 class CampaignAssessor:
-    """Remembers how campaigns stand; one step judges one campaign at most.
+    """Remembers the conclusions about campaigns; one step judges one campaign at most.
 
-    ``conclusions`` and ``results``, of the campaigns that were in front last, are replaced and
-    never changed, so that other threads may read them.
+    ``conclusions``, and ``results`` of the campaigns last in front, are replaced and never changed,
+    so that other threads may read them.
     """
 
     def __init__(
@@ -50,27 +50,26 @@ class CampaignAssessor:
         self._touches: dict[str, int] = {}
         self._rest_until = 0.0
 
-    # A run that is judged again may change its verdict while all counts stay what they were.
     def touch(self, campaign: str) -> None:
-        """Note that something of a campaign changed, even if its counts stay the same."""
+        """Note a change of a campaign, even if its counts stay the same, as after a rejudgement."""
         self._touches[campaign] = self._touches.get(campaign, 0) + 1
 
     def step(self, daemon: DaemonClient, campaigns: Sequence[CampaignRow], about: str) -> str:
-        """Judge the campaign that needs it most; return its id, empty if there was none."""
+        """Judge the campaign that needs it most; return its id, empty if none does."""
         self._forget_others(campaigns)
         began = self._clock()
         row = self._next(campaigns, about, began) if began >= self._rest_until else None
         if row is None:
             return ""
-        # Loaded with the first campaign: the first screen does without.
+        # Loaded with the first campaign, because the first screen does not need it.
         from daemon.analysis.results import read_results
 
         state = self._state(row)
         results = read_results(daemon, row)
         conclusion = conclude(results)
         if row.id == about or row.id in self.results:
-            kept = [(name, r) for name, r in self.results.items() if name != row.id]
-            self.results = dict([*kept, (row.id, results)][-_RESULTS_KEPT:])
+            others = [(name, r) for name, r in self.results.items() if name != row.id]
+            self.results = dict([*others, (row.id, results)][-_RESULTS_KEPT:])
         self.conclusions = {**self.conclusions, row.id: conclusion}
         ended = self._clock()
         self._seen[row.id], self._at[row.id] = state, ended
@@ -79,9 +78,9 @@ class CampaignAssessor:
         return row.id
 
     def _forget_others(self, campaigns: Sequence[CampaignRow]) -> None:
-        """Forget campaigns that are listed no more: deleted ones, and those long past."""
+        """Forget campaigns that are not listed any more: deleted ones, and old ones."""
         listed = {row.id for row in campaigns}
-        # Lists: another thread may note a change meanwhile.
+        # A copy of the keys, because another thread may note a change meanwhile.
         for campaign in {*self._seen, *list(self._touches)} - listed:
             for memory in (self._seen, self._at, self._touches):
                 memory.pop(campaign, None)
@@ -101,7 +100,7 @@ class CampaignAssessor:
             return True
         state, wait = self._state(row), self._every if is_front else self._elsewhere
         if state == self._seen[row.id]:
-            self._seen[row.id] = state  # the same object the next time: no field is compared
+            self._seen[row.id] = state  # the same object compares faster the next time
             return False
         return now >= self._at[row.id] + wait
 

@@ -1,10 +1,9 @@
-"""One child process for work that needs large libraries, which takes along what it loaded.
+"""One child process for work that needs large libraries; they leave with the child.
 
-Sampling signals loads what judges: numba, scipy and shapely, and what they keep. In the process of
-the dashboard that would stay for as long as it is open: 245 MB with one run of the published
-building, 120 with what the child hands over. To check a campaign loads its languages, another
-100 MB. The child stays for a minute after the last call, because to read a trace takes 0.05 CPU s
-and to load what reads it 1.0.
+To sample signals, the child loads numba, scipy and shapely. In the process of the dashboard they
+would stay for as long as it is open: 245 MB with one run of the published building, 120 MB with
+the child's answer alone. The languages of a campaign are another 100 MB. The child stays for a
+minute after the last call: to read a trace takes 0.05 CPU s, to load the libraries 1.0 CPU s.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ _LARGE: Final = 1 << 17
 
 
 class Children:
-    """Runs functions in one child process, there when the first one is called; any thread."""
+    """Runs functions in one child process, which starts at the first call; for any thread."""
 
     def __init__(self, idle: float = IDLE) -> None:
         self._idle = idle
@@ -44,9 +43,9 @@ class Children:
         self._turn = threading.Lock()
 
     def run(self, function: Callable[P, T], *arguments: P.args, **options: P.kwargs) -> T:
-        """Return what a function of a module returns in the child; raises what it raises.
+        """Call a function of a module in the child; return or raise its result.
 
-        A child that was killed, for its memory for example, is replaced once. Raises
+        A child that was killed, for example for lack of memory, is replaced once. Raises
         :class:`daemon.batch.errors.DaemonError` if the next one ends as well.
         """
         try:
@@ -55,11 +54,11 @@ class Children:
             except BrokenProcessPool:
                 return self._submit(function, *arguments, **options).result()
         except BrokenProcessPool as error:
-            message = "the process that does this for the dashboard ended; is there enough memory?"
+            message = "the child process of the dashboard ended; is there enough memory?"
             raise DaemonError(message) from error
 
     def close(self) -> None:
-        """End the child at once: nobody waits for its work any more."""
+        """End the child at once; its work is not needed any more."""
         self._closed = True
         if self._leave():
             for child in multiprocessing.active_children():
@@ -70,7 +69,7 @@ class Children:
     ) -> Future[T]:
         with self._turn:
             if self._closed:
-                raise DaemonError("the dashboard is being left")
+                raise DaemonError("the dashboard is closing")
             if self._rest is not None:
                 self._rest.cancel()
             self._rest = threading.Timer(self._idle, self._leave)
@@ -83,15 +82,15 @@ class Children:
                         return self._executor.submit(function, *arguments, **options)
                 from daemon.supervision.child import return_freed_memory
 
-                # What a child sends is taken in by a thread, whose heap would keep what was freed:
-                # 442 MB after 16 recordings of 3200 s, of which four are kept, instead of 208.
+                # A thread receives the child's answers, and its heap would keep freed memory: 442
+                # instead of 208 MB after 16 recordings of 3200 s, of which four are kept.
                 return_freed_memory(_LARGE)
                 context = multiprocessing.get_context("spawn")
                 self._executor = ProcessPoolExecutor(1, context, _begin)
                 return self._executor.submit(function, *arguments, **options)
 
     def _leave(self) -> bool:
-        """Let the child end once its work is done; return whether there was one."""
+        """Let the child end once its work is done; return True if there was one."""
         with self._turn:
             executor, self._executor = self._executor, None
         if executor is not None:
@@ -101,11 +100,11 @@ class Children:
 
 @contextlib.contextmanager
 def _terminal_spared() -> Iterator[None]:
-    """Have processes start as they do outside of a dashboard.
+    """Let processes start as they do outside of a dashboard.
 
-    Textual puts a stream without a file in the place of standard error, and modules are not to be
-    imported from the folder somebody works in. A child runs the script of its parent first, unless
-    there is none: one that calls ``main()`` unguarded would open a dashboard in the child.
+    Textual replaces standard error by a stream without a file. The child must not import modules
+    from the working folder, nor run the script of its parent: an unguarded ``main()`` there would
+    open a dashboard in the child.
     """
     safe, main = os.environ.get("PYTHONSAFEPATH"), sys.modules["__main__"]
     os.environ["PYTHONSAFEPATH"] = "1"
@@ -122,16 +121,16 @@ def _terminal_spared() -> Iterator[None]:
 
 
 def load_modules(*names: str) -> None:
-    """Import modules, in a child before they are needed there."""
+    """Import modules in a child, before they are needed there."""
     for name in names:
         import_module(name)
 
 
 def _begin() -> None:
-    """Prepare the child: silent, deaf to the terminal, and never there without its parent."""
-    # In a session of its own it does not hear Ctrl-C or that the terminal was closed.
+    """Prepare the child: silent, detached from the terminal, and ending with its parent."""
+    # In its own session it gets neither Ctrl-C nor the hang-up of the terminal.
     os.setsid()
-    # Plug-ins may print, and the dashboard draws where that would go.
+    # Plug-ins may print, which would destroy the screen.
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     os.dup2(nowhere, 2)
@@ -139,7 +138,7 @@ def _begin() -> None:
 
 
 def _end_with_parent() -> None:
-    # The child itself holds both ends of its queue and would wait there for ever.
+    # The child itself holds both ends of its queue and would wait for ever.
     parent = multiprocessing.parent_process()
     assert parent is not None
     wait([parent.sentinel])

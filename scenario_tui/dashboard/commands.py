@@ -1,4 +1,4 @@
-"""Commands of ``scenario`` that the dashboard runs."""
+"""Commands of ``scenario`` that the dashboard runs in processes."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ CommandRunner: TypeAlias = Callable[[tuple[str, ...]], CommandAnswer]
 
 
 def run_command(arguments: tuple[str, ...]) -> CommandAnswer:
-    """Run a command and return what it wrote.
+    """Run a command and return the object it wrote.
 
-    It goes on when the dashboard is left. Raises :class:`daemon.batch.errors.DaemonError` with its
-    last words when it wrote nothing usable.
+    The command continues if the user leaves the dashboard. Raises
+    :class:`daemon.batch.errors.DaemonError` with its last words if it wrote no object.
     """
     done = subprocess.run(
         python_command("-c", "from scenario_tui.cli import main; main()", *arguments, "--json"),
@@ -31,8 +31,7 @@ def run_command(arguments: tuple[str, ...]) -> CommandAnswer:
         text=True,
         check=False,
         start_new_session=True,
-        # Its last words become a notice: in one line, without colours, and in its own session it
-        # does not hear Ctrl-C or that the terminal was closed.
+        # Its last words become a notice: in one line, without colours.
         env=os.environ | {"COLUMNS": "160", "TERM": "dumb"},
     )
     try:

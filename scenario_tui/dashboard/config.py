@@ -24,7 +24,7 @@ from grammars.text.diagnostics import Finding, InputError, Where
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the file at ``path``, which is ``None`` when there is no such file.
+    """Settings of the file at ``path``, ``None`` without a file.
 
     ``keys`` maps ids of bindings to keys, several separated by commas.
     """
@@ -37,15 +37,15 @@ class Config:
 
 
 def config_path() -> Path:
-    """Return where the user's settings are looked for."""
+    """Return the path of the user's settings."""
     return platformdirs.user_config_path("scenario") / "config.toml"
 
 
 def read_config(path: Path | None = None) -> Config:
-    """Read the settings; a file that is not there says nothing.
+    """Read the settings; without a file, the defaults apply.
 
-    Raises :class:`InputError` for what is no TOML, unknown tables and settings, and values of
-    another kind. Names of keys and themes are checked by whoever knows them.
+    Raises :class:`InputError` for invalid TOML, unknown tables and settings, and values of another
+    kind. Names of keys and themes are checked elsewhere.
     """
     path = path or config_path()
     try:
@@ -53,13 +53,13 @@ def read_config(path: Path | None = None) -> Config:
     except FileNotFoundError:
         return Config()
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "it is no UTF-8 text"
+        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
         raise InputError(Finding(Where(str(path)), f"cannot be read: {reason}")) from error
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise InputError(Finding(Where(str(path)), f"is no TOML: {error}")) from error
-    # Most people have no such file, and the dashboard is to be there at once.
+        raise InputError(Finding(Where(str(path)), f"is not valid TOML: {error}")) from error
+    # Imported here, because most people have no such file and the dashboard must start fast.
     from pydantic import BaseModel, Field, ValidationError
 
     class DashboardTable(BaseModel, extra="forbid", strict=True):

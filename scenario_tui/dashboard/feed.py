@@ -297,7 +297,7 @@ class Feed:
     def _forget(self) -> None:
         """Forget what was asked for: nobody expects it to be done when the daemon is back."""
         if _drain(self._actions):
-            self._note_problem("no daemon answers: nothing was done")
+            self._note_problem("no daemon answers, so nothing was done")
 
     def _act(self, daemon: DaemonClient) -> None:
         """Do what was asked for, and note what came of it."""

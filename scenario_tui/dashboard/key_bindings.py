@@ -1,4 +1,4 @@
-"""Every key of the dashboard by its id: those that ``config.toml`` may map."""
+"""Every key of the dashboard by its id, for ``config.toml``."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def list_key_bindings() -> tuple[KeyBinding, ...]:
 
 
 def classes_with_bindings() -> tuple[type[DOMNode], ...]:
-    """Return all screens and widgets of ours that bind keys, the dashboard first."""
+    """Return all of our screens and widgets that bind keys, the dashboard first."""
     kinds: dict[type[DOMNode], None] = dict.fromkeys(Dashboard.__mro__)
     for part in ("screens", "widgets"):
         package = import_module(f"{scenario_tui.dashboard.__name__}.{part}")
@@ -87,17 +87,17 @@ def _unknown_ids(config: Config, where: Where) -> Iterator[Finding]:
     for name in config.keys:
         if name not in ids:
             message = f'unknown key id "{name}"; ids are {", ".join(ids)}'
-            yield Finding(where, message, "`scenario tui --bindings` says what they do")
+            yield Finding(where, message, "`scenario tui --bindings` explains them")
 
 
 def _unknown_keys(config: Config, where: Where) -> Iterator[Finding]:
-    # Textual takes any name and then waits for a key that never comes.
+    # Textual accepts any name, also of a key that does not exist.
     names = {key.value.rpartition("+")[2] for key in Keys}
     names |= {_character_to_key(chr(code)) for code in range(33, 127)}
     for name, keys in config.keys.items():
         for key in keys.split(","):
             *modifiers, last = key.split("+")
             if not (set(modifiers) <= _MODIFIERS and (len(last) == 1 or last in names)):
-                message = f'{name}: "{key}" is no key'
+                message = f'{name}: "{key}" is not a key'
                 hint = 'keys are like "x", "X", "f5", "ctrl+d" or "slash"'
                 yield Finding(where, message, hint)

@@ -1,4 +1,4 @@
-"""A run that goes on, at its last moment or an earlier one, as its worker tells of it."""
+"""A running run, at its last moment or an earlier one, as reported by its worker."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ if TYPE_CHECKING:
     from templates.plan_shapes import MeasuredMark
 
 _PATIENCE: Final = 30.0
-"""Seconds after which somebody who looks is told that no signals come."""
+"""Seconds until the screen says that no signals come."""
 
 
 class LiveRun:
-    """A run without a recording, with the same face as :class:`Playback`.
+    """A run without a recording, with the same interface as :class:`Playback`.
 
-    ``track`` is what was last heard of it, ``timeline`` its signals so far. Both stay when the run
-    is over, until its trace is read.
+    ``track`` has its snapshots, ``timeline`` its signals so far. Both stay after the end of the run
+    until its trace is read.
     """
 
     def __init__(self) -> None:
@@ -67,7 +67,7 @@ class LiveRun:
 
     @property
     def moments(self) -> Sequence[FailureMoment]:
-        """The moments at which it failed by its oracles so far."""
+        """The moments at which its oracles failed so far."""
         return failure_moments(self._judgement.verdicts) if self._judgement is not None else ()
 
     @property
@@ -77,7 +77,7 @@ class LiveRun:
 
     @property
     def snapshot(self) -> Snapshot | None:
-        """The last snapshot heard of it."""
+        """Its last snapshot."""
         return self.track.snapshot if self.track is not None else None
 
     @property
@@ -95,7 +95,7 @@ class LiveRun:
         return len(self._news.detail.spec.mission.waypoints) if self._news is not None else 0
 
     def hear(self, news: RunNews, track: Track | None) -> None:
-        """Take in what was heard of it; nothing is heard of a run that is over."""
+        """Take in the news of the run; a run that is over keeps its last track."""
         unfinished = not news.detail.row.settled
         self._news = news
         if track is not None or unfinished:
@@ -106,20 +106,20 @@ class LiveRun:
                 self._judgement = judgement
                 self.timeline = live_timeline(judgement, news.detail.spec)
         elif unfinished:
-            # Before the first one, and where none comes any more, snapshots tell something, too.
+            # Without judgements, snapshots alone have some signals.
             self._judgement = None
-            heard = heard_timeline(track.heard_of, news.detail.spec) if track else None
-            if heard is None or self.timeline is None or heard.end != self.timeline.end:
-                self.timeline = heard
+            timeline = heard_timeline(track.heard_of, news.detail.spec) if track else None
+            if timeline is None or self.timeline is None or timeline.end != self.timeline.end:
+                self.timeline = timeline
 
     def view(
         self, time: float, *, window: float = FLASH, verdict: Verdict | None = None
     ) -> View | None:
-        """Return the top view at ``time`` [s]: how it is now at its end, without a scene nothing.
+        """Return the top view at ``time`` [s], at the end as it is now; ``None`` without a scene.
 
-        Nobody keeps what its laser saw before. The object that decided ``verdict`` is on it if that
-        was in the ``window`` [s] before; without a verdict the last one decided against the run,
-        and at its end however long ago that was.
+        Earlier returns of the laser are not kept. The view marks the object that decided
+        ``verdict`` if that was in the ``window`` [s] before. Without a verdict it marks the last
+        failure, at the end of the run also an older one.
         """
         news, track = self._news, self.track
         if news is None or news.scene is None:
@@ -152,72 +152,71 @@ class LiveRun:
         return self._mark[1]
 
     def reached(self, time: float) -> int:
-        """Return how many waypoints were done at ``time``."""
+        """Return the number of waypoints done at ``time``."""
         return bisect_right(self.timeline.reached, time) if self.timeline is not None else 0
 
     def why_untold(self, waited: float) -> str:
-        """Return why there are no signals (yet), to somebody who ``waited`` that long [s]."""
+        """Return why there are no signals (yet) after ``waited`` seconds."""
         state = self._news.detail.row.state if self._news is not None else RunState.QUEUED
         if state is RunState.QUEUED:
             return "This run is queued. Its signals are drawn while it runs."
         if state is not RunState.RUNNING:
             return "Its trace is being read."
         if self.track is None:
-            return "Nothing was heard of this run yet: its worker prepares it."
+            return "Its worker prepares this run and has not reported yet."
         if waiting := self.track.snapshot.waiting:
-            return f"{waiting}\n\nSignals begin with simulated time, when it is up."
+            return f"{waiting}\n\nSignals begin with simulated time, once it is up."
         if waited > _PATIENCE:
-            return "Its worker tells no signals: they are drawn when the run is over."
+            return "Its worker sends no signals: they are drawn after the run."
         return "Signals and verdicts so far come in a moment."
 
 
 def still_view(scene: Scene, spec: RunSpec) -> View:
-    """Return the top view of a run before anything was heard of it."""
+    """Return the top view of a run before its first snapshot."""
     return View(scene, spec.robot, spec.mission, tuple(scene.initial_joints.values()))
 
 
 def tracked_view(scene: Scene, spec: RunSpec, track: Track) -> View:
-    """Return the top view of what goes on at this moment."""
-    seen, still = track.snapshot, still_view(scene, spec)
+    """Return the top view of a run by its last snapshot."""
+    now, still = track.snapshot, still_view(scene, spec)
     return replace(
         still,
-        # The scene may be of another attempt than what was heard, if only for a moment.
-        joints=seen.joints if len(seen.joints) == len(still.joints) else still.joints,
-        robot_pose=seen.pose,
-        estimate=seen.estimate,
-        reached=seen.reached,
+        # For a moment the scene may be of another attempt than the snapshot.
+        joints=now.joints if len(now.joints) == len(still.joints) else still.joints,
+        robot_pose=now.pose,
+        estimate=now.estimate,
+        reached=now.reached,
         trail=tuple(track.trail),
-        returns=from_centimetres(seen.returns),
-        plan=from_centimetres(seen.plan),
+        returns=from_centimetres(now.returns),
+        plan=from_centimetres(now.plan),
         contacts=tuple(track.flashes),
-        spread=seen.spread,
-        costmaps={"stack's": from_centimetres(seen.costmap)} if seen.costmap else {},
+        spread=now.spread,
+        costmaps={"stack's": from_centimetres(now.costmap)} if now.costmap else {},
     )
 
 
 def _object_mark(news: RunNews, track: Track, verdict: Verdict) -> MeasuredMark | None:
-    """Return the object that decides a verdict, as it stood then by what was heard of the run."""
-    # Loaded with the first failure: what measures distances takes longer than the screen.
+    """Return the object that decides a verdict, at its place in the snapshot of that moment."""
+    # Loaded with the first failure, because the library of distances loads longer than the screen.
     from daemon.analysis.object_marks import object_mark
 
     scene, robot = news.scene, news.detail.spec.robot
     index = bisect_right(track.heard_of, verdict.moment or 0.0, key=lambda one: one.time) - 1
     if scene is None or not track.heard_of:
         return None
-    # Who looks later has heard nothing of that moment: the first one heard of is next to it.
+    # A screen opened later has no snapshot of that moment: take the first one.
     then = track.heard_of[max(index, 0)]
     positions = dict(zip(scene.initial_joints, then.joints, strict=False))
     mark = object_mark(scene, robot, verdict, then.pose, positions, verdict.evidence.object)
     if mark is None:
         return None
-    # Where the robot was between two snapshots nobody knows: no line, and no distance but what was
-    # judged.
+    # The pose between two snapshots is unknown: draw no line, and only the judged distance.
     words = mark.words if verdict.unit == "m" else verdict.oracle
     return replace(mark, line=(mark.line[1], mark.line[1]), words=words)
 
 
 def _earlier_view(now: View, track: Track, time: float) -> View:
-    """Return the top view at ``time`` [s]: where the robot was, and how the doors stood."""
+    """Return the top view at ``time`` [s], with the poses of the robot and the doors."""
     index = bisect_right(track.heard_of, time, key=lambda one: one.time) - 1
     if index < 0:
         return now
@@ -238,14 +237,14 @@ def _earlier_view(now: View, track: Track, time: float) -> View:
 
 
 def live_text(track: Track, silence: float, *, wide: bool) -> Text:
-    """Return where a run is, and its least margin so far.
+    """Return the progress of a run, and its least margin so far.
 
-    ``silence`` is for how long nothing was heard of it [s]; ``wide`` is the line, or its parts
-    have to be few.
+    ``silence`` is the time [s] since its last snapshot; a line that is not ``wide`` has fewer
+    parts.
     """
     now, text = track.snapshot, Text()
     if silence > SILENT:
-        text.append(f"  last heard {duration_text(silence)} ago", style=UNSURE)
+        text.append(f"  last report {duration_text(silence)} ago", style=UNSURE)
     # On a narrow line the limit would push out the margin.
     far = reached_text(now, limit=wide or now.margin is None)
     text.append(f"  {far}", style="default not bold")

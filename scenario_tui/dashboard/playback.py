@@ -1,4 +1,4 @@
-"""A recorded run at any moment of it: signals sampled, the top view, a frame as lines of text."""
+"""A recorded run at any moment: sampled signals, the top view, a frame as lines of text."""
 
 from __future__ import annotations
 
@@ -41,16 +41,16 @@ from scenario_tui.text.styles import QUIET
 from templates.plan_shapes import MeasuredMark
 
 RAYS: Final = 120
-"""Laser returns shown of one scan at most: more of them fall into the same dots."""
+"""Most laser returns of one scan; more of them would fall into the same dots."""
 _CHROME: Final = 2
-"""Lines of a frame that are neither map nor verdicts nor legend: headline and timeline."""
+"""Lines of a frame for headline and timeline."""
 
 
 class Playback:
-    """A trace made ready for looking at any of its moments; ``verdicts`` are those shown.
+    """A trace prepared to show any of its moments, with the ``verdicts`` to show.
 
-    ``outputs`` is what an external system under test printed, by name; ``marks`` are the objects
-    that decide, by oracle.
+    ``outputs`` are those of an external system under test by name; ``marks`` are the decisive
+    objects by oracle.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class Playback:
         way = trace.ground_truth
         if not len(way.time):
             hint = "run it again to get a recording"
-            raise TraceError(trace.path, "says nothing of where the robot was", hint)
+            raise TraceError(trace.path, "has no poses of the robot", hint)
         self._scans = thin_scans(trace)
         self.trace = replace(trace, scans=None)
         self.verdicts = tuple(verdicts)
@@ -73,7 +73,7 @@ class Playback:
         self.start, self.end = float(way.time[0]), float(way.time[-1])
         self.moments = failure_moments(verdicts)
         state = StackState()
-        # Once, and not for every frame: a tree reports each of its ticks.
+        # Once, not for every frame: a behaviour tree reports each of its ticks.
         self._stack_lines = [state.line]
         for report in trace.reports:
             state.take(report)
@@ -85,9 +85,9 @@ class Playback:
         return len(self.trace.spec.mission.waypoints)
 
     def time_of(self, text: str) -> float:
-        """Return the moment meant [s]: a number of seconds, or when an oracle was decided.
+        """Return the moment [s] for a number of seconds, or for an oracle when it was decided.
 
-        Raises ``ValueError`` for what is neither, and for oracles without a decisive moment.
+        Raises ``ValueError`` for other texts, and for oracles without a decisive moment.
         """
         with contextlib.suppress(ValueError):
             if not math.isnan(time := float(text)):
@@ -95,32 +95,32 @@ class Playback:
         names = {verdict.oracle: verdict for verdict in self.verdicts}
         if text not in names:
             hint = did_you_mean(text, names)
-            raise ValueError(f'"{text}" is no number of seconds and no oracle of it: {hint}')
+            raise ValueError(f'"{text}" is neither a number of seconds nor an oracle: {hint}')
         decided = names[text].evidence.time
         if decided is None:
-            raise ValueError(f'no moment decided oracle "{text}": {names[text].outcome}')
+            raise ValueError(f'oracle "{text}" has no decisive moment: {names[text].outcome}')
         return self.within(decided)
 
     def within(self, time: float) -> float:
-        """Return ``time`` or the end of the recording that is nearer."""
+        """Return ``time``, or the nearer end of the recording."""
         return min(max(time, self.start), self.end)
 
     def reached(self, time: float) -> int:
-        """Return how many waypoints were done at ``time``."""
+        """Return the number of waypoints done at ``time``."""
         count = _count(self.trace.progress, time)
         return self.trace.progress[count - 1].reached if count else 0
 
     def pose(self, time: float) -> Pose2:
-        """Return where the robot was at ``time``: the last sample until then."""
+        """Return the pose of the robot at ``time``: the last sample until then."""
         return _pose_at(self.trace.ground_truth, _last(self.trace.ground_truth.time, time, 0))
 
     def estimate(self, time: float) -> Pose2 | None:
-        """Return where the system under test believed to be, once it had said so."""
+        """Return the pose estimate of the system under test, ``None`` before the first one."""
         index = _last(self.trace.estimate.time, time)
         return None if index < 0 else _pose_at(self.trace.estimate, index)
 
     def spread(self, time: float) -> tuple[float, float, float] | None:
-        """Return how sure it was of its position: by its particles, else by its estimate."""
+        """Return the covariance of its position, by its particles, otherwise by its estimate."""
         track = self.trace.cloud if len(self.trace.cloud.time) else self.trace.estimate
         index = _last(track.time, time)
         if index < 0:
@@ -140,15 +140,15 @@ class Playback:
     def view(self, time: float, *, window: float = FLASH, verdict: Verdict | None = None) -> View:
         """Return the top view at ``time`` [s], with the contacts of the ``window`` before it.
 
-        What decides ``verdict`` is on it if that was in the window, too. Without a verdict it is
-        the last one decided against the run.
+        It marks the object that decided ``verdict`` if that was in the window, too. Without a
+        verdict it marks the last failure.
         """
         trace, here = self.trace, self.pose(time)
         plans = trace.plans[: _count(trace.plans, time)]
         touched = (c.point for c in trace.contacts if time - window < c.time <= time)
         times, trail, clearances, limit = self._trail
         count = int(np.searchsorted(times, time + 1e-9, side="right"))
-        # The robot is as near as at the last point of its trail.
+        # The robot has the clearance of the last point of its trail.
         clearances = (*clearances[:count], *clearances[count - 1 : count])
         return View(
             trace.scene,
@@ -170,23 +170,23 @@ class Playback:
         )
 
     def _decisive(self, time: float, window: float, verdict: Verdict | None) -> MeasuredMark | None:
-        against = [one for one in self.verdicts if one.outcome is Outcome.FAIL]
-        # What never happened is decided by the end of the run.
+        failures = [one for one in self.verdicts if one.outcome is Outcome.FAIL]
+        # The end of the run decides about an event that never happened.
         moments = {
             one.oracle: self.end if one.moment is None else one.moment
-            for one in ([verdict] if verdict else against)
+            for one in ([verdict] if verdict else failures)
         }
         recent = [o for o, moment in moments.items() if time - window < moment <= time + 1e-9]
         return self._marks.get(max(recent, key=moments.__getitem__, default=""))
 
     def stack_line(self, time: float) -> str:
-        """Return what the stack reported of itself last until ``time``, empty without reports."""
+        """Return the last report of the stack until ``time``, empty without reports."""
         return self._stack_lines[_count(self.trace.reports, time)]
 
     def _costmaps(self, time: float) -> dict[str, Floats]:
         """Return the cells of each costmap that block the robot (n, 2) [m], by its scope."""
         latest = {c.scope: c for c in self.trace.costmaps if c.time <= time + 1e-9}
-        # Shown without being chosen only where somebody asked for it to be recorded.
+        # The default is no costmap, unless the user asked to record some.
         first: dict[str, Floats] = {} if self.trace.spec.sut.recorded else {"": np.empty((0, 2))}
         return first | {
             scope: blocked_points(latest[scope], self._frame_pose(latest[scope]))
@@ -194,7 +194,7 @@ class Playback:
         }
 
     def _frame_pose(self, costmap: CostmapPicture) -> Pose2:
-        """Return the frame of a costmap in the map, as the stack localised itself then."""
+        """Return the frame of a costmap in the map, by the stack's own localisation then."""
         if costmap.frame == "map":
             return Pose2()
         estimate, odometry = self.trace.estimate, self.trace.odometry
@@ -215,10 +215,10 @@ class Playback:
 
     @cached_property
     def _trail(self) -> tuple[Floats, tuple[Point2, ...], tuple[float, ...], float | None]:
-        """Times, places and clearances of the trail, each some centimetres on, and the limit."""
+        """Times, places and clearances of the trail, some centimetres apart, and the limit."""
         way = self.trace.ground_truth
         ways = np.hypot(np.diff(way.x, prepend=way.x[:1]), np.diff(way.y, prepend=way.y[:1]))
-        # By distance, not by time: a robot that waits adds nothing, one that is fast no gaps.
+        # By distance, not by time: a waiting robot adds no points, a fast one leaves no gaps.
         passed = np.floor(np.cumsum(ways) / TRAIL_STEP)
         steps = np.flatnonzero(np.diff(passed, prepend=-1.0) > 0)
         times = way.time[steps]
@@ -226,13 +226,13 @@ class Playback:
         return times, tuple(places), *clearance_along(self.timeline.signals, times)
 
     def _returns(self, time: float) -> tuple[Point2, ...]:
-        """Return where each laser saw something, from where the robot was at that scan."""
+        """Return the returns of each laser, from the robot's pose at that scan."""
         returns: list[Point2] = []
         for laser, scans in self._scans:
             index = _last(scans.time, time)
             if index < 0:
                 continue
-            # From where it was then, not now: a scan is older than the pose by up to its period.
+            # Not from the present pose: a scan is older by up to its period.
             base = self.pose(float(scans.time[index]))
             x, y = scan_returns(laser, base, scans.ranges[index], RAYS).T.tolist()
             returns += zip(x, y, strict=True)
@@ -242,7 +242,7 @@ class Playback:
 def thin_scans(trace: Trace) -> tuple[tuple[Laser, ScanTrack], ...]:
     """Return each laser with at most :data:`RAYS` of its rays, and their scans.
 
-    A minute of a laser of 500 rays is 1.2 MB otherwise, most of which nobody gets to see.
+    Otherwise a minute of a laser with 500 rays takes 1.2 MB, mostly invisible.
     """
     thinned = []
     for laser, scans in zip(trace.spec.robot.lasers, trace.scans or (), strict=False):
@@ -257,12 +257,12 @@ def thin_scans(trace: Trace) -> tuple[tuple[Laser, ScanTrack], ...]:
 
 def _last(stamps: Floats, time: float, least: int = -1) -> int:
     """Return the index of the last stamp until ``time``, at least ``least``."""
-    # A moment that was added up, or typed, may lie a rounding error before the sample it means.
+    # A summed or typed moment may lie a rounding error before its sample.
     return max(int(np.searchsorted(stamps, time + 1e-9, side="right")) - 1, least)
 
 
 def _count(records: Sequence[Any], time: float) -> int:
-    """Return how many of some records, by time, there are until ``time``."""
+    """Return the number of records until ``time``."""
     return bisect_right(records, time + 1e-9, key=lambda record: record.time)
 
 
@@ -272,9 +272,9 @@ def _pose_at(track: object, index: int) -> Pose2:
 
 
 def open_playback(path: Path, verdicts: Sequence[Verdict] | None = None) -> Playback:
-    """Read a trace for playing; judged by its own oracles unless ``verdicts`` are known.
+    """Read a trace to play it; without ``verdicts``, judge it by its own oracles.
 
-    Raises :class:`daemon.trace.TraceError` for what is no usable trace.
+    Raises :class:`daemon.trace.TraceError` for an unusable trace.
     """
     from daemon.analysis.deciding import deciding_mark, robot_mark
     from daemon.judging.oracles import SignalSampler, judge, trace_problems
@@ -292,12 +292,11 @@ def open_playback(path: Path, verdicts: Sequence[Verdict] | None = None) -> Play
 def read_playback(path: Path, verdicts: Sequence[Verdict]) -> Playback:
     """Read a trace and sample its signals; for the child process of the dashboard.
 
-    Raises :class:`daemon.trace.TraceError` for what is no usable trace, and for what an oracle that
-    plugs in makes of one.
+    Raises :class:`daemon.trace.TraceError` for an unusable trace, and for errors of plug-ins.
     """
     try:
         playback = open_playback(path, verdicts)
-        playback.timeline  # noqa: B018  sampled here and not where it would be waited for
+        playback.timeline  # noqa: B018  sampled here, where the screen does not wait for it
     except TraceError:
         raise
     except Exception as error:
@@ -306,7 +305,7 @@ def read_playback(path: Path, verdicts: Sequence[Verdict]) -> Playback:
 
 
 def headline(playback: Playback, time: float) -> str:
-    """Return the first line: when it is, of how much, and how far the mission is."""
+    """Return the first line: the moment, the duration, the progress of the mission."""
     done = f"reached {playback.reached(time)} of {count_noun(playback.waypoints, 'waypoint')}"
     state = "" if playback.trace.complete else "  (recording was cut)"
     return f"{playback.label}  {time:.1f} s of {playback.end:.1f} s  {done}{state}"
@@ -315,9 +314,9 @@ def headline(playback: Playback, time: float) -> str:
 def timeline_bar(
     playback: Playback, time: float, width: int, marks: Mapping[str, Mark] = NO_MARKS
 ) -> Text:
-    """Return the whole run as a line: how far it is, and ✗ where an oracle was decided against.
+    """Return the whole run as a line, with a dot at ``time`` and ✗ at the failure of an oracle.
 
-    By its ``marks`` that of a known failure is amber, and stands behind news.
+    ``marks`` tell known failures, which are amber and stand behind new ones.
     """
     span = max(playback.end - playback.start, 1e-9)
 
@@ -328,7 +327,7 @@ def timeline_bar(
     signs = [*"━" * now, "●", *"─" * (width - 1 - now)]
     styles = [(marked_style("fail", marks.get(m.oracle, NO_MARK)), m) for m in playback.moments]
     decided = {cell(m.time): style for style, m in sorted(styles, key=lambda one: one[0] == "fail")}
-    # Over the line and the dot: what was decided must not be hidden by where the replay is.
+    # Over the line and the dot, so that the dot hides no failure.
     for at in decided:
         signs[at] = "✗"
     text = Text("".join(signs), style=QUIET)
@@ -340,7 +339,7 @@ def timeline_bar(
 def lines_below(
     playback: Playback, time: float, marks: Mapping[str, Mark] = NO_MARKS
 ) -> list[Text]:
-    """Return what is below the map: what the stack reports of itself, and the marked verdicts."""
+    """Return the lines below the map: the report of the stack, and the marked verdicts."""
     stack, lines = playback.stack_line(time), verdict_lines(playback.verdicts, time, marks=marks)
     return [*([Text(stack, style=QUIET)] if stack else ()), *lines]
 
@@ -356,11 +355,11 @@ def render_frame(
 ) -> list[Text]:
     """Return the frame at ``time`` [s] as lines that fit into ``width`` x ``height`` cells.
 
-    The object that decides ``verdict`` is marked, see :meth:`Playback.view`. ``marks`` are those of
+    The object that decides ``verdict`` is marked, see :meth:`Playback.view`. ``marks`` belong to
     the verdicts.
     """
     below, view = lines_below(playback, time, marks), playback.view(time, verdict=verdict)
-    # Drawn once to know what its legend has to say, and how many lines that takes.
+    # Draw once to find the legend and its number of lines.
     rows = max(3, height - _CHROME - len(below) - 1)
     layers = draw_view(view, width, rows).layers
     signs = MapSigns(layers, view.limit, view.decisive.name if view.decisive else "")

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from scenario_tui.dashboard.transport import FailureMoment
 
 _LINES: Final = 5000
-"""Lines of the log laid out at once; `scenario show --log --all` prints all."""
+"""Most lines of the log on a screen; `scenario show --log --all` prints all."""
 
 Line: TypeAlias = tuple[float, str, str]
 """The moment [s], the source and the words of a line."""
@@ -29,10 +29,10 @@ Line: TypeAlias = tuple[float, str, str]
 
 @dataclass(frozen=True, slots=True)
 class LogExcerpt:
-    """Lines by time, ``before`` and ``after`` them further ones that are left out.
+    """Lines by time, with the numbers of lines left out ``before`` and ``after`` them.
 
-    ``problems`` say why a trace is not to be trusted; ``outputs`` is what external systems printed,
-    by name.
+    ``problems`` tell why a trace cannot be trusted; ``outputs`` are those of external systems by
+    name.
     """
 
     lines: tuple[Line, ...] = ()
@@ -49,19 +49,19 @@ def recorded_log(
     outputs: Mapping[str, str],
 ) -> LogExcerpt:
     """Return the log of a recorded run, at most :data:`_LINES` lines of it."""
-    # Loaded when a trace is there to be read.
+    # Loaded with the first trace.
     from daemon.judging.run_log import run_log
 
-    said = ((line.time, line.source, line.text) for line in run_log(trace))
-    decided = ((m.time, "oracle", f"✗ {m.oracle} decided against") for m in moments)
-    moved = ((event.time, event.joint, "opens" if event.opens else "is shut") for event in doors)
-    lines = tuple(heapq.merge(said, decided, moved, key=lambda line: line[0]))
+    events = ((line.time, line.source, line.text) for line in run_log(trace))
+    failures = ((m.time, "oracle", f"✗ {m.oracle} failed") for m in moments)
+    motions = ((event.time, event.joint, "opens" if event.opens else "is shut") for event in doors)
+    lines = tuple(heapq.merge(events, failures, motions, key=lambda line: line[0]))
     after = max(len(lines) - _LINES, 0)
     return LogExcerpt(lines[:_LINES], 0, after, tuple(trace.problems), outputs)
 
 
 def log_text(detail: RunDetail, log: LogExcerpt | None) -> Text:
-    """Return everything there is to read about a run; ``None`` before anything was heard of it."""
+    """Return the text of a run: notes, facts and its ``log``, ``None`` before the first lines."""
     text = Text()
     result = detail.row.result
     notes = (detail.row.reason.strip(), result.note.strip() if result is not None else "")
@@ -70,7 +70,7 @@ def log_text(detail: RunDetail, log: LogExcerpt | None) -> Text:
     if detail.row.attempt > 1:
         text.append(f"this was attempt {detail.row.attempt}\n", style=UNSURE)
     if detail.row.cached:
-        text.append(f"not executed again: the result is that of {detail.row.cached}\n")
+        text.append(f"not executed again: the result comes from {detail.row.cached}\n")
     if result is None and log is None:
         return text.append("Its log comes while it runs.\n", style=QUIET)
     append_facts(text, detail)
@@ -81,7 +81,7 @@ def log_text(detail: RunDetail, log: LogExcerpt | None) -> Text:
 
 def _append_log(text: Text, log: LogExcerpt) -> None:
     if log.problems:
-        text.append("not to be trusted: ", style=UNSURE).append("; ".join(log.problems) + "\n")
+        text.append("cannot be trusted: ", style=UNSURE).append("; ".join(log.problems) + "\n")
     text.append("\n")
     if log.before:
         text.append(f"{count_noun(log.before, 'line')} before these\n", style=QUIET)
@@ -92,9 +92,9 @@ def _append_log(text: Text, log: LogExcerpt) -> None:
     if log.after:
         text.append(f"and {count_noun(log.after, 'line')} more\n", style=QUIET)
     for name, printed in log.outputs.items():
-        shown, hidden = last_lines(printed)
+        last, hidden = last_lines(printed)
         text.append(f"\n{name}\n", style="bold")
         if hidden:
             more = count_noun(hidden, "line")
             text.append(f"{more} before these: scenario show --log --all prints all\n", style=QUIET)
-        text.append("".join(f"{line}\n" for line in shown or ["(nothing)"]))
+        text.append("".join(f"{line}\n" for line in last or ["(nothing)"]))

@@ -1,4 +1,4 @@
-"""A run along time: its signals, doors and mission, recorded or until now; two on one clock."""
+"""A run along time, recorded or running: signals, doors, mission; two runs on one clock."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
 
 Alignment = Literal["time", "mission"]
 _CLEARANCE: Final = re.compile(r"clearance(\(\d[^)]*\))?$")
-"""The clearance of the robot as a whole, not that of a thing named."""
+"""The clearance of the robot to any object, not to a named one."""
 _SHORTEST: Final = 10.0
-"""Seconds the axis of time shows at least."""
+"""Least length of the axis of time [s]."""
 _STEPS: Final = 6
-"""Steps, at least, in which the axis grows to twice its length: it stands still in between."""
+"""Least number of steps in which the axis grows to twice its length; it rests in between."""
 _NOWHERE: Final = Pose2(math.nan, math.nan)
 _EVER: Final = 1e9
 """Longer than any run [s]."""
@@ -35,11 +35,11 @@ _EVER: Final = 1e9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunTimeline:
-    """Everything of a run from ``start`` to ``end`` [s].
+    """Signals and events of a run from ``start`` to ``end`` [s].
 
-    ``doors`` is ``None`` when nothing is known of them. ``reached`` holds the moments [s] at which
-    the first of the ``waypoints`` were done, ``decided`` those at which an oracle was decided
-    against. The axis of a run that goes on ends at ``horizon`` [s], later than the run.
+    ``doors`` is ``None`` if unknown. ``reached`` holds the moments [s] at which the first of the
+    ``waypoints`` were done, ``decided`` those at which an oracle failed. The axis of a running run
+    ends at ``horizon`` [s], later than the run.
     """
 
     start: float
@@ -53,11 +53,11 @@ class RunTimeline:
 
 
 def recorded_timeline(trace: Trace, decided: Sequence[float]) -> RunTimeline:
-    """Sample the usual signals of a trace and all that its oracles read.
+    """Return the usual signals of a trace and those of its oracles, its doors and mission.
 
-    A trace that cannot be trusted has no signals, only doors and mission.
+    A trace that cannot be trusted has no signals.
     """
-    # The judging code takes 70 MB to load: see children.
+    # The judging code takes 70 MB, see children.
     from daemon.judging.live import door_motions, reached_moments, sample_run_signals
     from daemon.judging.oracles import SignalSampler, trace_problems
 
@@ -74,7 +74,7 @@ def recorded_timeline(trace: Trace, decided: Sequence[float]) -> RunTimeline:
 
 
 def live_timeline(judgement: LiveJudgement, spec: RunSpec) -> RunTimeline:
-    """Return the timeline of a run until now; its axis has some room for what comes."""
+    """Return the timeline of a run until now; its axis has room for the future."""
     return RunTimeline(
         min((signal.start for signal in judgement.signals), default=0.0),
         judgement.time,
@@ -88,9 +88,9 @@ def live_timeline(judgement: LiveJudgement, spec: RunSpec) -> RunTimeline:
 
 
 def heard_timeline(moments: Sequence[Snapshot], spec: RunSpec) -> RunTimeline | None:
-    """Return the timeline that snapshots alone tell, before the run is judged for the first time.
+    """Return the timeline of snapshots alone, for a run without a judgement yet.
 
-    ``None`` for less than two moments.
+    ``None`` for less than two snapshots.
     """
     if len(moments) < 2:
         return None
@@ -117,7 +117,7 @@ def heard_timeline(moments: Sequence[Snapshot], spec: RunSpec) -> RunTimeline | 
 
 
 def _horizon(now: float) -> float:
-    """Return where the axis of time ends: later than now, at a round number."""
+    """Return the end of the axis of time: a round number later than now."""
     step = round_step(max(now, _SHORTEST) / _STEPS)
     return max(_SHORTEST, step * (math.floor(now / step) + 1))
 
@@ -128,10 +128,10 @@ def waypoint_names(spec: RunSpec) -> tuple[str, ...]:
 
 
 def failure_moments(verdicts: Iterable[Verdict]) -> tuple[FailureMoment, ...]:
-    """Return the moments at which a run failed by its oracles, by time."""
-    failed = ((v.evidence.time, v.oracle) for v in verdicts if v.outcome is Outcome.FAIL)
-    decided = sorted((time, oracle) for time, oracle in failed if time is not None)
-    return tuple(FailureMoment(time, oracle) for time, oracle in decided)
+    """Return the moments at which the oracles of a run failed, by time."""
+    failures = ((v.evidence.time, v.oracle) for v in verdicts if v.outcome is Outcome.FAIL)
+    moments = sorted((time, oracle) for time, oracle in failures if time is not None)
+    return tuple(FailureMoment(time, oracle) for time, oracle in moments)
 
 
 def clearance_along(
@@ -139,7 +139,7 @@ def clearance_along(
 ) -> tuple[tuple[float, ...], float | None]:
     """Return the clearance at moments ``times`` [s], NaN where unknown, and its limit [m].
 
-    It is the one an oracle reads, with the buffer around the robot, or else the plain one.
+    The one that an oracle reads, with the buffer around the robot, comes before the plain one.
     """
     candidates = [s for s in signals if _CLEARANCE.match(s.name) and len(s.time)]
     if not candidates:
@@ -147,7 +147,7 @@ def clearance_along(
     signal = max(candidates, key=lambda one: (bool(one.readers), bool(one.limits)))
     moments = np.asarray(times)
     at = np.searchsorted(signal.time, moments + 1e-9, side="right") - 1
-    # Behind the end of a signal that grows nothing is known yet.
+    # Values behind the end of a growing signal are unknown yet.
     judged = (at >= 0) & (moments <= signal.time[-1] + 1e-9)
     limits = [limit.value for limit in signal.limits if limit.side == "below"]
     return tuple(np.where(judged, signal.low[at], np.nan).tolist()), max(limits, default=None)
@@ -155,30 +155,29 @@ def clearance_along(
 
 @dataclass(frozen=True, slots=True)
 class CommonClock:
-    """Moments of two runs that belong together, ``first`` and ``second`` (n,) [s], ascending.
+    """Corresponding moments of two runs, ``first`` and ``second`` (n,) [s], ascending.
 
-    Both runs go evenly from one pair to the next. Their first and last pair lie far outside of
-    them, where both go equally fast.
+    Between two pairs the clocks are interpolated. The first and last pair lie far outside of the
+    runs, where both clocks go equally fast.
     """
 
     first: tuple[float, ...]
     second: tuple[float, ...]
 
     def to_second(self, time: float) -> float:
-        """Return the moment of the second run that goes with one of the first [s]."""
+        """Return the moment [s] of the second run for a moment of the first."""
         return float(np.interp(time, self.first, self.second))
 
     def to_first(self, times: Sequence[float] | Floats) -> Floats:
-        """Return the moments of the first run that go with those of the second, (n,) [s]."""
+        """Return the moments of the first run for moments of the second, (n,) [s]."""
         return np.interp(times, self.second, self.first)
 
 
 def common_clock(first: RunTimeline, second: RunTimeline, by: Alignment) -> CommonClock:
-    """Return the common clock: by simulated time, or by the waypoints both have done."""
+    """Return the common clock: by simulated time, or by the waypoints that both have done."""
     pairs = [(first.start, second.start)]
     if by == "mission":
-        # Only moments later than the last in both runs: two waypoints done at one instant would
-        # make the clock jump.
+        # Only later moments in both runs: two waypoints at one instant would make the clock jump.
         for a, b in zip(first.reached, second.reached, strict=False):
             if a > pairs[-1][0] and b > pairs[-1][1]:
                 pairs.append((a, b))
@@ -190,7 +189,7 @@ def common_clock(first: RunTimeline, second: RunTimeline, by: Alignment) -> Comm
 
 
 def shift_to_clock(timeline: RunTimeline, clock: CommonClock) -> RunTimeline:
-    """Return the second timeline as it lies on the time of the first."""
+    """Return the second timeline on the clock of the first."""
 
     def moved(times: Sequence[float]) -> tuple[float, ...]:
         return tuple(clock.to_first(times).tolist())

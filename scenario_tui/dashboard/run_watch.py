@@ -1,4 +1,4 @@
-"""The run that somebody looks at: its details, and its telemetry while it runs."""
+"""The run in front: its details, and its telemetry while it runs."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ if TYPE_CHECKING:
     from grammars.model.scene import Scene
 
 _SCENES_KEPT: Final = 8
-"""Who goes through the runs of a campaign comes back to the same few scenes."""
+"""Most scenes to keep: the runs of a campaign share a few."""
 
 
 @dataclass(frozen=True, slots=True)
 class RunNews:
-    """A run with its scene, if that can be had."""
+    """A run with its scene, if available."""
 
     detail: RunDetail
     scene: Scene | None
 
 
 class RunWatch:
-    """Asks about one run at a time; telemetry goes to ``lives``, problems to ``on_problem``."""
+    """Follows one run at a time; telemetry goes to ``lives``, problems to ``on_problem``."""
 
     def __init__(self, lives: deque[LiveNews], on_problem: Callable[[str], object]) -> None:
         self._lives = lives
@@ -42,7 +42,7 @@ class RunWatch:
 
     @contextmanager
     def looking(self, daemon: DaemonClient) -> Iterator[None]:
-        """Follow the run that is looked at meanwhile, if any, and no other afterwards."""
+        """Follow the run of :meth:`look` in this block, if any, and no other afterwards."""
         self._looked_at = ("", False)
         yield
         if self._looked_at != self._followed:
@@ -54,9 +54,9 @@ class RunWatch:
                 self._followed = (run, judged)
 
     def look(self, daemon: DaemonClient, run: str, *, judged: bool = False) -> RunNews | None:
-        """Return all there is to know about a run, ``None`` if there is none of that name.
+        """Return a run with its scene, ``None`` if it does not exist.
 
-        While it runs, details of it are sent; ``judged``: also what it would be judged by now.
+        While it runs, its details arrive as telemetry; with ``judged`` also its judgement so far.
         """
         try:
             detail = daemon.run(run)
@@ -74,9 +74,9 @@ class RunWatch:
         self._subscription, self._followed, self._detailed = None, ("", False), ""
 
     def hear(self, live: LiveSnapshot) -> None:
-        """Take in a snapshot sent to everybody."""
-        # Those of the run that is followed come earlier, and finer, by its own subscription. Two
-        # streams of one run would make its clock jump back, which means that it began anew.
+        """Take in a snapshot from the stream for all clients."""
+        # The run that is followed has its own, finer stream. Two streams of one run would make its
+        # clock jump back, which means a new attempt.
         if live.run != self._detailed:
             self._lives.append(live)
 
@@ -89,7 +89,7 @@ class RunWatch:
             try:
                 scene = daemon.scene(digest)
             except (Refused, ValueError):
-                return None  # without the scene there is no map; everything else is shown
+                return None  # without the scene there is no map, but everything else
             while len(self._scenes) >= _SCENES_KEPT:
                 self._scenes.pop(next(iter(self._scenes)))
             self._scenes[digest] = scene

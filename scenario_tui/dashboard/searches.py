@@ -1,4 +1,4 @@
-"""Searches as the dashboard knows them: how each stands, and the trials of the one shown."""
+"""Searches in the dashboard: the state of each, and the trials of the one in front."""
 
 from __future__ import annotations
 
@@ -15,28 +15,28 @@ if TYPE_CHECKING:
     from daemon.model.verbs import DaemonClient
 
 _PAGE: Final = 500
-"""Runs of a search asked for at a time."""
+"""Runs of a search per request."""
 
 
 @dataclass(frozen=True, slots=True)
 class SearchTrials:
-    """A search and the trial of each of its runs in order, as far as they are known."""
+    """A search and the trials of its runs in order, as far as fetched."""
 
     row: SearchRow
     trials: tuple[Trial, ...] = ()
 
     @property
     def explored(self) -> list[Trial]:
-        """The trials that look for failures: no repeats, nothing done with a failure."""
+        """The trials that look for failures: no repeats, no later phases."""
         return [one for one in self.trials if one.explores]
 
 
 @dataclass(frozen=True, slots=True)
 class NotableTrial:
-    """A trial to look at, and why; ``count`` failures are like it.
+    """A trial to look at, the reason, and the ``count`` of failures like it.
 
-    ``key`` tells it from the others, also when it is another trial later; ``about`` says what
-    fails.
+    ``key`` identifies its place in the list, where another trial may stand later; ``about`` is the
+    failing oracle and object.
     """
 
     key: str
@@ -47,13 +47,13 @@ class NotableTrial:
 
 
 class KnownSearches:
-    """Remembers how searches stand; asks for those that changed and no more.
+    """Remembers the states of searches, and fetches only changed ones.
 
     ``rows`` are replaced and never changed, so that other threads may read them.
     """
 
-    # Events come by another thread, and some may be lost: they say that a search changed, what it
-    # counts says that there is something to look for.
+    # Events come from another thread and may be lost. So a search counts as changed by an event,
+    # or by the numbers in its row.
 
     def __init__(self) -> None:
         self.rows: Mapping[str, SearchRow] = {}
@@ -61,18 +61,18 @@ class KnownSearches:
         self._touches: dict[str, int] = {}
 
     def touch(self, event: ChangeEvent) -> None:
-        """Note that something of a search changed, or one of its runs."""
+        """Note a change of a search, or of one of its runs."""
         campaign = event.campaign or event.id
         if campaign in self.rows:
             self._touches[campaign] = self._touches.get(campaign, 0) + 1
 
     def update_rows(self, daemon: DaemonClient, campaigns: Sequence[CampaignRow]) -> None:
-        """Ask how searches stand, if one of these campaigns is a search that changed."""
+        """Fetch the states of searches, if one of these campaigns is a changed search."""
         searches = {row.id: row for row in campaigns if row.search}
         states = {name: (row, self._touches.get(name, 0)) for name, row in searches.items()}
         stale = [name for name in states if states[name] != self._last.get(name)]
         if stale or len(searches) < len(self.rows):
-            # Those that are over do not change any more: mostly there are more of them.
+            # Ended searches do not change any more, and are usually the majority.
             going = all(searches[name].search in ("running", "waiting") for name in stale)
             new = daemon.searches(unfinished=going) if stale else ()
             rows = {**self.rows, **{row.campaign: row for row in new}}
@@ -81,7 +81,7 @@ class KnownSearches:
 
 
 class TrialReader:
-    """Remembers the trials of a search; asks for those that are new or were not over."""
+    """Remembers the trials of a search, and fetches only new and unfinished ones."""
 
     def __init__(self) -> None:
         self._last: SearchTrials | None = None
@@ -92,7 +92,7 @@ class TrialReader:
         if last is None:
             self._last = last = SearchTrials(row, self._ask(daemon, row, ()))
         elif _counts(row) != _counts(last.row):
-            # All of it once more where runs that were over are queued again, and in the end.
+            # Fetch all again at the end, and if finished runs are queued again.
             is_further = row.finished >= last.row.finished and row.state == last.row.state
             trials = last.trials if is_further else ()
             settled = itertools.takewhile(lambda one: one.outcome is not None, trials)
@@ -104,7 +104,7 @@ class TrialReader:
     def _ask(
         self, daemon: DaemonClient, row: SearchRow, settled: Iterable[Trial]
     ) -> tuple[Trial, ...]:
-        # The dashboard's first screen is not to wait for what only the thread that asks needs.
+        # Imported here, because the first screen does not need it.
         from daemon.model.trials import read_trial
 
         trials = list(settled)
@@ -123,7 +123,7 @@ def _counts(row: SearchRow) -> tuple[int, int, str]:
 def notable_trials(search: SearchTrials) -> Iterator[NotableTrial]:
     """Yield the trials to look at: best, first and nearest failure, findings, and as written.
 
-    What the answer says is known from its phase on; the best and the first failure at once.
+    Those of the answer come with later phases; the best and the first failure come at once.
     """
     from daemon.model.trials import first_failure, smallest_margin
 
@@ -152,6 +152,6 @@ def _about(task: SearchTask, trial: Trial) -> str:
 
 
 def _joined(task: SearchTask, oracle: str, *places: str) -> str:
-    # Of a search about one oracle that one is told above.
+    # The only oracle of a search is in the headline.
     names = [*([oracle] if len(task.scales) > 1 else []), *places]
     return " › ".join(filter(None, names)) or oracle

@@ -1,4 +1,4 @@
-"""Signals of a recorded run as lines of text: what the dashboard draws, for the command line."""
+"""Signals of a recorded run as lines of text, drawn as in the dashboard, for the command line."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from scenario_tui.dashboard.widgets.timeline_drawing import FAIL, TimelineDrawin
 _COLOURS: Final = (
     "yellow", "bold yellow", "cyan", "red", "cyan", "green", "bold red", "dim", "bold", "bold",
 )  # fmt: skip
-"""The terminal's own colours, in the order of the dashboard's: its background is not known here."""
+"""The terminal's own colours in the dashboard's order, because the background is unknown here."""
 LEAST_ROWS: Final = 4
-"""Rows of a signal at least; what is true or false takes one."""
+"""Least rows of a signal; a Boolean one takes one row."""
 AXES: Final = 2
 """Rows below the signals: mission and time."""
 
@@ -36,7 +36,7 @@ def draw_signals(
 ) -> list[Text]:
     """Return signals one above the other, with upright lines at ``marks`` [s].
 
-    They take ``rows``, or as many as are needed. The value beside each is that at its end.
+    They take ``rows``, or more if necessary. The value beside a signal is its last one.
     """
     start, end = float(trace.ground_truth.time[0]), float(trace.ground_truth.time[-1])
     timeline = RunTimeline(

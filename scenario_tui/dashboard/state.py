@@ -1,4 +1,4 @@
-"""State of the dashboard that all screens share, and messages for people."""
+"""State that all screens of the dashboard share, and messages for people."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from scenario_tui.text.results import Conclusion
 
 CAMPAIGNS_SHOWN: Final = 500
-"""Campaigns in the table, the newest: a table of thousands is slow to lay out."""
+"""Newest campaigns in the table; thousands would be slow to lay out."""
 
 
 @dataclass(frozen=True, slots=True)
 class RunsView:
-    """Filter, order, page and the run in front with which the runs of a place were shown last."""
+    """The last view of a table of runs: filter, order, page, and the run under the cursor."""
 
     arrangement: Arrangement
     offset: int = 0
@@ -28,11 +28,11 @@ class RunsView:
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """The last that is known; ``at`` is when it was true [s since the epoch], 0 for never.
+    """Last state of the daemon; ``at`` is its time [s since the epoch], 0 before the first one.
 
-    ``problem`` says why we are not connected; somebody is there but ``refused`` when that is what
-    they said, as daemons of other versions do. ``results`` are those of the campaigns that screens
-    in front were about last, as soon as they are judged.
+    ``problem`` tells why the dashboard is not connected; with ``refused`` a daemon answered but
+    refused, as other versions do. ``results`` are those of the campaigns last in front, as soon as
+    they are judged.
     """
 
     connected: bool = False

@@ -1,4 +1,4 @@
-"""Driving a robot by the keys of a terminal, which says when a key goes down and never when up."""
+"""Driving a robot by the keys of a terminal, which reports presses but no releases."""
 
 from __future__ import annotations
 
@@ -12,19 +12,20 @@ from grammars.model.robot import Drive
 Axis: TypeAlias = Literal["vx", "vy", "wz"]
 
 SPEED: Final = 0.5
-"""Speed of driving at most [m/s], as far as the drive allows."""
+"""Largest speed of driving [m/s], as far as the drive allows."""
 TURNING: Final = 1.0
-"""Speed of turning at most [rad/s], as far as the drive allows."""
+"""Largest speed of turning [rad/s], as far as the drive allows."""
 
 _FIRST: Final = 0.6
-"""A key counts as held for so long [s] after it went down: until it is repeated for the first
-time, half a second on most machines, nothing tells a tap from a key that stays down."""
+"""Seconds for which a pressed key counts as held. Before its first repetition, after half a second
+on most machines, a tap looks like a held key.
+"""
 _REPEATED: Final = 0.25
-"""And for so long after a repetition, which come 20 to 40 times a second."""
+"""Seconds for which a repeated key counts as held; repetitions come 20 to 40 times a second."""
 
 
 class Teleoperation:
-    """The command of the keys held; two of them, one per axis, drive a curve."""
+    """The command of the held keys; two of them, one per axis, drive a curve."""
 
     def __init__(self, drive: Drive, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
@@ -36,25 +37,25 @@ class Teleoperation:
         self._moving = False
 
     def press(self, axis: Axis, sign: int) -> None:
-        """Take a key that went down, or was repeated: ``sign`` is 1 or -1."""
+        """Take a pressed or repeated key; ``sign`` is 1 or -1."""
         now, value = self._clock(), sign * self._most[axis]
         before, until = self._held.get(axis, (0.0, 0.0))
         again = before == value and now < until
         self._held[axis] = (value, now + (_REPEATED if again else _FIRST))
-        # Of two keys that are down a terminal repeats the last one only: it keeps the other.
+        # A terminal repeats only the last of two held keys, so its repetition keeps the other.
         for other, (speed, end) in self._held.items():
             if again and other != axis and now < end:
                 self._held[other] = (speed, now + _REPEATED)
 
     def stop(self) -> None:
-        """Let all keys go."""
+        """Release all keys."""
         self._held.clear()
 
     def command(self) -> Twist2 | None:
-        """Return what is commanded now: nothing while no key is held, but once that it stops."""
+        """Return the command of the held keys; without any, one stop, then ``None``."""
         now = self._clock()
-        held = {axis: value for axis, (value, until) in self._held.items() if now < until}
-        was, self._moving = self._moving, bool(held)
-        if held:
-            return Twist2(held.get("vx", 0.0), held.get("vy", 0.0), held.get("wz", 0.0))
-        return Twist2() if was else None
+        speeds = {axis: value for axis, (value, until) in self._held.items() if now < until}
+        was_moving, self._moving = self._moving, bool(speeds)
+        if speeds:
+            return Twist2(speeds.get("vx", 0.0), speeds.get("vy", 0.0), speeds.get("wz", 0.0))
+        return Twist2() if was_moving else None

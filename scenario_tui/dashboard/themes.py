@@ -22,18 +22,17 @@ from scenario_tui.text.styles import dashboard_theme
 DARK: Final = "scenario-dark"
 LIGHT: Final = "scenario-light"
 _DIM: Final = 0.75
-"""What dim words keep of their colour; the rest is background."""
+"""Share of its colour that a dim word keeps; the rest is background."""
 
 
 def _ansi(colours: str) -> TerminalTheme:
-    """Return sixteen colours: black, red, green, yellow, blue, magenta, cyan, white, twice."""
+    """Return eight colours twice: black, red, green, yellow, blue, magenta, cyan, white."""
     eight = [Color.parse(colour).rgb for colour in colours.split()]
     return TerminalTheme(eight[0], eight[-1], eight, eight)
 
 
-# Words of the colours in text.formatting and all others have a contrast of 4.5 to 1 or more, which
-# the WCAG asks for, over every background they stand on; the tests measure it. The selection is
-# bright enough (dark enough) to be shown in reverse where there are few colours, or none.
+# All words have a contrast of 4.5 to 1 or more, as WCAG requires, on each of their backgrounds; the
+# tests measure it. The selection is bright (dark) enough to become reverse video with few colours.
 THEMES: Final = (
     Theme(
         DARK,
@@ -88,48 +87,48 @@ THEMES: Final = (
 
 _ANSI_DARK: Final = _ansi("#12151a #ff8f8f #7fd88f #f5c76a #8ab8ff #e29bff #7fd5e0 #dde1e8")
 _ANSI_LIGHT: Final = _ansi("#1c2128 #a31621 #176b2c #7a4b00 #0b5cad #7a2a96 #0b6470 #fbfbf9")
-"""What words with a colour of the terminal's sixteen look like, as messages of commands have."""
+"""Looks of the terminal's sixteen colours, which messages of commands have."""
 
 
 class ThemedApp(LimitedTerminalApp):
-    """An app in our colours; those for light backgrounds where the terminal has one."""
+    """An app in our colours, with a light theme for light terminals."""
 
     def __init__(self) -> None:
         super().__init__()
         for theme in THEMES:
             self.register_theme(theme)
-        # Told of each of these the library would parse all style sheets once more.
+        # Plain assignments would make the library parse all style sheets again.
         self.set_reactive(ThemedApp.ansi_theme_dark, _ANSI_DARK)
         self.set_reactive(ThemedApp.ansi_theme_light, _ANSI_LIGHT)
         self.theme = DARK
         self.console.push_theme(dashboard_theme())
 
     def get_line_filters(self) -> Sequence[LineFilter]:
-        """Return what makes colours fit: those of words are for dark backgrounds."""
-        # Half of the contrast, as the library dims words, is too little to read them.
+        """Return the filters, with darker words for light themes."""
+        # The library dims words to half of the contrast, too little to read them.
         dim = DimFilter(_DIM)
         filters = [dim if isinstance(f, DimFilter) else f for f in super().get_line_filters()]
         return filters if self.current_theme.dark else [BrightThemeColours(), *filters]
 
     def refresh_css(self, animate: bool = True) -> None:
-        """Apply the theme to what is shown; before anything is, it only becomes the one meant."""
+        """Apply the theme to the screens; before the first one, only set its variables."""
         if self.screen_stack:
             super().refresh_css(animate)
         else:
-            # The first screen brings style sheets of its own, and all are parsed then.
+            # All style sheets are parsed with the first screen.
             self.stylesheet.set_variables(self.get_css_variables())
 
     def apply_limits(self, limits: TerminalLimits) -> None:
-        """Show everything within limits; where there are few colours, selections are bright."""
+        """Draw within limits; with few colours, selections are bright."""
         super().apply_limits(limits)
         self.set_class(limits.colours != "all", "-few-colours")
 
     def limit_to_terminal(self) -> None:
-        """Show everything within what the terminal of this process can do, in fitting colours."""
+        """Apply the limits and the background of the terminal of this process."""
         self.apply_limits(terminal_limits(self.console.color_system))
         if light_background() and not self.chosen_theme():
             self.theme = LIGHT
 
     def chosen_theme(self) -> str:
-        """Return the theme that people chose, empty when they did not."""
+        """Return the theme that the user chose, empty without a choice."""
         return ""

@@ -11,13 +11,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, Literal
 
-# As terminfo names them: DEC's terminals, and monochrome variants of others.
+# Names of terminfo: DEC's terminals, and monochrome variants of others.
 _COLOURLESS: Final = re.compile(r"vt\d|.*-m(ono)?$")
 _UNDRAWABLE: Final = ("", "dumb", "unknown")
 _LIGHT_COLOURS: Final = frozenset({"7", *map(str, range(9, 16))})
-"""Numbers of the colours of a terminal that are bright, as COLORFGBG names them."""
+"""Numbers in COLORFGBG of a terminal's bright colours."""
 _TMUX_PATIENCE: Final = 2.0
-"""Seconds; in a thread of its own, so that nobody waits."""
+"""Seconds to wait for tmux, in a separate thread."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,23 +29,23 @@ class TerminalLimits:
 
 
 def why_undrawable(environ: Mapping[str, str] = os.environ) -> str:
-    """Return why this terminal shows no drawing, empty when it does."""
+    """Return why this terminal cannot show drawings; empty if it can."""
     name = environ.get("TERM", "")
     if name not in _UNDRAWABLE:
         return ""
     return (
-        f"this terminal says that it cannot be drawn on (TERM={name or 'unset'}): "
-        "set TERM to what it is, xterm or linux say, or read `scenario status`"
+        f"this terminal cannot show drawings (TERM={name or 'unset'}): "
+        "set TERM to its kind, such as xterm or linux, or use `scenario status`"
     )
 
 
 def why_no_screen() -> str:
-    """Return why no screen can be opened here, empty when one can.
+    """Return why no screen can be opened here; empty if one can.
 
     Screens draw on standard error and read keys from standard input; standard output is for words.
     """
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
-        return "there is none at standard input and standard error"
+        return "standard input and standard error are not one"
     return why_undrawable()
 
 
@@ -84,10 +84,10 @@ def ascii_only(environ: Mapping[str, str] = os.environ) -> bool:
 
 
 def copy_to_tmux(text: str, environ: Mapping[str, str] = os.environ) -> bool:
-    """Put ``text`` into the buffer of the tmux around us, which passes it on to its terminal.
+    """Put ``text`` into the buffer of the surrounding tmux, which passes it to its terminal.
 
-    By default tmux ignores programs inside of it that ask for that themselves. Returns True if a
-    tmux took the text.
+    By default tmux ignores the clipboard sequence of programs inside of it. Returns True if a tmux
+    took the text.
     """
     if not environ.get("TMUX") or shutil.which("tmux") is None:
         return False

@@ -1,8 +1,8 @@
-"""Line filters: no text steers the terminal; poor terminals and bright themes get fit colours.
+"""Line filters: they remove control characters, and adapt colours to the terminal and theme.
 
-People choose the sixteen colours of their terminal. Therefore its own foreground and background
-are used, and words keep their hue. Bright backgrounds (the selected row, the banner of a lost
-connection) become reverse video.
+People choose the sixteen colours of their terminal. Therefore a poor terminal shows its own
+foreground and background, and words keep their hue. Bright backgrounds (the selected row, the
+banner of a lost connection) become reverse video.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from scenario_tui.text.styles import COLOURS, MARKED
 _LIT: Final = 0.35
 """Least brightness of a background that stands out from a dark one."""
 _FAINT: Final = 0.19
-"""Brightness below which words are shown dim: they are meant to be overlooked."""
+"""Brightness below which words become dim: they should not draw the eye."""
 _GREY: Final = 0.22
 """Saturation below which a colour counts as grey."""
 _HUES: Final = (
@@ -37,20 +37,18 @@ _HUES: Final = (
     (361, "red"),
 )
 """The last angle [degree] of each colour of the terminal; its blue is too dark to be read."""
-
-
 _PARTS: Final = re.compile("(?P<gap>  +)|(?P<other>[^ ]+| )")
 _LINE_ENDS: Final = dict.fromkeys(map(ord, "\t\r\n"), "\N{REPLACEMENT CHARACTER}")
 
 
 class PrintableText(LineFilter):
-    """Shows signs that would steer the terminal, whatever widget they stand in."""
+    """Makes control characters visible that would steer the terminal, in any widget."""
 
     def apply(self, segments: Sequence[Segment], background: Color) -> list[Segment]:
         """Return the segments, together as wide as before, with printable text.
 
-        Most such signs have no width of their own. Their replacement takes its cells from the next
-        gap in the line, so that columns stay. Without a gap they are left out.
+        Most control characters have no width. Their replacement takes its cells from the next gap
+        in the line, so that columns stay. Without a gap they are left out.
         """
         if all(segment.text.isprintable() for segment in segments):
             return list(segments)
@@ -59,7 +57,7 @@ class PrintableText(LineFilter):
 
 
 def _fitted(segments: Sequence[Segment]) -> tuple[list[Segment], int]:
-    """Return printable segments, and by how many cells they are wider than before."""
+    """Return printable segments, and the number of cells by which they are wider than before."""
     fitted, missing = [], 0
     for segment in segments:
         parts = []
@@ -87,14 +85,14 @@ def _one_line(text: str) -> str:
 
 
 class ReducedColours(LineFilter):
-    """Shows everything with the colours of the terminal, or with attributes alone."""
+    """Replaces all colours by those of the terminal, or by attributes alone."""
 
     def __init__(self, *, colours: bool) -> None:
         super().__init__()
         self.colours = colours
 
     def apply(self, segments: Sequence[Segment], background: Color) -> list[Segment]:
-        """Return the segments in what the terminal has, over ``background``."""
+        """Return the segments in styles that the terminal has, over ``background``."""
         dark = background.brightness < 0.5
         return [
             Segment(text, style and reduce_style(style, colours=self.colours, dark=dark), control)
@@ -107,12 +105,12 @@ def reduce_style(style: Style, *, colours: bool, dark: bool = True) -> Style:
     """Return a style with the terminal's own colours; without ``colours`` attributes only."""
     over, colour = (one and Color.from_rich_color(one) for one in (style.bgcolor, style.color))
     lit = over is not None and (over.brightness > _LIT if dark else over.brightness < 0.73)
-    # Text on a bright background is reversed, in the terminal's own two colours.
+    # Text on a bright background becomes reverse video in the terminal's own two colours.
     colour = None if lit else colour
     faint = colour is not None and (colour.brightness < _FAINT if dark else colour.brightness > 0.9)
     return Style(
         color=_named(colour) if colour is not None and colours and not faint else None,
-        # None and not False: attributes that are not set are not sent.
+        # None and not False: unset attributes are not sent.
         bold=style.bold or None,
         dim=faint or style.dim or None,
         italic=style.italic or None,
@@ -131,7 +129,7 @@ def _named(colour: Color) -> str | None:
 
 
 class AsciiGlyphs(LineFilter):
-    """Shows everything in ASCII."""
+    """Replaces all text by ASCII."""
 
     def apply(self, segments: Sequence[Segment], background: Color) -> list[Segment]:
         """Return the segments in ASCII, each as wide as before."""
@@ -142,7 +140,7 @@ class AsciiGlyphs(LineFilter):
 
 
 _DARK_LIGHTNESS: Final = 0.27
-"""Lightness that gives each of them a contrast of 4.5 to 1 to a bright grey at least."""
+"""Lightness that gives each colour a contrast of at least 4.5 to 1 to a bright grey."""
 _MARKED: Final = Style(bgcolor=MARKED).bgcolor
 _BRIGHT_MARKED: Final = "#cfdff2"
 _OUR_COLOURS: Final = frozenset(
@@ -151,10 +149,10 @@ _OUR_COLOURS: Final = frozenset(
 
 
 class BrightThemeColours(LineFilter):
-    """Darkens the words that have a colour of ours."""
+    """Darkens words in our colours on bright backgrounds."""
 
     def apply(self, segments: Sequence[Segment], background: Color) -> list[Segment]:
-        """Return the segments as they can be read over a bright background."""
+        """Return the segments in colours that can be read over a bright background."""
         return [
             Segment(text, style and _darken_style(style), control)
             for text, style, control in segments

@@ -1,8 +1,8 @@
-"""Apps for slow lines and poor terminals: they send only changed cells, in signs that these show.
+"""Apps for slow lines and poor terminals: they send only changed cells, in characters they show.
 
-A widget that changes is drawn anew as a whole, although most of it stands on the screen already.
-That costs time on a slow line. :class:`TerminalDiff` remembers the cells of the terminal and
-reduces every frame to the differences.
+Textual draws a changed widget as a whole, although most of it is on the screen already. That costs
+time on a slow line. :class:`TerminalDiff` remembers the cells of the terminal and reduces every
+frame to the differences.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from scenario_tui.terminal.capabilities import TerminalLimits, copy_to_tmux
 from scenario_tui.terminal.filters import AsciiGlyphs, PrintableText, ReducedColours
 from scenario_tui.terminal.printable_console import PrintableConsole
 
-# All that frames of Textual are made of: placing the cursor, styles, text, ends of lines.
+# The parts of Textual's frames: moves of the cursor, styles, text, ends of lines.
 _TOKEN: Final = re.compile(
     r"\x1b\[(?P<row>\d+);(?P<column>\d+)H"
     r"|\x1b\[(?P<style>[\d;:]*)m"
@@ -37,15 +37,15 @@ _TOKEN: Final = re.compile(
 _FRAME: Final = re.compile(r"\x1b\[\d+;\d+H")
 # After these the cells of the terminal are unknown: reset, other screen, cleared.
 _LOST: Final = re.compile(r"\x1b(c|\[\?(1049|47|1047)[hl]|\[\d*J)")
-# Begin and end of a frame that is to be shown at once (DEC mode 2026).
+# Begin and end of a frame that the terminal shows at once (DEC mode 2026).
 _SYNC: Final = ("\x1b[?2026h", "\x1b[?2026l")
 _GAP: Final = 6
-"""Cells that stayed the same are sent along when stepping over them would cost more: a step is five
-bytes (``ESC [ 1 2 C``), and a style may have to be set again behind it.
+"""Most unchanged cells to send instead of stepping over them. A step costs five bytes
+(``ESC [ 1 2 C``), and may need a style behind it.
 """
 _UNKNOWN: Final = "\0"
 _SETTLED = 0.25
-"""Seconds after which a window that was dragged has its size."""
+"""Seconds after which a dragged window has its size."""
 
 
 @dataclass(slots=True)
@@ -62,7 +62,7 @@ class _Row:
 
 
 class TerminalDiff:
-    """Knowledge of the cells that the terminal shows; reduces frames to what differs."""
+    """Memory of the cells that the terminal shows; reduces frames to the differences."""
 
     def __init__(self) -> None:
         self._rows: dict[int, _Row] = {}
@@ -72,12 +72,12 @@ class TerminalDiff:
         self._opened = False
 
     def forget(self) -> None:
-        """Forget all cells of the terminal: the next frame is sent as it is."""
+        """Forget all cells of the terminal, so that the next frame is sent as it is."""
         self._rows.clear()
         self._place = self._style = None
 
     def reduce(self, data: str) -> str:
-        """Return the part of ``data`` to send; frames begin by placing the cursor."""
+        """Return the part of ``data`` to send; frames begin with a move of the cursor."""
         if data in _SYNC:
             return self._synchronise(begins=data == _SYNC[0])
         if not _FRAME.match(data):
@@ -94,8 +94,8 @@ class TerminalDiff:
 
     def _synchronise(self, *, begins: bool) -> str:
         """Announce frames to terminals that show them at once, unless they are empty."""
-        # Textual brackets every frame, ten a second. Empty ones are not sent, brackets included
-        # (measured: 38 bytes a second when nothing happens).
+        # Textual brackets every frame, ten a second. Empty ones are not sent, nor their brackets,
+        # which would be 38 bytes a second (measured).
         opened, self._held, self._opened = self._opened, begins, False
         return _SYNC[1] if opened and not begins else ""
 
@@ -130,8 +130,8 @@ class TerminalDiff:
         end = column + cell_len(text)
         here.reach(end)
         if not (text.isascii() or _single(text)):
-            # Half of a wide character cannot be overwritten, and terminals disagree on some widths:
-            # such a run is always sent, and its cells are unknown then.
+            # Half of a wide character cannot be overwritten, and terminals disagree on some widths.
+            # Such a run is always sent, and its cells are unknown afterwards.
             yield self._move(row, column) + "".join(self._restyle(style)) + text
             self._place = None
             here.cells[column:end] = [_UNKNOWN] * (end - column)
@@ -145,7 +145,7 @@ class TerminalDiff:
 
     def _restyle(self, style: str) -> Iterator[str]:
         if style != self._style:
-            # Styles add up in a terminal: one over another begins with a reset.
+            # Styles add up in a terminal: begin with a reset.
             is_plain = self._style == ""
             self._style = style
             yield f"\x1b[{style if is_plain or not style else '0;' + style}m"
@@ -154,7 +154,7 @@ class TerminalDiff:
         if self._place == (row, column):
             return ""
         before, self._place = self._place, (row, column)
-        # To the right in the same row takes fewer bytes without the coordinates.
+        # A step to the right in the same row takes fewer bytes than coordinates.
         if before is not None and before[0] == row and before[1] < column:
             return f"\x1b[{column - before[1]}C"
         return f"\x1b[{row + 1};{column + 1}H"
@@ -185,7 +185,7 @@ def _single(text: str) -> bool:
 
 
 class LimitedTerminalApp(App[None]):
-    """An app that sends little, and that shows itself in what its terminal has."""
+    """An app that sends few bytes, in colours and characters that its terminal has."""
 
     BINDING_GROUP_TITLE = "everywhere"
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -199,12 +199,12 @@ class LimitedTerminalApp(App[None]):
 
     def __init__(self, limits: TerminalLimits | None = None) -> None:
         super().__init__()
-        # Textual's messages after the end, a traceback say, quote text of others.
+        # Textual's messages after the end, such as a traceback, quote text of others.
         self.error_console = PrintableConsole(file=unfiltered(sys.stderr))
         self._printable = PrintableText()
         self._limit_filters: tuple[LineFilter, ...] = ()
         self._drawn = False
-        # Every step of an animation would be a frame over the line.
+        # Every step of an animation would send a frame.
         if "TEXTUAL_ANIMATIONS" not in os.environ:
             self.animation_level = "none"
         self.apply_limits(limits or TerminalLimits())
@@ -221,39 +221,39 @@ class LimitedTerminalApp(App[None]):
         self._limit_filters = tuple(filters)
 
     def get_line_filters(self) -> Sequence[LineFilter]:
-        """Return ours around the library's, in place of its shades of grey."""
-        # Textual answers NO_COLOR with greys, which are colours to a terminal that has none.
+        """Return our filters around the library's, in place of its shades of grey."""
+        # Textual answers NO_COLOR with greys, which are colours as well.
         theirs = [self._printable, *super().get_line_filters()]
         if not self._limit_filters:
             return theirs
         return [*(one for one in theirs if not isinstance(one, Monochrome)), *self._limit_filters]
 
     def copy_to_clipboard(self, text: str) -> None:
-        """Put text into the clipboard (OSC 52), without what would act where it is pasted."""
+        """Put text into the clipboard (OSC 52), without control characters."""
         text = printable(text)
         super().copy_to_clipboard(text)
-        # tmux ignores what programs inside of it ask the terminal for: it is asked itself.
+        # By default tmux ignores this sequence of programs inside of it: use its own command.
         threading.Thread(target=copy_to_tmux, args=(text,), daemon=True).start()
 
     def get_key_display(self, binding: Binding) -> str:
-        """Name keys in words where there are no signs for them."""
+        """Return the name of a key, in ASCII if the terminal lacks its sign."""
         sign = super().get_key_display(binding)
         return {"⏎": "Enter", "⌫": "Bksp"}.get(sign, sign) if self.ascii_only else sign
 
     def get_driver_class(self) -> type[Driver]:
-        """Return a driver that sends only what changed on the screen."""
+        """Return a driver that sends only changes of the screen."""
         return _diffing_driver(super().get_driver_class())
 
     def on_resize(self) -> None:
-        """Draw everything again: terminals differ in what they keep when their size changes."""
+        """Draw everything again: terminals differ in the cells they keep after a resize."""
         if self._drawn:
             self._forget()
-            # Once more when it has its size: frames sent while it is dragged are for other sizes.
+            # Once more at its final size: frames sent during a drag are for other sizes.
             self.set_timer(_SETTLED, self.action_redraw)
         self._drawn = True
 
     def action_redraw(self) -> None:
-        """Draw everything again, over whatever stands on the screen."""
+        """Draw everything again, over the present content of the screen."""
         self._forget()
         # The timer may still fire while the screens close.
         if self.screen_stack:
@@ -266,9 +266,9 @@ class LimitedTerminalApp(App[None]):
 
 
 def _diffing_driver(base: type[Driver]) -> type[Driver]:
-    """Return a driver like ``base`` that sends only what changed on the screen."""
+    """Return a driver like ``base`` that sends only changes of the screen."""
 
-    # Made at run time: the driver depends on the platform and on the test harness.
+    # Made at run time, because the base depends on the platform and on the test harness.
     class DiffingDriver(base):  # type: ignore[misc, valid-type]
         """Sends the changes of frames; everything else goes through."""
 
@@ -277,7 +277,7 @@ def _diffing_driver(base: type[Driver]) -> type[Driver]:
             self.terminal_diff = TerminalDiff()
 
         def write(self, data: str) -> None:
-            """Send the news in it, and have the mouse report clicks and drags, but no moves."""
+            """Send the changes in it; let the mouse report clicks and drags, but no moves."""
             if news := self.terminal_diff.reduce(data.replace("\x1b[?1003", "\x1b[?1002")):
                 super().write(news)
 

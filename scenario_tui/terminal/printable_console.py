@@ -1,4 +1,4 @@
-"""The rich console for text of others: its own styles and controls pass, theirs are shown."""
+"""The rich console for text of others: it makes their control characters visible."""
 
 from __future__ import annotations
 
@@ -18,12 +18,11 @@ class PrintableConsole(Console):
     """A console that prints :func:`~grammars.text.terminal_text.printable` text, and no markup.
 
     Texts name the styles of :mod:`scenario_tui.text.styles`, here in the terminal's own colours.
-
-    Escape sequences are made of styles and control segments, behind this filter.
+    Styles and control segments become escape sequences behind this filter.
     """
 
     def __init__(self, **settings: object) -> None:
-        # A name such as "[link=...]" or ":car:" is a name.
+        # A name such as "[link=...]" or ":car:" is not markup.
         settings = {"theme": terminal_theme(), **settings}
         super().__init__(markup=False, emoji=False, highlight=False, **settings)  # type: ignore[arg-type]
 
@@ -52,11 +51,11 @@ def printable_text(text: Text) -> Text:
 
 
 def open_console(*, stderr: bool) -> PrintableConsole:
-    """Return the console of results, or that of messages and progress (``stderr``)."""
+    """Return the console of results, or with ``stderr`` that of messages and progress."""
     stream = sys.stderr if stderr else sys.stdout
     # A pipe has no width; 80 columns would cut identifiers that scripts look for.
     width = None if stream.isatty() or os.environ.get("COLUMNS", "").isdigit() else 160
-    # The console itself filters, and its styles must pass. While it draws progress, rich puts a
-    # stream of its own in front.
+    # The console itself filters, and its styles must pass. During progress, rich puts its own
+    # stream in front.
     file = unfiltered(getattr(stream, "rich_proxied_file", stream))
     return PrintableConsole(file=file, soft_wrap=False, width=width)

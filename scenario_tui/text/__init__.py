@@ -1,4 +1,4 @@
 """Texts for people: words, numbers, styles, and whole reports.
 
-Used by the command line, the dashboard and the report; nothing here imports textual.
+The command line, the dashboard and the report use them; no module here imports textual.
 """

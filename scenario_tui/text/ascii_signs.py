@@ -33,7 +33,7 @@ _REST: Final = {
 }
 _TABLE: Final[dict[int, str | int]] = {**_REST, **_LINES, **_BLOCKS, **_SIGNS}
 _WIDE: Final = {"‼": "!!", "∞": "inf", "→": "->", "°": " deg"}
-"""Signs that read better where they may take more room than one cell."""
+"""Replacements that may take more room than one cell, because they read better."""
 
 
 @lru_cache(maxsize=4096)

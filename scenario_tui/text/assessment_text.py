@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 BOUNDS: Final = "mean difference [one-sided 95 % bounds] over n repeats"
 _MANY: Final = 20
-"""Repeats that get a glyph each: more of them leave no room for the oracle in 80 columns."""
+"""Most repeats with a glyph each: more would leave no room for the oracle in 80 columns."""
 
 
 def known_lines(results: CampaignResults) -> list[Text]:
@@ -61,7 +61,7 @@ def cell_text(cell: CellAssessment, results: CampaignResults, *, alone: bool = F
 
 
 def _repeats(cell: CellAssessment, results: CampaignResults, alone: bool) -> str:
-    """Return ``4/5``, how many of its runs pass; with room also a glyph for each."""
+    """Return ``4/5``, the share of passed runs, with a glyph for each run if there is room."""
     records = results.runs_of(cell)
     passed = sum(record.outcome is Outcome.PASS for record in records)
     share = f"{passed}/{len(records)}"
@@ -86,11 +86,11 @@ def _worst(cell: CellAssessment) -> str:
 def leading_oracle(cell: CellAssessment) -> CellVerdict | None:
     """Return the most telling oracle of a cell.
 
-    Of those with the cell's verdict one that is not as expected comes first, then the smallest
-    margin: a tight pass is worth seeing.
+    Of those with the cell's verdict, an unexpected one comes first, then the smallest margin: a
+    tight pass is worth seeing.
     """
     oracles = [oracle for oracle in cell.oracles if oracle.verdict is cell.verdict]
-    # False before True: not met before met, with a margin before without.
+    # False sorts before True: unexpected before expected, with a margin before without.
     return min(oracles, key=_interest, default=None)
 
 
@@ -176,7 +176,7 @@ def _attention_line(word: str, subject: str, more: Iterable[str]) -> Text:
 _WITHOUT_VERDICT: Final = {
     "queued": "{} queued, none was judged yet",
     "running": "{}, none was judged yet",
-    "lost": "{}, none was judged: what was executed gave no result",
+    "lost": "{}, none was judged: no attempt gave a result",
     "cancelled": "{}, none was judged: they were cancelled",
     "done": "{}, judged by no oracle",
 }
@@ -184,7 +184,7 @@ _WITHOUT_VERDICT: Final = {
 
 
 def cell_notes(cell: CellAssessment, marks: Expectations) -> Text:
-    """Return a cell oracle by oracle: counts, what they show, the worst run, the expectation."""
+    """Return a cell oracle by oracle: counts, statement, worst run, expectation."""
     text = Text.assemble((f"{cell.scenario}  {cell.sut}\n", "bold"))
     pairs = [(oracle, marks.mark_verdict(oracle)) for oracle in cell.oracles]
     for oracle, mark in sorted(
@@ -198,7 +198,7 @@ def cell_notes(cell: CellAssessment, marks: Expectations) -> Text:
 
 
 def oracle_notes(oracle: CellVerdict, mark: Mark) -> Text:
-    """Return an oracle over all repeats: counts, what they show, the worst run, the expectation."""
+    """Return an oracle over all repeats: counts, statement, worst run, expectation."""
     text, word = Text(), oracle.word
     text.append(f"{glyph_word(word)}  ", style=marked_style(word, mark))
     text.append(oracle.oracle, style="bold")
@@ -217,10 +217,10 @@ def oracle_notes(oracle: CellVerdict, mark: Mark) -> Text:
 
 
 def comparison_notes(cell: ComparisonVerdict, mark: Mark) -> Text:
-    """Return a comparison with one system under test, and what it is to be."""
+    """Return a comparison with one system under test, and its expectation."""
     text = Text(f"{cell.sut} {cell.comparison}  ")
     text.append_text(comparison_cell_text(cell, mark))
-    return text.append(f"\n    is to be {cell.text}\n", style=QUIET)
+    return text.append(f"\n    should be {cell.text}\n", style=QUIET)
 
 
 def campaign_notes(results: CampaignResults) -> Text:

@@ -32,21 +32,21 @@ _BAR: Final = {
     "pass": "━", "fail": "█", "error": "▓", "lost": "▒", "inconclusive": "░", "cancelled": "-",
     "running": "╌", "queued": "·",
 }  # fmt: skip
-"""Signs in a bar of outcomes from left to right: a pass is thin also where there is no colour."""
+"""Signs in a bar of outcomes from left to right; a pass is thin, also without colours."""
 _SEARCHED: Final = {"fail": "found", "pass": "none", "cancelled": "ended", "queued": "waiting"}
 """The end of a search in one word."""
 _MARKED_FIRST: Final = ("news", "", "known")
 _FAILURES: Final = 6
-"""Failures that are listed with their sentence."""
+"""Number of failures to list with their sentence."""
 _MATRIX: Final = 14
-"""Lines of a matrix at most."""
+"""Most lines of a matrix."""
 _HISTORY: Final = 24
-"""Earlier campaigns of the same name that are drawn."""
+"""Number of earlier campaigns of the same name to draw."""
 
 
 def judged_text(row: CampaignRow, conclusion: Conclusion | None) -> Text:
     """Return the agreement of a campaign with its expectations, quiet if it is acknowledged."""
-    # Of an unfinished campaign this is not the last word; that nothing goes on is news.
+    # The agreement of an unfinished campaign is preliminary; the pause is more important.
     if row.paused and not row.finished:
         return Text("‖ paused", style="inconclusive")
     if conclusion is None:
@@ -59,7 +59,7 @@ def judged_text(row: CampaignRow, conclusion: Conclusion | None) -> Text:
 
 def searched_text(row: CampaignRow, search: SearchRow) -> Text:
     """Return the phase of a search, or its end, with the smallest margin that it has found."""
-    # The first screen is not to wait for what only a search needs.
+    # Imported here, because only a search needs it and the first screen must be fast.
     from daemon.search.answers.sentences import search_word
 
     if row.paused and not search.ended:
@@ -80,12 +80,12 @@ def fail_style(row: CampaignRow, conclusion: Conclusion | None) -> str:
 
 
 def _is_fine(conclusion: Conclusion | None) -> bool:
-    """Return whether all that was judged is as expected, so that failures are known."""
+    """Return True if all verdicts are as expected, so that failures are known."""
     return conclusion is not None and conclusion.word in ("pass", "running")
 
 
 def progress_text(row: CampaignRow, total: int, width: int) -> Text:
-    """Return how many runs have ended; a bar before it while others are to come."""
+    """Return how many runs have ended, behind a bar until all have."""
     count = f"{row.ended:,}/{total:,}"
     cells = width - len(count) - 1
     if row.finished or cells < 3:
@@ -97,7 +97,7 @@ def progress_text(row: CampaignRow, total: int, width: int) -> Text:
 def outcome_bar(row: CampaignRow, width: int, fail: str) -> Text:
     """Return the share of each outcome among the runs as one bar; ``fail`` is the style of fails.
 
-    An outcome that there is shows at least one cell.
+    Every outcome has at least one cell.
     """
     counts = run_counts(row)
     total = sum(counts.values())
@@ -111,7 +111,7 @@ def outcome_bar(row: CampaignRow, width: int, fail: str) -> Text:
 def margin_marks(conclusion: Conclusion | None, width: int) -> Text:
     """Return the worst margin of each cell as a bar, in the order of the matrix.
 
-    Of more cells than ``width`` neighbours share a bar, that of the worst.
+    If there are more cells than ``width``, neighbours share a bar, that of the worst.
     """
     margins = conclusion.margins if conclusion is not None else ()
     size = max(-(-len(margins) // width), 1)
@@ -184,7 +184,7 @@ def _sentence(run: RunRow) -> str:
 def judged_lines(results: CampaignResults, width: int) -> Text:
     """Return the matrix of a campaign and its last failures.
 
-    It looks at every verdict of the campaign: make it anew only when the results are others.
+    This looks at every verdict of the campaign: call it only after the results have changed.
     """
     lines = heat_lines(results, width, _MATRIX)
     if failures := failure_lines(results, width):
@@ -202,9 +202,9 @@ def campaign_text(
     search: SearchRow | None = None,
     marks: Sequence[str] = (),
 ) -> Text:
-    """Return a campaign in words: how it stands, ``judged`` lines, history, what to type.
+    """Return a campaign in words: its state, ``judged`` lines, history, the next command.
 
-    ``marks`` are what is unusual about when its runs start.
+    ``marks`` are unusual facts about the start of its runs.
     """
     text = Text.assemble((row.name, "bold"), "  ")
     text.append_text(judged_text(row, conclusion) if search is None else searched_text(row, search))

@@ -32,9 +32,9 @@ from scenario_tui.text.styles import GLYPHS, QUIET, SEVERITY
 _IDENTITY: Final = ("campaign", "repeat")
 """Fields of a specification in which equal runs may differ."""
 _LONGEST: Final = 40
-"""Characters of a value that are shown, unless two that differ would look the same."""
+"""Most characters of a value, unless two that differ would look the same."""
 _FEW: Final = 2
-"""Differences of one part that are listed one by one."""
+"""Most differences of one part to list one by one."""
 
 
 def pair_verdicts(first: tuple[Verdict, ...], second: tuple[Verdict, ...]) -> list[OracleChange]:
@@ -49,9 +49,9 @@ def _is_alike(pair: OracleChange) -> bool:
 
 
 def margin_change(pair: OracleChange) -> float | None:
-    """Return how much larger the second margin is, or the measured value.
+    """Return how much larger the second margin is, or the second measured value.
 
-    To the third digit of the larger of both: they are shown with no more.
+    It is rounded to the third digit of the larger of both, as the values are printed.
     """
     amounts = [_amount(verdict) for verdict in (pair.before, pair.now) if verdict is not None]
     match amounts:
@@ -75,7 +75,7 @@ def spec_differences(first: RunSpec, second: RunSpec) -> list[tuple[str, str, st
         for path in ours | theirs
         if ours.get(path) != theirs.get(path) and path not in _IDENTITY
     ]
-    # Many differences in one part, the behaviour of a door say, become one line.
+    # Many differences in one part, such as the behaviour of a door, become one line.
     lines: list[tuple[str, str, str]] = []
     for part, group in itertools.groupby(parts, key=lambda one: one[0].partition("]")[0]):
         listed = list(group)
@@ -106,7 +106,7 @@ def _flat(path: str, value: Any) -> Iterator[tuple[str, str]]:
     if isinstance(value, Mapping) and value:
         for key, part in value.items():
             yield from _flat(f"{path}.{key}" if path else str(key), part)
-    # A list of numbers, a pose say, is one value. Items of other lists are matched by name: by
+    # A list of numbers, such as a pose, is one value. Items of other lists are matched by name: by
     # index a new item would make all later ones different.
     elif isinstance(value, list) and any(isinstance(part, Mapping | list) for part in value):
         for index, part in enumerate(value):
@@ -141,14 +141,14 @@ def comparison_text(
     text.append("\nspecification\n", style="bold")
     differences = spec_differences(one, other)
     if not differences:
-        text.append("the same, but for the repeat\n", style=QUIET)
+        text.append("the same, except for the repeat\n", style=QUIET)
     for path, ours, theirs in differences:
         text.append(f"{path}\n  ").append(f"{ours}  →  {theirs}\n", style=QUIET)
     return text
 
 
 _CELL: Final = 18
-"""Cells for a verdict with its margin; the sign says it where the word has no room."""
+"""Cells for a verdict with its margin; without room for the word, the sign stands alone."""
 
 
 def _cell(verdict: Verdict | None, mark: Mark) -> Text:
@@ -167,11 +167,11 @@ def _cell(verdict: Verdict | None, mark: Mark) -> Text:
 
 
 _LISTED: Final = 20
-"""Verdicts that changed, as many as are listed."""
+"""Most changed verdicts to list."""
 
 
 def rejudge_parts(results: Sequence[RejudgedTrace]) -> list[Text | Table]:
-    """Return everything about runs judged again: how many, what changed, each oracle."""
+    """Return the parts of a new judgement: a summary, changed verdicts, a table of oracles."""
     judged = [one for one in results if not one.problem]
     labels = _labels(judged)
     lines = [
@@ -192,7 +192,7 @@ def rejudge_parts(results: Sequence[RejudgedTrace]) -> list[Text | Table]:
 
 
 def _summary(judged: Sequence[RejudgedTrace], unreadable: int) -> str:
-    """Return how many runs were judged, and with what they were compared."""
+    """Return the number of judged runs, and the origins of their earlier verdicts."""
     same = sum(one.outcome is one.outcome_before for one in judged)
     in_ledger = sum(one.origin == "ledger" for one in judged)
     parts = [f"{count_noun(len(judged), 'trace')} judged, {same} as before"]
@@ -206,7 +206,7 @@ def _summary(judged: Sequence[RejudgedTrace], unreadable: int) -> str:
 
 
 def _oracle_table(judged: Sequence[RejudgedTrace], labels: Mapping[str, str]) -> Table:
-    """Return a row per oracle: how it judges, by how much, and how it judged before."""
+    """Return a table with a row per oracle: earlier and present outcomes, worst margin."""
     rows = plain_table("oracle", "before", "now", "worst margin", "in run")
     names = dict.fromkeys(v.oracle for one in judged for v in (*one.verdicts, *one.before))
     for name in names:
@@ -225,8 +225,8 @@ def _oracle_table(judged: Sequence[RejudgedTrace], labels: Mapping[str, str]) ->
 
 
 def _labels(judged: Sequence[RejudgedTrace]) -> dict[str, str]:
-    """Name each trace by its run, or by its file where runs of one name are judged together."""
-    # Copies of a campaign have runs of the same names.
+    """Return the label of each trace: its run, or its file if several runs have that name."""
+    # Copies of a campaign have runs with the same names.
     runs = Counter(one.run for one in judged)
     return {one.trace: one.run if runs[one.run] == 1 else one.trace for one in judged}
 
@@ -241,10 +241,7 @@ def _counts(outcomes: Iterable[Outcome]) -> Text:
 
 
 def _worst(verdicts: Sequence[tuple[str, Verdict]]) -> tuple[str, str]:
-    """Return the smallest margin that decided something, and the run and moment it is from.
-
-    For a measure, the range of its values.
-    """
+    """Return the smallest decisive margin, and its run and moment; the range of a measure."""
     measures = [v for _, v in verdicts if v.outcome is Outcome.MEASURE]
     values = [v.evidence.value for v in measures if v.evidence.value is not None]
     if values:
@@ -261,7 +258,7 @@ def _worst(verdicts: Sequence[tuple[str, Verdict]]) -> tuple[str, str]:
 
 def _change_line(label: str, change: OracleChange) -> Text:
     if change.before is None or change.now is None:
-        raise ValueError("only a verdict that was and is can have changed")
+        raise ValueError("a changed verdict needs an outcome before and now")
     then, now = str(change.before.outcome), str(change.now.outcome)
     return Text.assemble(
         (glyph_word(then), then),

@@ -1,4 +1,4 @@
-"""Diagnostics as people read them: place, message, the line itself with a caret, a hint."""
+"""Diagnostics for people: place, message, the source line with a caret, a hint."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from grammars.text.words import count_noun
 
 
 def render_diagnostic(diagnostic: Finding) -> Text:
-    """Return a diagnostic with its source line, when the source can be read."""
+    """Return a diagnostic with its source line, if the source is readable."""
     is_warning = diagnostic.severity is Severity.WARNING
     text = Text()
     text.append(spell_out(f"{diagnostic.where}: "), style="bold")
@@ -45,7 +45,7 @@ def diagnostic_counts(diagnostics: Iterable[Finding]) -> str:
 
 @lru_cache(maxsize=64)
 def _read_source(file: str, changed: int) -> tuple[str, ...]:
-    """Return the lines of a file that last changed at ``changed`` [ns]: edits are read anew."""
+    """Return the lines of a file; its last change ``changed`` [ns] keeps the cache up to date."""
     return tuple(Path(file).read_text(encoding="utf-8-sig").split("\n"))
 
 

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 
 _SEED_DIGITS: Final = 6
 SHOWN_LINES: Final = 40
-"""Lines of a program's output that are shown unless more is asked for: the last ones."""
+"""Default number of last lines of a program's output to show."""
 NOT_REPEATABLE: Final = "not repeatable"
-"""Of a system under test outside of the simulator: the same run gives something else each time."""
+"""Words for an external system under test: the same run gives another result each time."""
 
 
 def run_word(row: RunRow) -> str:
@@ -50,21 +50,21 @@ def keep_end(text: str, width: int) -> str:
 
 
 def brief_seed(seed: int) -> str:
-    """Return the first digits of a seed, enough to tell two apart: nobody types it."""
+    """Return the first digits of a seed, enough to tell two apart."""
     digits = str(seed)
     return digits if len(digits) <= _SEED_DIGITS + 2 else f"{digits[:_SEED_DIGITS]}…"
 
 
 def margin(value: float | None, unit: str) -> str:
-    """Return a signed margin with its unit; ``–`` when there is none."""
+    """Return a signed margin with its unit; ``–`` for ``None``."""
     return format_quantity(value, unit, signed=True)
 
 
 def margin_bar(share: float, half: int = 4) -> str:
-    """Return a bar that grows from the middle: left for a limit broken, right for one kept.
+    """Return a bar that grows from the middle: left for a broken limit, right for a kept one.
 
-    ``share`` is cut to [-1, 1]. Every side has ``half`` cells in steps of half a cell; a share that
-    is not 0 shows at least one step.
+    ``share`` is cut to [-1, 1]. Every side has ``half`` cells in steps of half a cell; a share
+    other than 0 has at least one step.
     """
     filled = 0.0 if math.isnan(share) else min(abs(share), 1.0)
     steps = math.ceil(2 * half * filled)
@@ -150,9 +150,9 @@ def verdict_line(verdict: Verdict) -> str:
 
 
 def printed_lines(text: str) -> list[str]:
-    """Return the lines of a program's output as a terminal would have left them, without colours.
+    """Return the lines of a program's output as a terminal shows them, without colours.
 
-    A line that was written over, as progress bars do, is what it was last.
+    A line that was overwritten, as by a progress bar, has its last text.
     """
     plain = without_escapes(text).replace("\r\n", "\n")
     lines = [line.rstrip("\r").rpartition("\r")[2] for line in plain.split("\n")]
@@ -162,14 +162,14 @@ def printed_lines(text: str) -> list[str]:
 
 
 def last_lines(text: str, most: int | None = SHOWN_LINES) -> tuple[list[str], int]:
-    """Return the last lines of an output, all without ``most``, and how many there are before."""
+    """Return the last ``most`` lines of an output, or all, and the number of lines before."""
     lines = printed_lines(text)
     hidden = 0 if most is None else max(0, len(lines) - most)
     return lines[hidden:], hidden
 
 
 def plain_table(*titles: str, figures: bool = False) -> Table:
-    """Return a table without lines, columns folded; ``figures`` are all but the first column."""
+    """Return a table without lines; with ``figures`` all columns but the first align right."""
     from rich import box
     from rich.table import Table
 

@@ -1,8 +1,8 @@
 """The matrix of a campaign as a heat map of margins: a mark for each repeat.
 
-The glyph of a mark says the verdict, also without colours. A pass is a bar: the lower it is, the
-nearer the run came to failing. Failures are red, known ones amber, and shown in reverse where they
-are far beyond the limit.
+The glyph of a mark shows the verdict, also without colours. A pass is a bar: the lower it is, the
+nearer the run came to failing. Failures are red, known ones amber, and in reverse if they are far
+beyond the limit.
 """
 
 from __future__ import annotations
@@ -38,34 +38,36 @@ _BARS: Final = "▁▂▃▄▅▆▇█"
 _TIGHT: Final = 0.15
 """Share of the scale below which a pass is tight: amber instead of green."""
 _DEEP: Final = -0.25
-"""Share of the scale below which a failure is shown in reverse."""
+"""Share of the scale below which a failure is in reverse."""
 _NARROWEST: Final = 9
-"""Columns of a system under test at least."""
+"""Least columns of a system under test."""
 _GAP: Final = 2
 _FEWEST: Final = 6
-"""Columns of the marks of a cell at least, where there is no room for its verdict as well."""
+"""Least columns of the marks of a cell beside its verdict."""
 CELL_LINES: Final = 2
-"""Lines of a cell: its marks with the verdict, and the margin that is most telling."""
+"""Lines of a cell: its marks with the verdict, and the most telling margin."""
 
 
 @dataclass(frozen=True, slots=True)
 class Heat:
-    """A run in the map: the word of its verdict or state, its least margin as a share of its scale
-    in [-1, 1], ``None`` without one, and whether its failure was expected.
+    """A run in the map, with the ``word`` of its verdict or state.
+
+    ``share`` is its least margin as a share of its scale in [-1, 1], if any; ``is_known`` marks an
+    expected failure.
     """
 
     word: str
     share: float | None
-    known: bool = False
+    is_known: bool = False
 
     def mark(self) -> tuple[str, str]:
-        """Return its glyph and the style of it."""
+        """Return its glyph and its style."""
         glyph, style, share = GLYPHS[self.word], self.word, self.share
         if self.word == "pass" and share is not None:
             glyph = _BARS[min(int(max(share, 0.0) * len(_BARS)), len(_BARS) - 1)]
             style = "inconclusive" if share < _TIGHT else style
         if self.word == "fail":
-            style = KNOWN if self.known else style
+            style = KNOWN if self.is_known else style
             style += ".far" if share is not None and share < _DEEP else ""
         return glyph, style
 
@@ -73,7 +75,7 @@ class Heat:
 def heat_marks(cells: Sequence[CellAssessment], results: CampaignResults, width: int) -> Text:
     """Return a mark for each run of some cells.
 
-    More than fit into ``width`` columns are summed: the number of runs for each verdict, and the
+    If they do not fit into ``width`` columns, return the number of runs for each verdict, and the
     mark of the worst run.
     """
     runs = [run for cell in cells for run in results.runs_of(cell)]
@@ -105,12 +107,12 @@ def _heat(run: RunRow, results: CampaignResults) -> Heat:
 def heat_lines(results: CampaignResults, width: int, height: int) -> list[Text]:
     """Return the matrix in at most ``height`` lines of ``width`` columns.
 
-    It has a line for each scenario and a column for each system under test; behind the marks of a
-    cell stand ``!`` for news and the letters of known failures. Scenarios and systems that do not
-    fit share the last line and column, those as expected first. The last line explains the marks,
-    where there is room for it.
+    It has a line for each scenario and a column for each system under test; ``!`` for news and the
+    letters of known failures follow the marks of a cell. Scenarios and systems that do not fit
+    share the last line and column, those as expected first. The last line explains the marks, if
+    there is room.
 
-    It looks at every run of the campaign: make the lines anew only when the results are others.
+    This looks at every run of the campaign: call it only after the results have changed.
     """
     cells = {(cell.scenario, cell.sut): cell for cell in results.assessment.cells}
     marks = results.expectations
@@ -128,7 +130,7 @@ def heat_lines(results: CampaignResults, width: int, height: int) -> list[Text]:
         for row, scenarios in rows.items()
         for column, suts in columns.items()
     }
-    # As narrow as the marks are: what belongs together is read together.
+    # Columns are as narrow as the marks, so that neighbours are read together.
     room = (width - label) // max(len(columns), 1) - _GAP
     longest = max((sum(len(cell.runs) for cell in group) for group in groups.values()), default=0)
     room = max(min(room, max(longest + 2, *map(cell_len, columns), _NARROWEST)), 1)
@@ -150,8 +152,9 @@ def heat_lines(results: CampaignResults, width: int, height: int) -> list[Text]:
 def heat_cell(cell: CellAssessment | None, results: CampaignResults, width: int) -> Text:
     """Return a cell of the matrix in two lines of at most ``width`` columns.
 
-    The first line has the marks, ``!`` for news, the letters of known failures, the verdict and how
-    many repeats pass; the second one the most telling margin. Without a ``cell`` there are no runs.
+    The first line has the marks, ``!`` for news, the letters of known failures, the verdict and the
+    share of passed repeats. The second one has the most telling margin. ``None`` is a cell without
+    runs.
     """
     if cell is None:
         return Text(NOTHING, style=QUIET)
@@ -172,13 +175,13 @@ def heat_cell(cell: CellAssessment | None, results: CampaignResults, width: int)
 
 
 def _grouped(names: Sequence[str], most: int, first: set[str]) -> dict[str, tuple[str, ...]]:
-    """Return at most ``most`` groups of names by title: one of each, the last of all others."""
+    """Return at most ``most`` groups of names by title: single names, then all others."""
     if len(names) <= most:
         return {name: (name,) for name in names}
-    shown = set(sorted(names, key=lambda name: name not in first)[: max(most - 1, 0)])
-    rest = tuple(name for name in names if name not in shown)
-    title = f"{len(rest)} more" if shown else f"all {len(rest)}"
-    return {name: (name,) for name in names if name in shown} | {title: rest}
+    single = set(sorted(names, key=lambda name: name not in first)[: max(most - 1, 0)])
+    rest = tuple(name for name in names if name not in single)
+    title = f"{len(rest)} more" if single else f"all {len(rest)}"
+    return {name: (name,) for name in names if name in single} | {title: rest}
 
 
 def _line(label: str, cells: Sequence[Text], width: int, room: int) -> Text:
@@ -191,7 +194,7 @@ def _line(label: str, cells: Sequence[Text], width: int, room: int) -> Text:
 
 
 def heat_legend(results: CampaignResults) -> Text:
-    """Return the meaning of the marks that stand for themselves nowhere else."""
+    """Return the legend of the marks."""
     text = Text(no_wrap=True, overflow="ellipsis")
     if results.row.passed:
         text.append(_BARS[0], style="inconclusive").append(" tight ", style=QUIET)

@@ -1,4 +1,4 @@
-"""Campaigns in two words: as expected, undecided, so far fine; one of them, or the worst of all."""
+"""Conclusions on campaigns in two words: as expected, undecided, so far fine."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def _no_expectations() -> Expectations:
-    # The first screen is drawn before the first campaign is judged, and does without this.
+    # The first screen is drawn before the first campaign is judged, and does not need this.
     from daemon.judging.assessment import Expectations
 
     return Expectations()
@@ -27,12 +27,12 @@ def _no_expectations() -> Expectations:
 
 @dataclass(frozen=True, slots=True)
 class Conclusion:
-    """Agreement of a campaign with its expectations: ``word`` names its glyph, ``text`` says it.
+    """Agreement of a campaign with its expectations: the ``word`` of its glyph, and a ``text``.
 
-    ``unexpected`` and ``known`` count runs: those with a verdict that contradicts an expectation,
-    and the others that fail as expected. ``verdicts`` of the ``runs`` have been judged.
-    ``margins`` are the worst of each cell in the order of the matrix, as a share of their scale in
-    [-1, 1] (below 0: broken; ``None``: unknown). ``expectations`` mark the runs.
+    ``unexpected`` counts runs with a verdict that contradicts an expectation, ``known`` the others
+    that fail as expected. ``verdicts`` counts the judged ``runs``. ``margins`` are the worst of
+    each cell in the order of the matrix, as a share of their scale in [-1, 1] (below 0: broken;
+    ``None``: unknown). ``expectations`` mark the runs.
     """
 
     word: str
@@ -51,25 +51,25 @@ class Conclusion:
 
     @property
     def brief(self) -> str:
-        """The text where there is little room: ``3 unexpected``, those are runs."""
+        """A shorter text: ``3 unexpected``, which counts runs."""
         return f"{self.unexpected:,} unexpected" if self.unexpected else self.text
 
     @property
     def is_judged(self) -> bool:
-        """True if its runs say anything about its expectations; cancelled ones say nothing."""
+        """True if its runs tell about its expectations; cancelled ones do not."""
         return self.text != NONE_JUDGED and self.word != "cancelled"
 
 
 NONE_JUDGED: Final = "none judged"
-"""Words for a campaign of which no oracle has judged a run yet."""
+"""Words for a campaign without a verdict yet."""
 SO_FAR_FINE: Final = "so far fine"
-"""Words while all verdicts are as expected, and some are missing."""
+"""Words while all verdicts are as expected, but some are missing."""
 _BY_EXIT_CODE: Final = {
     0: ("pass", "as expected"),
     3: ("lost", "not all judged"),
     4: ("inconclusive", "undecided"),
 }
-"""Word and text by the exit code of `scenario results`: scripts and people learn the same."""
+"""Word and text by the exit code of `scenario results`, so that scripts and people agree."""
 
 
 def conclude(results: CampaignResults) -> Conclusion:
@@ -90,7 +90,7 @@ def conclude(results: CampaignResults) -> Conclusion:
 
 
 def unexpected_text(results: CampaignResults) -> str:
-    """Return how much contradicts an expectation: ``3 runs, 1 comparison unexpected``."""
+    """Return the number of unexpected results: ``3 runs, 1 comparison unexpected``."""
     marks = results.expectations
     runs = sum(mark.kind == "news" for mark in marks.runs.values())
     kinds = [marks.mark_verdict(one).kind for one in results.assessment.comparisons]
@@ -99,7 +99,7 @@ def unexpected_text(results: CampaignResults) -> str:
 
 
 def _standing(results: CampaignResults) -> tuple[str, str]:
-    """Return how a campaign stands in two words, behind the word of its glyph."""
+    """Return the state of a campaign: the word of its glyph, and a text of two words."""
     assessment = results.assessment
     code, states = assessment.exit_code, {cell.state for cell in assessment.cells}
     if code == 1:
@@ -116,7 +116,7 @@ def _standing(results: CampaignResults) -> tuple[str, str]:
 
 
 def matrix_order(cells: Sequence[CellAssessment]) -> list[CellAssessment]:
-    """Return cells row by row: scenarios, then systems under test, each as they appear first."""
+    """Return cells row by row: scenarios, then systems under test, by first appearance."""
     suts = {sut: place for place, sut in enumerate(dict.fromkeys(cell.sut for cell in cells))}
     rows: dict[str, list[CellAssessment]] = {}
     for cell in cells:
@@ -134,18 +134,17 @@ def cell_margin(cell: CellAssessment) -> float | None:
 def worst_conclusion(
     campaigns: Iterable[CampaignRow], conclusions: Mapping[str, Conclusion]
 ) -> tuple[CampaignRow, Conclusion] | None:
-    """Return the campaign in the worst state of those that nobody has acknowledged.
+    """Return the campaign in the worst state, without acknowledged ones and searches.
 
-    A newer run of the same campaign improves nothing: people acknowledge what they have seen. Of
-    equal states the first campaign counts. Searches have no expectations. ``None`` while nothing
-    is judged, or everything is acknowledged.
+    A better run of the same campaign later changes nothing: people acknowledge what they have seen.
+    Of equal states the first campaign counts. ``None`` if no campaign is left.
     """
     judged = [
         (row, conclusions[row.id])
         for row in campaigns
         if row.id in conclusions and not row.acknowledged and not row.search
     ]
-    # Campaigns without a verdict say nothing about the others, and are said if there are no others.
+    # Campaigns without a verdict count only if there are no others.
     telling = [pair for pair in judged if pair[1].is_judged] or judged
     if not telling:
         return None

@@ -20,7 +20,7 @@ def unfinished_text(row: CampaignRow) -> str:
     counts = {"running": row.running, "queued": row.queued}
     parts = [f"{counts[word]:,} {word}" for word in UNFINISHED_STATES if counts[word]]
     if not parts and not row.finished:
-        parts = ["the search waits" if row.search == "waiting" else "the search goes on"]
+        parts = ["the search waits" if row.search == "waiting" else "the search continues"]
     if parts and row.paused:
         parts.append("paused")
     if row.seconds_left is not None:
@@ -29,7 +29,7 @@ def unfinished_text(row: CampaignRow) -> str:
 
 
 def progress_text(row: CampaignRow) -> str:
-    """Return how many runs a campaign has, and how many have finished if some have not."""
+    """Return the number of runs of a campaign, and of finished ones unless all have finished."""
     runs = count_noun(row.total, "run")
     if row.ended == row.total:
         return runs
@@ -49,8 +49,8 @@ def without_trace_text(
     """
     again = f"`{command('retry', run.campaign)}` queues it again"
     if run.state is RunState.RUNNING:
-        shown = f"`{command('tui')}` shows it live"
-        return f"{run.id} is running: its trace is there when it ends, {shown}"
+        live = f"`{command('tui')}` shows it live"
+        return f"{run.id} is running: its trace exists when it ends, {live}"
     if run.state is RunState.QUEUED:
         return f"{run.id} is queued: {_waiting_text(run, campaign, before, command)}"
     if run.state is RunState.CANCELLED:
@@ -59,7 +59,7 @@ def without_trace_text(
         why = run.reason.strip().splitlines()[-1:]
         state = f"{run.id} is lost, {count_noun(run.attempt, 'attempt')} left no result"
         return ": ".join((state, *why)) + f"; {again}"
-    return f"{run.id} has no trace: {run.reason or 'it is not there any more'}"
+    return f"{run.id} has no trace: {run.reason or 'it does not exist any more'}"
 
 
 def _waiting_text(
@@ -70,7 +70,7 @@ def _waiting_text(
         return f"once more, {run.reason}"
     if campaign is not None and campaign.paused:
         resume = command("pause", campaign.id, "--off")
-        return f"its campaign is paused, `{resume}` lets it go on"
+        return f"its campaign is paused, `{resume}` continues it"
     parts = []
     if before is not None:
         first = f"{count_noun(before, 'run')} of its campaign queued before it"
@@ -87,6 +87,6 @@ def without_traces_text(campaign: CampaignRow, command: Callable[..., str]) -> s
     words = {"cancelled": campaign.cancelled, "lost": campaign.lost}
     lacking = ", ".join(f"{count:,} {word}" for word, count in words.items() if count)
     if not lacking:
-        return f"the traces of {campaign.id} are not there any more"
+        return f"the traces of {campaign.id} do not exist any more"
     again = f"`{command('retry', campaign.id)}` queues them again"
     return f"no run of {campaign.id} has a trace: {lacking}; {again}"

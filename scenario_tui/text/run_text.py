@@ -1,4 +1,4 @@
-"""One run in words: verdicts with margins and evidence, what it was, where its trace lies."""
+"""One run in words: verdicts with margins and evidence, settings, place of its trace."""
 
 from __future__ import annotations
 
@@ -34,9 +34,7 @@ if TYPE_CHECKING:
 
 NO_MARKS: Final[Mapping[str, Mark]] = MappingProxyType({})
 VERDICT_LINES: Final = 3
-"""Lines for verdicts: the worst of them, and how the others are."""
-
-
+"""Lines for verdicts: the worst of them, and the counts of the others."""
 _SO_FAR: Final = {
     Outcome.PASS: "passing so far",
     Outcome.INCONCLUSIVE: "undecided so far",
@@ -70,7 +68,7 @@ def known_text(mark: Mark) -> Text:
 
 
 def by_severity(verdicts: Iterable[Verdict], marks: Mapping[str, Mark] = NO_MARKS) -> list[Verdict]:
-    """Return verdicts, what people must look at first: news before known failures."""
+    """Return verdicts, the gravest first, with news before known failures."""
 
     def severity(verdict: Verdict) -> tuple[int, int]:
         kind = marks.get(verdict.oracle, NO_MARK).kind
@@ -82,7 +80,7 @@ def by_severity(verdicts: Iterable[Verdict], marks: Mapping[str, Mark] = NO_MARK
 def verdict_text(verdict: Verdict, mark: Mark = NO_MARK, *, so_far: bool = False) -> Text:
     """Return a verdict in a few lines: margin, bar, evidence, the reason of a known failure.
 
-    ``so_far`` says that the run goes on.
+    ``so_far`` means that the run goes on.
     """
     text, style = Text(), marked_style(verdict.outcome, mark)
     so_far = so_far and verdict.outcome in _SO_FAR
@@ -106,7 +104,7 @@ def verdict_text(verdict: Verdict, mark: Mark = NO_MARK, *, so_far: bool = False
 
 
 def worst_text(value: float | None, unit: str, oracle: str) -> Text:
-    """Return the least margin so far and whose it is: ``+0.11 m clear``; nothing when unknown."""
+    """Return the least margin so far and its oracle: ``+0.11 m clear``; empty if unknown."""
     if value is None or not oracle:
         return Text()
     word = "fail" if value < 0.0 else "pass"
@@ -124,7 +122,7 @@ def _value(verdict: Verdict) -> str:
 
 
 def _evidence_lines(verdict: Verdict) -> list[str]:
-    """Return the evidence: when and at what, then how much and what else there is to say."""
+    """Return the evidence: moment and object, then amounts and note."""
     evidence = verdict.evidence
     where = [moment_text(evidence.time), evidence.object]
     amounts = ""
@@ -137,7 +135,7 @@ def _evidence_lines(verdict: Verdict) -> list[str]:
 
 
 def evidence_parts(verdict: Verdict) -> list[str]:
-    """Return margin, moment, object and note of a verdict, as far as there are any."""
+    """Return margin, moment, object and note of a verdict, as far as it has them."""
     evidence = verdict.evidence
     amount = "" if verdict.margin is None else margin(verdict.margin, verdict.unit)
     parts = (amount, moment_text(evidence.time), evidence.object, _first_line(evidence.note_text))
@@ -145,7 +143,7 @@ def evidence_parts(verdict: Verdict) -> list[str]:
 
 
 def _first_line(note: str) -> str:
-    # The other lines may be output of a stack, which is printed once, with the run.
+    # Other lines may be the output of a stack, which is printed once, with the run.
     return note.partition("\n")[0]
 
 
@@ -157,7 +155,7 @@ def verdict_lines(
 ) -> list[Text]:
     """Return at most ``most`` lines on the verdicts, the gravest first, with their marks.
 
-    Of verdicts that are decided later than ``time`` the line says how far ahead that lies.
+    The line of a verdict decided after ``time`` tells how far ahead that is.
     """
     judged = [v for v in verdicts if v.outcome is not Outcome.MEASURE]
     ordered = by_severity(sorted(judged, key=lambda v: v.evidence.time or 0.0), marks)
@@ -221,7 +219,7 @@ def run_text(
 
 
 def reached_text(snapshot: Snapshot | None, *, limit: bool = True) -> str:
-    """Return how far a run is: ``1/3 wp  60 s of 1200 s``; or why its start waits.
+    """Return the progress of a run: ``1/3 wp  60 s of 1200 s``; or why its start waits.
 
     Without ``limit`` the text ends after the simulated time.
     """
@@ -234,7 +232,7 @@ def reached_text(snapshot: Snapshot | None, *, limit: bool = True) -> str:
 def _running(text: Text, snapshot: Snapshot | None) -> None:
     text.append(f"{reached_text(snapshot)}\n")
     if snapshot is not None:
-        more = "simulated time begins when it is up" if snapshot.waiting else snapshot.stack
+        more = "simulated time begins once it is up" if snapshot.waiting else snapshot.stack
         text.append(f"{more}\n" if more else "", style=QUIET)
 
 

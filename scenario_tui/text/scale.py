@@ -1,4 +1,4 @@
-"""Axes: round numbers to mark on them, and the values an axis shows so that limits are in view."""
+"""Axes: their round ticks, and a range of values with the limits in view."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def tick_text(value: float, step: float) -> str:
 def mark_axis(low: float, high: float, room: float, apart: float) -> AxisScale:
     """Return an axis from ``low`` to ``high``, ``room`` cells long, with ticks ``apart`` or more.
 
-    Where fewer than two fit like that they may stand half as far apart; one there is always.
+    If fewer than two fit, they may stand half as far apart; there is always one.
     """
     low, high = _widened(low, high)
     step = round_step((high - low) * apart / max(room, 1.0))

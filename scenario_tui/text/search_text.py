@@ -30,14 +30,14 @@ if TYPE_CHECKING:
     from daemon.model.search_answer import SearchAnswer, SearchRow
 
 _RANGE, _LEAST_NAME = 11, 12
-"""Cells of the range of a parameter, and of its name at least."""
+"""Cells of the range of a parameter, and least cells of its name."""
 _LEGEND: Final = "│ as written  ● in this run  ≠ not as written"
 _HALF: Final = 8
 """Cells on either side of a bar of influence."""
 GAZEBO_KINDS: Final = ("map", "sdf", "keyframes", "tasks", "launch")
 """Artefacts of a world in Gazebo: its map, models, doors that move, waypoints, launch files."""
 _STATES: Final = {"cancelled": "cancelled", "failed": "error"}
-"""Words of searches that did not come to their end."""
+"""Words for searches that ended early."""
 
 
 def proposal_text(task: SearchTask, proposal: Proposal, width: int) -> Text:
@@ -53,9 +53,9 @@ def proposal_text(task: SearchTask, proposal: Proposal, width: int) -> Text:
 
 
 def range_bar(parameter: SearchParameter, value: PointValue, cells: int = _RANGE) -> str:
-    """Return the range as a line, with ``│`` where the written value lies and ``●`` at ``value``.
+    """Return the range as a line, with ``│`` at the written value and ``●`` at ``value``.
 
-    A value outside of the range is ``<`` or ``>`` at that end; one that has no place is left out.
+    A value outside of the range is ``<`` or ``>`` at that end; one without a place is left out.
     """
     line = ["─"] * cells
     for place_of, sign in ((parameter.written, "│"), (value, "●")):
@@ -67,7 +67,7 @@ def range_bar(parameter: SearchParameter, value: PointValue, cells: int = _RANGE
 
 
 def parameters_text(task: SearchTask, values: Point, width: int) -> Text:
-    """Return a line for each parameter, at most ``width`` cells; those not as written stand out."""
+    """Return a line for each parameter, at most ``width`` cells; changed ones stand out."""
     pairs = list(zip(task.parameters, values, strict=True))
     names = [task.short_name(one.name) for one, _ in pairs]
     amounts = [_change_text(one, value) for one, value in pairs]
@@ -87,7 +87,7 @@ def parameters_text(task: SearchTask, values: Point, width: int) -> Text:
 
 
 def _change_text(parameter: SearchParameter, value: PointValue) -> str:
-    """Return ``8 → 8.54 s``; the value alone where it is as written."""
+    """Return ``8 → 8.54 s``; the value alone if it is as written."""
     now, before = parameter.shown(value), NOTHING
     if is_as_written(parameter, value):
         return now
@@ -99,12 +99,12 @@ def _change_text(parameter: SearchParameter, value: PointValue) -> str:
 
 
 def search_line(row: SearchRow) -> str:
-    """Return how a search stands in one line: ``doors: looking for failures, 23 of 60 runs``."""
+    """Return the state of a search in a line: ``doors: looking for failures, 23 of 60 runs``."""
     return f"{row.task.name}: {search_state(row)}"
 
 
 def search_state(row: SearchRow) -> str:
-    """Return how a search stands, without its name."""
+    """Return the state of a search, without its name."""
     parts = [phase_words(row)]
     if row.state == "waiting":
         parts = [f"waiting for `{command_line('search', row.file, row.campaign)}`"]
@@ -118,7 +118,7 @@ def search_state(row: SearchRow) -> str:
         if answer.best is not None and answer.best.value is not None:
             value = answer.best.value
             parts.append(f"smallest margin {margin(value.margin, value.unit)}")
-    # While it explores, the note has older values of the same numbers.
+    # During exploration the note has older values of the same numbers.
     if row.note and not exploring:
         parts.append(row.note.strip().splitlines()[-1])
     return ", ".join(parts)
@@ -165,7 +165,7 @@ def _runs_text(row: SearchRow, answer: SearchAnswer) -> str:
     words = count_noun(row.finished, "run")
     if answer.reused:
         verb = "was" if answer.reused == 1 else "were"
-        words += f", {answer.reused:,} of them {verb} there already"
+        words += f", {answer.reused:,} of them {verb} recorded before"
     # The last sentence of an answer gives the reason of its end.
     has_ending = answer.sentences and answer.ended and row.state != "failed"
     return words if has_ending else f"{words}; {phase_words(row)}"
@@ -196,7 +196,8 @@ def _influence_title(answer: SearchAnswer) -> str:
 def influence_lines(task: SearchTask, answer: SearchAnswer) -> list[Text]:
     """Return a bar for each parameter, the most influential first.
 
-    To the left: larger values bring the failure nearer. Influence within chance is dim.
+    A bar to the left means that larger values bring the failure nearer. Influence that may be
+    chance is dim.
     """
     ordered = sorted(answer.influence, key=lambda one: (-abs(one.correlation), one.parameter))
     names = [task.short_name(one.parameter) for one in ordered]
@@ -220,22 +221,22 @@ def search_commands(
     """
     if not row.ended:
         watch = (command("search", row.campaign), "watch it")
-        resume = (command("search", row.file, row.campaign), "go on with it")
-        end = (command("cancel", row.campaign), "end it, what was found is kept")
+        resume = (command("search", row.file, row.campaign), "continue it")
+        end = (command("cancel", row.campaign), "end it, its findings are kept")
         return (watch if row.state == "running" else resume, end)
     decisive = row.answer.shown if row.answer is not None else None
     commands: list[tuple[str, str]] = []
     if decisive is not None and decisive.run:
         begin = ("--from", decisive.verdict.oracle) if decisive.fails and decisive.verdict else ()
-        what = "watch the failure" if decisive.fails else "watch the run nearest to failing"
-        commands.append((command("replay", decisive.run, *begin), what))
-        commands.append((command("show", decisive.run), "what each oracle says"))
+        purpose = "watch the failure" if decisive.fails else "watch the run nearest to failing"
+        commands.append((command("replay", decisive.run, *begin), purpose))
+        commands.append((command("show", decisive.run), "the verdict of each oracle"))
     if decisive is not None and failure_file:
         cell = decisive.label.split("/")[:2]
         export = command_line("export", failure_file, *GAZEBO_KINDS, "-o", "gazebo")
         commands += [
-            (command_line("run", failure_file), "the failure again, on its own"),
-            (command_line("blame", failure_file, *cell), "the least of it that still fails"),
+            (command_line("run", failure_file), "run the failure on its own"),
+            (command_line("blame", failure_file, *cell), "the smallest part that still fails"),
             (export, "its world for Gazebo"),
         ]
     commands.append((command("report", row.campaign), "a page with figures"))

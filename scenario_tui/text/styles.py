@@ -1,10 +1,9 @@
 """Words for verdicts and states with their glyphs, and the styles of texts by name.
 
-A verdict is always a glyph and a word, never a colour alone. Texts name their styles: every word
-here is one, and so are the constants. The theme of a console says what a name looks like:
-:func:`terminal_theme` has the terminal's own colours, for the command line, which does not know the
-background, and :func:`dashboard_theme` has :data:`COLOURS`, of which the dashboard draws maps and
-signals, too.
+A verdict is always a glyph and a word, never a colour alone. The words and the constants here are
+names of styles, and the theme of a console defines their looks. :func:`terminal_theme` has the
+terminal's own colours, because the command line does not know the background.
+:func:`dashboard_theme` has :data:`COLOURS`, which also colour maps and signals.
 """
 
 from __future__ import annotations
@@ -25,13 +24,13 @@ DOORS: Final = "doors"
 QUIET: Final = "quiet"
 """The style of words that should not draw the eye."""
 NEWS: Final = "news"
-"""The style of what contradicts an expectation."""
+"""The style of unexpected results."""
 KNOWN: Final = "known"
-"""The style of failures that were expected."""
+"""The style of expected failures."""
 CHANGED: Final = "changed"
-"""The style of values that are not as they were written."""
+"""The style of values that differ from the written ones."""
 
-# Pale, for dark backgrounds, and bright enough to be read as greys where there is no colour:
+# Pale, for dark backgrounds, and bright enough to be read as greys without colours.
 # terminal.filters.BrightThemeColours darkens them on bright backgrounds.
 COLOURS: Final = {
     GOOD: "#7fd88f",
@@ -45,7 +44,7 @@ COLOURS: Final = {
 }
 """The colours of the dashboard by the names of their styles."""
 MARKED: Final = "#2b3a55"
-"""The background of signs that are marked."""
+"""The background of marked signs."""
 _TERMINAL: Final = {
     GOOD: "green",
     BAD: "red",
@@ -69,7 +68,7 @@ _WORDS: Final = (
     ("pass", "✓", GOOD, ""),
     ("measure", "·", FACT, ""),
 )
-"""Every word for a verdict or a state: glyph, name of its colour, attributes."""
+"""Words for verdicts and states, each with glyph, name of its colour, attributes."""
 
 SEVERITY: Final = tuple(word for word, *_ in _WORDS)
 """Words in the order in which people must look at them."""

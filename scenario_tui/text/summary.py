@@ -47,7 +47,7 @@ def comparison_table(results: CampaignResults) -> Table:
     cells, marks = results.assessment.comparisons, results.expectations
     by_name = {(cell.comparison, cell.sut): cell for cell in cells}
     suts = tuple(dict.fromkeys(cell.sut for cell in cells))
-    table = plain_table("comparison", *suts, "is to be")
+    table = plain_table("comparison", *suts, "should be")
     for name, text in {cell.comparison: cell.text for cell in cells}.items():
         row = (by_name.get((name, sut)) for sut in suts)
         words = (cell and comparison_cell_text(cell, marks.mark_verdict(cell)) for cell in row)
@@ -60,7 +60,7 @@ def summary_parts(
 ) -> Iterator[RenderableType]:
     """Yield the matrix of cells, the comparisons, and the surprises.
 
-    ``took`` is the duration [s]. Print them without cropping: some lines are never broken.
+    ``took`` is the duration [s]. Print the parts without cropping: some lines are never broken.
     """
     yield _headline(results, took)
     yield ""
@@ -84,7 +84,7 @@ def summary_parts(
 
 
 def _unbroken(line: Text) -> Text:
-    """Return a line that is never broken: people and scripts look for whole names."""
+    """Return a line that is never broken, because people and scripts look for whole names."""
     line.no_wrap, line.overflow = True, "ignore"
     return line
 
@@ -103,7 +103,7 @@ def _headline(results: CampaignResults, took: float | None) -> Text:
 
 
 def _conclusion_line(results: CampaignResults) -> str:
-    """Return the last line: whether all is as expected, and the pass rate that this shows."""
+    """Return the last line: the agreement with the expectations, and the proven pass rate."""
     code, row = results.assessment.exit_code, results.row
     words = {
         0: "everything is as expected",
@@ -115,10 +115,10 @@ def _conclusion_line(results: CampaignResults) -> str:
     if not row.finished:
         standing = conclude(results).text
         if code == 1:
-            standing = "not as expected already"
+            standing = "already not as expected"
         return f"{standing}; {unfinished_text(row)}"
-    # n passes of n are no pass rate of 100 %: they show the lower bound of Clopper and Pearson.
-    # A folder may hold fewer runs than the campaign asked for.
+    # n of n passes do not prove a pass rate of 100 %, only the lower bound of Clopper and Pearson.
+    # A folder may hold fewer runs than the campaign has.
     n = min((len(cell.runs) for cell in results.assessment.cells), default=0)
     if code == 0 and n and results.declared.policy.rule == "all":
         words += f"; {n} of {n} shows a pass rate of at least {cut_percentage(at_least(n, n))}"

@@ -43,7 +43,7 @@ def test_what_is_found_says_the_same_on_its_own(place):
         found = load_campaign(place / body["found"])
         assert [run.digest for run in expand(found).specs] == [search["answer"]["first"]["digest"]]
         again = call_here("search", file, "--detach", state=state, cwd=place)
-        assert (again.returncode, "is known already" in again.stderr) == (0, True)
+        assert (again.returncode, "exists already" in again.stderr) == (0, True)
         standing = call_here("status", "--json", state=state, cwd=place)
         assert [row["search"] for row in json.loads(standing.stdout)["campaigns"]] == ["finished"]
         name = search["campaign"].rpartition("-")[0]

@@ -56,7 +56,7 @@ def test_an_interrupt_tells_what_was_found(campaign, monkeypatch, capsys):
     code, said = blamed(capsys, campaign, "rude")
     assert code == 130
     assert "without max_speed: passes" in said
-    assert "stopped before nothing else could go: interrupted" in said
+    assert "stopped before it was smallest: interrupted" in said
     assert "scenario run scenario-results" in said
 
 
@@ -84,12 +84,12 @@ def test_a_trace_is_of_the_campaign_file_that_its_record_names(short, tmp_path, 
 
     file.write_text(file.read_text().replace("near: 1 m", "near: 99 cm"))
     code, said = blamed(capsys, trace)
-    assert (code, "does not specify this run any more: say --campaign" in said) == (2, True)
+    assert (code, "does not specify this run any more: use --campaign" in said) == (2, True)
     code, said = blamed(capsys, trace, "--campaign", file)
     assert (code, "its layers have changed since" in said) == (4, True)
     file.unlink()
     code, said = blamed(capsys, trace)
-    assert (code, "tiny.yaml any more: say --campaign FILE" in said) == (2, True)
+    assert (code, "tiny.yaml does not exist any more: name it with --campaign" in said) == (2, True)
 
 
 def test_a_run_of_the_ledger_is_of_the_file_it_was_submitted_from(short, tmp_path, capsys):
@@ -105,7 +105,7 @@ def test_a_run_of_the_ledger_is_of_the_file_it_was_submitted_from(short, tmp_pat
     assert (code, "rude/pilot/0 does not fail" in said) == (4, True)
     (trace.parent / "rude.pilot.1.mcap").touch()
     code, said = blamed(capsys, trace.parent)
-    assert "means 2 traces (rude.pilot.0.mcap, rude.pilot.1.mcap): name one of them" in said
+    assert "has 2 traces (rude.pilot.0.mcap, rude.pilot.1.mcap): name one of them" in said
 
 
 def test_a_repeat_in_reserve_is_a_run_like_others(campaign, tmp_path, monkeypatch, capsys):

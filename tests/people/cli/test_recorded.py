@@ -93,7 +93,7 @@ def test_a_file_of_results_is_as_good_as_the_campaign(call, capsys):
 
 def test_the_newest_folder_is_meant_where_nothing_was_submitted(call, capsys):
     assert invoke(["results"]) == 2
-    assert "nothing was submitted here" in capsys.readouterr().err
+    assert "no campaign was submitted here" in capsys.readouterr().err
     Path("scenario-results").mkdir()
     Path("my traces").rename("scenario-results/new-1")
     assert "scenario results scenario-results/new-1 --runs" in call("results")

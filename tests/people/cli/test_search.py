@@ -122,16 +122,16 @@ def test_interrupted_a_search_waits_for_the_command_that_goes_on(scenario, fake,
     said = scenario("search", str(file))
     assert said.code == ExitCode.INTERRUPTED
     assert left
-    again = f"go on with `scenario search {file} {SEARCH}`, end it with `scenario cancel {SEARCH}`"
-    assert again in said.err
+    assert f"continue it with `scenario search {file} {SEARCH}`" in said.err
+    assert f"end it with `scenario cancel {SEARCH}`" in said.err
 
 
 @pytest.mark.parametrize(
     ("state", "words"),
     [
-        ("finished", "is known already, its answer is kept"),
-        ("running", "is known already and goes on after 8 runs"),
-        ("cancelled", "is known already and goes on after 8 runs"),
+        ("finished", "exists already, its answer is kept"),
+        ("running", "exists already and continues after 8 runs"),
+        ("cancelled", "exists already and continues after 8 runs"),
     ],
 )
 def test_the_same_search_goes_on(scenario, fake, monkeypatch, state, words):
@@ -139,7 +139,7 @@ def test_the_same_search_goes_on(scenario, fake, monkeypatch, state, words):
     monkeypatch.setattr(search, "_detach", lambda *_, **__: fake.found[0])
     _have(fake, make_search(state))
     said = scenario("search", str(file), "--detach")
-    assert said.err.startswith(f"{SEARCH} {words} (--fresh searches anew)\n")
+    assert said.err.startswith(f"{SEARCH} {words} (--fresh starts anew)\n")
     assert ("lab-7 runs it" in said.err) is (state == "running")
 
 

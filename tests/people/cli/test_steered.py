@@ -34,7 +34,7 @@ def test_stop_copes_with_a_daemon_that_is_gone_at_once(scenario, fake, monkeypat
     monkeypatch.setattr(fake, "shutdown", contact.unlink)
     said = scenario("daemon", "--stop", "--state", str(tmp_path))
     assert said.code == 0
-    assert "the daemon at tcp/127.0.0.1:4711 is leaving" in said.err
+    assert "the daemon at tcp/127.0.0.1:4711 is stopping" in said.err
 
 
 def test_people_see_the_path_of_a_socket_and_programs_the_endpoint(scenario, fake, tmp_path):
@@ -104,7 +104,7 @@ def test_leaving_stops_the_waiting_only(scenario, fake, monkeypatch):
     monkeypatch.setattr(job, "watch", interrupted)
     said = scenario("wait", "first")
     assert said.code == 130
-    assert f"{CAMPAIGN} goes on" in said.err
+    assert f"{CAMPAIGN} continues" in said.err
     assert fake.told("cancel") == []
 
 

@@ -45,15 +45,15 @@ open = ["enter", "space"]
 """
 BAD = {
     "[keys]\nxyz = 'a'": 'config.toml: unknown key id "xyz"; ids are ',
-    "[keys]\n\ncancel = 'fnord'": 'config.toml: cancel: "fnord" is no key',
-    "[keys]\ncancel = []": 'config.toml: cancel: "" is no key',
+    "[keys]\n\ncancel = 'fnord'": 'config.toml: cancel: "fnord" is not a key',
+    "[keys]\ncancel = []": 'config.toml: cancel: "" is not a key',
     "[keys]\ncancel = 1": "config.toml: keys.cancel.str: Input should be a valid string",
     "[dashboard]\ntheme = 'nrod'": 'config.toml: unknown theme "nrod"; themes are ',
     "[dashboard]\nmouse = 'no'": "config.toml: dashboard.mouse: Input should be a valid boolean",
     "[dashboard]\nmuose = true": "config.toml: dashboard.muose: Extra inputs are not permitted",
     "mouse = true": "config.toml: mouse: Extra inputs are not permitted",
     "[keyz]\na = 'b'": "config.toml: keyz: Extra inputs are not permitted",
-    "[keys\n": "config.toml: is no TOML: ",
+    "[keys\n": "config.toml: is not valid TOML: ",
 }
 
 
@@ -171,7 +171,7 @@ async def test_keys_can_be_clicked_on_unless_they_are_grey(dashboard, fake):
 
     assert grey() == set()
     await dash.pilot.hover(footer, at("Acknowledge"))
-    assert "known" in str(footer.tooltip)
+    assert "seen" in str(footer.tooltip)
     await dash.press("j")
     assert grey() == {"Acknowledge"}
     for name in ("Acknowledge", "Help"):
@@ -190,4 +190,4 @@ def test_doctor_says_which_settings_are_used(scenario, written, monkeypatch, tmp
     written("[keys")
     said = scenario("doctor", "--state", str(tmp_path / "state"))
     assert said.code == 3
-    assert "is no TOML" in said.out
+    assert "is not valid TOML" in said.out

@@ -99,7 +99,7 @@ async def test_the_report_is_made_and_its_place_is_said(dashboard, fake, tmp_pat
     ask = Commands({"answer": "Yes. All is as expected."})
     dash = await dashboard(fake, run_command=ask, target=DaemonTarget(state=tmp_path))
     await dash.pilot.press("o")
-    assert f"goes on writing the report of {CAMPAIGN}" in dash.app.farewell()
+    assert f"continues writing the report of {CAMPAIGN}" in dash.app.farewell()
     await dash.pilot.press("o")
     assert f"writing the report of {CAMPAIGN} already" in dash.notices
     ask.done.set()

@@ -150,7 +150,7 @@ def test_an_action_without_a_daemon_is_told_not_to_be_done(feed, taker, fake):
     taker.until(lambda it: it.known.problem)
     feed.enqueue_action(lambda daemon: "done")
     taker.until(lambda it: it.notices)
-    assert [notice.text for notice in taker.notices] == ["no daemon answers: nothing was done"]
+    assert [notice.text for notice in taker.notices] == ["no daemon answers, so nothing was done"]
 
 
 def test_a_bug_in_the_thread_is_seen_by_whoever_takes(feed, fake):

@@ -94,7 +94,7 @@ def test_a_trace_elsewhere_is_brought_here(fake, recordings, tmp_path, monkeypat
     data = there.read_bytes()
     send_trace(monkeypatch, fake, lambda: FilePart(len(data), data))
     row = row_of(fake, there, trace="/elsewhere/run.mcap")
-    assert "Bringing its trace here, 0." in recordings.get(row).why
+    assert "Fetching its trace, 0." in recordings.get(row).why
     assert known(recordings, row).end == 10.0
     # Another machine may have another file under the same path.
     other = record_run(tmp_path / "here.mcap", speed=0.1)
@@ -143,7 +143,7 @@ def test_a_damaged_trace_says_what_is_wrong_with_it(fake, recordings, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("index", "words"), [(9, "This run was lost"), (7, "its trace is there when it is over")]
+    ("index", "words"), [(9, "This run was lost"), (7, "its trace exists when it ends")]
 )
 def test_a_run_without_a_result_has_nothing_to_look_at(fake, recordings, index, words):
     row = fake.run(f"{CAMPAIGN}.{index}").row

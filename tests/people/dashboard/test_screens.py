@@ -40,7 +40,7 @@ async def test_quitting_says_that_work_goes_on(dashboard):
     dash = await dashboard()
     await dash.press("q")
     assert not dash.app.is_running or dash.app._exit
-    assert "the daemon goes on with 2 unfinished runs" in dash.app.farewell()
+    assert "the daemon continues with 2 unfinished runs" in dash.app.farewell()
 
 
 @pytest.fixture(scope="module")

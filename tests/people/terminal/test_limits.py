@@ -26,7 +26,7 @@ BLACK = Color.parse("#121212")
 def test_a_dumb_terminal_is_refused_with_what_to_do_and_others_are_drawn_on():
     for name in ("dumb", "unknown", ""):
         said = why_undrawable({"TERM": name})
-        assert "cannot be drawn on" in said
+        assert "cannot show drawings" in said
         assert "scenario status" in said
     for name in ("xterm", "linux", "screen", "vt100", "tmux-256color"):
         assert why_undrawable({"TERM": name}) == ""

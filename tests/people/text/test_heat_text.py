@@ -33,7 +33,7 @@ def plain(lines):
         (Heat("pass", None), ("✓", "pass")),
         (Heat("fail", -0.01), ("✗", "fail")),
         (Heat("fail", -1.0), ("✗", "fail.far")),
-        (Heat("fail", -0.01, known=True), ("✗", "known")),
+        (Heat("fail", -0.01, is_known=True), ("✗", "known")),
         (Heat("inconclusive", -0.5), ("?", "inconclusive")),
         (Heat("running", None), ("▶", "running")),
     ],

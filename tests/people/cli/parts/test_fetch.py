@@ -86,7 +86,7 @@ def test_commands_about_recorded_runs_bring_their_traces(here, capsys):
 def test_where_one_run_is_wanted_a_campaign_is_refused_before_it_is_brought(here, capsys):
     assert invoke(["plot", "corr", "speed"]) == 2
     said = " ".join(capsys.readouterr().err.replace("│", " ").split())
-    assert "corr means 2 traces (corr-1.0, corr-1.1): name one of them" in said
+    assert "corr has 2 traces (corr-1.0, corr-1.1): name one of them" in said
     assert not cached(here)
 
 

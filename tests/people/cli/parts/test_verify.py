@@ -13,7 +13,7 @@ __all__ = ["erratic", "plugged"]
 def test_the_same_bytes_are_what_is_expected(tmp_path, capsys):
     path, run = recorded(tmp_path, sut=IDLE)
     assert invoke(["verify", str(path), "--repeats", "2"]) == 0
-    assert capsys.readouterr().out == f"{run.label}: 2 of 2 executions left the same bytes\n"
+    assert capsys.readouterr().out == f"{run.label}: 2 of 2 executions have the same bytes\n"
 
 
 def test_other_bytes_are_a_finding(tmp_path, capsys):
@@ -22,8 +22,8 @@ def test_other_bytes_are_a_finding(tmp_path, capsys):
     path.write_bytes(data.replace(b"scenario", b"Scenario", 1))
     assert invoke(["verify", str(path)]) == 1
     out = capsys.readouterr().out
-    assert f"{run.label}: not the same bytes, 0 of 2 executions left them; they part " in out
-    assert "executions agree with each other: the recording is of other code" in out
+    assert f"{run.label}: other bytes, only 0 of 2 executions have the same; they differ " in out
+    assert "the executions agree with each other: the recording comes from other code" in out
     assert "path driven" in out
 
 
@@ -32,7 +32,7 @@ def test_the_spread_of_an_external_system_is_told(tmp_path, capsys, erratic):
     assert invoke(["verify", str(path), "-n", "2"]) == 0
     out = capsys.readouterr().out
     assert f"{run.label}: theirs is not repeatable; 2 more executions" in out
-    assert "with the recorded one: " in out
+    assert "including the recording: " in out
     assert {"duration", "path driven", "far"} <= {line.split("  ")[0] for line in out.splitlines()}
 
 
@@ -49,11 +49,11 @@ def test_campaign_files_are_verified_whole(tmp_path, campaigns, capsys, plugged)
     file = campaign(tmp_path, campaigns, "seeded", "random")
     assert invoke(["verify", str(file)]) == 1
     out = capsys.readouterr().out
-    assert "house/seeded/0: 2 of 2 executions left the same bytes\n" in out
-    assert "house/random/0: random is not deterministic, executions part on /cmd_vel at " in out
-    assert "has to come from briefing.seed" in " ".join(out.split())
+    assert "house/seeded/0: 2 of 2 executions have the same bytes\n" in out
+    assert "house/random/0: random is not deterministic, executions differ on /cmd_vel at " in out
+    assert "must come from briefing.seed" in " ".join(out.split())
     assert invoke(["verify", str(campaign(tmp_path, campaigns, "seeded")), "-n", "1"]) == 4
-    said = "house/seeded/0: executed once, which compares nothing; say --repeats 2 or more\n"
+    said = "house/seeded/0: executed once, so nothing to compare; use --repeats 2 or more\n"
     assert capsys.readouterr().out == said
 
 

@@ -101,7 +101,7 @@ def test_a_child_leaves_when_it_has_nothing_to_do():
     eventually(lambda: not is_alive(before))
     assert children.run(os.getpid) != before
     children.close()
-    with pytest.raises(DaemonError, match="being left"):
+    with pytest.raises(DaemonError, match="is closing"):
         children.run(os.getpid)
 
 

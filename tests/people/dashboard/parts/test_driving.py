@@ -75,5 +75,5 @@ def test_commands_answer_or_say_why_not(tmp_path):
     answer = run_command(("judge", str(trace), "--state", str(tmp_path)))
     (judged,) = from_plain(Rejudgement, answer).traces
     assert judged.outcome is judged.outcome_before
-    with pytest.raises(DaemonError, match="scenario judge nothing.*no trace, no folder"):
+    with pytest.raises(DaemonError, match="scenario judge nothing.*not a trace, not a folder"):
         run_command(("judge", "nothing", "--state", str(tmp_path)))
