@@ -1,6 +1,6 @@
 """``python -m daemon serve|worker ORDER``: the processes behind the ``scenario`` command.
 
-The order is JSON, an object with the parameters of :func:`daemon.batch.server.serve` or
+``ORDER`` is a JSON object with the parameters of :func:`daemon.batch.server.serve` or
 :func:`daemon.batch.worker.work`.
 """
 

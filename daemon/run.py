@@ -1,7 +1,7 @@
 """The one road of a run: specification and scene in, trace and verdicts out.
 
-Every run, wherever it happens, is :func:`execute`; what happens while simulated time advances is
-:mod:`daemon.run_loop`. Nothing here looks at a clock except to report what a run cost.
+Every run, on any machine, is one call of :func:`execute`; :mod:`daemon.run_loop` advances simulated
+time. The clock is read only to report the cost of a run.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ from grammars.text import codec
 
 
 class SceneMismatchError(ValueError):
-    """The scene at hand is not the one the specification names."""
+    """The scene differs from the one that the specification names."""
 
 
 def warm_up() -> None:
-    """Make what every run needs, so that forked children need not."""
+    """Prepare what every run needs, once for all forked children."""
     oracles.warm_up()
     codec.warm_up(RunSpec, Script, Scene, RunResult)
     package_versions()
@@ -58,12 +58,12 @@ def execute(
 ) -> RunResult:
     """Run ``spec`` in ``scene``, write the trace to ``trace_path``, judge it.
 
-    Same specification, same bytes: nothing but ``timing`` in the result depends on the machine's
-    speed. A system under test that raises ends the run as ``crashed``; that is an error verdict,
-    never a failure of the robot. ``on_progress`` is called once a simulated second, with
-    ``interest`` up to ten times, as often as that wants it; ``judgements`` is told what the run
-    would be judged by now, while it wants that. None of them has any influence on the run.
-    With ``leads`` the result has leading margins as well; verdicts and trace are the same.
+    Same specification, same bytes: only ``timing`` in the result depends on the machine's speed.
+    A system under test that raises ends the run as ``crashed``: an error verdict, never a failure
+    of the robot. ``on_progress`` is called once a simulated second, or up to ten times as
+    ``interest`` decides. ``judgements`` receives the verdicts so far while it asks for them. None
+    of these influences the run. With ``leads`` the result also has leading margins; verdicts and
+    trace stay the same.
 
     Raises :class:`SceneMismatchError` when ``scene`` is not the specified one.
     """
@@ -82,16 +82,15 @@ def execute(
         if watched is not None:
             watched.finish(end.ended, end.note)
         simulated = loop.world.time
-        # Its maps, and what a stack makes of them, take 55 MB in the published building: they go
-        # before the trace is read and judged, which takes memory of its own. A world refers to
-        # itself, so only a collection frees it: 0.4 ms where all that is older than the run is
-        # frozen (``gc.freeze``), 200 ms elsewhere.
+        # Free the maps of the world and the stack (55 MB in the published building) before
+        # judging, which needs memory too. A world refers to itself, so only a collection frees it:
+        # 0.4 ms with older objects frozen (``gc.freeze``), 200 ms otherwise.
         del loop, watched, on_progress
         gc.collect()
         for name, data in outputs.items():
             trace.attach(name, data)
-        # Judged is the file, not what is still in memory: the verdicts of a run are then the very
-        # ones that anybody gets who judges its trace again, on another machine and years later.
+        # Judge the file, not what is still in memory: judging the trace again, on another machine
+        # and years later, then gives the same verdicts.
         recording = trace.finish(end.ended, end.note)
         try:
             recorded = read_trace(recording)
@@ -102,43 +101,42 @@ def execute(
                 verdicts = judge(recorded, spec.oracles)
             outcome = overall_outcome(recorded, verdicts)
         except BaseException:
-            # Where a judge failed: the recording is worth as much as ever.
+            # The recording keeps its worth when a judge fails.
             trace.publish()
             raise
         trace.add_verdicts(codec.to_json({"outcome": outcome, "verdicts": verdicts}))
         info = trace.publish()
     timing = Timing(time.perf_counter() - wall, time.process_time() - cpu, simulated, started)
-    found = (spec.digest, outcome, verdicts, end.ended, info, timing, end.note, margins)
-    return RunResult(*found, machine_text(), end.stopped)
+    result = (spec.digest, outcome, verdicts, end.ended, info, timing, end.note, margins)
+    return RunResult(*result, machine_text(), end.stopped)
 
 
 def prepare(spec: RunSpec, scene: Scene) -> None:
-    """Do what runs like ``spec`` in ``scene`` begin with, for processes forked from this one.
+    """Fill the caches of runs like ``spec`` in ``scene``, for processes forked from this one.
 
-    They find the map, what systems under test derive from it and the outline of the building made:
-    0.3 CPU s of each run of the published campaign, the shortest of which takes one. Raises as
-    :func:`execute` does.
+    They inherit the map, the data that systems under test derive from it, and the outline of the
+    building. This saves 0.3 CPU s of each run of the published campaign, the shortest of which
+    takes 1 s. Raises as :func:`execute` does.
     """
-    # A run of one tick, since whatever keeps something does so in a run. Without its oracles: of
-    # these may be some that plug in.
+    # A run of one tick fills every cache. It has no oracles, since some may be plug-ins.
     first = replace(spec, limit=1.0 / TICK_RATE, oracles=())
     with tempfile.TemporaryDirectory(prefix="scenario-prepared-") as folder:
         execute(first, scene, trace_path=Path(folder, "trace.mcap"))
 
 
 def load_kernels(spec: RunSpec, scene: Scene) -> None:
-    """Load what runs like ``spec`` call; a short run compiles what the disk lacks."""
+    """Load the kernels of runs like ``spec``; a short run compiles those that the disk lacks."""
     if not load_list(kernel_list(spec)):
         rehearse(spec, scene, lambda: None, lambda: None)
 
 
 def rehearse(
-    spec: RunSpec, scene: Scene, tell: Callable[[], object], on_driven: Callable[[], object]
+    spec: RunSpec, scene: Scene, on_kernel: Callable[[], object], on_driven: Callable[[], object]
 ) -> None:
     """Compile and list the kernels that runs like ``spec`` call, in the order of need.
 
-    ``tell`` is called after each of them, ``on_driven`` when only those that judge are missing.
-    Raises as :func:`execute` does. For a process without threads.
+    ``on_kernel`` is called after each of them, ``on_driven`` when only the kernels of the judge
+    are missing. Raises as :func:`execute` does. For a process without threads.
     """
     name, short = kernel_list(spec), short_run(spec)
 
@@ -148,7 +146,7 @@ def rehearse(
             on_driven()
 
     with (
-        compiling_ahead(tell) as called,
+        compiling_ahead(on_kernel) as called,
         tempfile.TemporaryDirectory(prefix="scenario-rehearsed-") as folder,
     ):
         execute(short, scene, trace_path=Path(folder, "trace.mcap"), on_progress=look)

@@ -1,6 +1,6 @@
-"""Judging a run while somebody watches it, as often as the clock on the wall allows.
+"""Judging a run while somebody watches it, as often as the wall clock allows.
 
-Nothing of this has any influence on the run: what is recorded is read, never written.
+It never influences the run: it reads the recording and writes nothing.
 """
 
 from __future__ import annotations
@@ -24,27 +24,27 @@ from daemon.run_loop import ProgressCallback
 from daemon.trace import TraceWriter
 from grammars.text.terminal_text import printable
 
-JudgingWanted = Literal["nothing", "margin", "everything"]
+JudgingScope = Literal["nothing", "margin", "everything"]
 
 _PERIOD: Final = 1.0
-"""Seconds of the wall's clock between two judgements, at least; for a margin alone twice that."""
+"""Least time between two judgements [s, wall clock]; twice that for a margin alone."""
 _SHARE: Final = 0.1
-"""Share of the run's time that judging takes in the long run, at most; half of it for a margin."""
+"""Largest long-term share of the run's time for judging; half of it for a margin alone."""
 _LONGEST_REASON: Final = 200
 
 
 class JudgementReceiver(Protocol):
     """Receiver of the judgements of a watched run."""
 
-    def wanted(self) -> JudgingWanted:
-        """Say what is wanted right now; asked with every snapshot."""
+    def scope(self) -> JudgingScope:
+        """Return the part of a judgement to make now; called with every snapshot."""
 
     def tell(self, judgement: LiveJudgement) -> None:
-        """Take a judgement; must not wait for anybody."""
+        """Take a judgement, without waiting."""
 
 
 class WatchedRun:
-    """Passes the snapshots of a run on, with its least margin; judges the run in between."""
+    """Forwards the snapshots of a run with its least margin; judges the run in between."""
 
     def __init__(
         self, trace: TraceWriter, on_progress: ProgressCallback, receiver: JudgementReceiver
@@ -52,61 +52,62 @@ class WatchedRun:
         self._trace, self._on_progress, self._receiver = trace, on_progress, receiver
         self._failed = False
         self._now = 0.0
-        # When the next judgement of a kind may begin; none is due later that was never made.
-        self._due: dict[JudgingWanted, float] = {}
-        self._told: LiveJudgement | None = None
-        self._wanted: JudgingWanted = "nothing"
+        # Earliest time of the next judgement of a scope; a scope never judged is due at once.
+        self._due: dict[JudgingScope, float] = {}
+        self._latest: LiveJudgement | None = None
+        self._scope: JudgingScope = "nothing"
         self._least: Verdict | None = None
 
     def __call__(self, snapshot: Snapshot) -> None:
         """Take a snapshot of the run."""
-        wanted = self._receiver.wanted()
-        if wanted == "nothing" or self._failed:
+        scope = self._receiver.scope()
+        if scope == "nothing" or self._failed:
             self._least = None
         if self._least is not None:
             least = self._least
             snapshot = replace(snapshot, margin=least.margin, unit=least.unit, oracle=least.oracle)
-        # First what is seen, then what is made of it: that may take longer.
+        # The snapshot first: judging may take longer.
         self._on_progress(snapshot)
-        began, self._wanted = wanted != self._wanted, wanted
+        began, self._scope = scope != self._scope, scope
         self._now = snapshot.time
         now = time.perf_counter()
-        if wanted != "nothing" and not self._failed and now >= self._due.get(wanted, now):
-            self._look_in_turn(wanted, now)
-        elif began and wanted == "everything" and self._told is not None:
-            # Who opens a run before earlier judgements are paid for sees the last one.
-            self._tell(self._told)
+        if scope != "nothing" and not self._failed and now >= self._due.get(scope, now):
+            self._look_in_turn(scope, now)
+        elif began and scope == "everything" and self._latest is not None:
+            # A watcher who comes while judging still rests sees the last judgement.
+            self._tell(self._latest)
 
-    def _look_in_turn(self, wanted: JudgingWanted, now: float) -> None:
-        # The first of a kind loads what it needs and reads what is recorded so far: that comes
-        # once, and says nothing of how long the next one takes.
-        first = wanted not in self._due
-        self._look(wanted)
+    def _look_in_turn(self, scope: JudgingScope, now: float) -> None:
+        # The first judgement of a scope also loads code and reads the whole recording, so its
+        # duration does not predict that of the next one.
+        first = scope not in self._due
+        self._look(scope)
         took = 0.0 if first else time.perf_counter() - now
         rest = max(_PERIOD, took / _SHARE)
         self._due["margin"] = now + 2.0 * rest
-        if wanted == "everything":
-            self._due[wanted] = now + rest
+        if scope == "everything":
+            self._due[scope] = now + rest
 
     def finish(self, ended: str, note: str) -> None:
-        """Tell the last judgement, that of the run as it ended, if anybody still watches."""
-        if self._wanted == "everything":
+        """Send the last judgement, of the complete run, to anybody who still watches."""
+        if self._scope == "everything":
             self._look("everything", ended, note)
 
-    def _look(self, wanted: JudgingWanted, ended: str | None = None, note: str = "") -> None:
+    def _look(self, scope: JudgingScope, ended: str | None = None, note: str = "") -> None:
         if self._failed:
             return
-        # Drawn from by oracles that plug in, and by systems under test that do.
+        # Oracles that are plug-ins, and some systems under test, draw random numbers.
         chance = random.getstate(), np.random.get_state()
         try:
             with interruptible("the judging of a run that is watched"):
                 trace = self._trace.so_far(ended, note)
-                judgement = judge_running(trace) if wanted == "everything" else None
-                found = judgement.verdicts if judgement else judge_so_far(trace, trace.spec.oracles)
-                self._least = least_margin(found)
+                judgement = judge_running(trace) if scope == "everything" else None
+                self._least = least_margin(
+                    judgement.verdicts if judgement else judge_so_far(trace, trace.spec.oracles)
+                )
         except (Exception, OutOfTime) as error:
-            # Whatever it is, the run goes on; at its end the same is judged, and told, once more.
-            self._give_up(error, wanted)
+            # The run goes on; the judgement at its end reports the error again.
+            self._give_up(error, scope)
             return
         finally:
             random.setstate(chance[0])
@@ -117,26 +118,26 @@ class WatchedRun:
     def _tell(self, judgement: LiveJudgement) -> None:
         try:
             self._receiver.tell(judgement)
-        except Exception as error:  # what a plug-in says may be nothing that can be written down
+        except Exception as error:  # a plug-in's text may not be serialisable
             self._give_up(error, "everything")
         else:
-            self._told = judgement
+            self._latest = judgement
 
-    def _give_up(self, error: BaseException, wanted: JudgingWanted) -> None:
-        """Judge no more, and say so to who watches: what was told last no longer holds."""
+    def _give_up(self, error: BaseException, scope: JudgingScope) -> None:
+        """Stop judging and tell the watchers: the latest judgement no longer holds."""
         traceback.print_exception(error)
         self._failed = True
         words = printable(f"not judged any more while it runs: {_name(error)}"[:_LONGEST_REASON])
         line = LogLine(self._now, "oracles", words, "error")
-        # Told again whenever somebody opens the run.
-        self._told = LiveJudgement("", self._now, (), (), (), (), (line,))
-        if wanted == "everything":
-            with suppress(Exception):  # the way there may be what has failed
-                self._receiver.tell(self._told)
+        # Sent again to each new watcher.
+        self._latest = LiveJudgement("", self._now, (), (), (), (), (line,))
+        if scope == "everything":
+            with suppress(Exception):  # the receiver itself may have failed
+                self._receiver.tell(self._latest)
 
 
 def _name(error: BaseException) -> str:
-    """Return what an error is called, of whatever class of a plug-in it is."""
+    """Return the text of an error, or its class if a plug-in's class has no text."""
     try:
         return repr(error)
     except Exception:

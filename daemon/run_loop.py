@@ -1,8 +1,8 @@
-"""The loop of a run: the world, the system under test and what is recorded, instant by instant.
+"""The loop of a run: the world, the system under test and the recording, instant by instant.
 
-Simulated time advances in ticks of 10 ms; what happens inside one tick has a fixed order: physics,
-ground truth and joints, odometry, scans (laser by laser as the robot has them), the system under
-test, its command. Why in this order: see ``RunLoop._tick``. Nothing here looks at a clock.
+Simulated time advances in ticks of 10 ms. A tick has a fixed order: physics, ground truth and
+joints, odometry, scans (in the robot's order of lasers), the system under test, its command.
+``RunLoop._tick`` gives the reasons. Nothing here reads a clock.
 """
 
 from __future__ import annotations
@@ -48,12 +48,11 @@ WATCHED_RATE: Final = 10.0
 """Rate at which a watcher is asked whether it wants a snapshot [Hz, simulated]."""
 
 _LINE_LENGTH: Final = 120
-"""Characters of what an external system waits for, or reports: snapshots go through a pipe, whole.
-"""
+"""Longest text of an external system in a snapshot [characters]; a pipe takes snapshots whole."""
 
 ProgressCallback = Callable[[Snapshot], None]
 Interest = Callable[[], Literal["nothing", "progress", "everything"]]
-"""Asked before a snapshot is taken: whether there is to be one, and how detailed."""
+"""Called before each snapshot: whether to take it, and in which detail."""
 
 
 @dataclass(slots=True)
@@ -65,17 +64,16 @@ class _PeriodicTimer:
     due: int = 0
 
     def move_on(self) -> None:
-        """Wait for the next time: what was due has been done."""
+        """Advance to the next due tick."""
         self.count += 1
-        # From the count and not from the last due tick, so that a rate that does not divide 100 Hz
-        # does not drift. Without the 1e-9 a quotient that is whole but for its last bit would be a
-        # tick late: a period of 0.07 s is a rate whose first tick is 7.000000000000001.
+        # Computed from the count, so that a rate that does not divide 100 Hz does not drift. The
+        # 1e-9 absorbs rounding: a period of 0.07 s has its first tick at 7.000000000000001.
         self.due = math.ceil(self.count * TICK_RATE / self.rate - 1e-9)
 
 
 @dataclass(frozen=True, slots=True)
 class LoopEnd:
-    """The end of a run, with a ``note`` on it; ``stopped`` is one that the wall clock ended."""
+    """End of a run, with a ``note``; ``stopped`` if the wall clock ended it."""
 
     ended: RunEnding
     note: str = ""
@@ -83,10 +81,10 @@ class LoopEnd:
 
 
 class RunLoop:
-    """One run while it lasts: the world, the system under test and what is recorded.
+    """A run in progress: the world, the system under test and the recording.
 
-    Whoever does not want it run to its end in one go calls :meth:`begin` and :meth:`advance`.
-    ``sut`` takes the place of the specified system under test.
+    :meth:`run` goes to the end; :meth:`begin` and :meth:`advance` go step by step.
+    ``sut`` replaces the specified system under test.
     """
 
     def __init__(
@@ -98,8 +96,8 @@ class RunLoop:
         interest: Interest | None = None,
         sut: SystemUnderTest | None = None,
     ) -> None:
-        # Two branches of one seed: what a system under test draws never changes doors or noise,
-        # so that different systems are compared under the same chance.
+        # Two branches of one seed: random draws of a system under test never change doors or
+        # noise, so different systems are compared under the same chance.
         world_seed, self._sut_seed = np.random.SeedSequence(spec.seed).spawn(2)
         self._driver = sut
         self._sut: SystemUnderTest
@@ -148,14 +146,14 @@ class RunLoop:
             trace.event(world.time, "sut", error.note, level="error")
             return LoopEnd("crashed", error.note, error.stopped)
         finally:
-            # Also after a crash: a trace is valid up to its last recorded state, and contacts and
-            # events since the one before are only recorded with it.
+            # Also after a crash: a trace is valid up to its last recorded state, which brings the
+            # contacts and events since the state before.
             if self._recorded != world.tick:
                 self._record_state()
         return LoopEnd("finished") if finished else LoopEnd("limit", "simulated time is up")
 
     def begin(self) -> None:
-        """Record what holds for the whole run, make and start the system under test."""
+        """Record the constants of the run, make and start the system under test."""
         self._trace.static(self._grid)
         spec = self._spec
         self._sut = sut = self._driver or make_in_time(spec.sut.kind, spec.sut.local_parameters)
@@ -171,13 +169,13 @@ class RunLoop:
     def advance(self, last: int) -> bool:
         """Step until tick ``last`` or the end of the mission; return whether that is over.
 
-        Stepping to a tick in several calls is stepping there in one: what is due at a tick is
-        done once. Raises :class:`SutError`.
+        Several calls have the effect of one call to the last tick: everything due at a tick
+        happens once. Raises :class:`SutError`.
         """
         world = self.world
         while True:
-            # The instant 0 is recorded and answered before anything moves, and the instant of
-            # the limit still is: the last answer may be the one that ends the mission.
+            # Instant 0 is recorded and answered before anything moves. So is the instant of the
+            # limit: the last answer may end the mission.
             finished = self._tick()
             if finished or world.tick >= last:
                 return finished
@@ -185,18 +183,18 @@ class RunLoop:
                 check_wall_clock()
             except OutOfTime as error:
                 raise SutError(error) from error
-            # In one go to the next tick that anything is due at: Python is entered a few
-            # dozen times per simulated second and not a hundred times for each timer.
+            # In one go to the next due tick: a few dozen steps in Python per simulated second,
+            # not a hundred for each timer.
             world.advance(min(self.next_due(), last) - world.tick)
 
     def _bring_up(self, first: Observation) -> None:
-        """Wait for an external system, and tell those who watch what it still lacks."""
+        """Wait for an external system; snapshots say what it still lacks."""
         if self._external is None:
             return
         with sut_call("bring_up()"):
             steps = self._external.bring_up(first)
         while True:
-            # Never while a snapshot is sent: whoever gets half of one waits for the rest.
+            # Never while a snapshot is sent: the reader of half a snapshot would wait.
             with sut_call("bring_up()"):
                 waiting = next(steps, None)
             if waiting is None:
@@ -211,7 +209,7 @@ class RunLoop:
                 self._external.finish()
 
     def close(self) -> Mapping[str, bytes]:
-        """End the world and an external system; return what that printed, by name."""
+        """End the world and an external system; return the system's outputs by name."""
         self.world.close()
         if self._external is None:
             return {}
@@ -219,8 +217,8 @@ class RunLoop:
         return self._external.outputs()
 
     def next_due(self) -> int:
-        """Return the next tick at which anything is to be done."""
-        # Compared one by one: ``min`` over a generator takes six times as long.
+        """Return the next tick at which a timer is due."""
+        # A plain loop: ``min`` over a generator takes six times as long.
         due = self._state.due
         for timer in self._timers:
             if timer.due < due:
@@ -230,13 +228,13 @@ class RunLoop:
     def _tick(self) -> bool:
         """Do everything due now; return whether the mission is over.
 
-        The physics stands at this instant already; everything here looks at one and the same
-        state of the world, and the answer acts from the next physics step on.
+        The physics has reached this instant. Everything here sees the same state of the world;
+        the answer acts from the next physics step on.
         """
         world, trace = self.world, self._trace
         tick, now = world.tick, world.time
-        # Truth first: it is what was before anybody answered, and what an answer of this instant
-        # is held against. It is in the trace even when that answer raises.
+        # Truth first: answers of this instant are compared with it, and it is in the trace even
+        # when an answer raises.
         if tick >= self._clock.due:
             self._clock.move_on()
             trace.clock(now)
@@ -244,9 +242,9 @@ class RunLoop:
             self._state.move_on()
             self._record_state()
         # Odometry before the scans, both before the update: the system under test can place a scan
-        # by the odometry of the same stamp, and what it sees is of now, not of a tick ago.
+        # by the odometry of the same stamp, and sees this instant, not the tick before.
         if tick >= self._odom.due:
-            # A period need not be a multiple of a tick: the sample then lies within the last one.
+            # A period need not be a multiple of a tick: the sample may lie within the last tick.
             sample = world.odometry(self._odom.count * self._period if self._period else now)
             self._odom.move_on()
             trace.odometry(sample)
@@ -259,8 +257,8 @@ class RunLoop:
                 self._scans.append(LaserScan(now, ranges, laser))
                 if self._live_view is not None:
                     self._live_view.add_scan(world.pose(), ranges, laser)
-        # Last, when everything of this instant has been measured: its command moves the robot from
-        # the next step on, never in the one that led here.
+        # Last, after all measurements of this instant: the command moves the robot from the next
+        # step on.
         finished = False
         if tick >= self._update.due:
             self._update.move_on()
@@ -290,7 +288,7 @@ class RunLoop:
             trace.event(event.time, event.source, event.text)
 
     def _update_sut(self, now: float) -> bool:
-        """Give the system under test what is new, record and apply its answer."""
+        """Give the system under test the new measurements; record and apply its answer."""
         truth = self.world.pose() if self._sut.needs_ground_truth else None
         observation = Observation(now, tuple(self._odometry), tuple(self._scans), truth)
         self._odometry.clear()
@@ -301,8 +299,8 @@ class RunLoop:
             decision = self._sut.update(observation)
             check_decision(decision)
         try:
-            # Recorded before it is carried out: what the trace refuses (a plan of another shape)
-            # must not have moved the robot.
+            # Record first: an answer that the trace refuses (a plan of another shape) must not
+            # move the robot.
             progressed = self._decision is None or decision.progress != self._decision.progress
             self._record_decision(now, decision, progressed)
             if progressed:
@@ -328,7 +326,7 @@ class RunLoop:
         if decision.local_plan is not None:
             trace.local_plan(now, decision.local_plan)
         if decision.particles is not None:
-            # The particles are those the cloud sums up, so they have its stamp.
+            # The cloud sums up these particles, so they have its stamp.
             trace.particles(decision.cloud.time if decision.cloud else now, decision.particles)
         if decision.costmap is not None:
             trace.costmap(decision.costmap)
@@ -345,23 +343,24 @@ class RunLoop:
 
     def _record_events(self, now: float, events: Iterable[str | SutEvent]) -> None:
         for event in events:
-            said = event if isinstance(event, SutEvent) else SutEvent(event)
-            self._trace.event(now, said.source, said.text, level=said.level)
+            if isinstance(event, str):
+                event = SutEvent(event)
+            self._trace.event(now, event.source, event.text, level=event.level)
 
     def _publish_snapshot(self, now: float) -> None:
-        """Tell how far the run is, as detailed as is wanted."""
-        wanted = "progress" if self._interest is None else self._interest()
-        if wanted == "nothing" or self._on_progress is None:
+        """Publish the progress of the run in the detail that the watchers ask for."""
+        detail = "progress" if self._interest is None else self._interest()
+        if detail == "nothing" or self._on_progress is None:
             return
-        if wanted == "everything":
+        if detail == "everything":
             self._on_progress(self.snapshot(now))
         else:
-            # Nobody looks any more: scans and contacts need not be kept for them.
+            # Nobody watches the map any more: stop collecting scans and contacts.
             self._live_view = None
             self._on_progress(self._take_snapshot(now))
 
     def snapshot(self, now: float) -> Snapshot:
-        """Return everything there is to see; scans are kept from the first time on."""
+        """Return a snapshot with everything visible; the first call begins to collect scans."""
         if self._live_view is None:
             self._live_view = LiveView(self._spec.robot.lasers)
         belief = self._cloud or self._estimate
@@ -384,5 +383,5 @@ class RunLoop:
 
 
 def _one_line(text: str) -> str:
-    """Return the words of a system as a line that any terminal and any JSON can hold."""
+    """Return text of a system as one line, safe for any terminal and any JSON."""
     return printable(" ".join(text[: 2 * _LINE_LENGTH].split())[:_LINE_LENGTH])

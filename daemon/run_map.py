@@ -1,4 +1,4 @@
-"""The map that a run gives to its system under test: drawn of its scene, or one of its own."""
+"""The map that a run gives to its system under test: drawn from its scene, or from a file."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from templates.occupancy import building_grid, with_objects
 
 
 class MapMissingError(ValueError):
-    """A map of one's own is not on this machine, or not the one that was specified."""
+    """A map file is missing on this machine, or differs from the specified one."""
 
 
 def run_map(
@@ -24,7 +24,7 @@ def run_map(
 ) -> OccupancyGrid:
     """Return the map of a run whose first laser is ``laser_height`` [m] above the floor.
 
-    ``joints`` are where the doors start [rad or m], by scene-wide name.
+    ``joints`` are the initial positions of the doors [rad or m], by scene-wide name.
     Raises :class:`MapMissingError`.
     """
     if settings.file:
@@ -35,13 +35,13 @@ def run_map(
         return with_objects(
             building, scene, laser_height=laser_height, joints=joints, rule=settings.rule
         )
-    # Its own for every run: a system under test may write into the map it is given.
+    # A copy for every run: a system under test may write into its map.
     return replace(building, cells=building.cells.copy())
 
 
 @dataclass(frozen=True, slots=True)
 class _BuildingKey:
-    """Equal when the ``digest`` of the scene and how it is drawn are."""
+    """Key of a drawn building: the scene's ``digest`` and the parameters of the drawing."""
 
     digest: str
     resolution: float
@@ -60,7 +60,7 @@ def _building(key: _BuildingKey) -> OccupancyGrid:
 
 
 def stored_map(digest: str) -> OccupancyGrid:
-    """Return a map of one's own by its digest; raises :class:`MapMissingError`."""
+    """Return the map of a file by its digest; raises :class:`MapMissingError`."""
     path = stored_file(digest)
     try:
         data = path.read_bytes()
@@ -68,7 +68,7 @@ def stored_map(digest: str) -> OccupancyGrid:
         reason = error.strerror or str(error)
         raise MapMissingError(
             f"the map {digest[:12]} of the run cannot be read: {path}: {reason}; "
-            "loading its campaign again puts it there"
+            "load its campaign again to restore it"
         ) from error
     if hashlib.sha256(data).hexdigest() != digest:
         raise MapMissingError(f"{path} is not the map {digest[:12]} any more: remove it")

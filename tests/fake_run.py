@@ -111,7 +111,7 @@ def _wait(seconds, gate, spec, on_progress, interest, judgements):
         wanted = interest()
         if on_progress is not None and wanted != "nothing":
             seen = (100, 200) if wanted == "everything" else ()
-            judged = "nothing" if judgements is None else judgements.wanted()
+            judged = "nothing" if judgements is None else judgements.scope()
             margin = None if judged == "nothing" else 0.25
             on_progress(
                 Snapshot(

@@ -1,4 +1,4 @@
-"""Worlds that go on by the wall clock: for people and for stacks that are being developed.
+"""Worlds that run by the wall clock: for people and for stacks in development.
 
-Nothing here is recorded or judged, and nothing is promised to repeat.
+They are not recorded, judged or repeatable.
 """

@@ -1,9 +1,8 @@
-"""A live world for Foxglove: its WebSocket server, with the topics a trace has.
+"""A live world for Foxglove: its WebSocket server, with the topics of a trace.
 
-Spoken by the official SDK (subprotocol ``foxglove.sdk.v1``), the extra ``foxglove``. Clients hear
-all topics, latched ones also when they come late; they may publish velocity commands, and pause,
-speed up or reset the world by the parameters ``paused`` and ``speed`` and the service
-``/reset_world``.
+Uses the official SDK (subprotocol ``foxglove.sdk.v1``), the extra ``foxglove``. Clients receive
+all topics; late clients also get the latched ones. They may publish velocity commands, set the
+parameters ``paused`` and ``speed``, and call the service ``/reset_world``.
 """
 
 from __future__ import annotations
@@ -34,22 +33,22 @@ from daemon.trace import topics_of
 from grammars.model.geometry import Twist2
 
 PORT: Final = 8765
-"""Where Foxglove looks when nobody says otherwise."""
+"""Default port of Foxglove."""
 LOOPBACK: Final = "127.0.0.1"
 COMMAND_TOPIC: Final = "/cmd_vel"
 SOURCE: Final = "Foxglove"
-"""Whose commands these are."""
+"""Source of these commands."""
 
 _ENCODINGS: Final = ("json", "cdr")
-"""How clients may write: json first, since that needs no definition of the type at their end."""
+"""Encodings for clients: json first, since it needs no type definition at their end."""
 _TIME_STEP: Final = 20_000_000
-"""The time of the world is told this often at most [ns, simulated]."""
+"""Least step between two broadcasts of the world's time [ns, simulated]."""
 _BACKLOG: Final = 256
-"""Messages kept for a client that reads too slowly; older ones are dropped, nobody waits."""
+"""Messages latched for a slow client; older ones are dropped, and the world never waits."""
 
 
 class OutletError(Exception):
-    """Nobody can be served there; the message says why, for people."""
+    """The address cannot be served; the message gives the reason."""
 
 
 def read_twist(data: bytes, encoding: str, kind: str) -> Twist2:
@@ -60,18 +59,18 @@ def read_twist(data: bytes, encoding: str, kind: str) -> Twist2:
     if encoding == "cdr":
         return read_command(data, kind)[0]
     try:
-        found = json.loads(data)
+        twist = json.loads(data)
     except ValueError as error:
         raise ValueError(f"no JSON: {error}") from error
-    if isinstance(found, dict) and isinstance(found.get("twist"), dict):
-        found = found["twist"]
+    if isinstance(twist, dict) and isinstance(twist.get("twist"), dict):
+        twist = twist["twist"]
     return Twist2(
-        _number(found, "linear", "x"), _number(found, "linear", "y"), _number(found, "angular", "z")
+        _number(twist, "linear", "x"), _number(twist, "linear", "y"), _number(twist, "angular", "z")
     )
 
 
-def _number(found: Any, vector: str, axis: str) -> float:
-    part = found.get(vector) if isinstance(found, dict) else None
+def _number(twist: Any, vector: str, axis: str) -> float:
+    part = twist.get(vector) if isinstance(twist, dict) else None
     value = part.get(axis, 0.0) if isinstance(part, dict) else None
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise ValueError(f"a velocity command has no {vector}.{axis}")
@@ -87,12 +86,12 @@ class FoxgloveServer:
     def __init__(
         self, simulation: LiveSimulation, *, host: str = LOOPBACK, port: int = PORT
     ) -> None:
-        # The SDK logs about clients; a terminal in which a world is shown is no place for it.
+        # The SDK logs about clients; keep that out of the terminal that shows the world.
         logging.getLogger("foxglove").addHandler(logging.NullHandler())
         self._simulation = simulation
-        self._told = simulation.status
+        self._published = simulation.status
         self._time_due = 0
-        # Held here: channels do not keep their context, and without it nobody finds them.
+        # Keep a reference: channels do not, and without the context no client finds them.
         self._context = Context()
         topics = topics_of(simulation.spec.robot)
         self._channels = {
@@ -134,34 +133,34 @@ class FoxgloveServer:
 
     @property
     def clients(self) -> int:
-        """How many clients listen to something."""
+        """Number of clients with a subscription."""
         return self._listener.clients
 
     def send(self, topic: str, now: int, payload: bytes) -> None:
-        """Send a message of ``now`` [ns] to who subscribed; latched ones are kept."""
+        """Send a message of ``now`` [ns] to its subscribers; keep it if it is latched."""
         channel = self._channels.get(topic)
         if channel is not None:
             self._listener.keep(topic, payload)
             channel.log(payload, log_time=now)
 
-    def wanted(self, topic: str) -> bool:
-        """Whether anybody subscribed to a topic."""
+    def has_listeners(self, topic: str) -> bool:
+        """Return whether a topic has a subscriber."""
         channel = self._channels.get(topic)
         return channel is not None and channel.has_sinks()
 
     def begin(self) -> None:
-        """Have clients forget what they know: time jumps back."""
+        """Clear the session of clients: time jumps back."""
         self._time_due = 0
         self._server.clear_session()
 
     def status(self, status: LiveStatus) -> None:
-        """Tell the time, and parameters that have changed."""
+        """Publish the time and changed parameters."""
         now = self._listener.now = int(status.time * 1e9 + 0.5)
         if now >= self._time_due:
             self._time_due = now + _TIME_STEP
             self._server.broadcast_time(now)
-        if (status.speed, status.paused) != (self._told.speed, self._told.paused):
-            self._told = status
+        if (status.speed, status.paused) != (self._published.speed, self._published.paused):
+            self._published = status
             self._server.publish_parameter_values(_parameters(status))
 
     def close(self) -> None:
@@ -170,14 +169,14 @@ class FoxgloveServer:
 
 
 class _ClientListener(ServerListener):
-    """What clients ask for and say; called by threads of the SDK, never by the simulation's."""
+    """Handler of clients' requests and messages; called by threads of the SDK only."""
 
     def __init__(
         self, simulation: LiveSimulation, channels: dict[str, Channel], latched: set[str]
     ) -> None:
         self._simulation, self._channels, self._latched = simulation, channels, latched
         self._lock = threading.Lock()
-        self._kept: dict[str, bytes] = {}
+        self._latched_messages: dict[str, bytes] = {}
         self._subscribed: defaultdict[int, set[int]] = defaultdict(set)
         self._commanding: dict[tuple[int, int], ClientChannel] = {}
         self.server: WebSocketServer | None = None
@@ -189,36 +188,36 @@ class _ClientListener(ServerListener):
             return sum(bool(channels) for channels in self._subscribed.values())
 
     def keep(self, topic: str, payload: bytes) -> None:
-        """Keep a latched message for those who come late."""
+        """Keep a latched message for late clients."""
         if topic in self._latched:
             with self._lock:
-                self._kept[topic] = payload
+                self._latched_messages[topic] = payload
 
     def on_subscribe(self, client: Client, channel: ChannelView) -> None:
-        """Give a client what was latched before it came."""
+        """Send the latched message of a topic to a new client."""
         with self._lock:
             self._subscribed[client.id].add(channel.id)
-            kept = self._kept.get(channel.topic)
-        if kept is not None:
-            # To all who subscribed: the SDK does not say which sink a client is, and the same
-            # message once more changes nothing.
-            self._channels[channel.topic].log(kept, log_time=self.now)
+            latched = self._latched_messages.get(channel.topic)
+        if latched is not None:
+            # To all subscribers: the SDK does not identify a client's sink, and repeating a
+            # message is harmless.
+            self._channels[channel.topic].log(latched, log_time=self.now)
 
     def on_unsubscribe(self, client: Client, channel: ChannelView) -> None:
-        """Note that a client does not listen any more, or is gone."""
+        """Note that a client has unsubscribed or gone."""
         with self._lock:
             self._subscribed[client.id].discard(channel.id)
 
     def on_client_advertise(self, client: Client, channel: ClientChannel) -> None:
-        """Note what a client is going to publish; of all there is only commands are taken."""
+        """Note a topic that a client will publish; only commands are accepted."""
         kind = ros_kind(channel.schema_name)
         if channel.topic != COMMAND_TOPIC:
-            # A pose estimate or a goal is for a navigation stack, and none listens here.
+            # Pose estimates and goals are for a navigation stack; no stack listens here.
             self._complain(channel.topic, f"{channel.topic} is ignored: only {COMMAND_TOPIC} is")
         elif kind not in COMMAND_KINDS or channel.encoding not in _ENCODINGS:
-            wanted = " or ".join(COMMAND_KINDS)
-            said = f"{channel.schema_name} as {channel.encoding}"
-            self._complain(channel.topic, f"{channel.topic} must be {wanted}, not {said}")
+            kinds = " or ".join(COMMAND_KINDS)
+            actual = f"{channel.schema_name} as {channel.encoding}"
+            self._complain(channel.topic, f"{channel.topic} must be {kinds}, not {actual}")
         else:
             self._commanding[client.id, channel.id] = channel
 
@@ -241,14 +240,14 @@ class _ClientListener(ServerListener):
         self, client: Client, param_names: list[str], request_id: str | None = None
     ) -> list[Parameter]:
         """Return ``speed`` and ``paused``."""
-        known = _parameters(self._simulation.status)
-        return [one for one in known if not param_names or one.name in param_names]
+        parameters = _parameters(self._simulation.status)
+        return [one for one in parameters if not param_names or one.name in param_names]
 
     def on_set_parameters(
         self, client: Client, parameters: list[Parameter], request_id: str | None = None
     ) -> list[Parameter]:
-        """Change ``speed`` or ``paused``; return what they are then."""
-        known = {one.name: one for one in _parameters(self._simulation.status)}
+        """Change ``speed`` or ``paused``; return their new values."""
+        current = {one.name: one for one in _parameters(self._simulation.status)}
         for one in parameters:
             value = one.get_value()
             try:
@@ -258,19 +257,19 @@ class _ClientListener(ServerListener):
                     self._simulation.set_speed(float(value))  # type: ignore[arg-type]
                 else:
                     raise ValueError("the parameters are paused (a boolean) and speed (a number)")
-                known[one.name] = one
+                current[one.name] = one
             except ValueError as error:
                 self._complain(one.name, f"parameter {one.name}: {error}")
-        return [known[one.name] for one in parameters if one.name in known]
+        return [current[one.name] for one in parameters if one.name in current]
 
     def _complain(self, subject: str, message: str) -> None:
-        """Show a message in the clients, in place of the one before about the same."""
+        """Show a message in the clients, replacing the last one on this subject."""
         if self.server is not None:
             self.server.publish_status(message, StatusLevel.Warning, f"scenario {subject}")
 
 
 def ros_kind(name: str) -> str:
-    """Return a type name with its ``msg``: clients say ``geometry_msgs/Twist`` as well."""
+    """Return a type name with its ``msg``: clients also write ``geometry_msgs/Twist``."""
     package, _, rest = name.partition("/")
     return name if rest.startswith("msg/") else f"{package}/msg/{rest}"
 
@@ -280,16 +279,14 @@ def _parameters(status: LiveStatus) -> list[Parameter]:
 
 
 def _reset_service(simulation: LiveSimulation) -> Service:
-    """Return ``/reset_world``, of the name that Gazebo has for it."""
+    """Return ``/reset_world``, named as in Gazebo."""
 
     def reset(_: object) -> bytes:
         simulation.reset()
         return b"{}"
 
-    nothing = {"type": "object", "properties": {}}
-
     def schema(name: str) -> MessageSchema:
-        data = json.dumps(nothing).encode()
+        data = json.dumps({"type": "object", "properties": {}}).encode()
         return MessageSchema(
             encoding="json", schema=Schema(name=name, encoding="jsonschema", data=data)
         )

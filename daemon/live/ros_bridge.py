@@ -1,8 +1,8 @@
-"""A live world for a ROS 2 stack that somebody starts by hand: topics out, commands in.
+"""A live world for a ROS 2 stack that is started by hand: topics out, commands in.
 
-Over a :class:`~daemon.stacks.ros2.relay_link.RelayLink`, as in a run, but without lock step: the
-world goes on by its own clock, and a command of the stack is carried out when it comes. Sensor
-data, transforms and the map are as a robot publishes them; map -> odom is the stack's to say.
+Uses a :class:`~daemon.stacks.ros2.relay_link.RelayLink`, as a run does, but without lock step: the
+world goes by its own clock, and commands of the stack are carried out on arrival. Sensor data,
+transforms and the map are as a robot publishes them; the stack publishes map -> odom.
 """
 
 from __future__ import annotations
@@ -25,36 +25,36 @@ from daemon.stacks.ros2.telemetry import Telemetry
 from grammars.model.robot import Laser
 
 SOURCE: Final = "ROS 2"
-"""Whose commands these are."""
+"""Source of these commands."""
 
 _SECOND: Final = 1_000_000_000
 _KEPT: Final = 250
-"""Observations kept for a relay that is slow, five seconds of them; older ones are dropped."""
+"""Observations kept for a slow relay, five seconds of them; older ones are dropped."""
 _POSE_PERIOD: Final = 3.0
-"""Seconds of wall clock between two initial poses, until the stack knows where it is."""
+"""Period of initial poses until the stack has an estimate [s, wall clock]."""
 _LOOK: Final = 0.1
-"""Seconds after which it looks whether it has to end."""
+"""Period of looks whether to end [s]."""
 _ENDING: Final = 2.0
-"""Longest wait [s] for the end of a conversation; a relay that was stopped never answers."""
+"""Longest wait for the end of a conversation [s]; a stopped relay never answers."""
 
 
 def usual_settings() -> Ros2Settings:
-    """Return the settings of a stack that has no SUT file: the names everybody uses."""
-    # The command that starts it is all that a SUT file must have, and here somebody types it.
+    """Return the settings of a stack without a SUT file: the usual names."""
+    # A SUT file must only have the start command, which is typed by hand here.
     return read_settings({"launch": "by hand", "map": "published"})
 
 
 def _bridge_setup(settings: Ros2Settings, lasers: Sequence[Laser]) -> LinkSetup:
-    """Return what a link has to make; no goal is ever sent, but it has a client for an action."""
-    whole = link_setup(settings, lasers)
-    # Who starts a stack by hand reads its log where it is printed, and waits for its nodes.
-    heard = tuple(topic for topic in whole.subscribe if topic.name != telemetry.ROSOUT)
-    return replace(whole, subscribe=heard, nodes=())
+    """Return the setup of a link; its action client stays unused, since no goal is sent."""
+    setup = link_setup(settings, lasers)
+    # A person who starts a stack by hand reads its log and waits for its nodes.
+    topics = tuple(topic for topic in setup.subscribe if topic.name != telemetry.ROSOUT)
+    return replace(setup, subscribe=topics, nodes=())
 
 
 @dataclass(frozen=True, slots=True)
 class _Moment:
-    """An observation, its world, and ROS time at the begin of that world [ns]."""
+    """An observation, its world, and ROS time at the start of that world [ns]."""
 
     observation: Observation
     briefing: Briefing
@@ -69,9 +69,9 @@ class _Moment:
 class RosBridge:
     """Talks to one stack after the other until it is closed, in a thread of its own.
 
-    ``listen`` makes a link that can be connected to; a stack that went may come again. Raises
-    what it raises, :class:`~daemon.stacks.ros2.link.LinkLost`, when that is not possible at all.
-    ROS time begins at 1 s and never goes back: where the world begins anew, it goes on.
+    ``listen`` makes a link that accepts connections; a stack may leave and come again. Raises the
+    :class:`~daemon.stacks.ros2.link.LinkLost` of ``listen``. ROS time begins at 1 s and never goes
+    back, also when the world begins anew.
     """
 
     def __init__(
@@ -98,12 +98,12 @@ class RosBridge:
         self._thread.start()
 
     def begin(self, briefing: Briefing) -> None:
-        """Go on after the world before: tf2 and costmaps forget everything when time jumps back."""
+        """Continue ROS time: tf2 and costmaps forget everything when time jumps back."""
         self._briefing = briefing
         self._base = self._latest = self._latest + _SECOND
 
     def observe(self, observation: Observation) -> None:
-        """Keep what is new for the thread that talks."""
+        """Keep an observation for the thread that talks."""
         self._latest = self._base + _nanoseconds(observation.time)
         if self.connected and self._briefing is not None:
             self._moments.append(_Moment(observation, self._briefing, self._base))
@@ -129,13 +129,13 @@ class RosBridge:
         except LinkLost as error:
             self.state = f"cannot be reached any more: {error}"
         except Exception as error:
-            # A thread has nobody to raise to: whoever serves the world raises it at the end.
+            # A thread cannot raise to anybody: the server of the world raises it at the end.
             self.failure = error
             self.state = f"has ended: {type(error).__name__}: {error}"
         self.connected = False
 
     def _talk(self) -> None:
-        """Publish what comes, hand commands over."""
+        """Publish observations and forward commands."""
         link = self._link
         link.set_up(_bridge_setup(self._settings, self._simulation.spec.robot.lasers))
         talk = _TopicExchange(self._settings)
@@ -155,7 +155,7 @@ class RosBridge:
             self._simulation.report(talk.read(answer, moments[-1]))
 
     def _take(self) -> list[_Moment]:
-        """Return all that is new, at the latest after a moment without anything."""
+        """Return all new observations, or none after :data:`_LOOK`."""
         self._new.wait(_LOOK)
         self._new.clear()
         return [self._moments.popleft() for _ in range(len(self._moments))]
@@ -178,34 +178,34 @@ class _TopicExchange:
         self._odometry: Odometry | None = None
 
     def messages(self, moments: Sequence[_Moment], wall: float) -> tuple[tuple[str, bytes], ...]:
-        """Return what is new, in the order a stack needs it in; ``wall`` is the clock [s]."""
+        """Return new messages in the order a stack needs; ``wall`` is the clock [s]."""
         last = moments[-1]
-        found: list[tuple[str, bytes]] = []
+        messages: list[tuple[str, bytes]] = []
         if self._base < 0:
-            found += fixed_messages(self._settings, last.briefing, last.now)
+            messages += fixed_messages(self._settings, last.briefing, last.now)
         if last.base != self._base:
-            # Another world: the robot is where it started, whatever the stack believes.
+            # In a new world the robot is at its start again.
             self._base, self._pose_due = last.base, wall
             self._telemetry.forget()
         for moment in moments:
-            found += self._measured(moment)
-        wanted = self._settings.initial_pose == "published" and self._telemetry.pose() is None
-        if wanted and wall >= self._pose_due:
+            messages += self._measured(moment)
+        needs_pose = self._settings.initial_pose == "published" and self._telemetry.pose() is None
+        if needs_pose and wall >= self._pose_due:
             self._pose_due = wall + _POSE_PERIOD
-            # Where it stands by now, as a person who looks at it would say.
+            # The true pose, as a person would give it.
             pose = last.observation.ground_truth or last.briefing.start
             data = sensors.initial_pose(pose, last.now, self._settings.frames)
-            found.append((self._settings.topics.initial_pose, data))
-        return tuple(found)
+            messages.append((self._settings.topics.initial_pose, data))
+        return tuple(messages)
 
     def read(self, answer: CycleAnswer, moment: _Moment) -> Decision:
-        """Return what the stack says about itself."""
+        """Return the stack's estimates, plans and events."""
         active = Progress(0, 0, "active")
         if self._odometry is None:
             return Decision(None, active)
         now = moment.observation.time
-        heard = self._telemetry.read(answer.messages, now, self._odometry, answer.dropped)
-        return heard.decision(active, events=heard.events)
+        news = self._telemetry.read(answer.messages, now, self._odometry, answer.dropped)
+        return news.decision(active, events=news.events)
 
     def _measured(self, moment: _Moment) -> Iterator[tuple[str, bytes]]:
         observation = moment.observation

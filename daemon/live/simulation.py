@@ -1,4 +1,4 @@
-"""A scenario's world that goes on by the wall clock, at a chosen speed, and waits for nobody."""
+"""A scenario's world that runs by the wall clock, at a chosen speed, and never waits."""
 
 from __future__ import annotations
 
@@ -23,31 +23,31 @@ from grammars.model.scene import Scene
 
 SLOWEST: Final = 0.01
 FASTEST: Final = 1000.0
-"""Speeds that can be asked for [simulated seconds a second]."""
+"""Limits of the speed [simulated seconds a second]."""
 
 _MOST_LAG: Final = 0.2
-"""A world that is so far behind the clock [s] gives the time up instead of rushing after it."""
+"""Lag behind the clock [s] beyond which a world skips time instead of rushing after it."""
 _SLICE: Final = 0.02
-"""How long it computes before it looks at the clock and at what was asked for again [s]."""
+"""Longest time of computing before requests are handled again [s]."""
 _CHUNK: Final = 10
 """Ticks between two looks at the clock."""
 _IDLE: Final = 0.05
-"""How long it waits at most [s]: so soon does it obey while it is paused."""
+"""Longest wait [s], and so the longest delay of a request to a paused world."""
 _WINDOW: Final = 1.0
-"""The reached speed is that of so many seconds of wall clock."""
+"""Window over which the reached speed is measured [s, wall clock]."""
 _VIEW_PERIOD: Final = 0.05
-"""Seconds of wall clock between two snapshots while somebody looks."""
-_HEARD: Final = 1.0
-"""Whose command was carried out is told for so long [s of wall clock]."""
+"""Period of snapshots while somebody looks [s, wall clock]."""
+_DRIVER_SHOWN: Final = 1.0
+"""Time for which the source of a command is shown after it [s, wall clock]."""
 
 
 @dataclass(frozen=True, slots=True)
 class LiveStatus:
-    """How a live world goes: ``time`` simulated [s], ``speed`` asked for, ``reached`` in fact.
+    """Status of a live world: simulated ``time`` [s], requested ``speed``, ``reached`` speed.
 
-    ``late``: time was given up lately because computing took too long. ``driver`` says who
-    commands the robot, empty for nobody. ``limit`` is the scenario's, after which drawn behaviours
-    have nothing more to do [s]. ``note`` is the last thing that went wrong.
+    ``late``: the world skipped time lately because computing took too long. ``driver`` names the
+    source of commands, empty without one. ``limit`` is the scenario's [s]; drawn behaviours end
+    there. ``note`` is the last error.
     """
 
     time: float
@@ -62,26 +62,26 @@ class LiveStatus:
 
 
 class MessageOutlet(Protocol):
-    """Who gets the messages of a trace, called by the thread of the simulation only."""
+    """Receiver of the messages of a trace; called by the thread of the simulation only."""
 
     def send(self, topic: str, now: int, payload: bytes) -> None:
         """Take a message of ``now`` [ns], CDR."""
 
-    def wanted(self, topic: str) -> bool:
-        """Whether anybody listens to a topic."""
+    def has_listeners(self, topic: str) -> bool:
+        """Return whether anybody listens to a topic."""
 
     def begin(self) -> None:
-        """A world begins anew: time jumps back to 0."""
+        """Begin a world anew: time jumps back to 0."""
 
     def status(self, status: LiveStatus) -> None:
-        """Take how it goes, after every step."""
+        """Take the status after every step."""
 
 
 class LiveSimulation:
     """The world of a specification, stepped by :meth:`run` or, in tests, by :meth:`step`.
 
-    Whatever is asked of it from other threads (pause, speed, reset) happens at its next step.
-    ``sut`` makes a system that drives the robot while nobody else does.
+    Requests of other threads (pause, speed, reset) take effect at its next step. ``sut`` makes a
+    system that drives the robot while no commands come from outside.
 
     Raises :class:`daemon.run.SceneMismatchError` for another scene than the specified one.
     """
@@ -101,7 +101,7 @@ class LiveSimulation:
         self.view: Snapshot | None = None
         self.watched = False
         self._make_sut, self._clock = sut, clock
-        self._asked: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._requests: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._outside = OutsideInput()
         self._outlets: list[MessageOutlet] = []
         self._listeners: list[RobotListener] = []
@@ -114,11 +114,11 @@ class LiveSimulation:
         self.status = LiveStatus(0.0, self._speed, self._speed, False, False, "", spec.limit)
 
     def add_outlet(self, outlet: MessageOutlet) -> None:
-        """Have somebody hear all messages; before the first step."""
+        """Add a receiver of all messages; before the first step."""
         self._outlets.append(outlet)
 
     def add_listener(self, listener: RobotListener) -> None:
-        """Have somebody hear what the robot measures; before the first step."""
+        """Add a receiver of the robot's measurements; before the first step."""
         self._listeners.append(listener)
 
     def command(self, twist: Twist2, source: str) -> None:
@@ -128,26 +128,26 @@ class LiveSimulation:
         """
         self._outside.command(twist, source)
 
-    def report(self, said: Decision) -> None:
-        """Show what a stack outside says: estimate, cloud, particles, plans and events of it."""
-        self._outside.report(said)
+    def report(self, report: Decision) -> None:
+        """Show estimate, cloud, particles, plans and events of a stack outside."""
+        self._outside.report(report)
 
     def pause(self, paused: bool) -> None:
-        """Stand still, or go on."""
-        self._asked.put(lambda: self._pause(paused))
+        """Pause, or go on."""
+        self._requests.put(lambda: self._pause(paused))
 
     def toggle(self) -> None:
-        """Stand still if it goes, go on if not."""
-        self._asked.put(lambda: self._pause(not self._paused))
+        """Pause a running world, resume a paused one."""
+        self._requests.put(lambda: self._pause(not self._paused))
 
     def set_speed(self, speed: float) -> None:
-        """Go at ``speed`` simulated seconds a second; raises ``ValueError`` out of range."""
+        """Run at ``speed`` simulated seconds a second; raises ``ValueError`` out of range."""
         checked = check_speed(speed)
-        self._asked.put(lambda: self._set_speed(checked))
+        self._requests.put(lambda: self._set_speed(checked))
 
     def reset(self) -> None:
         """Begin the same world anew, from the same seed."""
-        self._asked.put(self._begin)
+        self._requests.put(self._begin)
 
     def run(self, stop: threading.Event) -> None:
         """Step by the clock until ``stop`` is set."""
@@ -165,14 +165,14 @@ class LiveSimulation:
             thread.end()
 
     def step(self) -> float:
-        """Do what is due by now; return how long there is nothing to do [s of wall clock]."""
+        """Do everything due by now; return the time until the next step [s, wall clock]."""
         if self._loop is None:
             self._begin()
-        while not self._asked.empty():
-            self._asked.get()()
+        while not self._requests.empty():
+            self._requests.get()()
         now = self._clock()
         if self._paused:
-            # What is commanded to a world that stands still is not meant for when it goes on.
+            # Drop commands to a paused world: they are not meant for later.
             self._outside.take_command()
         else:
             self._catch_up(now)
@@ -180,7 +180,7 @@ class LiveSimulation:
         return self._rest(self._clock())
 
     def _begin(self) -> None:
-        """Build the world and give everybody what holds for all of it."""
+        """Build the world and start its driver."""
         if self._worlds:
             for outlet in self._outlets:
                 outlet.begin()
@@ -188,7 +188,7 @@ class LiveSimulation:
         self._note = ""
         self._outside.take_command()
         self._outside.take_report()
-        stream = MessageStream(self.spec, self.scene, self._send, self._wanted)
+        stream = MessageStream(self.spec, self.scene, self._send, self._has_listeners)
         inner = self._make_sut() if self._make_sut is not None else None
         self._stream = stream
         self._driver = LiveDriver(self._outside, inner, tuple(self._listeners), self._commanded)
@@ -201,7 +201,7 @@ class LiveSimulation:
         self._measured = (self._clock(), 0.0, self._speed)
 
     def _anchor(self, now: float) -> None:
-        """Count from here: the target is a line through this point, so nothing adds up."""
+        """Count from here: the target is a line through this point, so errors do not add up."""
         assert self._loop is not None
         self._wall, self._start = now, self._loop.world.time
 
@@ -210,9 +210,9 @@ class LiveSimulation:
         assert loop is not None
         world, until = loop.world, now + _SLICE
         target = self._start + (now - self._wall) * self._speed
-        # A hair more: a tick that is due at this very instant must not wait for rounding.
+        # Rounding must not delay a tick that is due at this instant.
         last = math.floor(target * TICK_RATE + 1e-6)
-        # Also with nothing to step to, as at tick 0: what is due there is measured and answered.
+        # Once at least: at tick 0 the first measurements are due without a step.
         more = True
         while more:
             try:
@@ -235,7 +235,7 @@ class LiveSimulation:
         self._stream.event(time, "sut", error.note, level="error")
 
     def _tell(self, now: float) -> None:
-        """Say how it goes, and what there is to see if somebody looks."""
+        """Publish the status, and a snapshot if somebody looks."""
         loop = self._loop
         assert loop is not None
         since, simulated, reached = self._measured
@@ -279,18 +279,18 @@ class LiveSimulation:
         self._measured = (self._clock(), self._start, self._speed)
 
     def _commanded(self, source: str) -> None:
-        self._driven = (source or self.spec.sut.name, self._clock() + _HEARD)
+        self._driven = (source or self.spec.sut.name, self._clock() + _DRIVER_SHOWN)
 
     def _send(self, topic: str, now: int, payload: bytes) -> None:
         for outlet in self._outlets:
             outlet.send(topic, now, payload)
 
-    def _wanted(self, topic: str) -> bool:
-        return any(outlet.wanted(topic) for outlet in self._outlets)
+    def _has_listeners(self, topic: str) -> bool:
+        return any(outlet.has_listeners(topic) for outlet in self._outlets)
 
 
 class LiveThread(threading.Thread):
-    """Runs a simulation; ``failure`` is what ended it before its time."""
+    """Runs a simulation; ``failure`` is the error that ended it."""
 
     def __init__(self, simulation: LiveSimulation) -> None:
         super().__init__(name="live simulation", daemon=True)
@@ -302,7 +302,7 @@ class LiveThread(threading.Thread):
         try:
             self._simulation.run(self._stop_asked)
         except Exception as error:
-            # Told by whoever looks at the world: a thread has nobody to raise to.
+            # A thread cannot raise to anybody: the view of the world reports it.
             self.failure = error
 
     def end(self) -> None:
@@ -312,7 +312,7 @@ class LiveThread(threading.Thread):
 
 
 def check_speed(speed: float) -> float:
-    """Return a speed that can be gone at; raises ``ValueError`` for others."""
+    """Return a valid speed; raises ``ValueError`` for others."""
     if not SLOWEST <= speed <= FASTEST:
         raise ValueError(f"the speed must be between {SLOWEST:g} and {FASTEST:g}, not {speed:g}")
     return speed

@@ -1,4 +1,4 @@
-"""What a campaign declares about its results, and what its runs make of that."""
+"""Rules of a campaign for its results, and the assessment of its runs by them."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ ComparisonOperator: TypeAlias = Literal["<=", "<", ">=", ">"]
 ReferenceStatistic: TypeAlias = Literal["mean", "median", "min", "max", "rate"]
 
 MISSING_STATES: Final = (*UNFINISHED_STATES, RunState.LOST, RunState.CANCELLED)
-"""States of runs without a result, in the order in which one of them is said of several runs."""
+"""States of runs without a result, in order of precedence as the state of several runs."""
 _ENDED_STATES: Final = ("done", "lost")
 
 DELAY: Final = "delay"
-"""The quantity of a comparison that every run has: how long it took [s]."""
+"""Quantity of a comparison that every run has: its duration [s]."""
 DURATION: Final = "duration"
-"""The measure every run has: the simulated time it took [s]."""
+"""Measure that every run has: its simulated time [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class RepeatPolicy:
-    """How many repeats a cell has, and when all of them together pass.
+    """Number of repeats of a cell, and the rule by which they pass together.
 
     ``all``: every repeat passes. ``rate``: the share that passes is shown to be at least ``rate``.
     ``mean``: the mean margin is shown to be at least 0. With ``until_decided`` a cell that is
-    neither shown to pass nor to fail after ``n`` repeats gets more of them, up to ``at_most``.
+    undecided after ``n`` repeats gets more of them, up to ``at_most``.
     """
 
     n: int = 1
@@ -42,24 +42,24 @@ class RepeatPolicy:
 
     @property
     def looks(self) -> tuple[int, ...]:
-        """Numbers of repeats after which a cell is judged: one, or each time twice as many."""
+        """Numbers of repeats after which a cell is judged: one number, or a doubling series."""
         if not self.until_decided:
             return (self.n,)
         # Doubled each time: every look costs confidence in all of them (see ``confidence_of``), and
-        # intervals shrink by the square root of the number of repeats only.
-        found = [self.n]
-        while found[-1] < self.at_most:
-            found.append(min(2 * found[-1], self.at_most))
-        return tuple(found)
+        # intervals shrink only by the square root of the number of repeats.
+        looks = [self.n]
+        while looks[-1] < self.at_most:
+            looks.append(min(2 * looks[-1], self.at_most))
+        return tuple(looks)
 
 
 @dataclass(frozen=True, slots=True)
 class ScenarioComparison:
     """A sentence about two scenarios: ``delay(S3.2 vs S3.5) <= 30 s``.
 
-    ``quantity`` is ``delay`` or the name of a measure of both; what is compared with ``limit`` [SI
-    unit ``unit``] is left minus right, paired by repeat. ``leg`` is the waypoint, or the number, of
-    the leg meant, ``None`` for the whole run; ``measure`` then names the measure that times it.
+    ``quantity`` is ``delay`` or the name of a measure of both. Left minus right, paired by repeat,
+    is compared with ``limit`` [SI unit ``unit``]. ``leg`` is the waypoint or number of a leg,
+    ``None`` for the whole run; ``measure`` then names the measure that times the leg.
     """
 
     name: str
@@ -76,7 +76,7 @@ class ScenarioComparison:
 
 @dataclass(frozen=True, slots=True)
 class Expectation:
-    """What is known to be otherwise than passing, and why.
+    """A verdict expected other than passing, with its reason.
 
     ``scenario``, ``oracle`` (or the name of a comparison) and ``suts`` are patterns with ``*`` and
     ``?``; the last expectation that matches counts. ``fail``: every repeat fails; ``mixed``: at
@@ -93,10 +93,10 @@ class Expectation:
 
 @dataclass(frozen=True, slots=True)
 class RegressionGate:
-    """Against what a campaign must not get worse, and by how much (a ratio).
+    """Baseline of a campaign, and the ratio by which it may get worse.
 
-    ``baseline`` is a campaign, a file of results, or ``last-green``: the newest one before of the
-    same name in which everything was as expected.
+    ``baseline`` is a campaign, a file of results, or ``last-green``: the newest earlier campaign of
+    the same name in which everything was as expected.
     """
 
     baseline: str
@@ -105,14 +105,14 @@ class RegressionGate:
 
 @dataclass(frozen=True, slots=True)
 class ReferenceValue:
-    """What somebody else found of the same, shown beside what is found here; it judges nothing.
+    """A value of the same quantity from another source, shown for comparison without judging.
 
-    ``name`` is short (``paper``), ``source`` says whose it is. ``scenario`` and ``suts`` are as in
+    ``name`` is short (``paper``), ``source`` is the reference. ``scenario`` and ``suts`` are as in
     an :class:`Expectation`; ``scenario`` is empty when ``oracle`` names a comparison.
-    ``statistic`` is what the source made of its runs: of a measure or comparison ``value`` [SI unit
-    ``unit``], perhaps with the standard ``deviation`` of its runs and a range, ``low`` to ``high``;
-    of an oracle with a limit the ``rate`` that passed. ``runs`` is how many there were, ``None``
-    when nobody says. ``text`` is the value as written, ``where`` file and line.
+    ``statistic`` is the source's: for a measure or comparison ``value`` [SI unit ``unit``],
+    optionally with the standard ``deviation`` of its runs and a range, ``low`` to ``high``;
+    for an oracle with a limit the ``rate`` that passed. ``runs`` is their number, ``None`` if the
+    source omits it. ``text`` is the value as written, ``where`` file and line.
     """
 
     name: str
@@ -134,7 +134,7 @@ class ReferenceValue:
 
 @dataclass(frozen=True, slots=True)
 class AssessmentRules:
-    """Everything a campaign says about its results beyond its oracles."""
+    """Rules of a campaign for its results beyond its oracles."""
 
     policy: RepeatPolicy = RepeatPolicy()
     comparisons: tuple[ScenarioComparison, ...] = ()
@@ -144,11 +144,11 @@ class AssessmentRules:
 
 
 def state_of(states: Iterable[str]) -> str:
-    """Return how runs in these states stand that are said to be one thing: the first of
-    ``MISSING_STATES`` that one of them is in, ``done`` when all have a result.
+    """Return the common state of several runs: the first of ``MISSING_STATES`` among them, or
+    ``done`` when all have a result.
     """
-    found = set(states)
-    return next((state for state in MISSING_STATES if state in found), "done")
+    present = set(states)
+    return next((state for state in MISSING_STATES if state in present), "done")
 
 
 class ExpectationStatus(StrEnum):
@@ -161,7 +161,7 @@ class ExpectationStatus(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class WorstRun:
-    """The run of a cell to look at first and its verdict, with the evidence."""
+    """The worst run of a cell and its verdict, with the evidence."""
 
     run: str
     repeat: int
@@ -178,13 +178,13 @@ class _ExpectedVerdict:
 
     @property
     def word(self) -> str:
-        """The verdict; where runs are missing that could decide it, what they are."""
+        """The verdict, or the state of the missing runs that could decide it."""
         undecided = self.verdict is Outcome.INCONCLUSIVE
         return self.state if undecided and self.state != "done" else str(self.verdict)
 
     @property
     def needs_attention(self) -> bool:
-        """Whether it is contradicted, or open although no more runs will decide it."""
+        """True if it is contradicted, or open although no more runs will decide it."""
         ended = self.state in _ENDED_STATES
         return self.status is not ExpectationStatus.MET and (
             ended or self.status is ExpectationStatus.CONTRADICTED
@@ -195,13 +195,12 @@ class _ExpectedVerdict:
 class CellVerdict(_ExpectedVerdict):
     """One oracle over all repeats of a scenario with a system under test.
 
-    ``n`` counts all repeats, ``missing`` those without a result. ``low`` and ``high`` bound the
-    pass rate, the exact 95 % interval; a repeat not judged may have been either. ``at_least`` is
-    the rate shown (one-sided 95 %; ``needed`` is how many more repeats, all passing, would show
-    that of the policy, ``None`` when it asks for no rate). ``statement`` says it in words.
-    ``verdict`` follows the policy; ``status`` compares it with the ``expected`` one (``why``):
-    contradicted whatever the missing runs will be. ``state`` is how the repeats stand
-    (:func:`state_of`).
+    ``n`` counts all repeats, ``missing`` those without a result. ``low`` and ``high`` are the exact
+    95 % interval of the pass rate; an unjudged repeat counts as either. ``at_least`` is the rate
+    shown (one-sided 95 %). ``needed`` more repeats, all passing, would show the rate of the policy
+    (``None`` without one). ``statement`` is the summary in words. ``verdict`` follows the policy;
+    ``status`` compares it with the ``expected`` one (``why``): contradicted only if missing runs
+    cannot change that. ``state`` is that of the repeats (:func:`state_of`).
     """
 
     scenario: str
@@ -227,9 +226,9 @@ class CellVerdict(_ExpectedVerdict):
 
 
 def group_errors(oracles: Iterable[CellVerdict]) -> list[tuple[CellVerdict, ...]]:
-    """Return oracles in groups: those of a cell whose worst run ended in the same error share one.
+    """Group the oracles of a cell whose worst run ended in the same error.
 
-    Each other oracle is a group of its own; the order is that of the first of each group.
+    Each other oracle is a group of its own. Groups keep the order of their first oracle.
     """
     groups: dict[tuple[str, ...], list[CellVerdict]] = {}
     for oracle in oracles:
@@ -243,10 +242,10 @@ def group_errors(oracles: Iterable[CellVerdict]) -> list[tuple[CellVerdict, ...]
 
 @dataclass(frozen=True, slots=True)
 class CellMeasure:
-    """A measured quantity over all repeats of a cell: ``values[i]`` is that of ``repeats[i]``.
+    """A measured quantity over all repeats of a cell: ``values[i]`` belongs to ``repeats[i]``.
 
-    ``low`` and ``high`` are the 95 % t interval of the mean; ``std`` the sample's standard
-    deviation. With one value there is neither. The run's ``duration`` [s] is a measure of all.
+    ``low`` and ``high`` are the 95 % t interval of the mean, ``std`` the sample's standard
+    deviation; one value alone has neither. Every run has the measure ``duration`` [s].
     """
 
     scenario: str
@@ -263,9 +262,9 @@ class CellMeasure:
 
 @dataclass(frozen=True, slots=True)
 class CellAssessment:
-    """A scenario with a system under test: the gravest verdict of its oracles, and all of them.
+    """A scenario with a system under test: its oracles, and the worst verdict of them.
 
-    ``state`` is how its ``runs`` stand (:func:`state_of`).
+    ``state`` is that of its ``runs`` (:func:`state_of`).
     """
 
     scenario: str
@@ -278,19 +277,19 @@ class CellAssessment:
 
     @property
     def status(self) -> ExpectationStatus:
-        """The status farthest from what is expected of its oracles; open without oracles."""
-        found = {oracle.status for oracle in self.oracles} or {ExpectationStatus.OPEN}
-        return next(status for status in reversed(ExpectationStatus) if status in found)
+        """The worst status of its oracles; open without oracles."""
+        present = {oracle.status for oracle in self.oracles} or {ExpectationStatus.OPEN}
+        return next(status for status in reversed(ExpectationStatus) if status in present)
 
     @property
     def word(self) -> str:
-        """The one word for it: a failure at once, else what it waits for or lacks."""
+        """One word for the cell: a failure at once, else the state of unfinished runs."""
         failed = self.verdict is Outcome.FAIL
         return str(self.verdict) if failed or self.state == "done" else self.state
 
     @property
     def needs_attention(self) -> bool:
-        """Whether some oracle is not as expected, see :attr:`CellVerdict.needs_attention`."""
+        """True if an oracle is not as expected, see :attr:`CellVerdict.needs_attention`."""
         return any(oracle.needs_attention for oracle in self.oracles)
 
 
@@ -298,11 +297,11 @@ class CellAssessment:
 class ComparisonVerdict(_ExpectedVerdict):
     """A comparison with one system under test: ``mean`` of left minus right [``unit``].
 
-    ``low`` and ``high`` are one-sided 95 % bounds of the mean, by which it is judged, ``interval``
-    is the two-sided one; ``method`` is ``paired`` or ``welch`` (no pairs), empty when there is too
-    little to say. ``n`` counts the pairs, or the runs of the smaller side; ``left_out`` runs that
-    have no such value: they did not end their mission, or have no result. ``note`` says what stands
-    in the way of a verdict. ``status`` and ``state`` are as in a :class:`CellVerdict`.
+    ``low`` and ``high`` are the one-sided 95 % bounds of the mean, which decide the verdict;
+    ``interval`` is two-sided. ``method`` is ``paired`` or ``welch`` (no pairs), empty with too few
+    values. ``n`` counts the pairs, or the runs of the smaller side. ``left_out`` counts runs
+    without a value: they did not end their mission, or have no result. ``note`` is the reason why
+    there is no verdict. ``status`` and ``state`` are as in a :class:`CellVerdict`.
     """
 
     comparison: str
@@ -330,10 +329,9 @@ class ComparisonVerdict(_ExpectedVerdict):
 class ReferenceComparison:
     """A reference value beside the same statistic of the runs here.
 
-    ``scenario`` is empty for a comparison. ``value`` [``reference.unit``] is of ``n`` runs (of
-    pairs, for a comparison), ``deviation`` their standard deviation, ``low`` and ``high`` the 95 %
-    interval: Student's t of a mean, exact of a rate, ``None`` of other statistics and where too few
-    runs have a value.
+    ``scenario`` is empty for a comparison. ``value`` [``reference.unit``] is of ``n`` runs or
+    pairs, ``deviation`` their standard deviation. ``low`` and ``high`` are the 95 % interval:
+    Student's t for a mean, exact for a rate, ``None`` for other statistics or too few values.
     """
 
     reference: ReferenceValue
@@ -347,15 +345,15 @@ class ReferenceComparison:
 
     @property
     def difference(self) -> float | None:
-        """How much more was found here than in the reference [``reference.unit``]."""
+        """Value here minus the reference [``reference.unit``]."""
         return None if self.value is None else self.value - self.reference.value
 
 
 @dataclass(frozen=True, slots=True)
 class UnexpectedVerdict:
-    """Something that is not as expected: what to look at, in one line of words.
+    """An unexpected verdict, with one line of text.
 
-    ``verdict`` is what came out, ``expected`` what should have. ``run`` is empty for comparisons.
+    ``verdict`` is the actual one. ``run`` is empty for comparisons.
     """
 
     scenario: str
@@ -374,7 +372,7 @@ class Assessment:
     """A campaign judged: cells in the order of the runs, comparisons in that of the file.
 
     ``exit_code``: 0 everything as expected, 1 something unexpected, 3 runs that could not be
-    executed or judged, 4 runs or statistics that decide nothing.
+    executed or judged, 4 undecided runs or statistics.
     """
 
     cells: tuple[CellAssessment, ...]
@@ -387,8 +385,8 @@ class Assessment:
 class Mark:
     """Mark of a verdict: ``letter`` is the sign to show, ``!`` for news, ``reason`` its meaning.
 
-    ``known``: every failure was expected, and ``reason`` is the one people gave. Letters of known
-    failures may follow the sign of news. Without a kind there is nothing to say.
+    ``known``: every failure was expected, for the declared ``reason``. Letters of known failures
+    may follow the sign of news. Without a kind the verdict has no mark.
     """
 
     kind: Literal["news", "known", ""] = ""

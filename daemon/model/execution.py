@@ -1,6 +1,6 @@
-"""How runs are executed: processes, the function, its limits, the cluster.
+"""Execution of runs: child processes, the function, its limits.
 
-Whoever starts a worker decides it, and no one else.
+Only the person who starts a worker decides these.
 """
 
 from __future__ import annotations
@@ -21,50 +21,50 @@ _LONGEST_PROCESSOR: Final = 80
 
 
 IMPORT_FIRST: Final = "scenario_tui"
-"""Who imports this first finds our packages, whoever else has one of their names."""
+"""Import this first to find our packages, even if others have the same names."""
 _RUN_MODULE: Final = (
     f"import {IMPORT_FIRST}, runpy, sys; "
     "runpy.run_module(sys.argv.pop(1), run_name='__main__', alter_sys=True)"
 )
 
 
-def python_command(option: str, what: str, *words: str) -> list[str]:
-    """Return the command of a child process that imports our modules: ``-m`` or ``-c``, and what.
+def python_command(option: str, program: str, *words: str) -> list[str]:
+    """Return the command of a child process: ``-m`` with a module of ours, or ``-c`` with code.
 
-    ``-P`` keeps the current folder off the modules' path, in which there may be somebody's
-    ``daemon.py``. It does not keep PYTHONPATH off, nor what other projects install: importing
-    :data:`IMPORT_FIRST` makes our names mean ours.
+    ``-P`` keeps the current folder, which may have a ``daemon.py``, off the modules' path.
+    PYTHONPATH and other installed projects stay on it: importing :data:`IMPORT_FIRST` resolves our
+    names to our packages.
     """
     if option == "-m":
-        return [sys.executable, "-P", "-c", _RUN_MODULE, what, *words]
-    return [sys.executable, "-P", "-c", f"import {IMPORT_FIRST}\n{what}", *words]
+        return [sys.executable, "-P", "-c", _RUN_MODULE, program, *words]
+    return [sys.executable, "-P", "-c", f"import {IMPORT_FIRST}\n{program}", *words]
 
 
 _COMMANDS_VARIABLE: Final = "SCENARIO_COMMANDS"
 _REFUSED: Final = "refused"
 
 
-def decide_on_commands(wanted: bool | None, *, elsewhere: bool) -> None:
+def decide_on_commands(allow: bool | None, *, is_remote: bool) -> None:
     """Decide for this process and its children whether runs may start commands of SUT files.
 
-    ``None``: they may, unless runs come from ``elsewhere``, from people who have a key but perhaps
-    no account here.
+    ``None`` allows them, unless runs come from a remote daemon, from people who have a key but
+    perhaps no account here.
     """
-    if wanted or (wanted is None and not elsewhere):
-        # What a daemon has decided holds for its own workers, who know it as somebody local.
-        if wanted:
+    if allow or (allow is None and not is_remote):
+        # A daemon's own workers, which are local, inherit its decision.
+        if allow:
             os.environ.pop(_COMMANDS_VARIABLE, None)
         return
     os.environ[_COMMANDS_VARIABLE] = _REFUSED
 
 
 def commands_allowed() -> bool:
-    """Whether runs in this process may start commands that stand in SUT files."""
+    """Return whether runs in this process may start commands of SUT files."""
     return os.environ.get(_COMMANDS_VARIABLE) != _REFUSED
 
 
 def available_cores() -> int:
-    """Number of cores this process may use: the default number of slots."""
+    """Return the number of cores this process may use, the default number of slots."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -72,14 +72,14 @@ def available_cores() -> int:
 
 @functools.cache
 def machine_text() -> str:
-    """Return this machine in a line for people: processor, cores, system, Python.
+    """Return a line about this machine: processor, cores, system, Python.
 
-    Without its name, which is nobody's business who reads a report.
+    Reports are public, so the machine's name stays out.
     """
     name = ""
     with contextlib.suppress(OSError):
-        found = re.search(r"^model name\s*:\s*(.+)$", _CPU_INFO.read_text("utf-8"), re.MULTILINE)
-        name = " ".join(found[1].split()) if found else ""
+        match = re.search(r"^model name\s*:\s*(.+)$", _CPU_INFO.read_text("utf-8"), re.MULTILINE)
+        name = " ".join(match[1].split()) if match else ""
     cores = available_cores()
     parts = (
         name[:_LONGEST_PROCESSOR] or f"{platform.machine()} processor",
@@ -92,9 +92,8 @@ def machine_text() -> str:
 
 @dataclass(frozen=True, slots=True)
 class RunLimits:
-    """What a run may use: wall clock [s] (0: ten times its simulated limit, at least five
-    minutes), address space [B] (0: no limit) and, by ``nice`` (0 to 19), processors that others
-    want too.
+    """Limits of a run: wall clock [s] (0: ten times its simulated limit, at least five minutes),
+    address space [B] (0: no limit) and niceness (0 to 19).
     """
 
     wall: float = 0.0
@@ -102,5 +101,5 @@ class RunLimits:
     nice: int = 10
 
     def wall_of(self, simulated: float) -> float:
-        """Wall clock limit [s] of a run limited to ``simulated`` seconds."""
+        """Return the wall clock limit [s] of a run limited to ``simulated`` seconds."""
         return self.wall or max(300.0, 10.0 * simulated)

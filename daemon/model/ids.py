@@ -1,6 +1,6 @@
-"""What may name a campaign, a run or a file by digest, in paths and on the bus.
+"""Valid names of campaigns, runs and files by digest, in paths and on the bus.
 
-Names come from files and from the network: only those that match here ever become part of a path.
+Names come from files and from the network: only valid ones become part of a path.
 """
 
 from __future__ import annotations
@@ -18,26 +18,26 @@ _LONGEST_NAME: Final = 200
 
 
 def is_id(text: str) -> bool:
-    """Whether ``text`` may name a campaign or a worker, in paths and on the bus."""
+    """Return whether ``text`` may name a campaign or a worker."""
     return _ID.match(text) is not None
 
 
 def is_run_id(text: str) -> bool:
-    """Whether ``text`` may name a run: ``<campaign>.<index>``."""
+    """Return whether ``text`` may name a run: ``<campaign>.<index>``."""
     return _RUN_ID.match(text) is not None
 
 
 def is_digest(text: str) -> bool:
-    """Whether ``text`` looks like a SHA-256: 64 lower-case hexadecimal digits."""
+    """Return whether ``text`` looks like a SHA-256: 64 lower-case hexadecimal digits."""
     return _DIGEST.match(text) is not None
 
 
 def trace_name(campaign: str, scenario: str, sut: str, repeat: int) -> str:
-    """Path of a run's trace below the traces directory, ``/`` separated.
+    """Return the path of a run's trace below the traces directory, ``/`` separated.
 
     Different runs get different names and no name leaves the directory: everything outside
-    ``[A-Za-z0-9_~-]``, the dot included, is percent-encoded. Raises ``ValueError`` for a
-    campaign id that is none and for names no file system would take.
+    ``[A-Za-z0-9_~-]``, the dot included, is percent-encoded. Raises ``ValueError`` for an invalid
+    campaign id and for names that file systems refuse.
     """
     if not is_id(campaign):
         raise ValueError(f"{campaign!r} is not a campaign id")

@@ -1,9 +1,9 @@
-"""The one way numba kernels are declared, in simulator, stacks, oracles and analysis alike.
+"""Declaration of all numba kernels: simulator, stacks, oracles and analysis.
 
-Machine code is kept on the disk, in one folder for every process of an installation. A kernel that
-is missing there is compiled when it is called; processes that need it meanwhile wait for it.
-A short run (:func:`daemon.run.rehearse`) compiles what a system calls and writes down which kernels
-that are, so that later processes load just these before they fork.
+Machine code is stored on the disk, in one folder for all processes of an installation. The first
+call of a missing kernel compiles it; other processes that need it wait. A short run
+(:func:`daemon.run.rehearse`) compiles the kernels of a system and lists them, so that later
+processes load only these before they fork.
 """
 
 # Much of numba has no annotations.
@@ -40,7 +40,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 KernelFile: TypeAlias = tuple[str, str, str]
 """Module and name of a kernel, and the file with the machine code that was called.
 
-A module alone, with two empty texts, has no kernel that was called, and is needed all the same.
+A module with two empty texts has no called kernel, but must be imported.
 """
 
 CACHE_VARIABLE: Final = "NUMBA_CACHE_DIR"
@@ -48,9 +48,9 @@ _CONSTANTS: Final = (bool, int, float, str, bytes, tuple, np.generic)
 _COLLECT_RARELY: Final = 50_000
 """Objects made between two collections while numba compiles."""
 _SYSTEMS: Final = "daemon.stacks."
-"""Modules that are imported by the run that needs them."""
+"""Prefix of modules that a run imports on demand."""
 _OURS: Final = "daemon."
-"""Modules that a list of kernels may name: it is read from a file."""
+"""Prefix of modules that a list of kernels may name: the list is a file."""
 
 
 def kernel(function: F) -> F:
@@ -58,8 +58,7 @@ def kernel(function: F) -> F:
     # Never ``parallel``: workers fork from a warm parent, and OpenMP's threads do not survive a
     # fork; cores are for runs. Never ``fastmath``: traces must be equal byte for byte, and
     # reordered sums are not. Loading a kernel takes 3 to 10 ms, compiling one 250 to 850 ms.
-    # The wrapper by which C would call a kernel is left out: nobody does, and it takes about 4 %
-    # of the time of compiling.
+    # The wrapper for calls from C is left out: it is unused, and takes 4 % of compiling.
     return cast(F, _Kernel(function, targetoptions={"nopython": True, "no_cfunc_wrapper": True}))
 
 
@@ -72,7 +71,7 @@ class _Kernel(CPUDispatcher):
 
     @property
     def stamp(self) -> str:
-        """The digest of what is compiled into the kernel."""
+        """Digest of everything compiled into the kernel."""
         return str(self._cache._cache_file._source_stamp)
 
     def compile(self, sig: Any) -> Any:
@@ -86,12 +85,12 @@ class _Kernel(CPUDispatcher):
             _compiler.called[self._entry(arguments)] = None
         return code
 
-    def is_kept(self, signature: tuple[Any, ...]) -> bool:
-        """Whether machine code for arguments of these types is on the disk."""
+    def is_on_disk(self, signature: tuple[Any, ...]) -> bool:
+        """Return whether machine code for arguments of these types is on the disk."""
         return self._cache.file_of(signature, self.targetctx) != ""
 
     def load_file(self, name: str) -> bool:
-        """Load the machine code in the file ``name``; return whether it is there and current."""
+        """Load the machine code in the file ``name``; return whether it exists and is current."""
         signature = self._cache.signature_in(name, self.targetctx)
         if signature is None:
             return False
@@ -107,14 +106,14 @@ class _Kernel(CPUDispatcher):
 def machine_code(function: F, *arguments: Any) -> F:
     """Return the machine code of a kernel for arguments of the types of ``arguments``.
 
-    To be called with such only: arrays that are contiguous must be so, a number must not become
-    an array. Worth it where many arrays come in named tuples, whose types numba asks for one by
-    one: of 100 us that a control cycle took, 10 went there. In :func:`compiling_ahead` another
-    process compiles it, and the first call waits for that.
+    Call it with these types only: contiguous arrays must stay contiguous, numbers must not become
+    arrays. Useful where many arrays come in named tuples, whose types numba checks one by one: 10
+    of 100 us of a control cycle. In :func:`compiling_ahead` another process compiles it, and the
+    first call waits for that.
     """
     dispatcher: Any = function
     signature = tuple(cast(Any, typeof)(each) for each in arguments)
-    if _compiler.ahead is None or dispatcher.is_kept(signature):
+    if _compiler.ahead is None or dispatcher.is_on_disk(signature):
         return cast(F, dispatcher.compile(signature))
     parent = os.getpid()
     process = os.fork()
@@ -123,7 +122,7 @@ def machine_code(function: F, *arguments: Any) -> F:
             die_with_parent(parent)
             dispatcher.compile(signature)
         finally:
-            os._exit(0)  # who calls it meets whatever went wrong
+            os._exit(0)  # the caller meets the same error
     _compiler.ahead.append(process)
     return function
 
@@ -131,11 +130,11 @@ def machine_code(function: F, *arguments: Any) -> F:
 def cache_folder() -> Path:
     """Return the folder of machine code, the same for every process of an installation.
 
-    It is what ``NUMBA_CACHE_DIR`` names, else beside the sources, else in the user's cache, else in
-    the state directory: the first of these that can be written.
+    ``NUMBA_CACHE_DIR``, or the first writable folder of these: next to the sources, in the user's
+    cache, in the state directory.
     """
-    if asked := os.environ.get(CACHE_VARIABLE):
-        return Path(asked) / "scenario"
+    if chosen_folder := os.environ.get(CACHE_VARIABLE):
+        return Path(chosen_folder) / "scenario"
     package = Path(__file__).parents[1]
     place = hashlib.sha256(bytes(package)).hexdigest()[:8]
     folders = [package / "__pycache__" / "kernels"]
@@ -151,19 +150,19 @@ def _can_be_written(folder: Path) -> bool:
 
 
 def count_kernels() -> int:
-    """Return how many kernels the disk has machine code of."""
+    """Return the number of kernels with machine code on the disk."""
     return sum(1 for _ in cache_folder().glob("*.nbi"))
 
 
 class _Locator:
-    """The place of a kernel's machine code, and the stamp of what was compiled into it."""
+    """Place of a kernel's machine code, and the stamp of everything compiled into it."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self._function = function
 
     @classmethod
     def from_function(cls, function: Callable[..., Any], _: str) -> _Locator:
-        """Return the locator of a function, as numba asks for it."""
+        """Return the locator of a function; called by numba."""
         return cls(function)
 
     def get_cache_path(self) -> str:
@@ -175,23 +174,23 @@ class _Locator:
         _folder().mkdir(parents=True, exist_ok=True)
 
     def get_disambiguator(self) -> str:
-        """Return what tells functions of one name in two modules apart."""
+        """Return a text that distinguishes functions of one name in two modules."""
         module = f"{self._function.__module__}.{self._function.__code__.co_firstlineno}"
         return module.removeprefix(_OURS)
 
     def get_source_stamp(self) -> str:
-        """Return the digest of the function's file and of all that is compiled into it.
+        """Return the digest of the function's file and of everything compiled into it.
 
-        numba looks at that file alone, at its size and time. What a kernel calls is compiled into
-        it, and so are constants from elsewhere: without them in the stamp an upgraded installation,
-        in whose folders old machine code stays, would run half of the old version. The time is
-        left out: a copy, or an image of a container, has the same source and another time.
+        numba itself uses the size and time of that file alone. But called kernels and constants of
+        other modules are compiled in too: without them an upgraded installation, whose folders keep
+        old machine code, would run half of the old version. The time is left out: a copy or a
+        container image has the same source with another time.
         """
-        code, known = self._function.__code__, self._function.__globals__
-        used = hashlib.sha256(_content(code.co_filename).encode())
-        for part in _compiled_in(code, known):
-            used.update(part.encode())
-        return used.hexdigest()
+        code, names = self._function.__code__, self._function.__globals__
+        digest = hashlib.sha256(_content(code.co_filename).encode())
+        for part in _compiled_in(code, names):
+            digest.update(part.encode())
+        return digest.hexdigest()
 
 
 class _CacheImplementation(CompileResultCacheImpl):
@@ -199,10 +198,10 @@ class _CacheImplementation(CompileResultCacheImpl):
 
 
 class _IndexFile(IndexDataCacheFile):
-    """The index of a kernel's files; one that cannot be read is as good as none."""
+    """Index of a kernel's files; an unreadable one counts as empty."""
 
     def _load_index(self) -> dict[Any, str]:
-        # It holds types, pickled: of a class that has moved since, or half of it is there.
+        # It has pickled types: their class may have moved, or the file may be cut.
         with suppress(OSError, EOFError, UnpicklingError, AttributeError, ImportError):
             return dict(super()._load_index())
         return {}
@@ -221,11 +220,11 @@ class _KernelCache(FunctionCache):
 
     @property
     def place(self) -> int:
-        """The byte of the lock that stands for this kernel."""
+        """Byte of the lock file for this kernel."""
         return zlib.crc32(self._impl.filename_base.encode())
 
     def file_of(self, signature: tuple[Any, ...], context: Any) -> str:
-        """Return the name of the file with machine code for ``signature``, empty if none is."""
+        """Return the name of the file with machine code for ``signature``, or an empty text."""
         key = self._index_key(signature, context.codegen())
         return str(self._cache_file._load_index().get(key, ""))
 
@@ -239,40 +238,39 @@ class _KernelCache(FunctionCache):
         return signature
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep machine code, and say that there is some more."""
+        """Store machine code, and report it."""
         super().save_overload(sig, data)
-        _compiler.tell()
+        _compiler.on_kernel()
 
     @contextmanager
     def _guard_against_spurious_io_errors(self) -> Iterator[None]:
-        # Where the disk takes nothing, or holds half a file, this process has what it compiles.
+        # With a full disk or a cut file, this process still has what it compiles.
         with suppress(OSError, EOFError, UnpicklingError):
             yield
 
 
 class _Compiler:
-    """Compiling in this process: locks, the garbage collector, and what is told of it.
+    """Compiling in this process: locks, the garbage collector, and progress.
 
-    ``depth`` counts the kernels that are being compiled, each of which the one before calls.
-    ``called`` are the kernels that Python has called, ``ahead`` the processes that compile what is
-    called later, ``None`` unless somebody asks for it.
+    ``depth`` counts the nested kernels in compilation: each is called by the one before.
+    ``called`` are the kernels that Python has called. ``ahead`` are the processes that compile
+    kernels for later, ``None`` outside :func:`compiling_ahead`.
     """
 
     def __init__(self) -> None:
         self.depth = 0
         self.called: dict[KernelFile, None] = {}
         self.ahead: list[int] | None = None
-        self.tell: Callable[[], object] = _say_nothing
+        self.on_kernel: Callable[[], object] = _ignore
         self._lock: int | None = None
 
     @contextmanager
     def alone(self, place: int) -> Iterator[None]:
-        """Wait until no other process compiles the same kernel, and keep others waiting."""
-        collected = gc.get_threshold()
-        # numba makes millions of small objects that live until a function is done. With Python's
-        # thresholds a quarter of the time goes into walking through them; with these a process is
-        # 10 MB larger at the end.
-        gc.set_threshold(max(_COLLECT_RARELY, collected[0]), *collected[1:])
+        """Hold the lock of a kernel, so that only one process compiles it."""
+        thresholds = gc.get_threshold()
+        # numba makes millions of small objects that live until a function is compiled. Python's
+        # thresholds spend a quarter of the time on collections; these cost 10 MB of memory.
+        gc.set_threshold(max(_COLLECT_RARELY, thresholds[0]), *thresholds[1:])
         self.depth += 1
         self._set_lock(fcntl.LOCK_EX, place)
         try:
@@ -280,11 +278,10 @@ class _Compiler:
         finally:
             self._set_lock(fcntl.LOCK_UN, place)
             self.depth -= 1
-            gc.set_threshold(*collected)
+            gc.set_threshold(*thresholds)
 
     def _set_lock(self, operation: int, place: int) -> None:
-        # Where there is no lock, two processes may compile the same: a file system that has none,
-        # or one that cannot be written.
+        # Without a lock, as on a read-only file system, two processes may compile the same kernel.
         with suppress(OSError):
             if self._lock is None:
                 _folder().mkdir(parents=True, exist_ok=True)
@@ -292,8 +289,8 @@ class _Compiler:
             fcntl.lockf(self._lock, operation, 1, place)
 
 
-def _say_nothing() -> None:
-    """Tell nobody that a kernel was compiled."""
+def _ignore() -> None:
+    """Ignore that a kernel was compiled."""
 
 
 _compiler: Final = _Compiler()
@@ -305,29 +302,31 @@ def _folder() -> Path:
 
 
 @contextmanager
-def compiling_ahead(tell: Callable[[], object]) -> Iterator[Callable[[], tuple[KernelFile, ...]]]:
-    """Compile kernels in processes of their own as soon as :func:`machine_code` asks for one.
+def compiling_ahead(
+    on_kernel: Callable[[], object],
+) -> Iterator[Callable[[], tuple[KernelFile, ...]]]:
+    """Let :func:`machine_code` compile kernels in processes of their own.
 
-    Calls ``tell`` after each kernel, in these processes too. Yields a function that returns which
-    kernels this process has called, and which modules of systems imported, for :func:`keep_list`.
-    For a process without threads.
+    Calls ``on_kernel`` after each kernel, in these processes too. Yields a function that returns
+    the kernels this process has called, and the modules of systems it has imported, for
+    :func:`keep_list`. For a process without threads.
     """
 
     def collect() -> tuple[KernelFile, ...]:
         systems = [name for name in sys.modules if name.startswith(_SYSTEMS)]
         return (*_compiler.called, *((name, "", "") for name in systems))
 
-    _compiler.ahead, _compiler.tell = [], tell
+    _compiler.ahead, _compiler.on_kernel = [], on_kernel
     try:
         yield collect
     finally:
         for process in _compiler.ahead:
             os.waitpid(process, 0)
-        _compiler.ahead, _compiler.tell = None, _say_nothing
+        _compiler.ahead, _compiler.on_kernel = None, _ignore
 
 
 def keep_list(name: str, kernels: tuple[KernelFile, ...]) -> None:
-    """Write down which kernels a kind of system calls, beside those of the list that are current.
+    """Add the kernels that a kind of system calls to the current ones in its list.
 
     Raises ``OSError``.
     """
@@ -336,9 +335,9 @@ def keep_list(name: str, kernels: tuple[KernelFile, ...]) -> None:
 
 
 def load_list(name: str) -> bool:
-    """Load the kernels a kind of system calls, as far as they are listed and on the disk.
+    """Load the listed kernels of a kind of system from the disk.
 
-    Returns whether that is all of them; otherwise a short run has to compile them.
+    Return whether all were loaded; otherwise a short run has to compile them.
     """
     kernels = _read_list(name)
     missing = [entry for entry in kernels if not _load(*entry)]
@@ -371,9 +370,9 @@ def _content(file: str) -> str:
     return hashlib.sha256(Path(file).read_bytes()).hexdigest()
 
 
-def _compiled_in(code: types.CodeType, known: dict[str, Any]) -> Iterator[str]:
+def _compiled_in(code: types.CodeType, names: dict[str, Any]) -> Iterator[str]:
     """Yield the stamps of the kernels and the values of the constants that ``code`` names."""
-    for name, value in _named(code, known):
+    for name, value in _named(code, names):
         if isinstance(value, _Kernel):
             yield f"{name} {value.stamp}"
         elif isinstance(value, np.ndarray):
@@ -382,13 +381,13 @@ def _compiled_in(code: types.CodeType, known: dict[str, Any]) -> Iterator[str]:
             yield f"{name} {value!r}"
     for constant in code.co_consts:
         if isinstance(constant, types.CodeType):
-            yield from _compiled_in(constant, known)
+            yield from _compiled_in(constant, names)
 
 
-def _named(code: types.CodeType, known: dict[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Yield what the names in ``code`` stand for in its module, and in modules it names."""
+def _named(code: types.CodeType, names: dict[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Yield the values of the names in ``code``, from its module and modules it names."""
     for name in code.co_names:
-        value = known.get(name)
+        value = names.get(name)
         if isinstance(value, types.ModuleType):
             inside = vars(value)
             yield from ((part, inside[part]) for part in code.co_names if part in inside)

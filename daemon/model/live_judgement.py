@@ -1,8 +1,8 @@
 """Judgement of a running run as if it ended now: signals, verdicts and log so far.
 
-Made only while somebody looks, by the code that judges finished runs, from what is recorded; it
-never enters a trace or a result. Every message tells the whole, so that one that is lost, or a
-watcher who comes late, costs nothing. Times are simulated seconds.
+Made only while somebody looks, from the recording, by the code that judges finished runs; it never
+enters a trace or a result. Every message is complete, so that a lost one or a late watcher does no
+harm. Times are simulated seconds.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ LARGEST_JUDGEMENT: Final = 2**20
 """Bytes of JSON."""
 _FASTEST: Final = 1
 _MOST_ENTRIES: Final = 4096
-"""Doors' motions, lines of a log, limits or parts of a signal: each is drawn on its own."""
+"""Limit of door motions, log lines, limits and parts of a signal: each is drawn separately."""
 
 LimitSide: TypeAlias = Literal["above", "below", ""]
 _SignalParts = Annotated[tuple[SignalValue | None, ...], Field(max_length=_MOST_ENTRIES)]
@@ -33,8 +33,8 @@ _SignalParts = Annotated[tuple[SignalValue | None, ...], Field(max_length=_MOST_
 class SignalLimit:
     """A value [SI] that oracles compare a signal with.
 
-    ``side`` is where the signal speaks against them, empty where no single sample does, or where
-    two of them want opposite things.
+    ``side`` is where the signal speaks against them; empty if no single sample does, or if two
+    oracles contradict each other.
     """
 
     value: SignalValue
@@ -45,9 +45,9 @@ class SignalLimit:
 class LiveSignal:
     """A signal so far, thinned: least and greatest value in equal parts of ``start`` to ``end``.
 
-    ``low`` and ``high`` have the same length; ``None`` where nothing is known (JSON has no NaN).
-    ``unit`` is ``bool`` for what is true or false. ``against`` are stretches [s] in which the run
-    spoke against an oracle that reads it, and ``readers`` name these oracles.
+    ``low`` and ``high`` have the same length; ``None`` marks missing values (JSON has no NaN).
+    ``unit`` is ``bool`` for truth values. ``against`` are intervals [s] in which the signal spoke
+    against an oracle that reads it, and ``readers`` name these oracles.
     """
 
     name: str
@@ -73,7 +73,7 @@ class LogLine:
 
 @dataclass(frozen=True, slots=True)
 class DoorMotion:
-    """A joint that leaves (``opens``) or comes back to (not ``opens``) how it is drawn, shut."""
+    """A joint that leaves (``opens``) or returns to (not ``opens``) its shut position."""
 
     time: Moment
     joint: str
@@ -84,11 +84,10 @@ class DoorMotion:
 class LiveJudgement:
     """A running run, judged up to ``time`` [s].
 
-    ``verdicts`` are those of the run if it ended now; a failure that what is still to come may mend
-    is ``inconclusive`` instead: to call it a failure would be wrong.
-    ``reached`` are the moments waypoints were done; of ``doors`` the last thousand motions are
-    told. ``log`` is the end of the log, in the order of time; ``log_before`` counts the lines
-    before it that are left out.
+    ``verdicts`` are those of the run if it ended now; a failure that the rest of the run may mend
+    is ``inconclusive`` instead. ``reached`` are the times of completed waypoints, ``doors`` the
+    last thousand motions. ``log`` is the end of the log in order of time; ``log_before`` counts
+    the omitted lines before it.
     """
 
     run: str
@@ -102,24 +101,24 @@ class LiveJudgement:
 
 
 def pack_judgement(judgement: LiveJudgement) -> bytes:
-    """Return a judgement as it travels: JSON, compressed to about a fifth.
+    """Return a judgement for the bus: JSON, compressed to about a fifth.
 
-    Of one that is too long to be read only a line of its log is left, which says so.
+    A judgement that is too long is replaced by one log line that says so.
     """
     text = codec.to_json(judgement)
     if len(text) > LARGEST_JUDGEMENT:
         count, time = len(judgement.verdicts), judgement.time
-        words = f"{count} verdicts and their signals are too long to be told before the end"
+        words = f"{count} verdicts and their signals are too long to be shown before the end"
         line = LogLine(time, "oracles", words, "warn")
         text = codec.to_json(LiveJudgement(judgement.run, time, (), (), (), (), (line,)))
     return zlib.compress(text, _FASTEST)
 
 
 def unpack_judgement(data: bytes, clean: Callable[[bytes], bytes] = bytes) -> LiveJudgement:
-    """Read what :func:`pack_judgement` made; raises ``ValueError`` for anything else.
+    """Read the data of :func:`pack_judgement`; raises ``ValueError`` for anything else.
 
-    The JSON is read as ``clean`` returns it. What no run is told by is refused as a whole: it is
-    drawn, whoever has sent it.
+    ``clean`` is applied to the JSON first. Implausible signals are refused, since they are drawn
+    whoever has sent them.
     """
     inflater = zlib.decompressobj()
     try:
@@ -130,9 +129,9 @@ def unpack_judgement(data: bytes, clean: Callable[[bytes], bytes] = bytes) -> Li
         raise ValueError(f"cut, or of more than {LARGEST_JUDGEMENT} bytes")
     judgement = codec.from_json(LiveJudgement, clean(text))
     for signal in judgement.signals:
-        # No two stretches are less than a part apart.
+        # Two intervals are at least one part apart.
         parts = len(signal.low)
         many = len(signal.against) > parts + 1
         if not parts or parts != len(signal.high) or signal.end < signal.start or many:
-            raise ValueError(f"{signal.name[:80]}: the parts of the signal do not go together")
+            raise ValueError(f"{signal.name[:80]}: the parts of the signal contradict each other")
     return judgement

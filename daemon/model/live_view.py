@@ -1,6 +1,6 @@
 """View of a watched run beyond its progress: laser returns, plan, contacts.
 
-Made only while somebody watches, and small: a snapshot is to fit into a pipe's buffer.
+Made only while somebody watches, and small: a snapshot must fit into a pipe's buffer.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from daemon.model.sut import Cloud, CostmapPicture, Estimate
 from grammars.model.geometry import Floats, Point2, Pose2
 from grammars.model.robot import Laser
 
-# A pipe takes 4096 bytes at once, and a run must never wait for who reads them. With coordinates
-# of four or five digits these points are about 2800 bytes; the rest is for the joints.
+# A pipe takes 4096 bytes at once, and a run must never wait for the reader. With coordinates of
+# four or five digits these points take about 2800 bytes; the rest is for the joints.
 MOST_RETURNS: Final = 90
-"""Laser returns of a snapshot at most."""
+"""Most laser returns of a snapshot."""
 MOST_PLAN_POINTS: Final = 40
-"""Points of the plan at most."""
+"""Most points of the plan."""
 MOST_CONTACTS: Final = 8
 MOST_BLOCKED: Final = 90
-"""Blocked cells of a costmap at most."""
+"""Most blocked cells of a costmap."""
 
 
 _INSCRIBED, _LETHAL = 253, 254
@@ -42,7 +42,7 @@ class LiveView:
     contacts: list[Point2] = field(default_factory=list)
 
     def add_scan(self, pose: Pose2, ranges: npt.NDArray[np.floating], laser: str = "") -> None:
-        """Take in a scan that ``laser`` made at ``pose`` of the base: ``ranges`` (rays,) [m]."""
+        """Add a scan of ``laser`` at ``pose`` of the base: ``ranges`` (rays,) [m]."""
         self.scans[laser] = pose, ranges
 
     def extend(
@@ -52,29 +52,29 @@ class LiveView:
         plan: Floats | None,
         costmap: CostmapPicture | None,
     ) -> Snapshot:
-        """Return ``snapshot`` with everything there is to see; contacts are told once."""
-        touched, self.contacts = self.contacts[-MOST_CONTACTS:], []
+        """Return ``snapshot`` with everything visible; each contact appears once."""
+        contacts, self.contacts = self.contacts[-MOST_CONTACTS:], []
         return replace(
             snapshot,
             spread=_covariance_xy(belief),
             returns=to_centimetres(self._returns()),
             plan=() if plan is None else to_centimetres(_thin_points(plan, MOST_PLAN_POINTS)),
-            contacts=to_centimetres(np.array(touched).reshape(-1, 2)),
+            contacts=to_centimetres(np.array(contacts).reshape(-1, 2)),
             costmap=to_centimetres(_thin_points(_blocked(costmap), MOST_BLOCKED)),
         )
 
     def _returns(self) -> Floats:
         most = MOST_RETURNS // len(self.lasers)
-        found = [
+        returns = [
             scan_returns(laser, *self.scans[laser.name], most)
             for laser in self.lasers
             if laser.name in self.scans
         ]
-        return np.concatenate([np.empty((0, 2)), *found])
+        return np.concatenate([np.empty((0, 2)), *returns])
 
 
 def blocked_points(costmap: CostmapPicture, frame_pose: Pose2) -> Floats:
-    """Return the middles (n, 2) of cells, inscribed or lethal, in the map [m].
+    """Return the centres (n, 2) of inscribed and lethal cells in the map [m].
 
     ``frame_pose`` is the pose of the costmap's frame in the map.
     """
@@ -92,15 +92,15 @@ def _blocked(costmap: CostmapPicture | None) -> Floats:
 
 
 def scan_returns(laser: Laser, base: Pose2, ranges: npt.NDArray[np.floating], most: int) -> Floats:
-    """Return where a laser saw something (n, 2): of evenly thinned ``ranges``, at most ``most``.
+    """Return the points (n, 2) of laser returns: at most ``most``, evenly thinned.
 
     ``base`` is the pose of the robot at the scan; the points are in its frame.
     """
     eye, step = base @ laser.mount, max(1, -(-laser.rays // most))
     thinned = np.asarray(ranges[::step], dtype=np.float64)
-    seen = np.isfinite(thinned) & (thinned > 0.0)
-    bearing = eye.yaw + np.linspace(laser.angle_min, laser.angle_max, laser.rays)[::step][seen]
-    reach = thinned[seen]
+    valid = np.isfinite(thinned) & (thinned > 0.0)
+    bearing = eye.yaw + np.linspace(laser.angle_min, laser.angle_max, laser.rays)[::step][valid]
+    reach = thinned[valid]
     return np.column_stack([eye.x + reach * np.cos(bearing), eye.y + reach * np.sin(bearing)])
 
 
@@ -108,13 +108,13 @@ def _covariance_xy(belief: Cloud | Estimate | None) -> tuple[float, float, float
     if belief is None:
         return None
     covariance = belief.covariance
-    known = float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])
-    # One that cannot be drawn would keep all else from being read.
-    return known if all(abs(value) <= LARGEST_VALUE for value in known) else None
+    values = float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])
+    # Readers would refuse the whole snapshot for a value beyond the limit.
+    return values if all(abs(value) <= LARGEST_VALUE for value in values) else None
 
 
 def _thin_points(points: Floats, most: int) -> Floats:
-    """Return at most ``most`` of points (n, k), first and last among them."""
+    """Return at most ``most`` of points (n, k), including the first and the last."""
     if len(points) <= most:
         return points
     return points[np.linspace(0, len(points) - 1, most).round().astype(np.int64)]
@@ -122,13 +122,13 @@ def _thin_points(points: Floats, most: int) -> Floats:
 
 def to_centimetres(points: Floats) -> tuple[int, ...]:
     """Return points (n, 2 or more) [m] as x, y, x, y, ... [cm]."""
-    known = points[np.isfinite(points).all(axis=1), :2]
-    # Whatever a system plans: what is farther away than any map is at the end of what can be told.
-    told = np.clip(known, -FARTHEST_POINT / 100.0, FARTHEST_POINT / 100.0)
-    return tuple(np.rint(told * 100.0).astype(np.int64).ravel().tolist())
+    finite = points[np.isfinite(points).all(axis=1), :2]
+    # Points of a plan beyond any map move to the limit of the message.
+    clipped = np.clip(finite, -FARTHEST_POINT / 100.0, FARTHEST_POINT / 100.0)
+    return tuple(np.rint(clipped * 100.0).astype(np.int64).ravel().tolist())
 
 
 def from_centimetres(numbers: Sequence[int]) -> tuple[Point2, ...]:
-    """Return x, y, x, y, ... [cm] as points [m]; a number without its partner is left out."""
+    """Return x, y, x, y, ... [cm] as points [m]; an odd last number is ignored."""
     pairs = zip(numbers[::2], numbers[1::2], strict=False)
     return tuple((x / 100.0, y / 100.0) for x, y in pairs)

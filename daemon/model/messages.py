@@ -1,7 +1,6 @@
 """Requests and answers of the bus that people never see: questions, leases, completions.
 
-The values people see are in :mod:`daemon.model.status`, what can be asked in
-:mod:`daemon.model.verbs`.
+Values for people are in :mod:`daemon.model.status`, verbs in :mod:`daemon.model.verbs`.
 """
 
 from __future__ import annotations
@@ -17,22 +16,22 @@ from daemon.model.spec import ENGINE_VERSION, LARGEST_TRACE, RunResult, RunSpec
 from daemon.model.status import Preparation
 
 PROTOCOL: Final = 3
-"""Raise it when a message changes so that others do not understand it any more."""
+"""Version of the messages; raise it with every incompatible change."""
 PREFIX: Final = "scenario/v1"
-"""Of every key on the bus; another one would be for messages that this version cannot read."""
+"""Prefix of every key on the bus; incompatible messages would get another one."""
 ASK: Final = f"{PREFIX}/ask"
-"""Questions are asked at ``ASK/<name>/<verb>``, under the name of the requester's key."""
+"""Requests go to ``ASK/<name>/<verb>``, under the name of the requester's key."""
 EVENTS: Final = f"{PREFIX}/event"
 LIVE: Final = f"{PREFIX}/live"
 """Snapshots are published at ``LIVE/<name>/<worker>``, those of one run below that."""
 JUDGED: Final = "judged"
-"""What a running run is judged by now is published at ``LIVE/<name>/<worker>/<run>/judged``."""
+"""Judgements of a running run are published at ``LIVE/<name>/<worker>/<run>/judged``."""
 ALIVE: Final = f"{PREFIX}/alive"
 """Workers are alive at ``ALIVE/<name>/<worker>``."""
 OWNER: Final = "owner"
-"""The name in keys of who has no key: the daemon's owner, and everybody over plain TCP."""
+"""Name in keys of clients without a key: the daemon's owner, and everybody over plain TCP."""
 WORK: Final = f"{PREFIX}/work"
-"""Published without content when runs become available or unwanted: a hint, workers also poll."""
+"""Published without content when runs become available or unwanted; workers also poll."""
 
 LARGEST_SUBMISSION: Final = 64 * 2**20
 """Bytes; a hundred thousand runs of a whole building are a few MiB packed."""
@@ -41,14 +40,14 @@ LARGEST_EXTENSION: Final = 16 * 2**20
 """Bytes of runs added to a search, or of its answer; a scene of a whole building is a few MiB."""
 LARGEST_PAGE: Final = 1000
 LARGEST_PAGE_BYTES: Final = 4 * 2**20
-"""Of what runs have that may be long, results and reasons: a page of them ends there."""
+"""Results and reasons may be long: a page ends at this size."""
 PART: Final = 256 * 2**10
-"""Bytes of a file that travel at a time."""
+"""Bytes of one part of a file."""
 HIGHEST_PRIORITY: Final = 1000
 LONGEST_TROUBLE: Final = 2000
 """Characters."""
 MOST_PROGRESS: Final = 512
-"""Runs whose progress a worker tells: enough to know their speed."""
+"""Most runs in a worker's progress report: enough to know their speed."""
 
 WorkerId = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,99}$")]
 Sha256Text = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
@@ -56,10 +55,10 @@ FileBytes = Annotated[Base64Bytes, Field(max_length=PART)]
 
 
 class Rejection(StrEnum):
-    """The reasons for which a result is never taken, however often it is delivered.
+    """Reasons for which a result is never accepted, however often it is delivered.
 
-    These alone let a worker discard a finished run. Every other answer, and no answer, means that
-    the worker keeps the run and delivers it later. ``unknown-run``: the run was deleted.
+    Only these let a worker discard a finished run. After any other answer, or none, the worker
+    keeps the run and delivers it later. ``unknown-run``: the run was deleted.
     ``unknown-lease``: the run was never leased under that token. ``other-specification``: the
     result is of another run. ``damaged``: result and trace do not fit together. ``too-large``: the
     result exceeds its limit.
@@ -73,11 +72,11 @@ class Rejection(StrEnum):
 
 
 class ErrorKind(StrEnum):
-    """What an error reply is about.
+    """Kind of an error reply.
 
-    ``refused``: the request is no good. ``unavailable``: the daemon cannot just now.
-    ``failed``: an error of the daemon's own kept it from doing what was asked. ``other-ledger``:
-    the request belongs to another ledger than the daemon's.
+    ``refused``: the request is invalid. ``unavailable``: the daemon cannot serve it now.
+    ``failed``: the daemon met an error of its own. ``other-ledger``: the request belongs to
+    another ledger than the daemon's.
     """
 
     REFUSED = "refused"
@@ -88,9 +87,9 @@ class ErrorKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class ErrorReply:
-    """An error reply: a problem in words, and what it is about.
+    """An error reply: a problem in words, and its kind.
 
-    A ``rejection`` is in the reply to a result that is never taken.
+    A ``rejection`` is in the reply to a result that is never accepted.
     """
 
     problem: str
@@ -121,7 +120,7 @@ class Count:
 class CampaignQuery:
     """A page of campaigns, the newest first; empty strings filter nothing.
 
-    ``beginning`` is that of the id. With ``unfinished`` only those of which runs wait or run.
+    ``beginning`` is a prefix of the id. ``unfinished`` selects those with waiting or running runs.
     """
 
     id: IdText = ""
@@ -134,7 +133,7 @@ class CampaignQuery:
 
 @dataclass(frozen=True, slots=True)
 class DeleteRequest:
-    """Remove campaigns for good, all or none; a ``dry`` one only asks what would go."""
+    """Remove campaigns for good, all or none; ``dry`` only reports what would be removed."""
 
     campaigns: Annotated[tuple[IdText, ...], Field(min_length=1, max_length=100)]
     dry: bool = False
@@ -144,7 +143,7 @@ class DeleteRequest:
 class RunQuery:
     """A page of runs: empty strings filter nothing; ``sort`` names a column of the row.
 
-    With ``results`` the rows have theirs, and their proposals.
+    With ``results`` the rows have their results and proposals.
     """
 
     campaign: IdText = ""
@@ -170,7 +169,7 @@ class RetryRequest:
 
 @dataclass(frozen=True, slots=True)
 class SteerRequest:
-    """Pause a campaign or go on with it, or give it another priority; ``None`` changes nothing."""
+    """Pause or resume a campaign, or change its priority; ``None`` keeps the value."""
 
     campaign: IdText
     paused: bool | None = None
@@ -179,7 +178,7 @@ class SteerRequest:
 
 @dataclass(frozen=True, slots=True)
 class RunProgress:
-    """Progress of a run: so many ``simulated`` seconds in ``elapsed`` seconds of wall time."""
+    """Progress of a run: ``simulated`` seconds in ``elapsed`` seconds of wall time."""
 
     run: IdText
     simulated: Seconds
@@ -188,13 +187,13 @@ class RunProgress:
 
 @dataclass(frozen=True, slots=True)
 class WorkerInfo:
-    """Who a worker is, sent with every request so that a new daemon knows it at once.
+    """Description of a worker, sent with every request so that a new daemon knows it at once.
 
-    ``trouble`` says what keeps it from working: its disk is full, it cannot start processes;
-    ``preparation`` is what it does before runs that it has leased can start. ``era`` is that of its
-    :class:`WelcomeReply`, empty before. ``notice`` is something people should know although it
-    works. ``cpu``, ``memory`` and ``memory_total`` are as in
-    :class:`daemon.model.status.WorkerRow`. ``progress`` is that of runs that have begun.
+    ``trouble`` is the reason why it cannot work, such as a full disk. ``preparation`` is its
+    activity before leased runs can start. ``era`` is that of its :class:`WelcomeReply`, empty
+    before. ``notice`` is a hint for people although it works. ``cpu``, ``memory`` and
+    ``memory_total`` are as in :class:`daemon.model.status.WorkerRow`. ``progress`` is that of
+    started runs.
     """
 
     id: WorkerId
@@ -216,12 +215,12 @@ class WorkerInfo:
 
 @dataclass(frozen=True, slots=True)
 class WelcomeReply:
-    """What a worker must know before it starts: where to keep things, how often to renew.
+    """First answer to a worker: the state directory, and the period of renewals [s].
 
     ``identity`` names the state directory for good. ``era`` names the time since this daemon began
-    to keep its ledger: the worker that reads it in the daemon's directory shares its file system.
-    The ledger knows all of its eras. So it recognises requests that belong to another ledger, or to
-    a later state than the one it is a copy of.
+    to keep its ledger: a worker that reads it in the daemon's directory shares its file system.
+    The ledger lists all its eras, so it recognises requests that belong to another ledger, or to a
+    later state of a ledger restored from a copy.
     """
 
     state: str
@@ -232,7 +231,7 @@ class WelcomeReply:
 
 @dataclass(frozen=True, slots=True)
 class LeaseRequest:
-    """Ask for up to ``count`` runs, but none of a kind of system under test it ``lacks``."""
+    """Ask for up to ``count`` runs, except of kinds of systems under test it ``lacks``."""
 
     worker: WorkerInfo
     count: Annotated[int, Field(ge=0, le=1024)]
@@ -243,8 +242,8 @@ class LeaseRequest:
 class Lease:
     """One leased run: ``token`` fences it, ``trace`` names its trace in the state directory.
 
-    With ``leads`` its result is to have leading margins: a search learns of them. ``era`` is that
-    of the ledger in which it was granted.
+    With ``leads`` its result must have leading margins, which a search learns from. ``era`` is that
+    of the ledger that granted it.
     """
 
     run: str
@@ -259,10 +258,10 @@ class Lease:
 
 @dataclass(frozen=True, slots=True)
 class LeaseReply:
-    """Runs to execute; ``draining`` says that none will come, the daemon is leaving.
+    """Runs to execute; ``draining``: the daemon stops and sends no more.
 
-    The field is called ``grants`` since a lease is granted: names on the bus stay as they are, so
-    that daemons and workers of different days talk to each other, if only to say so.
+    Names on the bus, such as ``grants``, never change, so that daemons and workers of different
+    versions understand each other.
     """
 
     grants: tuple[Lease, ...]
@@ -271,7 +270,7 @@ class LeaseReply:
 
 @dataclass(frozen=True, slots=True)
 class LeaseRef:
-    """A lease a worker believes to hold."""
+    """A lease that a worker believes to hold."""
 
     run: IdText
     token: NonNegativeInt
@@ -287,9 +286,9 @@ class RenewRequest:
 
 @dataclass(frozen=True, slots=True)
 class RenewReply:
-    """Leases whose runs are not wanted any more: stop those runs.
+    """Leases whose runs the worker must stop.
 
-    They have a result, are cancelled, or were never leased under the name of who asks.
+    They have a result, are cancelled, or were never leased under the requester's name.
     """
 
     gone: tuple[LeaseRef, ...]
@@ -297,9 +296,9 @@ class RenewReply:
 
 @dataclass(frozen=True, slots=True)
 class Completion:
-    """A finished run; its trace has come before, under the same lease.
+    """A finished run; its trace was sent before, under the same lease.
 
-    ``era`` is that of the lease, here and in the other requests that come under one.
+    ``era`` is that of the lease, as in all requests under a lease.
     """
 
     worker: WorkerId
@@ -311,13 +310,13 @@ class Completion:
 
 
 class LedgerAnswer(StrEnum):
-    """What the ledger made of a completion, a release or a renewal.
+    """Answer of the ledger to a completion, a release or a renewal.
 
-    ``recorded``: this is the result. ``known``: the same result was there. ``differs``: another
-    result was there, a nondeterminism alarm. ``redundant``: another result was there of a system
-    that is not repeatable, and one is enough; or it was executed before somebody asked for another
-    one. ``dropped``: the run is cancelled. ``stale``: the lease is over. ``missing``: nothing was
-    recorded, since the trace is not there: bring it again. ``done``: as asked.
+    ``recorded``: this is the result. ``known``: the ledger has the same result. ``differs``: it has
+    another one, a nondeterminism alarm. ``redundant``: it has another one of a system that is not
+    repeatable, or this run was executed before a retry was requested. ``dropped``: the run is
+    cancelled. ``stale``: the lease is over. ``missing``: the trace is missing, so nothing was
+    recorded: send it again. ``done``: the request was carried out.
     """
 
     RECORDED = "recorded"
@@ -339,10 +338,10 @@ class LedgerAcknowledgement:
 
 @dataclass(frozen=True, slots=True)
 class ReleaseRequest:
-    """A run given back without a result; ``blame`` counts it against the run's attempts.
+    """A run returned without a result; ``blame`` counts it against the run's attempts.
 
-    ``damaged`` is the digest of a scene or file of the daemon's that is not what its name says.
-    With ``died`` another worker had it, and died.
+    ``damaged`` is the digest of a scene or file of the daemon with wrong content. ``died``: the
+    run belonged to another worker, which died.
     """
 
     worker: WorkerId
@@ -357,10 +356,10 @@ class ReleaseRequest:
 
 @dataclass(frozen=True, slots=True)
 class PutRequest:
-    """A part of a file on its way to the daemon, at ``offset``.
+    """A part of a file for the daemon, at ``offset``.
 
-    ``sha256`` and ``size`` are those of the whole. Without ``data`` it asks how much is there. The
-    trace of a run comes under its ``lease`` of that ``era``, files of submissions come without.
+    ``sha256`` and ``size`` are those of the whole file. Without ``data`` it asks for the size
+    received so far. The trace of a run has its ``lease`` and ``era``, files of submissions do not.
     """
 
     sha256: Sha256Text
@@ -373,7 +372,7 @@ class PutRequest:
 
 @dataclass(frozen=True, slots=True)
 class GetRequest:
-    """Ask for a part of a file by its digest, from ``offset`` on; a trace is that of a ``run``."""
+    """Ask for a part of a file by its digest, from ``offset`` on; a trace also has its ``run``."""
 
     sha256: Sha256Text
     offset: NonNegativeInt = 0
@@ -382,7 +381,7 @@ class GetRequest:
 
 @dataclass(frozen=True, slots=True)
 class FilePart:
-    """A part of a file; ``size`` is that of the whole, in bytes."""
+    """A part of a file; ``size`` is that of the whole file [B]."""
 
     size: Annotated[int, Field(ge=0, le=LARGEST_TRACE)]
     data: FileBytes

@@ -1,7 +1,7 @@
-"""The runs of a search, as they are proposed.
+"""Proposals: the runs of a search.
 
-A *proposal* is a point that is to be run; proposal ``n`` of search ``S`` is the scenario ``S.n``,
-so that every run of a search is an ordinary run. :mod:`daemon.model.trials` says what it is worth.
+A *proposal* is a point to run. Proposal ``n`` of search ``S`` is the scenario ``S.n``, so every run
+of a search is an ordinary run. :mod:`daemon.model.trials` evaluates it.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from daemon.model.search import Point
 from daemon.model.submission import Submission
 
 Phase: TypeAlias = Literal["explore", "confirm", "nearest", "shrink"]
-"""What a run is for: to find failures, to repeat one with other noise, to bring one nearer to the
-scenario as written, to take away from it what it does not need."""
+"""Purpose of a run: to find failures, to repeat one with other noise, to bring one nearer to the
+scenario as written, to remove its unnecessary parts."""
 
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """What a run of a search is about: a point and a purpose.
+    """Subject of a run of a search: a point and a purpose.
 
-    ``number`` counts proposals, ``repeat`` the repeats of one; ``position`` counts runs. What is
-    not ``guided`` was chosen without looking at results: only such runs tell how frequent failures
-    are. ``note`` says in a few words what was tried (``without bedroom_door``), where a point does
-    not.
+    ``number`` counts proposals, ``repeat`` the repeats of one; ``position`` counts runs. Proposals
+    that are not ``guided`` were chosen without looking at results: only their runs show how
+    frequent failures are. ``note`` describes an attempt that its point does not
+    (``without bedroom_door``).
     """
 
     position: NonNegativeInt
@@ -44,7 +44,7 @@ class Proposal:
 class ExtendRequest:
     """More runs of a search, ``runs`` in the order of ``proposals``.
 
-    What is there already at its position is left as it is, so that asking twice is harmless.
+    Positions that have a run already keep it, so repeating the request is harmless.
     """
 
     client: ShortText

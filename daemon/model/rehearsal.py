@@ -1,8 +1,8 @@
-"""The short run that compiles what runs of a system call, before the first of them.
+"""Short run that compiles the kernels of a system before its first run.
 
-Runs of the same system and robot call the same kernels, whatever the numbers in their parameters
-are. What they call is listed under one name (:func:`kernel_list`); where that list or some machine
-code is missing, the short run makes both.
+Runs of the same system and robot call the same kernels, whatever the numbers in their parameters.
+These are listed under one name (:func:`kernel_list`). The short run makes a missing list and
+missing machine code.
 """
 
 from __future__ import annotations
@@ -17,23 +17,20 @@ from grammars.model.robot import Robot
 from grammars.text import codec
 
 WITH_KERNELS: Final = ("pilot", "ros")
-"""Kinds of systems that have kernels of their own: of all others the short run has none."""
+"""Kinds of systems with kernels of their own; the short run omits all others."""
 SHORT: Final = 20.0
-"""Simulated seconds: until then each of these systems has planned and driven around something."""
+"""Length of the short run [s, simulated]: each system plans and avoids an obstacle in it."""
 _IDLE: Final = SutReference("idle", "idle", {})
 
 
 def short_run(spec: RunSpec) -> RunSpec:
-    """Return the beginning of a run.
-
-    A system that plugs in, or lives outside of this process, is left out.
-    """
+    """Return the beginning of a run, without a system that is a plug-in or an outside process."""
     sut = spec.sut if spec.sut.kind in WITH_KERNELS else _IDLE
     return replace(spec, sut=sut, limit=min(SHORT, spec.limit))
 
 
 def kernel_list(spec: RunSpec) -> str:
-    """Return the name of what lists the kernels that runs like ``spec`` call."""
+    """Return the name of the list of kernels that runs like ``spec`` call."""
     sut = short_run(spec).sut
     robot = codec.to_plain(spec.robot, Robot)
     choices = repr((_choices(sut.parameters), _choices(robot)))

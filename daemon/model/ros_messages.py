@@ -1,6 +1,6 @@
-"""ROS 2 messages: types, definitions, CDR, and how the common ones are built.
+"""ROS 2 messages: types, definitions, CDR, and constructors of the common ones.
 
-Spoken by traces and by systems under test that talk to a ROS 2 stack.
+Used by traces and by systems under test that talk to a ROS 2 stack.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from grammars.model.robot import Laser
 CONTACTS: Final = "gazebo_msgs/msg/ContactsState"
 
 TREE_LOG_WITHOUT_UIDS: Final = "nav2_msgs/msg/OldBehaviorTreeLog"
-"""Type of the log of a behaviour tree before Jazzy, here alone under this name."""
+"""Type of the log of a behaviour tree before Jazzy; the name exists only here."""
 
 _DEFINITIONS: Final = {
     "gazebo_msgs/msg/ContactState": (
@@ -49,8 +49,7 @@ _DEFINITIONS: Final = {
     ),
     "nav2_msgs/msg/SpeedLimit": ("std_msgs/Header header\nbool percentage\nfloat64 speed_limit\n"),
 }
-"""Messages of Gazebo and of Nav2, which rosbags lacks; those of Nav2 as Jazzy and Kilted have them.
-"""
+"""Messages of Gazebo and Nav2 (Jazzy and Kilted), which rosbags lacks."""
 
 
 # Not at import: rosbags takes about 40 ms to load.
@@ -76,13 +75,13 @@ def serialize(message: Any, kind: str) -> bytes:
 
 
 def deserialize(data: bytes, kind: str) -> Any:
-    """Read a message from CDR; damaged bytes raise whatever rosbags raises."""
+    """Read a message from CDR; damaged bytes raise the exceptions of rosbags."""
     return typestore().deserialize_cdr(data, kind)
 
 
 @functools.cache
 def schema(kind: str) -> str:
-    """Return the complete ``ros2msg`` definition of a type, with all types it is made of."""
+    """Return the complete ``ros2msg`` definition of a type, including its nested types."""
     text: str = typestore().generate_msgdef(kind, ros_version=2)[0]
     return text
 
@@ -164,7 +163,7 @@ def scan(stamp: Any, frame: str, laser: Laser, ranges: npt.NDArray[np.float32]) 
 def uncertain_pose(stamp: Any, frame: str, pose: Any, covariance: Mapping[int, float]) -> Any:
     """Return a ``geometry_msgs/PoseWithCovarianceStamped``.
 
-    ``covariance`` has the values of the row-major (6, 6) matrix that are not 0, by their index.
+    ``covariance`` has the non-zero values of the row-major (6, 6) matrix by index.
     """
     matrix = np.zeros(36)
     matrix[list(covariance)] = list(covariance.values())

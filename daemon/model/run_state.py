@@ -1,7 +1,7 @@
-"""Where a run stands in the ledger.
+"""States of a run in the ledger.
 
-Apart from what is told of runs (:mod:`daemon.model.status`), whose records take longer to load than
-the dashboard's first screen.
+Separate from the records of runs (:mod:`daemon.model.status`), which take longer to load than the
+dashboard's first screen.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Final
 
 
 class RunState(StrEnum):
-    """Life of a run in the ledger; ``lost`` means no result after every attempt."""
+    """State of a run in the ledger; ``lost`` means no result after every attempt."""
 
     QUEUED = "queued"
     RUNNING = "running"

@@ -1,9 +1,9 @@
-"""A search for failures: what is asked for.
+"""A search for failures: its task.
 
 A *search* varies parameters of the layers of one scenario and looks for the values with which an
 oracle fails. A *point* has one value for each parameter, as a person would write it: a number in
-the parameter's unit, rounded to its step, or one of its choices. What is run for it is told in
-:mod:`daemon.model.proposals`, what comes out of it in :mod:`daemon.model.search_answer`.
+the parameter's unit, rounded to its step, or one of its choices. Its runs are in
+:mod:`daemon.model.proposals`, its results in :mod:`daemon.model.search_answer`.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ from daemon.model.ranges import IdText, ShortText
 from daemon.model.submission import CampaignOrigin
 
 ANY: Final = "any"
-"""Instead of an oracle: the smallest of all margins, each divided by its scale."""
+"""Takes the place of an oracle: the smallest of all margins, each divided by its scale."""
 WINDOW: Final = 8
-"""Proposals that may be out at a time; proposal n is made knowing the results 0 to n - WINDOW."""
+"""Pending proposals at a time; proposal n is made with the results of 0 to n - WINDOW."""
 SPACE_FILLING: Final = 16
 """Runs of a scrambled Halton sequence, the written values first, before a search is guided."""
 MOST_PROPOSALS: Final = 10_000
-"""Runs a search may be asked for."""
+"""Most runs that a search may request."""
 MOST_SEARCH_RUNS: Final = MOST_PROPOSALS + 2_000
-"""With those that repeat a failure, bring it near and shrink it."""
+"""Including the runs that repeat a failure, bring it nearer and shrink it."""
 MOST_PARAMETERS: Final = 100
 MOST_WINDOW: Final = 1_000
 MOST_REPEATS: Final = 100
 LONGEST_SEARCH: Final = 30 * 86_400.0
-"""Seconds of wall clock a search may be asked for."""
+"""Longest wall clock time of a search [s]."""
 
 SEARCH_NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,39}$"
-"""Of a search: part of the names of its runs, of its id and of files."""
+"""Pattern of a search's name: it is part of the names of runs, of its id and of files."""
 
 PointValue: TypeAlias = float | str
 Point: TypeAlias = tuple[PointValue, ...]
@@ -46,15 +46,14 @@ ParameterSlot: TypeAlias = Literal[
 
 @dataclass(frozen=True, slots=True)
 class SearchParameter:
-    """Something that is varied: a range of numbers, or a list of choices.
+    """A varied parameter: a range of numbers, or a list of choices.
 
-    ``name`` is as written (``doors_moving.swing``); ``slot``, ``index`` and ``key`` say beside
-    which of the scenario's layer names its value is written as an override: ``{key: value}``
-    beside the ``index``-th name of that slot. ``low``, ``high``, ``step`` and ``written`` are in
-    ``unit``, as written in the range; it is empty for plain numbers. With ``choices`` there is no
-    range. ``written`` is the value that the scenario has, which may lie outside of the range.
-    Values of a ``whole`` parameter are whole numbers, those of a ``truth`` parameter ``"true"``
-    and ``"false"``. ``where`` is the place of the range: file and line.
+    ``name`` is as written (``doors_moving.swing``). Its value is an override in the scenario:
+    ``{key: value}`` after the ``index``-th layer name of ``slot``. ``low``, ``high``, ``step`` and
+    ``written`` are in ``unit``, as written in the range; it is empty for plain numbers.
+    ``choices`` replace the range. ``written`` is the value in the scenario, which may lie outside
+    of the range. Values of a ``whole`` parameter are whole numbers, those of a ``truth`` parameter
+    ``"true"`` and ``"false"``. ``where`` is the file and line of the range.
     """
 
     name: str
@@ -73,7 +72,7 @@ class SearchParameter:
     truth: bool = False
 
     def text(self, value: PointValue) -> str:
-        """Return a value as it is written in a file: ``52.5 deg/s``."""
+        """Return a value as in a file: ``52.5 deg/s``."""
         words = value if isinstance(value, str) else f"{value:.10g}"
         return f"{words} {self.unit}" if self.unit and not isinstance(value, str) else words
 
@@ -85,7 +84,7 @@ class SearchParameter:
         return f"{number.replace('-', '−')}{space}{unit}"
 
     def override(self, value: PointValue) -> str | float | int | bool:
-        """Return what stands in a campaign file as the parameter's value."""
+        """Return the parameter's value for a campaign file."""
         if self.truth:
             return value == "true"
         if isinstance(value, str) or self.unit:
@@ -95,7 +94,7 @@ class SearchParameter:
 
 @dataclass(frozen=True, slots=True)
 class OracleScale:
-    """By what [in ``unit``] an oracle's margin is divided where the smallest of all counts."""
+    """Divisor [``unit``] of an oracle's margin when the smallest of all margins is minimised."""
 
     oracle: str
     scale: float
@@ -104,14 +103,14 @@ class OracleScale:
 
 @dataclass(frozen=True, slots=True)
 class SearchTask:
-    """A search as it is asked for, checked and complete.
+    """The complete, checked task of a search.
 
-    ``minimise`` names an oracle, or is :data:`ANY`; ``scales`` has all oracles it is about, one or
-    several. ``constraints`` are predicates over parameters as written. The search ends when
-    ``runs`` proposals are made, when ``seconds`` of wall clock are over (0: never), or as ``stop``
-    says: after so many ``failures``, or when nothing got better for a while (``settled``).
-    Every failure that is told is run ``confirm`` times more with other noise. With a system that
-    is not ``repeatable`` the value of a point is the median of its repeats.
+    ``minimise`` names an oracle, or is :data:`ANY`; ``scales`` has all oracles of the search, one
+    or several. ``constraints`` are predicates over parameters as written. The search ends after
+    ``runs`` proposals, after ``seconds`` of wall clock (0: never), or by its ``stop`` rule: after
+    ``failures`` failures, or without further improvement (``settled``). Every reported failure is
+    run ``confirm`` more times with other noise. With a system that is not ``repeatable`` the value
+    of a point is the median of its repeats.
     """
 
     name: Annotated[str, Field(pattern=SEARCH_NAME)]
@@ -136,7 +135,7 @@ class SearchTask:
     about: str = ""
 
     def short_name(self, name: str) -> str:
-        """Return a parameter's name without its layer, where no other one is called so."""
+        """Return a parameter's name without its layer if that is unambiguous."""
         key = name.partition(".")[2]
         same = sum(
             other.name.partition(".")[2] == key or other.name == key for other in self.parameters
@@ -145,21 +144,21 @@ class SearchTask:
 
     @property
     def drawn_word(self) -> str:
-        """What runs are called that were chosen without looking at results."""
+        """Word for runs that were chosen without looking at results."""
         return "random" if self.method == "random" else "space-filling"
 
     def scenario_of(self, number: int) -> str:
-        """Return the name of the scenario that proposal ``number`` is."""
+        """Return the name of the scenario of proposal ``number``."""
         return f"{self.name}.{number}"
 
 
 @dataclass(frozen=True, slots=True)
 class SearchSubmission:
-    """A search that a client begins, or goes on with.
+    """A search that a client begins or resumes.
 
-    ``campaign`` is its id in the ledger, made of its content. ``source`` is the text of its
-    campaign file, ``file`` the path of that file as it was typed. ``client`` names the process
-    that makes the proposals, and is empty while none does.
+    ``campaign`` is its id in the ledger, derived from its content. ``source`` is the text of its
+    campaign file, ``file`` the path of that file as typed. ``client`` names the process that makes
+    the proposals, and is empty without one.
     """
 
     campaign: IdText

@@ -1,4 +1,4 @@
-"""What comes out of a search: failures, how sure they are, how near, and how the search stands."""
+"""Results of a search: failures, their certainty and nearness, and the state of the search."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from daemon.model.search import SearchTask
 from daemon.model.trials import Trial
 
 LONGEST_NOTE: Final = 2000
-"""Characters of what is said of a search."""
+"""Longest note on a search [characters]."""
 SearchState: TypeAlias = Literal["running", "waiting", "finished", "cancelled", "failed"]
-"""A search that is ``waiting`` goes on when a client runs it again."""
+"""State of a search; a ``waiting`` one goes on when a client runs it again."""
 
 
 @dataclass(frozen=True, slots=True)
 class Confirmation:
-    """How many of the repeats of a point fail, with other noise than the run that was found.
+    """Failures among the repeats of a failing point with other noise.
 
-    That run does not count: it was chosen for failing. ``low`` and ``high`` bound the rate with
-    95 % certainty (Clopper and Pearson).
+    The failing run itself does not count: it was selected for its failure. ``low`` and ``high``
+    bound the rate with 95 % certainty (Clopper and Pearson).
     """
 
     failed: int
@@ -36,8 +36,8 @@ class Confirmation:
 class NearestFailure:
     """The failure with the smallest change from the scenario as written; it fails with most noises.
 
-    ``complete`` is false when runs were spent before nothing else could be taken back. ``passes``
-    is the last point on the way to the written values that passes.
+    ``complete`` is false if the runs were used up before the last possible step. ``passes`` is the
+    last passing point on the way to the written values.
     """
 
     result: Trial
@@ -49,7 +49,7 @@ class NearestFailure:
 
 @dataclass(frozen=True, slots=True)
 class DistinctFailure:
-    """Failures that are one: the same oracle, the same object, on the way to the same waypoint.
+    """Failures of the same oracle with the same object, on the way to the same waypoint.
 
     ``example`` is the one with the smallest margin.
     """
@@ -63,9 +63,9 @@ class DistinctFailure:
 
 @dataclass(frozen=True, slots=True)
 class UnsoughtFailure:
-    """An oracle that a search is not about and that fails in ``runs`` of its explored runs.
+    """An oracle outside of the search that fails in ``runs`` of its explored runs.
 
-    Where it fails ``as_written``, what is found may be of a run that had gone wrong before.
+    If it fails ``as_written``, the findings may come from a run that had failed before.
     """
 
     oracle: str
@@ -75,9 +75,9 @@ class UnsoughtFailure:
 
 @dataclass(frozen=True, slots=True)
 class Influence:
-    """How much a parameter decides: Spearman's rank correlation with the margin.
+    """Influence of a parameter: Spearman's rank correlation with the margin.
 
-    It is of the ``runs`` that were not guided; for choices it is the correlation ratio (0 to 1).
+    Computed over the ``runs`` that were not guided; for choices the correlation ratio (0 to 1).
     """
 
     parameter: str
@@ -87,7 +87,7 @@ class Influence:
 
 @dataclass(frozen=True, slots=True)
 class ShrunkScenario:
-    """The least of the nearest failure that still fails; ``left`` names what is left of it."""
+    """The smallest part of the nearest failure that still fails; ``left`` names it."""
 
     story: tuple[str, ...]
     minimal: bool
@@ -97,17 +97,16 @@ class ShrunkScenario:
 
 @dataclass(frozen=True, slots=True)
 class SearchAnswer:
-    """What a search has found, so far or in the end.
+    """Results of a search, so far or in the end.
 
-    ``ended`` says why it ended (``budget``, ``time``, ``failures``, ``settled``, ``errors``,
-    ``exhausted``), empty while it may go on. Of the ``explored`` proposals ``refused``
-    are points that no run can be made of. ``first`` is the failure of the lowest number, ``best``
-    the smallest margin. Of the ``space_filling`` runs, those with a verdict that were drawn without
-    looking at results (the scenario as written was not drawn), ``space_filling_failed`` fail. Of
-    the failures that were explored, ``repeated`` were run with other noise as well, of which
-    ``holding`` fail with most noises. ``unsought`` are failures of other oracles. ``sentences``
-    tell all of it, how often the failure holds first. ``found`` is the text of ``NAME.found.yaml``,
-    empty when nothing fails.
+    ``ended`` is the reason of its end (``budget``, ``time``, ``failures``, ``settled``, ``errors``,
+    ``exhausted``), empty while it may go on. ``refused`` of the ``explored`` proposals are points
+    without a possible run. ``first`` is the failure of the lowest number, ``best`` the smallest
+    margin. ``space_filling`` counts runs with a verdict whose points were drawn without looking at
+    results (without the scenario as written); ``space_filling_failed`` of them fail. ``repeated``
+    of the explored failures were also run with other noise; ``holding`` of these fail with most
+    noises. ``unsought`` are failures of other oracles. ``sentences`` tell all of this, the rate of
+    the failure first. ``found`` is the text of ``NAME.found.yaml``, empty without a failure.
     """
 
     ended: str
@@ -135,27 +134,26 @@ class SearchAnswer:
 
     @property
     def told_failure(self) -> Trial | None:
-        """The failure that is handed on: the nearest one, otherwise the first."""
+        """The reported failure: the nearest one, otherwise the first."""
         return self.first if self.nearest is None else self.nearest.result
 
     @property
     def told_confirmation(self) -> Confirmation | None:
-        """How often the failure that is handed on holds; ``None`` where it was not repeated."""
+        """Confirmation of the reported failure; ``None`` if it was not repeated."""
         return self.confirmed if self.nearest is None else self.nearest.confirmed
 
     @property
     def shown(self) -> Trial | None:
-        """The run to look at closely: the failure that is handed on, else the best."""
+        """The run to show: the reported failure, otherwise the best."""
         return self.told_failure or self.best
 
 
 @dataclass(frozen=True, slots=True)
 class SearchRow:
-    """A search and how it stands; ``note`` says what keeps it or why it failed.
+    """A search and its state; ``note`` is the reason why it waits or failed.
 
     ``campaign`` is its id in the ledger, ``proposed`` and ``finished`` count runs. ``file`` is
-    the path of its campaign file as it was typed, ``client`` the process that makes its proposals
-    just now.
+    the path of its campaign file as typed, ``client`` the process that makes its proposals now.
     """
 
     campaign: str
@@ -173,13 +171,13 @@ class SearchRow:
 
     @property
     def ended(self) -> bool:
-        """Whether the search has come to its end, for whatever reason."""
+        """True if the search has ended, for whatever reason."""
         return self.state not in ("running", "waiting")
 
 
 @dataclass(frozen=True, slots=True)
 class SearchQuery:
-    """Searches, the newest first; all of them, or one, or those that have not ended."""
+    """Query for all searches, for one, or for unfinished ones; the newest first."""
 
     campaign: IdText = ""
     unfinished: bool = False
@@ -189,7 +187,7 @@ class SearchQuery:
 class SearchProgress:
     """The state of a search as its client reports it: phase, note, the answer so far or at the end.
 
-    A client that leaves a search says that it is ``waiting``.
+    A client that leaves a search reports it as ``waiting``.
     """
 
     campaign: IdText

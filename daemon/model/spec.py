@@ -1,7 +1,7 @@
-"""A run, before and after: the specification that identifies it and the result it leaves.
+"""A run, before and after: the specification that identifies it, and its result.
 
-``RunSpec`` holds everything that decides the bytes of a trace. Same digest, same trace. For that,
-versions have to be equal wherever runs are executed.
+``RunSpec`` holds everything that decides the bytes of a trace: same digest, same trace, as long as
+all machines that execute runs have the same versions.
 """
 
 from __future__ import annotations
@@ -37,16 +37,17 @@ Script: TypeAlias = tuple[Behaviour, ...]
 """The behaviours of all doors and people in a run."""
 
 ENGINE_VERSION: Final = "6"
-"""Raised whenever a change alters traces of unchanged specifications."""
+"""Version of the engine; raise it with every change that alters traces of the same specification.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class SutReference:
     """A configured system under test: its name in the campaign, its kind and its parameters.
 
-    ``files`` are the digests of the files it needs, by name (:mod:`daemon.model.attachments`).
-    One that lives outside of the simulator says so by the parameter ``repeatable: false``: same
-    specification, same world and noise, but not the same answers.
+    ``files`` are the digests of the files it needs, by name (:mod:`daemon.model.attachments`). The
+    parameter ``repeatable: false`` marks a system outside of the simulator: the same specification
+    gives the same world and noise, but not the same answers.
     """
 
     name: str
@@ -56,7 +57,7 @@ class SutReference:
 
     @property
     def repeatable(self) -> bool:
-        """Whether a run of it leaves the same bytes whenever it is repeated."""
+        """True if every repetition of its runs gives the same bytes."""
         return self.parameters.get("repeatable") is not False
 
     @property
@@ -67,32 +68,31 @@ class SutReference:
 
     @property
     def local_parameters(self) -> Mapping[str, Any]:
-        """The parameters as kinds read them: with the paths of its files on this machine.
+        """The parameters with the paths of its files on this machine.
 
-        Raises :class:`daemon.model.attachments.SutMissing` for a file that is not here.
+        Raises :class:`daemon.model.attachments.SutMissing` for a missing file.
         """
         if not self.files:
             return self.parameters
         paths = {name: stored_file(digest) for name, digest in self.files.items()}
         for name, path in paths.items():
             if not path.is_file():
-                raise SutMissing(f'the file "{name}" of the system under test is not here: {path}')
+                raise SutMissing(f'the file "{name}" of the system under test is missing: {path}')
         return {**self.parameters, FILES_PARAMETER: {name: str(p) for name, p in paths.items()}}
 
 
 @dataclass(frozen=True, slots=True)
 class MapSettings:
-    """How the map given to the system under test is drawn.
+    """Settings of the map for the system under test.
 
-    ``doors``: ``none`` leaves objects out (what a surveyor would keep), ``initial`` draws them
-    in their initial state. ``rule`` says which cells a solid takes (:mod:`templates.occupancy`).
-    ``file`` is the digest of a map that is given as it is, packed
-    (:mod:`grammars.model.map_files`), and empty for one that is drawn.
+    ``doors``: ``none`` omits objects, as a surveyor would; ``initial`` draws them in their initial
+    state. ``rule`` decides which cells a solid takes (:mod:`templates.occupancy`). ``file`` is the
+    digest of a ready map, packed (:mod:`grammars.model.map_files`), and empty for a drawn one.
     """
 
     resolution: float = 0.05
     doors: Literal["none", "initial"] = "none"
-    # What was recorded before there was a choice was drawn so; campaigns choose outline.
+    # Older traces, from before there was a choice, have this rule; campaigns choose outline.
     rule: MapRule = "touch"
     file: Annotated[str, Field(pattern=r"^([0-9a-f]{64})?$")] = ""
 
@@ -110,8 +110,8 @@ class RunSpec:
     """One run: a cell of the campaign (scenario x SUT), one repeat of it.
 
     ``scene`` is the digest of the compiled scene; ``limit`` is simulated time [s]; ``seed`` the
-    root of the run's seed tree. Behaviours are concrete: whatever was random in the campaign has
-    been drawn, so a specification says exactly what the doors do.
+    root of the run's seed tree. Behaviours are concrete: random choices of the campaign are drawn
+    already, so a specification fixes the motion of the doors.
     """
 
     campaign: str
@@ -130,13 +130,13 @@ class RunSpec:
 
     @property
     def cell(self) -> RunSpec:
-        """The run without what tells it from others of its scenario and system."""
+        """The run without repeat, behaviours and seed: equal for all of its scenario and system."""
         return replace(self, repeat=0, behaviours=(), seed=0)
 
     @property
     def digest(self) -> str:
         """Identity of the run: 64 hexadecimal digits."""
-        # Not cached: with slots it would need a field of its own, which would be serialised.
+        # Not cached: with slots the cache would be a field, which would be serialised.
         cell, script = codec.to_json(self.cell), codec.to_json(self.behaviours, Script)
         return run_digest(text_digest(cell), text_digest(script), self.repeat, self.seed)
 
@@ -152,28 +152,27 @@ class RunSpec:
 
 
 def text_digest(text: bytes) -> str:
-    """Return the digest of a cell or a script that is written as JSON."""
+    """Return the digest of a cell or a script in JSON."""
     return hashlib.sha256(text).hexdigest()
 
 
 def run_digest(cell: str, script: str, repeat: int, seed: int | str) -> str:
-    """Return the digest of a run by those of its cell and its script."""
+    """Return the digest of a run from those of its cell and its script."""
     return text_digest(f"{cell} {script} {repeat} {seed}".encode())
 
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """How far a run is, for live views only: never recorded, never judged.
+    """Progress of a run, for live views only: never recorded, never judged.
 
-    ``pose`` is the true pose, ``estimate`` what the SUT believes; ``joints`` are positions in the
-    order of :attr:`grammars.model.scene.Scene.joint_names`. The rest is there only while somebody
-    watches: ``spread`` is xx, xy and yy of the estimate's covariance [m²]; laser ``returns``, the
-    global ``plan`` and ``contacts`` since the snapshot before are points of the map frame, thinned
-    and rounded: x, y, x, y, ... [cm]. So are the middles of cells of the ``costmap`` that block the
-    robot. ``stack`` is a line of what a stack reports of itself. ``waiting`` says what an external
-    system that is being brought up still lacks, empty once the run goes on. ``margin`` in ``unit``
-    is that of ``oracle``, which of those that are not waiting for something is the first that has
-    failed, else the one with the least margin so far.
+    ``pose`` is the true pose, ``estimate`` the SUT's; ``joints`` are positions in the order of
+    :attr:`grammars.model.scene.Scene.joint_names`. The rest is present only while somebody
+    watches. ``spread`` is xx, xy and yy of the estimate's covariance [m²]. Laser ``returns``, the
+    global ``plan``, ``contacts`` since the last snapshot, and the centres of blocking cells of the
+    ``costmap`` are points of the map frame, thinned and rounded: x, y, x, y, ... [cm]. ``stack`` is
+    a line with the stack's own reports. ``waiting`` describes what an external system still lacks
+    while it starts. ``margin`` in ``unit`` is that of ``oracle``: the first oracle that has failed,
+    otherwise the one with the least margin so far, without those that wait for something.
     """
 
     time: Moment
@@ -208,14 +207,14 @@ class TraceInfo:
 
 
 UnixTime: TypeAlias = Annotated[float, Field(ge=0.0, le=253_402_300_799.0)]
-"""Seconds since 1970, UTC, up to the last year that has four digits."""
+"""Seconds since 1970, UTC, up to the last year with four digits."""
 
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """What a run cost [s]: wall clock, CPU, and the simulated time it covered.
+    """Cost of a run [s]: wall clock, CPU, and its simulated time.
 
-    ``started`` is when, by the clock of the machine [s since 1970, UTC]; 0 where nobody kept it.
+    ``started`` is its start by the clock of the machine [s since 1970, UTC]; 0 if unknown.
     """
 
     wall: Seconds
@@ -226,11 +225,11 @@ class Timing:
 
 @dataclass(frozen=True, slots=True)
 class LeadingMargin:
-    """How near a run was to failing by an oracle: negative exactly when its verdict is a failure.
+    """Nearness of a run to a failure of an oracle: negative exactly when the verdict is a failure.
 
-    In ``unit``, as the verdict's margin, but it leads to the failure also where that is flat
-    (``never(contact)`` by the clearance). ``None`` when the run says nothing about it. ``object``
-    is what it is about, ``waypoint`` the one that the robot was on its way to at that moment.
+    In ``unit``, as the verdict's margin, but it leads to the failure even where that margin is flat
+    (``never(contact)`` by the clearance). ``None`` if the run has no such margin. ``object`` is the
+    object involved, ``waypoint`` the robot's next one at that moment.
     """
 
     oracle: str
@@ -242,13 +241,12 @@ class LeadingMargin:
 
 @dataclass(frozen=True, slots=True)
 class RunResult:
-    """What a run leaves: verdicts, the trace's identity, why it ended, what it cost.
+    """Result of a run: verdicts, the trace's identity, reason of the end, cost.
 
-    ``ended``: ``finished`` (the SUT says the mission is over), ``limit`` (simulated time is up)
-    or ``crashed`` (the SUT raised; ``note`` says what). ``leads`` are there where somebody asked
-    for them: a search. ``machine`` is the processor that executed it, for people; nothing of the
-    result follows from it. ``stopped`` is a run that the wall clock ended: it differs every time,
-    and so is compared with no other.
+    ``ended``: ``finished`` (the SUT reports the end of the mission), ``limit`` (simulated time is
+    up) or ``crashed`` (the SUT raised; ``note`` has the error). ``leads`` are present on request of
+    a search. ``machine`` is the processor that executed the run, for information only. ``stopped``
+    marks a run that the wall clock ended: it differs every time, so it is never compared.
     """
 
     spec: str
@@ -264,7 +262,7 @@ class RunResult:
 
     @property
     def digest(self) -> str:
-        """Digest of what must be equal when the same specification runs again (not timing)."""
+        """Digest of everything that must be equal when the specification runs again (not timing)."""
         # ``ended`` and ``note`` are in the trace, ``leads`` follow from it. The order is part of
         # the digest.
         names = ("spec", "outcome", "verdicts", "trace")
@@ -272,22 +270,22 @@ class RunResult:
 
 
 LARGEST_RESULT: Final = 256 * 2**10
-"""Bytes of a result in JSON: a hundred times what it has of three oracles. Its trace has the rest.
+"""Most bytes of a result in JSON: a hundred times those of three oracles. The trace has the rest.
 """
 _LONGEST_NOTE: Final = 2000
 
 
 def bound_result(result: RunResult) -> RunResult:
-    """Return a result of at most :data:`LARGEST_RESULT` bytes: as it is, or without the rest.
+    """Return a result of at most :data:`LARGEST_RESULT` bytes, shortened if necessary.
 
-    Long notes and evidence go first, and only then verdicts, all of them: a part of them would
-    look like the whole; leading margins, which are short, last of all. The outcome stays; ``note``
-    says what was left out.
+    Long notes and evidence are cut first. Then all verdicts go, since a part of them would look
+    complete; leading margins, which are short, go last. The outcome stays; ``note`` names the
+    omissions.
     """
     size = len(codec.to_json(result))
     if size <= LARGEST_RESULT:
         return result
-    words = f"its result had {size} bytes, {LARGEST_RESULT} are kept of one: "
+    words = f"its result had {size} bytes, more than the limit of {LARGEST_RESULT}: "
     note = result.note[:_LONGEST_NOTE]
     shorter = replace(
         result,
@@ -297,8 +295,8 @@ def bound_result(result: RunResult) -> RunResult:
     )
     if len(codec.to_json(shorter)) <= LARGEST_RESULT:
         return shorter
-    lost = f"{words}{len(result.verdicts)} verdicts were left out, judge its trace again"
-    bare = replace(shorter, verdicts=(), note=join_notes(lost, note))
+    omission = f"{words}{len(result.verdicts)} verdicts were left out, judge its trace again"
+    bare = replace(shorter, verdicts=(), note=join_notes(omission, note))
     return bare if len(codec.to_json(bare)) <= LARGEST_RESULT else replace(bare, leads=())
 
 
@@ -307,28 +305,27 @@ _DECIDE_TRACES: Final = (_PACKAGE, "numpy", "numba", "pymunk", "mcap", "rosbags"
 
 
 def version_text(number: str, engine: str) -> str:
-    """A version for comparison and for people: package and engine."""
+    """Return a version for comparison and for people: package and engine."""
     return f"{_PACKAGE} {number}, engine {engine}"
 
 
 def own_version() -> str:
-    """The version of this process."""
+    """Return the version of this process."""
     return version_text(version(_PACKAGE), ENGINE_VERSION)
 
 
-def install_hint(wanted: str) -> str:
-    """What to do where ``wanted``, an :func:`own_version`, is not what is installed."""
-    number = wanted.removeprefix(f"{_PACKAGE} ").partition(",")[0]
+def install_hint(release: str) -> str:
+    """Return the command that installs ``release``, an :func:`own_version`, on another machine."""
+    number = release.removeprefix(f"{_PACKAGE} ").partition(",")[0]
     return f"pip install '{_PACKAGE}=={number}' there"
 
 
 def package_versions() -> dict[str, str]:
-    """Versions of everything that can change a trace, for its metadata."""
+    """Return the versions of everything that can change a trace, for its metadata."""
     return {name: _installed_version(name) for name in _DECIDE_TRACES}
 
 
-# Looked up once per process: it reads the metadata of an installed package from disk, and the
-# parent of forked runs does so for all of them.
+# Cached: it reads the metadata of an installed package from disk, once for all forked runs.
 @functools.cache
 def _installed_version(package: str) -> str:
     try:

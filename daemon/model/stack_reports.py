@@ -1,6 +1,6 @@
-"""Reports of a navigation stack that a run records when asked: behaviour tree, costmaps, limits.
+"""Reports of a navigation stack that a run records on request: behaviour tree, costmaps, limits.
 
-The words of the key ``record`` name them. Their messages are those of Nav2.
+The key ``record`` lists them by name. Their messages are those of Nav2.
 """
 
 from __future__ import annotations
@@ -40,12 +40,12 @@ REPORT_TOPICS: Final[dict[ReportName, tuple[str, str]]] = {
     "collision monitor": ("/collision_monitor_state", COLLISION),
     "speed limit": ("/speed_limit", SPEED_LIMIT),
 }
-"""Topic and type of each report in a trace, by its word."""
+"""Topic and type of each report in a trace, by its name."""
 
 _ACTIONS: Final[tuple[CollisionAction, ...]] = ("none", "stop", "slowdown", "approach", "limit")
-"""By the numbers of ``nav2_msgs/CollisionMonitorState``."""
+"""Actions by their numbers in ``nav2_msgs/CollisionMonitorState``."""
 _STATUSES: Final = frozenset({"IDLE", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED"})
-"""Of BehaviorTree.CPP 3 and 4."""
+"""Statuses of BehaviorTree.CPP 3 and 4."""
 
 
 class StackState:
@@ -74,13 +74,13 @@ class StackState:
 
     @property
     def costmap(self) -> CostmapPicture | None:
-        """The latest local costmap, or global one, whose place in the map is known."""
+        """The latest local costmap with a known pose in the map, otherwise the global one."""
         latest = (self._costmaps.get(scope) for scope in ("local", "global"))
         return next((c for c in latest if c is not None and c.frame_pose is not None), None)
 
     @property
     def running(self) -> tuple[str, ...]:
-        """Names of the nodes that are RUNNING, the one that began first in front."""
+        """Names of the RUNNING nodes, the one that began first in front."""
         return tuple(dict.fromkeys(name for name, _ in self._nodes))
 
     @property
@@ -91,7 +91,7 @@ class StackState:
             parts.append(f"collision monitor: {self._collision.text}")
         if self._limit is not None and self._limit.text:
             parts.append(f"speed limit: {self._limit.text}")
-        # Last, for a narrow screen cuts it: a tree may have a dozen running nodes.
+        # Last, since narrow screens cut it: a tree may have a dozen running nodes.
         if self._nodes:
             parts.append(f"running: {', '.join(reversed(self.running))}")
         return printable("  ".join(parts))
@@ -99,7 +99,7 @@ class StackState:
 
 @functools.cache
 def published_costs() -> npt.NDArray[np.int8]:
-    """Return what costs of 0 to 255 are published as: 99 inscribed, 100 lethal, -1 unknown.
+    """Return the published values of costs 0 to 255: 99 inscribed, 100 lethal, -1 unknown.
 
     Source: the cost translation table of ``costmap_2d::Costmap2DPublisher``.
     """
@@ -162,7 +162,7 @@ def decode_tree_log(data: bytes, time: float) -> BehaviorTreeLog:
         try:
             events = ros.deserialize(data, kind).event_log
         except Exception:
-            # Whatever damaged bytes lead rosbags to raise.
+            # Damaged bytes make rosbags raise various exceptions.
             continue
         changes = tuple(
             TreeChange(e.node_name, getattr(e, "uid", 0), e.previous_status, e.current_status)
@@ -170,7 +170,7 @@ def decode_tree_log(data: bytes, time: float) -> BehaviorTreeLog:
         )
         if _STATUSES.issuperset(c for change in changes for c in (change.previous, change.current)):
             return BehaviorTreeLog(time, changes)
-    raise ValueError("no log of a behaviour tree")
+    raise ValueError("not a log of a behaviour tree")
 
 
 def decode_collision(data: bytes, time: float) -> CollisionMonitorState:
@@ -197,7 +197,7 @@ def decode_costmap(
     """Read a ``nav_msgs/OccupancyGrid`` as a costmap of ``time`` [s].
 
     ``frames`` are the map and odom frame by their names. Raises ``ValueError`` for other frames and
-    sizes, and what rosbags raises for anything else.
+    sizes, and the exceptions of rosbags for anything else.
     """
     grid = ros.deserialize(data, COSTMAP)
     frame, info = grid.header.frame_id.lstrip("/"), grid.info
@@ -206,6 +206,6 @@ def decode_costmap(
     corner = info.origin.position
     place = (float(info.resolution), float(corner.x), float(corner.y))
     if not all(map(math.isfinite, place)) or info.width * info.height != len(grid.data):
-        raise ValueError("its cells are more or fewer than it says")
+        raise ValueError("the number of its cells contradicts its size")
     cells = _least_costs()[grid.data.view(np.uint8)].reshape(info.height, info.width)
     return CostmapPicture(time, frames[frame], *place, cells, scope)

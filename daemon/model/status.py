@@ -1,8 +1,8 @@
-"""What people see of what they hand in: campaigns, runs, workers and the disk.
+"""Status records for people: campaigns, runs, workers and the disk.
 
-Everything is JSON made and validated by :mod:`grammars.text.codec`. Times named ``..._at`` are wall
+All are JSON made and validated by :mod:`grammars.text.codec`. Times named ``..._at`` are wall
 clock seconds since the epoch: they inform people and leases, never a run. Fields added since the
-first version have defaults, so that what was written before can still be read.
+first version have defaults, so that older data can still be read.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from daemon.model.spec import LeadingMargin, RunResult, RunSpec, Snapshot
 from daemon.model.verdicts import Outcome, Verdict, join_notes
 
 NONDETERMINISTIC: Final = "nondeterministic"
-"""The state of an alarm among the events, and a word of the run's ``reason``, to look for it by."""
+"""State of an alarm among the events, and a searchable word of the run's ``reason``."""
 
 
 class TroubleCause(StrEnum):
-    """The cause of a trouble, by which there is something to do about it.
+    """Cause of a trouble, which decides the remedy.
 
-    ``space``: the disk is full, or the quota is used up. ``worker``: a worker's surroundings.
-    ``input``: a scene or file is gone. ``other``: only the logs can tell.
+    ``space``: the disk is full, or the quota is used up. ``worker``: a worker's environment.
+    ``input``: a scene or file is missing. ``other``: see the logs.
     """
 
     SPACE = "space"
@@ -36,7 +36,7 @@ class TroubleCause(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Trouble:
-    """Something that keeps runs or workers from going on, in words, and its cause."""
+    """A problem that blocks runs or workers, in words, and its cause."""
 
     words: str
     cause: TroubleCause
@@ -46,7 +46,7 @@ class Trouble:
 class SubmissionReceipt:
     """Answer to a submission, sent after the ledger has committed it.
 
-    ``cached`` runs had a result already, which is used again.
+    ``cached`` runs had a result already, which is reused.
     """
 
     campaign: str
@@ -57,7 +57,7 @@ class SubmissionReceipt:
 
 @dataclass(frozen=True, slots=True)
 class HandedOver:
-    """The answer of the daemon to a campaign, and where it listens."""
+    """Answer of the daemon to a campaign, and its endpoint."""
 
     receipt: SubmissionReceipt
     endpoint: str
@@ -65,7 +65,7 @@ class HandedOver:
 
 @dataclass(frozen=True, slots=True)
 class RunCounts:
-    """How runs stand: how many are in each state, and how many gave each outcome."""
+    """Numbers of runs in each state and with each outcome."""
 
     queued: int
     running: int
@@ -96,14 +96,13 @@ def count_runs(tallied: Iterable[tuple[str, str, int]]) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class CampaignRow(RunCounts):
-    """A campaign and how its runs stand; ``cached`` counts results taken from earlier campaigns.
+    """A campaign and the counts of its runs; ``cached`` counts results of earlier campaigns.
 
-    While it is ``paused`` no more runs start; those of higher ``priority`` start first. ``search``
-    says how a search stands (``running``, ``waiting`` for a client, ``finished``, ``cancelled``,
-    ``failed``) and is empty for all other campaigns. More runs come while it is running.
-    ``seconds_left`` is how long what waits and runs probably takes, ``None`` while that is not
-    known or nothing goes on. With ``acknowledged`` somebody knows what went wrong in it, and there
-    is no news since: no run has settled badly, and none is executed again.
+    A ``paused`` campaign starts no more runs; higher ``priority`` starts first. ``search`` is the
+    state of a search (``running``, ``waiting`` for a client, ``finished``, ``cancelled``,
+    ``failed``), empty for all other campaigns; a running search adds runs. ``seconds_left`` is the
+    expected time of waiting and running runs, ``None`` if unknown or idle. ``acknowledged``: a
+    person has seen the bad runs, and there were no new ones and no retries since.
     """
 
     id: str
@@ -121,21 +120,18 @@ class CampaignRow(RunCounts):
 
     @property
     def ended(self) -> int:
-        """How many runs have come to their end, those that were given up included.
-
-        Cancelled ones never came to it.
-        """
+        """Number of ended runs, including lost ones, without cancelled ones."""
         return self.total - self.queued - self.running - self.cancelled
 
     @property
     def finished(self) -> bool:
-        """Whether no run of the campaign is waiting or running, and none will come."""
+        """True if no run is waiting or running, and none will be added."""
         return self.queued == self.running == 0 and self.search not in ("running", "waiting")
 
 
 @dataclass(frozen=True, slots=True)
 class DeletedCampaign:
-    """What goes with a campaign: its runs, and traces of so many ``bytes`` here."""
+    """A deleted campaign: numbers of its runs and traces, and the ``bytes`` of the traces here."""
 
     campaign: str
     runs: int
@@ -145,7 +141,7 @@ class DeletedCampaign:
 
 @dataclass(frozen=True, slots=True)
 class Deletion:
-    """Campaigns that are gone, or would be (``dry_run``)."""
+    """Deleted campaigns, or with ``dry_run`` those that would be deleted."""
 
     dry_run: bool
     campaigns: tuple[DeletedCampaign, ...]
@@ -153,17 +149,16 @@ class Deletion:
 
 @dataclass(frozen=True, slots=True)
 class RunRow:
-    """One run as a list shows it.
+    """Row of a run in a list.
 
-    ``oracle`` and ``margin`` name the oracle that decides the outcome (the first failing one,
-    else the one with the smallest margin) and its margin in ``unit``. ``trace`` is the path of
-    the trace on the machine that keeps it, empty while there is none. ``cached`` is the earlier
-    run whose result this is, empty when it was executed itself. Of a system that is not
-    ``repeatable`` the same run gives something else each time. ``reason`` says why a queued run
-    was given back, and why one was lost or cancelled. A ``nondeterministic`` one came out
-    differently when the same was executed before; ``reason`` says how. ``digest`` is that of its
-    specification; ``seed`` tells whether runs of two campaigns can be paired. Where results were
-    asked for, ``result`` is that of a run that has one, ``proposal`` that of a run of a search.
+    ``oracle`` decides the outcome (the first failing one, otherwise the one with the smallest
+    margin); ``margin`` in ``unit`` is its margin. ``trace`` is the path of the trace on the machine
+    that keeps it, empty without one. ``cached`` is the earlier run whose result is reused, empty
+    for an executed run. A system that is not ``repeatable`` gives another result each time.
+    ``reason`` explains why a run was returned, lost or cancelled. ``nondeterministic``: an earlier
+    execution gave another result; ``reason`` has the difference. ``digest`` is that of its
+    specification. Runs of two campaigns with equal ``seed`` can be paired. On request ``result`` is
+    the result, if any, and ``proposal`` that of a run of a search.
     """
 
     id: str
@@ -199,7 +194,7 @@ class RunRow:
 
     @property
     def settled(self) -> bool:
-        """Whether nothing more comes of it: it has a result, or none ever will."""
+        """True if it has a result or never will."""
         return self.state not in UNFINISHED_STATES
 
     @property
@@ -214,22 +209,22 @@ class RunRow:
 
     @property
     def ended(self) -> str:
-        """Why it ended, as in :class:`daemon.model.spec.RunResult`; empty without a result."""
+        """Its end as in :class:`daemon.model.spec.RunResult`; empty without a result."""
         return self.result.ended if self.result is not None else ""
 
     @property
     def note(self) -> str:
-        """Everything there is to say of it: by its result, and by the ledger."""
+        """The notes of its result and of the ledger."""
         return join_notes(self.result.note if self.result is not None else "", self.reason)
 
     def verdict(self, oracle: str) -> Verdict | None:
-        """Return the verdict of an oracle, ``None`` when it did not judge this run."""
+        """Return the verdict of an oracle, ``None`` if it did not judge this run."""
         return next((v for v in self.verdicts if v.oracle == oracle), None)
 
 
 @dataclass(frozen=True, slots=True)
 class RunPage:
-    """A page of run rows; ``total`` counts all rows the filter admits."""
+    """A page of run rows; ``total`` counts all rows that match the filter."""
 
     rows: tuple[RunRow, ...]
     total: int
@@ -237,17 +232,17 @@ class RunPage:
 
 @dataclass(frozen=True, slots=True)
 class RunDetail:
-    """Everything the daemon knows about one run, its result included."""
+    """All data of the daemon about one run, including its result."""
 
     row: RunRow
     spec: RunSpec
 
 
 class PreparationPhase(StrEnum):
-    """Something that a worker does before runs can start there.
+    """Activity of a worker before its runs can start.
 
-    ``starting``: the worker itself is not there yet. ``compiling``: it compiles kernels, or waits
-    for another process that does.
+    ``starting``: the worker itself is starting. ``compiling``: it compiles kernels, or waits for
+    another process that does.
     """
 
     STARTING = "starting"
@@ -273,13 +268,12 @@ class Preparation:
 
 @dataclass(frozen=True, slots=True)
 class WorkerRow:
-    """A worker the daemon knows: ``busy`` of ``slots`` are running something.
+    """A worker of the daemon: ``busy`` of its ``slots`` execute a run.
 
-    One that is ``away`` has lost its connection or is silent; what it runs is still its own.
-    ``trouble`` says what keeps it from working, and is empty when nothing does; ``preparation`` is
-    what it does before runs can start there. It and its children use ``cpu`` of the machine's
-    processors, from 0 to 1, and ``memory`` of its ``memory_total`` bytes. Pages that several share
-    count once. ``runs`` are the ids of those it executes.
+    One that is ``away`` has lost its connection or is silent, but keeps its runs. ``trouble`` is
+    the reason why it cannot work, if any; ``preparation`` its activity before runs can start. It
+    and its children use ``cpu`` of the machine's processors, from 0 to 1, and ``memory`` of its
+    ``memory_total`` bytes; shared pages count once. ``runs`` are the ids of its runs.
     """
 
     id: str
@@ -300,15 +294,15 @@ class WorkerRow:
 
     @property
     def preparing(self) -> str:
-        """The preparation in words, empty when there is none."""
+        """The preparation in words, empty without one."""
         return self.preparation.words if self.preparation else ""
 
 
 @dataclass(frozen=True, slots=True)
 class DiskUsage:
-    """The file system of the state directory and what the ledger takes of it, in bytes.
+    """Sizes of the state directory's file system, the ledger and the traces [B].
 
-    ``traces`` take at most ``quota`` of it, if that is not 0.
+    ``quota`` limits ``traces``, if it is not 0.
     """
 
     total: int
@@ -320,13 +314,13 @@ class DiskUsage:
 
 @dataclass(frozen=True, slots=True)
 class DaemonOverview(RunCounts):
-    """The line that answers "is it fine?"; ``rate`` is runs finished per minute lately,
-    ``seconds_left`` how long what waits and runs probably takes, ``None`` while nobody knows.
+    """Overview of a daemon; ``rate`` is the recent number of runs finished per minute,
+    ``seconds_left`` the expected time of waiting and running runs, ``None`` if unknown.
 
-    ``searched`` are failures of runs of searches, which look for them: ``failed`` has those of all
-    others. ``troubles`` are all there are, also those of single workers and of inputs that runs
-    wait for. While it is ``halted`` no run can start, as the first of them says: the daemon's own
-    worker broke, the disk is full, every worker is in trouble.
+    ``searched`` counts failures in searches, which look for them; ``failed`` counts all others.
+    ``troubles`` has all troubles, including those of single workers and of missing inputs. While
+    ``halted`` no run can start, for the first of these: the daemon's own worker broke, the disk is
+    full, or every worker is in trouble.
     """
 
     version: str
@@ -344,25 +338,23 @@ class DaemonOverview(RunCounts):
 
     @property
     def preparing(self) -> str:
-        """The preparation in words, empty when there is none."""
+        """The preparation in words, empty without one."""
         return self.preparation.words if self.preparation else ""
 
     @property
     def trouble(self) -> str:
-        """Why no run can start, empty when some can."""
+        """The reason why no run can start, empty if runs can."""
         return self.troubles[0].words if self.halted else ""
 
 
 @dataclass(frozen=True, slots=True)
 class ChangeEvent:
-    """Something changed: ``seq`` grows by one each; a gap means: ask for the whole again.
+    """A change. ``seq`` grows by one each; after a gap, query everything again.
 
     ``kind``: ``campaign`` (submitted, paused, resumed, prioritised, acknowledged, cancelled,
     retried, finished, deleted), ``run`` (state changed), ``worker`` (came, gone), ``alarm``
-    (another attempt of the run gave another result), ``lease`` (superseded: an attempt of the run
-    is not needed any more, another one was first), ``search`` (there is more to say of it;
-    ``state`` is its phase).
-    ``id`` names it.
+    (another attempt of the run gave another result), ``lease`` (superseded: another attempt of the
+    run was first), ``search`` (progress; ``state`` is its phase). ``id`` names the subject.
     """
 
     seq: int
@@ -374,7 +366,7 @@ class ChangeEvent:
 
 @dataclass(frozen=True, slots=True)
 class LiveSnapshot:
-    """A running run's snapshot, published while it runs (telemetry: may be lost)."""
+    """A snapshot of a running run (telemetry: may be lost)."""
 
     run: str
     snapshot: Snapshot

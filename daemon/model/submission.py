@@ -1,8 +1,8 @@
-"""Campaign on its way to the daemon: what its runs share is there once.
+"""Submission of a campaign to the daemon, with the common parts of its runs stored once.
 
-A run is a *cell* (everything that is the same for all repeats of a scenario with a system), a
-*script* (what the doors and people do) and two numbers. A hundred thousand runs of building C are
-630 MB when each is written out, and a few MB like this.
+A run is a *cell* (everything common to all repeats of a scenario with a system), a *script* (the
+behaviours of doors and people) and two numbers. A hundred thousand runs of building C take 630 MB
+in full, and a few MB like this.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from grammars.model.scene import Scene
 from grammars.text import codec
 
 MOST_RUNS: Final = 200_000
-"""Runs of a campaign, repeats in reserve included: they are entered in one transaction."""
+"""Most runs of a campaign, including repeats in reserve: one transaction enters them all."""
 
 _Number = Annotated[int, Field(ge=0)]
 
@@ -36,13 +36,12 @@ class CellRun(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class CampaignOrigin:
-    """Which file a campaign was written in, and the state of its folder under version control.
+    """File of a campaign, and the state of its folder under version control.
 
-    ``file`` is a name without folders, ``path`` its place on the machine that submitted it,
-    ``digest`` the SHA-256 of its text, ``seed`` the one it names. ``commit`` and ``branch`` are
-    git's, empty where there is no repository or no git; ``changed`` says whether something was not
-    committed, ``None`` when that is not known. Of a campaign that was entered before this was kept
-    nothing is known.
+    ``file`` is a name without folders, ``path`` its path on the machine that submitted it,
+    ``digest`` the SHA-256 of its text, ``seed`` the one in it. ``commit`` and ``branch`` are git's,
+    empty without a repository or git. ``changed``: there were uncommitted changes, ``None`` if
+    unknown. All fields are empty for campaigns entered before these were recorded.
     """
 
     file: str = ""
@@ -51,20 +50,19 @@ class CampaignOrigin:
     commit: str = ""
     branch: str = ""
     changed: bool | None = None
-    # Left out where it is empty: ids of campaigns are digests of all the rest.
+    # Omitted if empty: ids of campaigns are digests of all the rest.
     path: Annotated[str, Field(exclude_if=operator.not_)] = ""
 
 
 @dataclass(frozen=True, slots=True)
 class Submission:
-    """A campaign on its way to the daemon; ``campaign`` is a client-made unique id.
+    """A campaign for the daemon; ``campaign`` is a unique id made by the client.
 
     Submitting the same id again changes nothing. ``source`` is the campaign file's text.
     ``cells`` are runs without repeat, script and seed (:attr:`daemon.model.spec.RunSpec.cell`).
-    Runs in ``reserve`` wait for cells that ``declared`` leaves undecided after the repeats before.
-    Runs that have a result in the ledger under another campaign are not run again unless
-    ``fresh``. ``origin`` is no part of what is submitted: from another commit it is the same
-    campaign.
+    Runs in ``reserve`` are for cells that the rules in ``declared`` leave undecided after the
+    repeats before. Results in the ledger under another campaign are reused unless ``fresh``.
+    ``origin`` does not count: from another commit it is the same campaign.
     """
 
     campaign: str
@@ -90,7 +88,7 @@ class Submission:
 
     @property
     def digest(self) -> str:
-        """Digest of all there is to it, except where it was written."""
+        """Digest of everything except its origin."""
         return codec.digest(replace(self, origin=CampaignOrigin()))
 
     @property
@@ -116,8 +114,8 @@ class Submission:
 
 
 def too_many_runs(count: int) -> str:
-    """Say that a campaign has more runs than it may have, and what to do."""
+    """Return the message for a campaign with too many runs."""
     return (
-        f"the campaign has {count} runs, repeats in reserve included, and may have {MOST_RUNS}: "
+        f"the campaign has {count} runs, including repeats in reserve; the limit is {MOST_RUNS}: "
         "split its scenarios among several campaigns"
     )

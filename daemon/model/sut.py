@@ -1,9 +1,9 @@
-"""The protocol a system under test fulfils: observations in, command and telemetry out.
+"""Protocol of a system under test: observations in, command and telemetry out.
 
-A system under test never sees the simulator: it gets what a robot would get (a map, a mission,
-odometry, laser scans), in lock step with simulated time, and answers with a velocity command and
-what it wants recorded. The same protocol fits a follower of a few lines and the whole ROS
-navigation stack. Frames per REP 105: ``map``, ``odom``, ``base_link``.
+A system under test never sees the simulator. It gets the data of a robot (a map, a mission,
+odometry, laser scans) in lock step with simulated time, and answers with a velocity command and
+telemetry to record. The same protocol fits a follower of a few lines and the whole ROS navigation
+stack. Frames per REP 105: ``map``, ``odom``, ``base_link``.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from grammars.model.mission import Mission
 from grammars.model.robot import Robot
 
 TICK_RATE: Final = 100
-"""Steps of the simulation per simulated second; everything periodic happens at one of them."""
+"""Steps of the simulation per simulated second; periodic events happen at one of them."""
 
 CollisionAction: TypeAlias = Literal["none", "stop", "slowdown", "approach", "limit"]
 _RECOVERY: Final = re.compile(
@@ -30,13 +30,13 @@ _RECOVERY: Final = re.compile(
 )
 
 
-# Plain values and arrays, no callbacks: a system under test is asked and answers, so a run depends
-# on nothing but the order of its ticks. ``eq=False`` where arrays make comparing meaningless.
+# Plain values and arrays, no callbacks: a run then depends only on the order of its ticks.
+# ``eq=False`` where arrays make comparing meaningless.
 @dataclass(frozen=True, slots=True, eq=False)
 class Briefing:
-    """What a system under test knows before it starts.
+    """Data for a system under test before it starts.
 
-    ``start`` is the initial pose it is told (map frame); ``seed`` feeds everything random in it.
+    ``start`` is the initial pose it gets (map frame); ``seed`` feeds all its random numbers.
     """
 
     robot: Robot
@@ -104,12 +104,11 @@ class Cloud:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CostmapPicture:
-    """A costmap as it was at ``time``, to be looked at: nothing is judged by it.
+    """A costmap at ``time``, for viewers only: it is never judged.
 
-    ``cells`` of shape (rows, columns), uint8, row 0 at the bottom, are costs as costmap_2d has
-    them: 0 free, 253 inscribed, 254 lethal, 255 unknown. ``x``, ``y`` is the lower left corner
-    in ``frame`` [m], ``resolution`` in m. ``frame_pose`` is that frame in the map, if the system
-    knows it.
+    ``cells`` of shape (rows, columns), uint8, row 0 at the bottom, are costs of costmap_2d: 0 free,
+    253 inscribed, 254 lethal, 255 unknown. ``x``, ``y`` is the lower left corner in ``frame`` [m],
+    ``resolution`` in m. ``frame_pose`` is that frame in the map, if the system knows it.
     """
 
     time: float
@@ -124,7 +123,7 @@ class CostmapPicture:
 
 @dataclass(frozen=True, slots=True)
 class TreeChange:
-    """A change of a node's status, such as IDLE to RUNNING; ``uid`` tells nodes of a name apart.
+    """A change of a node's status, such as IDLE to RUNNING; ``uid`` identifies nodes of one name.
 
     ``uid`` is 0 in the messages of distributions before Jazzy.
     """
@@ -136,9 +135,9 @@ class TreeChange:
 
     @property
     def starts_recovery(self) -> bool:
-        """Whether a recovery of Nav2 begins: its node, known by its name, leaves IDLE.
+        """True if a recovery of Nav2 begins: its node, recognised by name, leaves IDLE.
 
-        Not only for RUNNING: a service that answers at once goes from IDLE to SUCCESS.
+        Any other status counts: a service that answers at once goes from IDLE to SUCCESS.
         """
         return self.previous == "IDLE" and _RECOVERY.fullmatch(self.node) is not None
 
@@ -184,9 +183,9 @@ StackReport: TypeAlias = BehaviorTreeLog | CollisionMonitorState | SpeedLimit | 
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """Where the mission stands: ``current`` is the index of the waypoint being approached.
+    """Progress of the mission: ``current`` is the index of the waypoint being approached.
 
-    ``reached`` waypoints are done; when all are, ``state`` is ``succeeded``.
+    ``reached`` counts completed waypoints; after the last one ``state`` is ``succeeded``.
     """
 
     current: int
@@ -196,7 +195,7 @@ class Progress:
 
 @dataclass(frozen=True, slots=True)
 class SutEvent:
-    """A sentence for the log of the run, said by a part of a system: a node, a launcher."""
+    """A sentence for the log of the run, from a part of a system, such as a node."""
 
     text: str
     level: Literal["debug", "info", "warn", "error", "fatal"] = "info"
@@ -209,14 +208,14 @@ class Decision:
 
     ``command`` is a body-frame velocity. ``plan`` and ``local_plan`` have shape (n, 2) in the map
     frame. ``events`` are short sentences for the log of the run; a plain text is of level info.
-    ``latency`` is the wall time [s] that something outside of this process took to answer, where
-    an answer was due; it is recorded for runs that are not repeatable.
+    ``latency`` is the wall time [s] of an answer from outside of this process, if one was due; it
+    is recorded for runs that are not repeatable.
 
     For viewers alone, recorded at most once a second: ``particles`` (n, 3) of x, y, yaw in the
     map frame, already thinned to a hundred or so, at the time of ``cloud`` if there is one; and a
     picture of a ``costmap``.
 
-    ``reports`` are what the system was asked to ``record`` (:mod:`daemon.model.stack_reports`).
+    ``reports`` are those requested by ``record`` (:mod:`daemon.model.stack_reports`).
     """
 
     command: Twist2 | None
@@ -233,13 +232,12 @@ class Decision:
 
 
 class SutFailure(Exception):  # noqa: N818  (not an error of ours: how a run ended)
-    """The system under test cannot be tested any further: not the robot failed, the system did.
+    """The system under test itself failed, not the robot, so the run cannot go on.
 
-    ``reason`` says why, written for people, and ``printed`` holds lines of its programs that tell
-    more, the last ones among them.
-    Together they are the message, and that is the note of the run. ``events`` belong into the log
-    of the run before it: sentences that no decision carries any more. Any other exception ends a
-    run as well, but is told as a crash with its place in the code.
+    ``reason`` is for people; ``printed`` has the relevant and the last lines of its programs.
+    Together they are the message, which becomes the note of the run. ``events`` are sentences for
+    the log of the run that no decision carries any more. Any other exception also ends a run, but
+    is reported as a crash with its place in the code.
     """
 
     events: tuple[SutEvent, ...] = ()
@@ -261,35 +259,35 @@ class SystemUnderTest(Protocol):
 
     @property
     def needs_ground_truth(self) -> bool:
-        """Whether observations must carry the true pose (only for baselines that say so)."""
+        """True if observations must carry the true pose (only for baselines that say so)."""
 
     def start(self, briefing: Briefing) -> None:
         """Prepare for one run; called once, before the first update."""
 
     def update(self, observation: Observation) -> Decision:
-        """Take what is new and answer; called every ``period``."""
+        """Take new data and answer; called every ``period``."""
 
 
 @runtime_checkable
 class ExternalSystem(SystemUnderTest, Protocol):
-    """A system under test that lives outside of this process: it is started, and it has to end.
+    """A system under test outside of this process, which must be started and ended.
 
     Order of calls: ``start``, ``bring_up`` once, ``update`` every period, ``finish`` when the
     run ended without a failure, then always ``close`` and last ``outputs``.
     """
 
     def bring_up(self, first: Observation) -> Iterator[str]:
-        """Wait until it can be given its mission; simulated time stands still meanwhile.
+        """Wait until it is ready for its mission; simulated time stands still.
 
-        ``first`` is the observation that the first ``update`` will get. Yields, several times a
-        second, what is being waited for; nothing is recorded of it. Raises :class:`SutFailure`.
+        ``first`` is the observation of the first ``update``. Yields, several times a second, a text
+        about what it waits for, which is not recorded. Raises :class:`SutFailure`.
         """
 
     def finish(self) -> None:
-        """Raise :class:`SutFailure` when what it did in this run must not be judged."""
+        """Raise :class:`SutFailure` if this run must not be judged."""
 
     def close(self) -> None:
-        """End everything that was started; called once, whatever happened before."""
+        """End all its processes; called once in every case."""
 
     def outputs(self) -> Mapping[str, bytes]:
-        """Return what it printed, by name (``stdout.txt``), bounded; kept beside the trace."""
+        """Return its output by name (``stdout.txt``), bounded; attached to the trace."""

@@ -1,6 +1,6 @@
-"""The trials of a search: points that were run, and what their runs are worth.
+"""The trials of a search: points that were run, and the values of their runs.
 
-A search learns the *leading margin* of a run: a signed margin that goes down towards a failure also
+A search learns the *leading margin* of a run: a signed margin that goes down towards a failure even
 where the verdict's own margin is flat.
 """
 
@@ -20,10 +20,10 @@ from daemon.model.verdicts import Outcome, Verdict
 
 @dataclass(frozen=True, slots=True)
 class ObjectiveValue:
-    """What a run is worth to a search: ``value`` is compared, ``margin`` in ``unit`` is told.
+    """Value of a run for a search: ``value`` is compared, ``margin`` in ``unit`` is reported.
 
-    Both are the same where one oracle is minimised. ``oracle`` is the one that is nearest to
-    failing, ``object`` what it is about, ``waypoint`` the one that the robot was on its way to.
+    Both are equal if one oracle is minimised. ``oracle`` is the one nearest to failing, ``object``
+    the object involved, ``waypoint`` the robot's next one.
     """
 
     value: float
@@ -36,12 +36,11 @@ class ObjectiveValue:
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """A point that a search tries: the proposal, and what its run says.
+    """A point that a search tries: the proposal, and the verdict of its run.
 
-    ``run``, ``label`` and ``digest`` are of the run to look at, empty where none can be made of the
-    point. ``outcome`` is that of the oracle in question; an error where the run cannot be trusted,
-    ``None`` while it has no result. ``unsought`` are the oracles that fail in the run and that the
-    search is not about.
+    ``run``, ``label`` and ``digest`` are those of the run, empty if the point has no possible run.
+    ``outcome`` is that of the oracle in question: an error if the run cannot be trusted, ``None``
+    without a result. ``unsought`` are failing oracles outside of the search.
     """
 
     proposal: Proposal
@@ -65,35 +64,35 @@ class Trial:
 
     @property
     def compared(self) -> float:
-        """What the search compares; not a number without a margin."""
+        """The value that the search compares; not a number without a margin."""
         return math.nan if self.value is None else self.value.value
 
     @property
     def fails(self) -> bool:
-        """Whether the oracle in question fails."""
+        """True if the oracle in question fails."""
         return self.outcome is Outcome.FAIL
 
     @property
     def explores(self) -> bool:
-        """Whether it looks for failures: no repeat of a point, nothing done with a failure."""
+        """True if it looks for failures: neither a repeat nor work on a known failure."""
         return self.proposal.phase == "explore" and self.proposal.repeat == 0
 
     @property
     def is_written(self) -> bool:
-        """Whether it is the scenario as written, which begins a search."""
+        """True for the scenario as written, which begins a search."""
         return self.proposal.method == "written"
 
     @property
     def is_drawn(self) -> bool:
-        """Whether its point was drawn without looking at results: only such show frequencies."""
+        """True if its point was drawn without looking at results: only these show frequencies."""
         return not self.proposal.guided and not self.is_written
 
     @property
     def about(self) -> str:
-        """What it is about: the object of the margin that is told, else that of the verdict.
+        """The object of the reported margin, otherwise that of the verdict.
 
-        They may differ: a mission fails at the waypoint that was never near, its margin is the way
-        that was missing from the first one that was not reached.
+        They may differ: a mission fails at the waypoint that was never near; its margin is the
+        distance left to the first waypoint that was not reached.
         """
         value, verdict = self.value, self.verdict
         if value is not None and value.object and (not verdict or value.oracle == verdict.oracle):
@@ -102,10 +101,10 @@ class Trial:
 
 
 def read_trial(task: SearchTask, run: RunRow) -> Trial:
-    """Return what a run says.
+    """Return the trial of a run.
 
-    A run that was lost, or in which the system under test crashed, is an error: another failure
-    than the one that is looked for.
+    A lost run, or one in which the system under test crashed, is an error, not the failure that
+    the search looks for.
     """
     assert run.proposal is not None  # runs of searches have one
     trial = Trial(run.proposal, run.id, run.label, run.digest)
@@ -123,7 +122,7 @@ def read_trial(task: SearchTask, run: RunRow) -> Trial:
 
 
 def objective(task: SearchTask, leads: Sequence[LeadingMargin]) -> ObjectiveValue | None:
-    """Return what a run with these leading margins is worth; ``None`` when it has no value."""
+    """Return the value of a run with these leading margins, if any."""
     best: ObjectiveValue | None = None
     for lead in leads:
         scale = next((s for s in task.scales if s.oracle == lead.oracle), None)
@@ -140,21 +139,21 @@ def objective(task: SearchTask, leads: Sequence[LeadingMargin]) -> ObjectiveValu
 def _decisive_verdict(
     task: SearchTask, verdicts: Sequence[Verdict], value: ObjectiveValue | None
 ) -> Verdict | None:
-    """Return the verdict that counts: where several oracles are minimised, one that fails."""
-    asked = [scale.oracle for scale in task.scales]
-    named = {verdict.oracle: verdict for verdict in verdicts if verdict.oracle in asked}
+    """Return the verdict that counts: of several minimised oracles one that fails."""
+    oracles = [scale.oracle for scale in task.scales]
+    named = {verdict.oracle: verdict for verdict in verdicts if verdict.oracle in oracles}
     nearest = named.get(value.oracle) if value is not None else None
     if nearest is not None and nearest.outcome is Outcome.FAIL:
         return nearest
     for outcome in (Outcome.FAIL, Outcome.ERROR):
-        for name in asked:
+        for name in oracles:
             if name in named and named[name].outcome is outcome:
                 return named[name]
-    return nearest or next((named[name] for name in asked if name in named), None)
+    return nearest or next((named[name] for name in oracles if name in named), None)
 
 
 def point_trials(task: SearchTask, runs: Iterable[RunRow], phase: Phase = "explore") -> list[Trial]:
-    """Return the settled points of a phase in order; of one that was repeated the median."""
+    """Return the settled points of a phase in order, with the median of repeats."""
     groups: dict[int, list[Trial]] = {}
     for trial in (read_trial(task, run) for run in runs if run.settled):
         if trial.proposal.phase == phase:
@@ -165,8 +164,8 @@ def point_trials(task: SearchTask, runs: Iterable[RunRow], phase: Phase = "explo
 def median_trial(trials: Sequence[Trial]) -> Trial:
     """Return the trial with the median margin among repeats of one point.
 
-    Those without a margin count only when there are no others; of an even number it is the smaller
-    one of the two in the middle.
+    Trials without a margin count only if there are no others. Of an even number it is the smaller
+    of the two in the middle.
     """
     ordered = sorted((one for one in trials if one.value is not None), key=_compared)
     return ordered[(len(ordered) - 1) // 2] if ordered else trials[0]
@@ -182,7 +181,7 @@ def smallest_margin(trials: Iterable[Trial]) -> Trial | None:
 
 
 def smallest_so_far(values: Iterable[float]) -> list[float]:
-    """Return the smallest of values after each; not a number before the first that is one."""
+    """Return the running minimum of values; not a number before the first valid one."""
     smallest, least = math.nan, list[float]()
     for value in values:
         if not value >= smallest and not math.isnan(value):

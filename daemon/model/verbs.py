@@ -1,10 +1,9 @@
-"""Everything the daemon can be asked, declared once: name, request, answer, who may, who does it.
+"""Verbs of the daemon, each declared once: name, request, answer, roles, thread.
 
-From its declaration follow a verb's method of the client (:class:`DaemonClient`, and so of the
-client that tests pretend), the access rules of the bus (:mod:`daemon.batch.security`), how large a
-request may be, the thread of the daemon that does it (:mod:`daemon.batch.server`), and its line in
-``docs/security.md``. What is done is the handler of the verb's name in
-``daemon/batch/server/_handlers.py``; a daemon with a verb and no handler does not start.
+A declaration gives the client's method (:class:`DaemonClient`, and its fake in tests), the access
+rules of the bus (:mod:`daemon.batch.security`), the size limit of requests, the thread of the
+daemon (:mod:`daemon.batch.server`), and the line in ``docs/security.md``. The handler has the
+verb's name in ``daemon/batch/server/_handlers.py``; a daemon that lacks one does not start.
 """
 
 from __future__ import annotations
@@ -70,7 +69,7 @@ A = TypeVar("A")
 
 
 class Role(StrEnum):
-    """What a key is for; the first part of the common name of its certificate."""
+    """Role of a key, the first part of the common name of its certificate."""
 
     VIEWER = "viewer"
     OPERATOR = "operator"
@@ -84,10 +83,10 @@ WORKING: Final = frozenset({Role.WORKER})
 
 
 class ServerThread(Enum):
-    """Threads of the daemon that do something; requests to others never wait for them.
+    """Threads of the daemon that serve requests, without waiting for each other.
 
-    Only the writer changes the ledger. The carrier reads like the readers, but moves megabytes:
-    nobody's question has to wait for a trace that somebody fetches.
+    Only the writer changes the ledger. The carrier reads like the readers, but moves megabytes, so
+    that questions need not wait for traces.
     """
 
     READER = "reader"
@@ -97,19 +96,19 @@ class ServerThread(Enum):
 
 READER, WRITER, CARRIER = ServerThread.READER, ServerThread.WRITER, ServerThread.CARRIER
 
-# Enough for ids and a few texts of at most 400 characters, which is what most requests are.
+# Enough for most requests: ids and a few texts of at most 400 characters.
 _SMALL: Final = 16 * 2**10
 
 
-# Compared and hashed by identity: there is one of each, and tables are keyed by them.
+# Compared and hashed by identity: each exists once, and is a key of tables.
 @dataclass(frozen=True, slots=True, eq=False)
 class Verb(Generic[P, A]):
-    """Something the daemon can be asked: ``name`` is the last part of the request's key.
+    """A request type of the daemon: ``name`` is the last part of the request's key.
 
-    Who may ask it has no default: what nobody thought about must not be everybody's. ``request``
-    makes the request (its parameters are those of the client's method), ``largest`` are the bytes
-    it may have, and ``advice`` says what to do about one that is larger. A ``slow`` one may take
-    long, with 200,000 runs say; its answer is waited for as long as the daemon is there.
+    ``roles`` has no default, so that every verb gets a decision. ``request`` makes the request (its
+    parameters are those of the client's method), ``largest`` is its size limit [B], ``advice`` the
+    remedy for a larger one. A ``slow`` verb may take long, such as with 200,000 runs; clients wait
+    for its answer as long as the daemon is alive.
     """
 
     name: str
@@ -130,71 +129,71 @@ AnyVerb: TypeAlias = Verb[..., Any]
 
 # fmt: off
 OVERVIEW: Final = Verb("overview", Empty, DaemonOverview,
-    "How everything stands, in one line.", VIEWING)
+    "The state of the daemon in one line.", VIEWING)
 CAMPAIGNS: Final = Verb("campaigns", CampaignQuery, tuple[CampaignRow, ...],
     "A page of at most 1000 campaigns, the newest first.", VIEWING)
 RUNS: Final = Verb("runs", RunQuery, RunPage,
-    "A page of at most 1000 runs; ``text`` is looked for in label, oracle, reason and id.",
+    "A page of at most 1000 runs; ``text`` is searched in label, oracle, reason and id.",
     VIEWING, slow=True)
 RUN: Final = Verb("run", IdRequest, RunDetail, "Everything about one run.", VIEWING)
 DECLARED: Final = Verb("declared", IdRequest, AssessmentRules,
-    "What a campaign declares about its results: policy, comparisons, expectations.", VIEWING)
+    "The rules of a campaign for its results: policy, comparisons, expectations.", VIEWING)
 ORIGIN: Final = Verb("origin", IdRequest, CampaignOrigin,
-    "Which file a campaign was written in, and at which commit.", VIEWING)
+    "The file of a campaign, and its commit.", VIEWING)
 WORKERS: Final = Verb("workers", Empty, tuple[WorkerRow, ...],
-    "The workers that are here, and those that are away and have leases.", VIEWING)
+    "The connected workers, and absent ones with leases.", VIEWING)
 DISK: Final = Verb("disk", Empty, DiskUsage,
-    "How much space there is where the daemon keeps things.", VIEWING)
+    "The space on the disk of the state directory.", VIEWING)
 GET: Final = Verb("get", GetRequest, FilePart,
     "A part of a trace, a scene or a file of a system under test.",
     VIEWING | WORKING, CARRIER, slow=True)
 PUT: Final = Verb("put", PutRequest, Count,
-    "Take a part of a trace or of a file of a submission; returns how many bytes are there.",
+    "Take a part of a trace or of a file of a submission; returns the bytes received so far.",
     STEERING | WORKING, CARRIER, 2 * PART, slow=True)
 SUBMIT: Final = Verb("submit", Submission, SubmissionReceipt,
     "Take a campaign; the receipt says that it is safely in the ledger.",
     STEERING, WRITER, LARGEST_SUBMISSION, slow=True, advice="split the campaign")
 CANCEL: Final = Verb("cancel", IdRequest, Count,
-    "Cancel what is queued or running; returns the number of runs.", STEERING, WRITER, slow=True)
+    "Cancel queued and running runs; returns their number.", STEERING, WRITER, slow=True)
 RETRY: Final = Verb("retry", RetryRequest, Count,
-    "Queue runs again; returns how many.", STEERING, WRITER, slow=True)
+    "Queue runs again; returns their number.", STEERING, WRITER, slow=True)
 ACKNOWLEDGE: Final = Verb("acknowledge", IdRequest, Count,
-    "Note that somebody knows what went wrong in a campaign, until there is news. Returns how many"
-    " runs did not pass.", STEERING, WRITER)
+    "Acknowledge the bad runs of a campaign, until there are new ones. Returns the number of runs"
+    " that did not pass.", STEERING, WRITER)
 STEER: Final = Verb("steer", SteerRequest, Count,
-    "Start no more runs of a campaign, or go on; let it go before those of lower priority. Returns"
-    " how many wait. What is running goes on.",
+    "Pause or resume a campaign, or change its priority. Returns the number of waiting runs."
+    " Running ones go on.",
     STEERING, WRITER)
 DELETE: Final = Verb("delete", DeleteRequest, tuple[DeletedCampaign, ...],
-    "Remove campaigns of which nothing waits or runs, with results and traces; returns what goes.",
+    "Remove finished campaigns with results and traces; returns the removed ones.",
     STEERING, WRITER, 2 * _SMALL, slow=True)
 SHUTDOWN: Final = Verb("shutdown", Empty, Empty,
-    "Ask the daemon to leave; what is running gets a while to finish.", STEERING)
+    "Stop the daemon; running runs get some time to finish.", STEERING)
 SEARCH: Final = Verb("search", SearchSubmission, Empty,
-    "Take a search; one that is known goes on. One client at a time makes its proposals.",
+    "Begin or resume a search. One client at a time makes its proposals.",
     STEERING, WRITER, LARGEST_REQUEST)
 SEARCHES: Final = Verb("searches", SearchQuery, tuple[SearchRow, ...],
-    "At most 1000 searches, the newest first; the files of answers only where one is asked for.",
+    "At most 1000 searches, the newest first; only a query for one includes the answer's files.",
     VIEWING)
 EXTEND: Final = Verb("extend", ExtendRequest, Count,
-    "Add runs to a search; returns how many of them are new.",
+    "Add runs to a search; returns the number of new ones.",
     STEERING, WRITER, LARGEST_EXTENSION, slow=True, advice="send fewer at a time")
 PROGRESS: Final = Verb("progress", SearchProgress, Empty,
-    "Say how far a search is, and what it has found.", STEERING, WRITER, LARGEST_EXTENSION)
+    "Report the progress and results of a search.", STEERING, WRITER, LARGEST_EXTENSION)
 WELCOME: Final = Verb("welcome", WorkerInfo, WelcomeReply,
-    "What a worker must know before it starts.", WORKING)
+    "The state directory and the period of renewals, for a new worker.", WORKING)
 LEASE: Final = Verb("lease", LeaseRequest, LeaseReply,
     "Runs to execute, leased.", WORKING, WRITER, 8 * _SMALL)
 RENEW: Final = Verb("renew", RenewRequest, RenewReply,
-    "Renew all leases of a worker; returns those that it lost.", WORKING, WRITER, LARGEST_REQUEST)
+    "Renew all leases of a worker; returns those it has lost.", WORKING, WRITER, LARGEST_REQUEST)
 COMPLETE: Final = Verb("complete", Completion, LedgerAcknowledgement,
     "Record the result of a run.", WORKING, WRITER, LARGEST_REQUEST)
 RELEASE: Final = Verb("release", ReleaseRequest, LedgerAcknowledgement,
-    "Take a run back that has no result.", WORKING, WRITER, 16 * _SMALL)
+    "Return a run without a result.", WORKING, WRITER, 16 * _SMALL)
 # fmt: on
 
-VERBS: Final = {found.name: found for found in list(vars().values()) if isinstance(found, Verb)}
-"""All of them by name, in the order of their declarations."""
+VERBS: Final = {verb.name: verb for verb in list(vars().values()) if isinstance(verb, Verb)}
+"""All verbs by name, in the order of their declarations."""
 
 
 def _question(verb: Verb[P, A]) -> Callable[Concatenate[CampaignSource, P], A]:
@@ -225,14 +224,14 @@ class Closeable(Protocol):
 
 
 _RUNS_PER_PAGE: Final = 500
-"""Runs asked for at once when all of them are wanted."""
+"""Size of a page when all runs are read."""
 
 
 class CampaignSource(ABC):
-    """Anything that answers about campaigns, runs and searches: a daemon, its ledger, a folder.
+    """A source of campaigns, runs and searches: a daemon, its ledger, a folder.
 
-    ``where`` is the endpoint, the state directory or the folder. Of a folder of traces, ``unread``
-    are the files that are no usable traces, with the reason, and ``machine`` executed the runs.
+    ``where`` is the endpoint, the state directory or the folder. For a folder of traces, ``unread``
+    has the unusable files with the reason, and ``machine`` the machine that executed the runs.
     """
 
     where: str = ""
@@ -241,10 +240,10 @@ class CampaignSource(ABC):
 
     @abstractmethod
     def ask(self, verb: Verb[..., A], request: object) -> A:
-        """Return the answer to a question.
+        """Return the answer to a request.
 
-        Raises :class:`daemon.batch.errors.Unreachable` when nobody answers and
-        :class:`daemon.batch.errors.Refused` when the answer is no.
+        Raises :class:`daemon.batch.errors.Unreachable` without an answer and
+        :class:`daemon.batch.errors.Refused` after a refusal.
         """
 
     campaign_page = _question(CAMPAIGNS)
@@ -254,21 +253,18 @@ class CampaignSource(ABC):
     origin = _question(ORIGIN)
 
     def campaigns(self) -> tuple[CampaignRow, ...]:
-        """All campaigns, the newest first.
-
-        There may be thousands: who wants one or a few asks for a page.
-        """
-        found: list[CampaignRow] = []
+        """Return all campaigns, the newest first; ask for a page if a few are enough."""
+        rows: list[CampaignRow] = []
         while True:
-            page = self.campaign_page(offset=len(found), limit=LARGEST_PAGE)
-            # One that came meanwhile has moved the others on.
-            known = {row.id for row in found}
-            found.extend(row for row in page if row.id not in known)
+            page = self.campaign_page(offset=len(rows), limit=LARGEST_PAGE)
+            # A campaign submitted between two pages moves the others on.
+            ids = {row.id for row in rows}
+            rows.extend(row for row in page if row.id not in ids)
             if len(page) < LARGEST_PAGE:
-                return tuple(found)
+                return tuple(rows)
 
     def campaign(self, id: str) -> CampaignRow | None:
-        """The campaign of an id, if there is one."""
+        """Return the campaign of an id, if any."""
         page = self.campaign_page(id=id, limit=1)
         return page[0] if page else None
 
@@ -283,7 +279,7 @@ class CampaignSource(ABC):
         offset: int = 0,
         results: bool = False,
     ) -> tuple[RunRow, ...]:
-        """Return every run of a campaign the filter admits from ``offset`` on, in order."""
+        """Return every run of a campaign that matches the filter, from ``offset`` on, in order."""
         rows: list[RunRow] = []
         while True:
             page = self.runs(
@@ -297,24 +293,24 @@ class CampaignSource(ABC):
                 results=results,
             )
             rows.extend(page.rows)
-            # One that is shorter than asked for is not the last: bytes are limited, too.
+            # A short page need not be the last: its bytes are limited too.
             if not page.rows or offset + len(rows) >= page.total:
                 return tuple(rows)
 
     def searches(self, campaign: str = "", *, unfinished: bool = False) -> tuple[SearchRow, ...]:
-        """Searches, the newest first; all of them, or one, or those that have not ended."""
+        """Return all searches, one, or the unfinished ones; the newest first."""
         return self.ask(SEARCHES, SearchQuery(campaign, unfinished))
 
     def search_row(self, campaign: str) -> SearchRow | None:
-        """The search of an id, if there is one, with all of its answer."""
-        found = self.searches(campaign)
-        return found[0] if found else None
+        """Return the search of an id, if any, with its whole answer."""
+        rows = self.searches(campaign)
+        return rows[0] if rows else None
 
 
 class DaemonClient(CampaignSource):
-    """Questions and orders for a daemon: a method for each verb, and what needs several of them.
+    """Requests to a daemon: a method for each verb, and combinations of several.
 
-    :class:`daemon.batch.client.Client` asks over the bus.
+    :class:`daemon.batch.client.Client` sends them over the bus.
     """
 
     overview = _question(OVERVIEW)
@@ -329,7 +325,7 @@ class DaemonClient(CampaignSource):
     shutdown = _question(SHUTDOWN)
 
     def scene(self, digest: str) -> Scene:
-        """A compiled scene, by its digest; raises ``ValueError`` for one that is damaged."""
+        """Return a compiled scene by its digest; raises ``ValueError`` for a damaged one."""
         part = self.get(digest)
         data = part.data
         while part.data and len(data) < part.size:
@@ -341,28 +337,28 @@ class DaemonClient(CampaignSource):
         return scene
 
     def retry(self, campaign: str, *, only: str = "lost|cancelled") -> int:
-        """Queue runs again; returns how many.
+        """Queue runs again; return their number.
 
         ``only`` lists, separated by ``|``: ``lost``, ``cancelled``, an outcome, or ``all``. A run
-        that has a result keeps it: executing it again checks that it comes out the same.
+        with a result keeps it: the new execution checks that it comes out the same.
         """
         words = tuple(word.strip() for word in only.split("|") if word.strip())
         return self.ask(RETRY, RetryRequest(campaign, words)).count
 
     def begin_search(self, search: SearchSubmission) -> SearchRow:
-        """Begin a search, or go on with it; return how it stands then.
+        """Begin or resume a search; return its state.
 
-        It is the client's whose name it has: another one may make its proposals already.
+        ``client`` of the row is its owner: another client may make the proposals already.
         """
         self.ask(SEARCH, search)
         return self.searches(search.campaign)[0]
 
     @abstractmethod
     def submit(self, submission: Submission) -> SubmissionReceipt:
-        """Hand over a campaign; the receipt says that it is safely in the ledger.
+        """Submit a campaign; the receipt says that it is safely in the ledger.
 
-        Submitting the same again (after :class:`Unreachable`, say) is harmless. Files that its
-        systems under test need go first, from :func:`daemon.model.attachments.user_files_folder`.
+        Repeating it, such as after :class:`Unreachable`, is harmless. Files of its systems under
+        test are sent first, from :func:`daemon.model.attachments.user_files_folder`.
         """
 
     @abstractmethod
@@ -373,8 +369,8 @@ class DaemonClient(CampaignSource):
     ) -> Closeable:
         """Call back on every event, and on snapshots of running runs.
 
-        The calls come from other threads, one per kind, in order. Events may be lost when calls
-        take long or the connection breaks: then ``seq`` has a gap, and asking again is right.
+        The calls come from other threads, one per kind, in order. Slow calls or a broken connection
+        may lose events: ``seq`` then has a gap, and the caller must query again.
         """
 
     @abstractmethod
@@ -386,11 +382,10 @@ class DaemonClient(CampaignSource):
     ) -> Closeable:
         """Call back on detailed snapshots of one run while it runs, up to ten a second.
 
-        ``on_judged`` is called with what the run would be judged by now, at most once a second.
-        Whoever executes it makes either only while somebody watches. Calls come from other
-        threads, one per kind.
+        ``on_judged`` is called with the verdicts so far, at most once a second. Workers make both
+        only while somebody watches. Calls come from other threads, one per kind.
         """
 
 
 ClientOpener: TypeAlias = Callable[[], AbstractContextManager[DaemonClient]]
-"""Opens a client of a daemon that may be away."""
+"""Opener of a client; the daemon may be away."""

@@ -1,8 +1,8 @@
-"""Verdicts: what an oracle says about a trace, and why.
+"""Verdicts of oracles about a trace, with their evidence.
 
-An oracle maps a trace to an interval of signed margin in the unit of the judged quantity; the
-verdict falls out of it: pass when the whole interval is >= 0, fail when it is < 0, inconclusive
-when it is neither, error when there is no interval.
+An oracle maps a trace to an interval of signed margin in the unit of the judged quantity. The
+verdict follows: pass when the whole interval is >= 0, fail when it is < 0, inconclusive when it is
+neither, error without an interval.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from typing import Final
 from daemon.model.ranges import Seconds, SignalValue
 
 _MOMENT: Final = re.compile(r"\b(at|until|from) (\d+\.\d\d) s\b")
-"""A moment in a note, as oracles write it."""
+"""Pattern of a moment in a note of an oracle."""
 LONGEST_EVIDENCE: Final = 200
-"""Characters of a note or the name of an object, where there is no room for all of it."""
+"""Longest note or name of an object in shortened evidence [characters]."""
 
 
 class Outcome(StrEnum):
@@ -44,9 +44,9 @@ class Evidence:
 
     @property
     def note_text(self) -> str:
-        """The note for people: moments in tenths of a second, as they are told everywhere.
+        """The note for people, with moments in tenths of a second.
 
-        The note itself is part of recorded traces and stays as it was written.
+        The note itself is part of recorded traces and never changes.
         """
         return moments_in_tenths(self.note)
 
@@ -79,12 +79,12 @@ class Verdict:
 
     @property
     def about(self) -> str:
-        """The object that was nearest, touched, …; empty where none was involved."""
+        """The object that was nearest, touched, …; empty without one."""
         return self.evidence.object
 
 
 def shorten_evidence(verdict: Verdict) -> Verdict:
-    """Return a verdict whose evidence says no more than :data:`LONGEST_EVIDENCE` at a time."""
+    """Return a verdict with the texts of its evidence cut to :data:`LONGEST_EVIDENCE`."""
     evidence = verdict.evidence
     shorter = replace(
         evidence,
@@ -101,18 +101,18 @@ def combine(verdicts: Iterable[Verdict], *, valid: bool = True) -> Outcome:
     """
     if not valid:
         return Outcome.ERROR
-    found = {v.outcome for v in verdicts} - {Outcome.MEASURE}
-    # A failure before an error: what one oracle saw stands, though another could not be read.
+    outcomes = {v.outcome for v in verdicts} - {Outcome.MEASURE}
+    # A failure before an error: it counts even if another oracle could not be read.
     for outcome in (Outcome.FAIL, Outcome.ERROR, Outcome.INCONCLUSIVE, Outcome.PASS):
-        if outcome in found:
+        if outcome in outcomes:
             return outcome
     return Outcome.INCONCLUSIVE
 
 
 def deciding_verdict(verdicts: Iterable[Verdict]) -> Verdict | None:
-    """Return the verdict a list shows of a run: the first failing one, else the least margin's.
+    """Return the verdict to list for a run: the first failing one, else that of the least margin.
 
-    Margins are compared as they are, whatever their units; measures do not count.
+    Margins are compared without regard to units; measures do not count.
     """
     judged = [v for v in verdicts if v.outcome is not Outcome.MEASURE]
     for verdict in judged:
@@ -136,7 +136,7 @@ class MarginInterval:
 
     @property
     def outcome(self) -> Outcome:
-        """The verdict that falls out of the interval."""
+        """The verdict that follows from the interval."""
         if self.measured:
             return Outcome.MEASURE
         if self.lower >= 0.0:
@@ -151,7 +151,7 @@ def unknown_margin(note: str, *, measured: bool = False) -> MarginInterval:
 
 def moments_in_tenths(text: str) -> str:
     """Return a note of an oracle with its moments for people: ``first at 34.6 s``."""
-    return _MOMENT.sub(lambda found: f"{found[1]} {float(found[2]):.1f} s", text)
+    return _MOMENT.sub(lambda match: f"{match[1]} {float(match[2]):.1f} s", text)
 
 
 def join_notes(*notes: str) -> str:

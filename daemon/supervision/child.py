@@ -1,4 +1,4 @@
-"""Preparation of a new process for its life below another one, and of that other one."""
+"""Preparation of a supervisor and of the processes below it."""
 
 from __future__ import annotations
 
@@ -24,62 +24,61 @@ _M_MMAP_THRESHOLD: Final = -3
 
 
 def become_supervisor() -> None:
-    """Adopt what descendants leave behind, and undo what is for the process of a run alone."""
+    """Adopt orphaned descendants, and undo settings that only the process of a run needs."""
     reset_signals()
-    # To write to a holder that has died, or beyond a limit, is an error and not the end.
+    # Writing to a dead holder, or beyond a limit, is an error and does not end the process.
     signal.signal(signal.SIGPIPE, signal.SIG_IGN)
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    # A run may have but so much address space; C++ and DDS reserve far more than they touch.
-    _, most = resource.getrlimit(resource.RLIMIT_AS)
-    resource.setrlimit(resource.RLIMIT_AS, (most, most))
+    # The address space of a run is limited; C++ and DDS reserve far more than they touch.
+    _, hard_limit = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (hard_limit, hard_limit))
     adopt_orphans()
 
 
 def adopt_orphans() -> None:
-    """Become the parent of what descendants leave behind."""
+    """Become the parent of orphaned descendants."""
     _prctl(_PR_SET_CHILD_SUBREAPER, 1)
 
 
 def die_with_parent(parent: int) -> None:
-    """Have this process killed when the thread that forked it ends, now if ``parent`` has ended."""
+    """Let the kernel kill this process when the thread that forked it ends; end if it has ended."""
     _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != parent:
         os._exit(1)  # killed in between
 
 
 def prepare_child(supervisor: int) -> None:
-    """Give a new process what one has that is started in a terminal; between fork and exec."""
-    # Nobody kills a supervisor, except people and the kernel short of memory.
+    """Give a new process the signals and priority of one in a terminal; between fork and exec."""
+    # Only people, and the kernel short of memory, kill a supervisor.
     die_with_parent(supervisor)
-    # A session has an autogroup of its own (sched(7)), which does not inherit how far a run steps
-    # back behind other processes.
+    # A session has an autogroup of its own (sched(7)), which does not inherit a run's niceness.
     with suppress(OSError):
         _AUTOGROUP.write_text(str(os.getpriority(os.PRIO_PROCESS, 0)))
     reset_signals()
 
 
 def lower_session(niceness: int) -> None:
-    """Let this process's session step back behind others, if it leads one.
+    """Lower the priority of this process's session, if it leads one.
 
-    With autogroups (sched(7)) sessions share processors evenly, whatever the niceness of their
-    processes: that counts inside of a session only.
+    With autogroups (sched(7)) sessions share processors evenly; the niceness of a process counts
+    only inside its session.
     """
     if os.getsid(0) == os.getpid():
-        with suppress(OSError):  # a kernel without them
+        with suppress(OSError):  # a kernel without autogroups
             _AUTOGROUP.write_text(str(niceness))
 
 
 def return_freed_memory(large: int) -> None:
-    """Have the memory of arrays of ``large`` bytes and more go back to the system when freed."""
-    # Whoever frees a grid of megabytes has the next ones taken from the heap, which returns nothing
-    # to the system (mallopt(3), M_MMAP_THRESHOLD, a limit that moves unless it is set).
+    """Return the memory of freed arrays of ``large`` bytes and more to the system."""
+    # By default the threshold rises when a grid of megabytes is freed; later grids then come from
+    # the heap, which returns nothing to the system (mallopt(3), M_MMAP_THRESHOLD).
     with suppress(AttributeError):  # of glibc alone
         _LIBC.mallopt(_M_MMAP_THRESHOLD, large)
 
 
 def reset_signals() -> None:
-    """Let every signal do what it does by default, and block none."""
-    # The process of a run ignores SIGINT, and what is ignored stays so across fork and exec.
+    """Restore the default action of every signal and unblock all."""
+    # The process of a run ignores SIGINT, and ignored signals stay ignored across fork and exec.
     for number in signal.valid_signals() - {signal.SIGKILL, signal.SIGSTOP}:
         with suppress(OSError, ValueError):  # reserved by the C library
             signal.signal(number, signal.SIG_DFL)
@@ -93,9 +92,9 @@ def _prctl(option: int, value: int) -> None:
 
 
 def when_stdin_ends(react: Callable[[], object]) -> None:
-    """Call ``react`` in a thread when nobody holds the other end of standard input any more.
+    """Call ``react`` in a thread when the other end of standard input is closed.
 
-    By that a process knows that whoever started it is gone, or has let go of it.
+    This tells a process that its starter is gone, or has released it.
     """
 
     def watch() -> None:
@@ -106,7 +105,7 @@ def when_stdin_ends(react: Callable[[], object]) -> None:
                 try:
                     if not os.read(descriptor, 4096):
                         break
-                except BlockingIOError:  # whoever made it does not wait for it: nothing has ended
+                except BlockingIOError:  # non-blocking input: nothing has ended
                     select.select([descriptor], [], [])
         react()
 

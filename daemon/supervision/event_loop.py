@@ -1,4 +1,4 @@
-"""A loop of a process with one thread: descriptors, signals and children that end wake it."""
+"""Event loop of a process with one thread; descriptors, signals and ended children wake it."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from .output_file import OutputFile
 from .remains import reap_children
 
 HUNG_UP = select.EPOLLRDHUP
-"""Event of a socket whose other end is shut down or gone, whatever is still unread."""
+"""Event of a socket whose other end is shut down or gone, even with unread data."""
 _MOST_READS = 64
-"""Reads of 64 KiB from somebody who does not stop printing, before something else is looked at."""
+"""Reads of 64 KiB from one process that keeps printing, before others have their turn."""
 
 
 class EventLoop:
     """Calls a reaction for each event, until it is ``ending``.
 
-    To be made in the main thread, the only one.
+    Create it in the main thread, which must be the only one.
     """
 
     def __init__(self) -> None:
@@ -41,7 +41,7 @@ class EventLoop:
             self._wakeups[0].recv(4096)
 
     def end(self, *_: object) -> None:
-        """Begin to end; a reaction, and a handler of signals."""
+        """Begin to end; usable as a reaction and as a signal handler."""
         self.ending = True
 
     def watch(
@@ -52,19 +52,19 @@ class EventLoop:
         self._poller.register(descriptor, event)
 
     def forget(self, descriptor: int) -> None:
-        """Watch a descriptor no longer; to be called before it is closed."""
-        # One that was inherited by a child would be reported further on.
+        """Stop watching a descriptor; call this before closing it."""
+        # Epoll goes on reporting a closed descriptor that a child has inherited.
         self._poller.unregister(descriptor)
         del self._reactions[descriptor]
 
     def take_output(self, reading: int, output: OutputFile) -> None:
-        """Take in what is printed into a pipe, to the end of who prints."""
+        """Copy a pipe into ``output`` until its writers have ended."""
         os.set_blocking(reading, False)
         self._pipes[reading] = output
         self.watch(reading, lambda: self._drain(reading))
 
     def _drain(self, source: int) -> bool:
-        """Take in some of what was printed; returns whether there may be more."""
+        """Copy some output; return whether there may be more."""
         try:
             data = os.read(source, 1 << 16)
         except BlockingIOError:
@@ -78,17 +78,17 @@ class EventLoop:
         return bool(data)
 
     def drain(self) -> None:
-        """Take in all that was printed so far."""
+        """Copy all output so far."""
         for source in tuple(self._pipes):
-            for _ in range(_MOST_READS):  # somebody who is left may never stop printing
+            for _ in range(_MOST_READS):  # a remaining process may never stop printing
                 if not self._drain(source):
                     break
 
     def turn(self, seconds: float | None = None) -> None:
-        """Wait for something to happen, ``seconds`` at most, and react to it."""
+        """Wait for events, ``seconds`` at most, and react to them."""
         events = [(one, self._reactions[one]) for one, _ in self._poller.poll(seconds)]
         for descriptor, react in events:
-            # Unless what happened before it has made it void.
+            # An earlier event may have removed this reaction.
             if self._reactions.get(descriptor) is react:
                 react()
         self.reap()
@@ -99,5 +99,5 @@ class EventLoop:
             self.child_ended(process, code)
 
     def child_ended(self, process: int, code: int) -> None:
-        """Take note that a child has ended with ``code``, below 0 for a signal."""
+        """Handle the end of a child with ``code``, below 0 for a signal."""
         raise NotImplementedError

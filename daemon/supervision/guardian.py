@@ -1,14 +1,13 @@
-"""The process above that of a run: whatever the run starts ends with it, however it ends.
+"""The process above that of a run: everything the run starts ends with it, however it ends.
 
-    holder (a worker, say) ── … ── guardian ── the run ── what it starts, forks, leaves behind
+    holder (such as a worker) ── … ── guardian ── the run ── its children and their orphans
 
-The guardian is the subreaper (prctl(2)) of all that: whose parent ends becomes its child, in
-whatever session and process group. It ends everything when the run has ended, when its own parent
-is gone, when its holder hangs up, and when it is told to by SIGTERM; then it ends as the run did,
-with the same code or by the same signal. A guardian that is killed takes the run with it, and
-leaves what the run has left behind to the next subreaper.
+The guardian is the subreaper (prctl(2)) of the run: orphans become its children, in any session
+and process group. It ends everything when the run has ended, when its own parent is gone, when its
+holder hangs up, or on SIGTERM. It then exits as the run did, with the same code or by the same
+signal. A guardian that is killed takes the run with it; the next subreaper gets the orphans.
 
-What the run prints goes through the guardian into a file that is bounded, and nobody waits for it.
+The guardian copies the run's output into a bounded file; the run never waits for that.
 """
 
 from __future__ import annotations
@@ -28,28 +27,28 @@ from .event_loop import HUNG_UP, EventLoop
 from .output_file import OutputFile
 from .remains import KILL_LIMIT, end_children
 
-_TOLD_TO_END: Final = (signal.SIGTERM, signal.SIGQUIT)
-_NOT_ITS_BUSINESS: Final = (signal.SIGINT, signal.SIGHUP)
-"""Of terminals: what becomes of a run then, its holder decides."""
-_HANDLED: Final = (*_TOLD_TO_END, *_NOT_ITS_BUSINESS, signal.SIGCHLD)
+_ENDING_SIGNALS: Final = (signal.SIGTERM, signal.SIGQUIT)
+_IGNORED_SIGNALS: Final = (signal.SIGINT, signal.SIGHUP)
+"""Signals of terminals: the holder decides whether the run ends."""
+_HANDLED: Final = (*_ENDING_SIGNALS, *_IGNORED_SIGNALS, signal.SIGCHLD)
 
 
 def guard(output: Path | None = None, *, lifeline: socket.socket | None = None) -> None:
-    """Put a guardian above this process; returns in the run's process, below it.
+    """Put a guardian above this process; return in the run's process, below it.
 
-    To be called by a forked process before it has started anything. The run ends with the parent
-    of that, and when the other end of ``lifeline`` is shut down or gone. What is printed from then
-    on, by descriptors, goes to ``output``.
+    Call this in a forked process that has started nothing. The run ends with that process's
+    parent, and when the other end of ``lifeline`` is shut down or gone. Descriptors 1 and 2 then
+    print to ``output``.
 
-    Raises ``OSError`` when there is no process, pipe or file to be had.
+    Raises ``OSError`` when the system gives no process, pipe or file.
     """
     parent = os.pidfd_open(os.getppid())
     pipe = None if output is None else (*os.pipe(), OutputFile(output))
-    # No signal to the group of the parent is for the guardian.
+    # Keep signals to the parent's group away from the guardian.
     with suppress(PermissionError):  # it leads a session
         os.setpgid(0, 0)
     adopt_orphans()
-    # None is lost before there is somebody to handle it.
+    # Block signals until their handlers exist, so that none is lost.
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, _HANDLED)
     guardian = os.getpid()
     try:
@@ -81,9 +80,9 @@ def guard(output: Path | None = None, *, lifeline: socket.socket | None = None) 
 
 
 def end_guarded(process: BaseProcess) -> None:
-    """End a run by its guardian, which is ``process``, and wait until nothing of it is left."""
+    """End a run through its guardian ``process``, and wait until all of it has ended."""
     process.terminate()
-    # One that was stopped, say, does not hear it; then the run dies with it.
+    # A stopped guardian does not react; the run dies with it.
     process.join(2 * KILL_LIMIT)
     if process.is_alive():
         process.kill()
@@ -97,16 +96,16 @@ class _Guardian(EventLoop):
         super().__init__()
         self._run = run
         self._code: int | None = None
-        for number in _TOLD_TO_END:
+        for number in _ENDING_SIGNALS:
             signal.signal(number, self.end)
-        for number in _NOT_ITS_BUSINESS:
+        for number in _IGNORED_SIGNALS:
             signal.signal(number, signal.SIG_IGN)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, _HANDLED)
 
     def live(self) -> NoReturn:
-        """Watch until the run has ended or is to end; end what is left, and leave as it did."""
+        """Watch until the run has ended or is to end; end its remains, and exit as it did."""
         try:
-            # It ends as the run did, but with neither core nor traceback of its own.
+            # Exit as the run did, but without a core or traceback of our own.
             resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
             faulthandler.disable()
             while self._code is None and not self.ending:
@@ -114,20 +113,20 @@ class _Guardian(EventLoop):
             end_children(os.getpid(), reap=self.reap)
             self.drain()
         finally:
-            # Whatever went wrong here: the run has this process as its parent, and dies with it.
+            # After any error too: the run dies with this process, its parent.
             self._leave()
 
     def child_ended(self, process: int, code: int) -> None:
-        """Take note of the end of the run."""
+        """Note the end of the run."""
         if process == self._run:
             self._code = code
 
     def _leave(self) -> NoReturn:
         code = 1 if self._code is None or self.ending else self._code
         if code < 0:
-            # So that whoever waits learns by what the run was killed.
+            # The parent then sees the signal that killed the run.
             signal.set_wakeup_fd(-1)
-            with suppress(OSError):  # SIGKILL is as it is
+            with suppress(OSError):  # SIGKILL has no handler
                 signal.signal(-code, signal.SIG_DFL)
             os.kill(os.getpid(), -code)
         os._exit(code if code >= 0 else 1)

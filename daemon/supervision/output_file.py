@@ -1,4 +1,4 @@
-"""Output of processes: its first and its last part, in a file of bounded size."""
+"""Output of processes: its first and last part, in a file of bounded size."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Final
 
 
 class OutputFile:
-    """A file with the first and the last part of what was printed, never longer than a MiB.
+    """A file with the first and the last part of an output, never longer than a MiB.
 
-    Up to :data:`HEAD` and :data:`TAIL` bytes it is what was printed and nothing else. Beyond, the
-    last part is a ring, and eight bytes at the end count all that was printed. So it is valid at
-    any moment, and can be read after a SIGKILL.
+    Up to ``HEAD + TAIL`` bytes it is the plain output. Beyond, the last part is a ring, and eight
+    bytes at the end count all bytes printed. So it is valid at any moment, and readable after a
+    SIGKILL.
     """
 
     HEAD: Final = 256 * 1024
@@ -27,7 +27,7 @@ class OutputFile:
         self._total = 0
 
     def write(self, data: bytes) -> None:
-        """Add what was printed; what a full disk does not take is lost, and nobody waits for it."""
+        """Add output; a full disk loses the rest of it, without waiting."""
         if self._full:
             return
         try:
@@ -43,10 +43,10 @@ class OutputFile:
                 turn = (self._total - self.HEAD) % self.TAIL
                 place, room = self.HEAD + turn, self.TAIL - turn
             if self._total == self.HEAD + self.TAIL:
-                self._write_count()  # before the ring begins anew: from here on it is one
-            written = os.pwrite(self._file, data[:room], place)
-            self._total += written
-            data = data[written:]
+                self._write_count()  # from here on the last part is a ring
+            count = os.pwrite(self._file, data[:room], place)
+            self._total += count
+            data = data[count:]
         if self._total > self.HEAD + self.TAIL:
             self._write_count()
 
@@ -54,14 +54,14 @@ class OutputFile:
         os.pwrite(self._file, self._COUNT.pack(self._total), self.HEAD + self.TAIL)
 
     def close(self) -> None:
-        """Let go of the file, which stays."""
+        """Close the file, which stays on the disk."""
         os.close(self._file)
 
     @classmethod
     def read(cls, path: Path) -> bytes:
-        """Return what such a file holds, with a line that says what was left out; may be empty.
+        """Return the output in such a file, with a line for the bytes left out; may be empty.
 
-        Never more than about a MiB is read, of a longer file without such an end neither.
+        Reads at most about a MiB, also from a longer file without the count at its end.
         """
         most = cls.HEAD + cls.TAIL
         try:

@@ -1,4 +1,4 @@
-"""Remaining processes of a stack or a run, by descent or by a variable in their environment."""
+"""Remaining processes of a stack or a run, by descent or by an environment variable."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ from typing import Final
 from .plan import PROGRAM
 
 MARKER: Final = "SCENARIO_STACK"
-"""Environment variable of everything that belongs to a stack; its value is the stack's token."""
+"""Environment variable of all processes of a stack; its value is the stack's token."""
 KILL_LIMIT: Final = 10.0
-"""Seconds until what survives SIGKILL (in an uninterruptible wait) is left alone."""
+"""Longest wait for processes that survive SIGKILL in an uninterruptible wait [s]."""
 POLL: Final = 0.05
-"""Seconds between looks for what is left: the end of a grandchild tells nobody."""
+"""Period of looks for remaining processes [s]: the end of a grandchild sends no signal."""
 _FIRST_LOOK: Final = 0.001
 _ENGINE_LIMIT: Final = 20.0
 
 
 def marked_processes(token: str) -> set[int]:
-    """Return the processes of a stack by the variable in their environment, zombies left out."""
-    # A process of another user cannot be looked into, nor could it be ended.
+    """Return the processes of a stack by their environment variable, without zombies."""
+    # Processes of other users can neither be read nor ended.
     mark = f"{MARKER}={token}".encode()
-    found = set()
+    marked = set()
     for process in Path("/proc").iterdir():
         if process.name.isdecimal():
             with suppress(OSError):
                 if mark in (process / "environ").read_bytes().split(b"\0"):
-                    found.add(int(process.name))
-    return found
+                    marked.add(int(process.name))
+    return marked
 
 
 def reap_children() -> Iterator[tuple[int, int]]:
@@ -49,24 +49,24 @@ def reap_children() -> Iterator[tuple[int, int]]:
 
 
 def send_signal(processes: Iterable[int], number: int) -> None:
-    """Send a signal to each process that is still there and ours."""
+    """Send a signal to each of our processes that still exists."""
     for process in processes:
         with suppress(ProcessLookupError, PermissionError):
             os.kill(process, number)
 
 
 def end_marked(token: str) -> None:
-    """Kill a stack whose supervisor is gone, as far as that works within :data:`KILL_LIMIT`."""
+    """Kill a stack whose supervisor is gone, for :data:`KILL_LIMIT` at most."""
     deadline = time.monotonic() + KILL_LIMIT
-    while (left := marked_processes(token)) and time.monotonic() < deadline:
-        send_signal(left, signal.SIGKILL)
+    while (remaining := marked_processes(token)) and time.monotonic() < deadline:
+        send_signal(remaining, signal.SIGKILL)
         time.sleep(POLL)
 
 
 def end_container(engine: str, name: str) -> None:
-    """End a container by its name, and remove it; nothing happens where there is none."""
+    """End and remove a container by its name, if it exists."""
     for words in (["kill", name], ["rm", "-f", name]):
-        # Its exit code says whether there was one, which nobody has to know.
+        # The exit code only says whether it existed.
         with suppress(OSError, subprocess.TimeoutExpired):
             subprocess.run(
                 [engine, *words],
@@ -80,30 +80,30 @@ def end_container(engine: str, name: str) -> None:
 
 def _processes() -> dict[int, tuple[int, int]]:
     """Return parent and process group of every process that is not a zombie."""
-    found = {}
+    processes = {}
     for process in Path("/proc").iterdir():
         if process.name.isdecimal():
             with suppress(OSError):
                 # The name of the program comes second, in brackets, and may contain anything.
                 state, parent, group = (process / "stat").read_text().rpartition(")")[2].split()[:3]
                 if state not in ("Z", "X"):
-                    found[int(process.name)] = int(parent), int(group)
-    return found
+                    processes[int(process.name)] = int(parent), int(group)
+    return processes
 
 
 def descendants(ancestor: int) -> dict[int, int]:
     """Return the process group of every descendant that is not a zombie, by process."""
     processes = _processes()
-    found: dict[int, int] = {}
+    groups: dict[int, int] = {}
     newest = {ancestor}
     while newest:
-        newest = {p for p, (parent, _) in processes.items() if parent in newest} - found.keys()
-        found |= {process: processes[process][1] for process in newest}
-    return found
+        newest = {p for p, (parent, _) in processes.items() if parent in newest} - groups.keys()
+        groups |= {process: processes[process][1] for process in newest}
+    return groups
 
 
 def parent_of(process: int) -> int:
-    """Return the parent of a process, 0 where that is not known: it has ended, say."""
+    """Return the parent of a process, 0 if unknown, such as after its end."""
     with suppress(OSError):
         stat = Path(f"/proc/{process}/stat").read_text()
         return int(stat.rpartition(")")[2].split()[1])
@@ -111,21 +111,21 @@ def parent_of(process: int) -> int:
 
 
 def children(process: int) -> set[int]:
-    """Return the children of a process, zombies among them."""
-    found: set[int] = set()
+    """Return the children of a process, including zombies."""
+    result: set[int] = set()
     try:
         for thread in Path(f"/proc/{process}/task").iterdir():
-            found |= {int(child) for child in (thread / "children").read_text().split()}
+            result |= {int(child) for child in (thread / "children").read_text().split()}
     except OSError:
-        # It has ended, or the kernel has no such file (CONFIG_PROC_CHILDREN); proc(5).
+        # The process has ended, or the kernel has no such file (CONFIG_PROC_CHILDREN); proc(5).
         with suppress(OSError):
             everybody = (int(one.name) for one in Path("/proc").iterdir() if one.name.isdecimal())
             return {one for one in everybody if parent_of(one) == process}
-    return found
+    return result
 
 
 def is_supervisor(process: int) -> bool:
-    """Return whether a process is the supervisor of a stack, which ends all of it in time."""
+    """Return whether a process is the supervisor of a stack, which ends the stack itself."""
     with suppress(OSError):
         words = Path(f"/proc/{process}/cmdline").read_bytes().split(b"\0")
         return PROGRAM.encode() in words
@@ -138,20 +138,20 @@ def end_children(
     *,
     reap: Callable[[], object],
 ) -> None:
-    """Kill all that descends from a subreaper, except ``spared`` children and supervisors.
+    """Kill all descendants of a subreaper, except ``spared`` children and supervisors.
 
-    Whose parent is killed becomes the subreaper's child, and is next. ``reap`` is called before
-    each look. What cannot be killed within :data:`KILL_LIMIT` stays.
+    Orphans become the subreaper's children, and are next. ``reap`` is called before each look.
+    Processes that survive :data:`KILL_LIMIT` stay.
     """
     deadline, pause = time.monotonic() + KILL_LIMIT, _FIRST_LOOK
     while True:
         reap()
-        # With zombies: one that was alive when the list was read may have left children since.
-        # Spared ones are asked for after that: what has been started since is not in it.
-        found = children(process)
-        left = {child for child in found - {*spared()} if not is_supervisor(child)}
-        if not left or time.monotonic() > deadline:
+        # With zombies: a child alive when the list was read may have left children since.
+        # ``spared`` is called after that, so it covers every child in the list.
+        listed = children(process)
+        remaining = {child for child in listed - {*spared()} if not is_supervisor(child)}
+        if not remaining or time.monotonic() > deadline:
             return
-        send_signal(left, signal.SIGKILL)
+        send_signal(remaining, signal.SIGKILL)
         time.sleep(pause)
         pause = min(2 * pause, POLL)

@@ -1,8 +1,8 @@
 """Shared memory that killed processes of Fast DDS leave behind, half a MiB each.
 
 A participant has a segment ``fastdds_<id>``, or ``fastrtps_<id>`` in older releases, and ports
-``fastdds_port<number>`` with a semaphore each; beside what is in use lies a file ``..._el`` or
-``..._sl`` that its user has locked with flock(2). Seen with the releases of Jazzy and Kilted.
+``fastdds_port<number>`` with a semaphore each. Next to one in use lies a file ``..._el`` or
+``..._sl`` that its user has locked with flock(2). Observed with the releases of Jazzy and Kilted.
 """
 
 from __future__ import annotations
@@ -23,26 +23,26 @@ _FIRST_PORT: Final = 7400
 _PORTS: Final = 250
 """Ports of domain d begin at 7400 + 250 d (DDSI-RTPS 2.5, 9.6.2)."""
 _AGE: Final = 2.0
-"""Seconds after which a file that nobody has locked is taken for left: its user makes it first."""
+"""Age after which an unlocked file counts as abandoned [s]: its user creates it before locking."""
 
 
 def remove_shared_memory(domain: int) -> None:
-    """Remove segments that nobody uses any more, and the ports of a domain that nobody is in."""
+    """Remove unused segments, and the ports of a domain without participants."""
     ports = range(_FIRST_PORT + _PORTS * domain, _FIRST_PORT + _PORTS * (domain + 1))
     names = set()
     for file in _MEMORY.glob("fast*"):
-        found = _FILE.fullmatch(file.name)
-        if found and (found["port"] is None or int(found["port"]) in ports):
-            names.add(found["name"])
+        match = _FILE.fullmatch(file.name)
+        if match and (match["port"] is None or int(match["port"]) in ports):
+            names.add(match["name"])
     for name in names:
-        # Others may do the same at the same time, and other users' files are not ours to remove.
+        # Another process may remove them at the same time; other users' files stay.
         with suppress(OSError):
-            if _is_left(name):
-                for left in (name, f"sem.{name}_mutex", f"{name}_sl", f"{name}_el"):
-                    (_MEMORY / left).unlink(missing_ok=True)
+            if _is_abandoned(name):
+                for part in (name, f"sem.{name}_mutex", f"{name}_sl", f"{name}_el"):
+                    (_MEMORY / part).unlink(missing_ok=True)
 
 
-def _is_left(name: str) -> bool:
+def _is_abandoned(name: str) -> bool:
     files = [_MEMORY / part for part in (name, f"{name}_el", f"{name}_sl")]
     present = [file for file in files if file.exists()]
     states = [file.stat() for file in present]

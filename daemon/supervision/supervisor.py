@@ -1,12 +1,12 @@
 """Starts a stack and its relay, watches them, and ends all their processes.
 
-A process of its own. Its standard input and output are one end of a socket pair whose other end
-its holder has, the process of the run. A first line of JSON is the :class:`StackPlan`, a second one
-the request to end the stack; lines in the other direction report what has happened. It also ends
-the stack when its holder is gone, however that died.
+A process of its own. Its standard input and output are one end of a socket pair; its holder, the
+process of the run, has the other. A first line of JSON is the :class:`StackPlan`, a second one
+the request to end the stack; lines in the other direction report events. It also ends the stack
+when its holder is gone, however that died.
 
-The processes of a stack are its descendants, orphans among them, because it is their subreaper
-(prctl(2)). Others are recognised by a variable in their environment.
+The processes of a stack are its descendants, including orphans, because it is their subreaper
+(prctl(2)). An environment variable identifies the others.
 """
 
 from __future__ import annotations
@@ -48,11 +48,11 @@ from .shared_memory import remove_shared_memory
 _CONTAINER_POLL: Final = 0.5
 _LONGEST_LINE: Final = 4096
 _MOST_ALARMS: Final = 100
-"""Alarms that are reported of a stack: its holder need not be waited for with so few."""
+"""Alarms reported of a stack; this few never fill the wire to the holder."""
 
 
 class Supervisor(EventLoop):
-    """One stack while it lives."""
+    """Supervisor of one stack."""
 
     def __init__(self, wire: socket.socket, plan: StackPlan) -> None:
         super().__init__()
@@ -71,7 +71,7 @@ class Supervisor(EventLoop):
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT):
             signal.signal(number, self.end)
         self.watch(wire.fileno(), self._hear_holder)
-        # The second way to learn that it is dead: others may have inherited its end of the wire.
+        # Watch the process too: others may have inherited its end of the wire.
         try:
             holder = os.pidfd_open(plan.holder)
         except ProcessLookupError:
@@ -84,7 +84,7 @@ class Supervisor(EventLoop):
         try:
             if self._plan.setup:
                 self._setup_until = time.monotonic() + self._plan.setup_limit
-                # What setup files start belongs to the stack as well.
+                # Processes that setup files start belong to the stack too.
                 environment = {**os.environ, MARKER: self._plan.token}
                 self._start("setup", self._plan.setup, environment, STACK_OUTPUT)
             else:
@@ -113,12 +113,12 @@ class Supervisor(EventLoop):
     def _start(self, role: str, words: list[str], environment: dict[str, str], output: str) -> bool:
         program = shutil.which(words[0], path=environment.get("PATH", os.defpath))
         if program is None:
-            self._refuse(f"there is no program {words[0]} where the {role} is to be started")
+            self._refuse(f"the {role} cannot be started: its PATH has no program {words[0]}")
             return False
         supervisor = os.getpid()
         reading, writing = os.pipe()
         try:
-            # Not closed by a context manager: the loop waits for it, as for orphans.
+            # Without a context manager: the loop reaps it, as it does orphans.
             child = subprocess.Popen(
                 [program, *words[1:]],
                 env=environment,
@@ -137,7 +137,7 @@ class Supervisor(EventLoop):
             os.close(writing)
         self._children[child.pid] = role
         self._groups.append(child.pid)
-        child.returncode = 0  # else its end of life warns that nobody waited
+        child.returncode = 0  # avoids a ResourceWarning: the loop reaps it
         self.take_output(reading, self._outputs[output])
         return True
 
@@ -152,7 +152,7 @@ class Supervisor(EventLoop):
                 raise OSError(f"the setup files failed with {_in_words(code)}")
             file = self._folder / ENVIRONMENT
             data = file.read_bytes()
-            file.unlink()  # people have secrets in variables
+            file.unlink()  # variables may hold secrets
         except OSError as error:
             text = OutputFile.read(self._folder / STACK_OUTPUT).decode("utf-8", "replace")
             errors = [line for line in text.splitlines() if line.startswith(ALARM)]
@@ -161,10 +161,10 @@ class Supervisor(EventLoop):
         entries = (os.fsdecode(entry).partition("=") for entry in data.split(b"\0") if entry)
         self._start_stack({name: value for name, _, value in entries if name})
 
-    # What happens
+    # Events
 
     def child_ended(self, process: int, code: int) -> None:
-        """React to the end of the setup, the stack or its relay, or of what they left."""
+        """React to the end of the setup, the stack, its relay or an orphan."""
         role = self._children.pop(process, "")
         if role == "setup" and not self.ending:
             self.drain()
@@ -183,7 +183,7 @@ class Supervisor(EventLoop):
         until = self._setup_until
         wait = None if until is None else max(0.0, until - time.monotonic())
         if self._plan.engine:
-            # What happens in a container tells nobody here.
+            # No event arrives from inside a container.
             wait = min(_CONTAINER_POLL, wait) if wait is not None else _CONTAINER_POLL
         return wait
 
@@ -203,7 +203,7 @@ class Supervisor(EventLoop):
             data = self._wire.recv(4096)
         except OSError:
             data = b""
-        self.ending = True  # that is all it can ask for
+        self.ending = True  # the only request there is
         if not data:
             self._hang_up()
 
@@ -227,12 +227,12 @@ class Supervisor(EventLoop):
     # Ending
 
     def _end_everything(self) -> None:
-        """SIGINT, SIGTERM, SIGKILL, each only if the one before was not enough."""
+        """Send SIGINT, SIGTERM, SIGKILL, each only if processes survived the one before."""
         self.ending = True
         for group in set(self._group_members().values()):
             with suppress(ProcessLookupError, PermissionError):
                 os.killpg(group, signal.SIGINT)
-        # As from a terminal, where whatever has left the group is not asked either.
+        # As from a terminal: processes that have left the group get no SIGINT.
         self._wait_until(lambda: not self._group_members(), self._plan.grace)
         if remains := self._remains():
             send_signal(remains, signal.SIGTERM)
@@ -240,7 +240,7 @@ class Supervisor(EventLoop):
         if self._plan.engine:
             end_container(self._plan.engine, self._plan.name)
         self._wait_until(self._kill_remains, KILL_LIMIT)
-        if not self._plan.engine:  # a container has a memory of its own
+        if not self._plan.engine:  # a container has its own shared memory
             remove_shared_memory(self._plan.domain)
 
     def _kill_remains(self) -> bool:
@@ -251,28 +251,25 @@ class Supervisor(EventLoop):
         deadline = time.monotonic() + seconds
         self.reap()
         while not condition() and time.monotonic() < deadline:
-            # Not a look at all processes for each line of who goes on printing.
+            # Limit the looks at all processes while one of them keeps printing.
             next_look = time.monotonic() + POLL / 5
             self.turn(POLL)
             while (rest := next_look - time.monotonic()) > 0:
                 self.turn(rest)
 
     def _remains(self) -> set[int]:
-        """Return all processes of the stack that live."""
-        # An engine has processes of its own, which outlast a container and must not be ended.
+        """Return all living processes of the stack."""
+        # An engine's own processes outlast a container and must not be ended.
         ours = self._group_members() if self._plan.engine else descendants(os.getpid())
         return {*ours, *marked_processes(self._plan.token)} - {os.getpid()}
 
     def _group_members(self) -> dict[int, int]:
-        """Return members of the groups that were started, by process.
-
-        Groups of others that have got the same number since are left out.
-        """
+        """Return the group of each descendant in a group of ours, without reused numbers."""
         return {p: group for p, group in descendants(os.getpid()).items() if group in self._groups}
 
 
 class _WatchedOutput(OutputFile):
-    """An output whose lines that contain one of ``alarms`` are reported as they are printed."""
+    """An output that reports each line with one of ``alarms`` at once."""
 
     def __init__(self, path: Path, alarms: list[bytes], report: Callable[[str], object]) -> None:
         super().__init__(path)
@@ -281,7 +278,7 @@ class _WatchedOutput(OutputFile):
         self._line = b""
 
     def write(self, data: bytes) -> None:
-        """Add what was printed, and report its alarms."""
+        """Add output and report its alarms."""
         super().write(data)
         *lines, rest = (self._line + data).split(b"\n")
         self._line = rest[:_LONGEST_LINE]

@@ -123,7 +123,7 @@ def daemon(
     # Only a warning: the server knows its keys, and refuses if they are missing.
     if warning := exposure_warning(listen):
         say(warning)
-    decide_on_commands(commands, elsewhere=bool(listen))
+    decide_on_commands(commands, is_remote=bool(listen))
     where = f" at {listen}" if listen else ""
     say(f"starting a daemon{where}, state in {state}, Ctrl-C to leave")
     settings = DaemonSettings(store=traces, quota=quota or 0)

@@ -83,7 +83,7 @@ def test_a_sut_file_names_files_and_the_specification_their_digests(here):
     [
         ("kind: learned\nfiles:\n  model: gone.onnx\n", "no file .*gone.onnx"),
         ("kind: learned\nfiles:\n  model: [policy.onnx, policy.onnx]\n", "one file, not several"),
-        ("kind: learned\nfiles:\n  ../model: policy.onnx\n", "is no name"),
+        ("kind: learned\nfiles:\n  ../model: policy.onnx\n", "is not a valid name"),
         ("kind: pilot\nfiles:\n  model: policy.onnx\n", "pilot needs none"),
     ],
 )
@@ -96,8 +96,8 @@ def test_files_are_bounded(here, monkeypatch):
     file = here[0] / "policy.onnx"
     monkeypatch.setattr(attachments, "LARGEST_FILE", 2**19)
     for files, words in (
-        ({"model": file}, "at most 0 may have"),
-        ({"model": Path("/dev/zero")}, "model is no ordinary file"),
+        ({"model": file}, "the limit is 0 MiB"),
+        ({"model": Path("/dev/zero")}, "model is not an ordinary file"),
         ({f"f{i}": file for i in range(17)}, "17 are too many"),
     ):
         with pytest.raises(ValueError, match=words):
@@ -106,7 +106,7 @@ def test_files_are_bounded(here, monkeypatch):
 
 def test_a_file_that_is_not_here_is_nothing_to_blame_a_run_for(here):
     sut = SutReference("mine", "learned", {}, {"model": "0" * 64})
-    with pytest.raises(SutMissing, match='the file "model" of the system under test is not here'):
+    with pytest.raises(SutMissing, match='the file "model" of the system under test is missing'):
         _ = sut.local_parameters
 
 

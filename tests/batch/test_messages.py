@@ -166,7 +166,7 @@ JUDGEMENT = LiveJudgement(
 )
 FAR = 1e300
 EMPTY = {"name": "speed", "unit": "m/s", "start": 0.0, "end": 2.0, "low": [], "high": []}
-REFUSED = "validation error|snapshot of more than|do not go together"
+REFUSED = "validation error|snapshot of more than|contradict each other"
 
 
 def spoilt(value, path, new):

@@ -98,7 +98,7 @@ def test_a_run_hears_what_is_wanted_of_it(wires, monkeypatch, words, interest, w
     ours.send(WATCH + b"details judgement margin")
     ours.send(WATCH + words.encode())
     sender = SnapshotSender(RUN, theirs)
-    assert (sender.interest(), sender.wanted()) == (interest, wanted)
+    assert (sender.interest(), sender.scope()) == (interest, wanted)
     asked = [sender.interest() for _ in range(10_000)]
     assert set(asked) == {interest, "nothing"}
     assert round(asked.count(interest) / 10.0) == often

@@ -104,7 +104,7 @@ def test_a_map_that_is_gone_or_damaged_is_refused(bare, demo, grid):
     with pytest.raises(MapMissingError, match="is not the map .* any more: remove it"):
         stored_map(name)
     stored.unlink()
-    with pytest.raises(MapMissingError, match="cannot be read.*loading its campaign again"):
+    with pytest.raises(MapMissingError, match="cannot be read.*load its campaign again"):
         stored_map(name)
 
 

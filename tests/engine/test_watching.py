@@ -115,12 +115,12 @@ def test_who_watches_changes_nothing(alone, tmp_path, watched, interest):
 class Judged:
     """Wants everything, always, and keeps it."""
 
-    def __init__(self, wanted="everything"):
+    def __init__(self, scope="everything"):
         self.found = []
-        self._wanted = wanted
+        self._scope = scope
 
-    def wanted(self):
-        return self._wanted
+    def scope(self):
+        return self._scope
 
     def tell(self, judgement):
         self.found.append(judgement)
@@ -194,7 +194,7 @@ class Judging:
         self.told = []
         self.costs = []
         self._first, self._later = first, later
-        self._wanted = "nothing"
+        self._scope = "nothing"
         self.refuses = False
         self.failure = None
         self._trace = cut(make_trace(along(times(4.0)), goal=mission((5.0, 0.0))), 4.0)
@@ -209,8 +209,8 @@ class Judging:
         self.now += self.costs[-1]
         return self._trace
 
-    def wanted(self):
-        return self._wanted
+    def scope(self):
+        return self._scope
 
     def tell(self, judgement):
         if self.refuses:
@@ -222,9 +222,9 @@ class Judging:
         """Return how much of the run's time judging took: the first is free, two may be owed."""
         return sum(self.costs[3:]) / (self.now - self._began)
 
-    def go_on(self, wanted, seconds):
-        """Let the run go on for so long while that is wanted."""
-        self._wanted = wanted
+    def go_on(self, scope, seconds):
+        """Let the run go on for so long in that scope of judging."""
+        self._scope = scope
         end = self.now + seconds
         while self.now < end:
             self._run(BARE)
@@ -238,10 +238,10 @@ def test_judging_keeps_to_its_share_and_tells_who_opens_a_run_within_a_second(go
         judging, waits = Judging(monkeypatch, *costs), []
         times, _, steps = line.rpartition(" × ")
         for step in steps.split(", ") * int(times or 1):
-            wanted, seconds = step.removesuffix(" s").split(" for ")
+            scope, seconds = step.removesuffix(" s").split(" for ")
             opened, before = judging.now, len(judging.told)
-            judging.go_on(wanted, float(seconds))
-            if wanted == "everything":
+            judging.go_on(scope, float(seconds))
+            if scope == "everything":
                 waits.append([time - opened for time in judging.told[before:]])
         first, second = max(wait[0] for wait in waits), [wait[1] for wait in waits if wait[1:]]
         return (

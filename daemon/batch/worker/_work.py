@@ -71,7 +71,7 @@ def work(
     if nice:
         lower_session(nice)
     # Before anything is forked that inherits it.
-    decide_on_commands(commands, elsewhere=is_encrypted(connect))
+    decide_on_commands(commands, is_remote=is_encrypted(connect))
     with ExitStack() as stack:
         signals = WorkerSignals()
         stack.callback(signals.close)

@@ -29,7 +29,7 @@ class Kept:
     def send(self, topic, now, payload):
         self.messages.append((topic, now, payload))
 
-    def wanted(self, topic):
+    def has_listeners(self, topic):
         return True
 
     def begin(self):

@@ -215,7 +215,7 @@ def test_logs_of_all_distributions_are_read():
     found = decode_tree_log(bytes(old), 1.0)
     assert found.changes == tuple(replace(change, uid=0) for change in LOG.changes)
     for size in range(0, len(data) - 4, 5):
-        with pytest.raises(ValueError, match="no log of a behaviour tree"):
+        with pytest.raises(ValueError, match="not a log of a behaviour tree"):
             decode_tree_log(data[:size], 1.0)
 
 

@@ -151,12 +151,12 @@ def test_only_the_command_is_quoted():
 def test_commands_from_elsewhere_are_refused_unless_the_worker_takes_them(monkeypatch):
     monkeypatch.setenv("SCENARIO_COMMANDS", "")
     parameters = {"launch": "true", "repeatable": False}
-    decide_on_commands(None, elsewhere=True)
+    decide_on_commands(None, is_remote=True)
     with pytest.raises(SutMissing, match="--commands"):
         make_sut("ros2", parameters)
     # What the daemon decided holds for its own workers, to whom it is local.
-    decide_on_commands(None, elsewhere=False)
+    decide_on_commands(None, is_remote=False)
     with pytest.raises(SutMissing):
         make_sut("ros2", parameters)
-    decide_on_commands(True, elsewhere=True)
+    decide_on_commands(True, is_remote=True)
     assert make_sut("ros2", parameters).period == 0.05

@@ -225,7 +225,7 @@ def test_the_end_of_the_relay_is_told(start, tmp_path):
          r"there is no setup file /there/is/none.bash\Z"),
         ({}, "echo trouble; exit 3\n", r"setup.bash ended its shell, exit code 3\Z"),
         ({"python": "python9"}, "",
-         "there is no program python9 where the relay is to be started"),
+         "the relay cannot be started: its PATH has no program python9"),
         ({"launch": "echo {speed}"}, "", 'no placeholder "speed"'),
         ({"start-up": "0.1 s"}, "sleep 600\n", "the setup files did not end within 0.1 s"),
     ],
