@@ -1,9 +1,9 @@
-"""The bus: Zenoh sessions as this project uses them, and question and answer over them.
+"""The bus: Zenoh sessions, and requests and answers over them.
 
-A router session inside the daemon listens; everybody else is a client of it. On one machine they
-meet at a socket in the state directory, across machines over TLS with keys on both sides
-(:mod:`daemon.batch.security`). What is recorded always travels as question and answer, the answer
-after the commit; what is published (events, snapshots, hints) may be lost.
+A router session inside the daemon listens; all others are its clients. On one machine they meet at
+a socket in the state directory, across machines over TLS with keys on both sides
+(:mod:`daemon.batch.security`). Data for the ledger always travels as a request, answered after the
+commit; publications (events, snapshots, hints) may be lost.
 """
 
 from __future__ import annotations
@@ -51,28 +51,28 @@ from grammars.text import codec
 A = TypeVar("A")
 
 _LINK_LEASE_MS: Final = 4000
-"""A peer that is silent for this long is gone.
+"""Silence after which a peer counts as gone [ms].
 
-Measured: a killed one is noticed in 2 ms, a frozen one in 3.8 s (with
-Zenoh's own 10 s, in 9.8 s).
+Measured: a killed peer is noticed in 2 ms, a frozen one in 3.8 s (in 9.8 s with Zenoh's 10 s).
 """
 
 _LARGEST_MESSAGE: Final = 2 * LARGEST_SUBMISSION
-"""Bytes; larger ones are dropped unread. Up to that, what is too large is refused with a reason."""
+"""Largest message of the bus [B]; larger ones are dropped unread. Smaller ones above the limit of
+their verb are refused with a reason."""
 
 _LONGEST_VERSION: Final = 200
 _PATIENCE: Final = 0.5
-"""Seconds to ask again when nobody answers: a restarting daemon needs a moment.
+"""Time of retries without an answer [s], for a restarting daemon.
 
-While there is none, Zenoh answers a question with no reply at all, and does so at once (0.14 ms).
+Without a daemon Zenoh ends a query at once (0.14 ms), with no reply.
 """
 
 
 def open_router(listen: Sequence[str], keys: DaemonCredentials | None = None) -> zenoh.Session:
     """Open the daemon's session, listening at every endpoint of ``listen``.
 
-    With ``keys`` it admits who has a key, each to what its role may. Raises :class:`DaemonError`
-    when an endpoint is malformed or taken.
+    With ``keys`` it admits the holders of keys, each with the rights of its role. Raises
+    :class:`DaemonError` when an endpoint is malformed or in use.
     """
     settings: dict[str, object] = {"listen/endpoints": [_checked(one) for one in listen]}
     if keys is not None:
@@ -88,10 +88,10 @@ def open_router(listen: Sequence[str], keys: DaemonCredentials | None = None) ->
 def open_client(endpoint: str, credentials: Credentials | None = None) -> zenoh.Session:
     """Open a session connected to the daemon at ``endpoint``; it reconnects by itself.
 
-    ``credentials`` are the key that opens an encrypted endpoint. Raises :class:`Unreachable` when
-    nothing listens there, and :class:`DaemonError` for an endpoint that is not to be trusted.
+    ``credentials`` are the key for an encrypted endpoint. Raises :class:`Unreachable` when nothing
+    listens there, and :class:`DaemonError` for an untrusted endpoint.
     """
-    # Zenoh's own period grows to 4 s, which is how long a client would miss a restarted daemon.
+    # Zenoh's own period grows to 4 s: a client would miss a restarted daemon for that long.
     retry = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2}
     settings: dict[str, object] = {
         "connect/endpoints": [_checked_trust(_checked(endpoint))],
@@ -106,7 +106,7 @@ def open_client(endpoint: str, credentials: Credentials | None = None) -> zenoh.
 
 
 def unreachable_error(endpoint: str, credentials: Credentials | None = None) -> Unreachable:
-    """Say that nobody answers at ``endpoint`` and what to do about it."""
+    """Return the error for an endpoint without an answer, with the reason and the remedy."""
     if credentials is not None:
         from daemon.batch.security.handshake import handshake_problem
 
@@ -128,10 +128,10 @@ def _checked(endpoint: str) -> str:
 
 
 def _checked_trust(endpoint: str) -> str:
-    """Refuse to talk where anybody may listen, or may have put himself in the daemon's place.
+    """Refuse endpoints where others may listen, or may take the daemon's place.
 
-    The folder of a socket is private where we make it; but --connect may name any path, and whoever
-    holds a socket there gets all that is submitted.
+    We make the folder of a socket private, but --connect may name any path, and the owner of a
+    socket there receives everything submitted.
     """
     path = socket_path(endpoint)
     if path is not None and path.exists() and path.stat().st_uid != os.getuid():
@@ -139,7 +139,7 @@ def _checked_trust(endpoint: str) -> str:
     trusted = path is not None or is_encrypted(endpoint) or is_local(endpoint)
     if not trusted and not os.environ.get(INSECURE_VARIABLE):
         raise DaemonError(
-            f"{endpoint} is neither encrypted nor does it say who listens: use tls/ with keys "
+            f"{endpoint} is neither encrypted nor authenticated: use tls/ with keys "
             f"(`scenario keys`), or set {INSECURE_VARIABLE}=1 in a network you trust"
         )
     return endpoint
@@ -151,9 +151,9 @@ def _config(mode: str, settings: dict[str, object]) -> zenoh.Config:
         "mode": mode,
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
-        "scouting/delay": 0,  # else opening a router waits half a second, deaf but connectable
-        # Its optimisation of messages above 3 kB drops queries without a word when their receiver
-        # is not scheduled for ~100 ms (eclipse-zenoh/zenoh#2628): that is a machine full of runs.
+        "scouting/delay": 0,  # otherwise a new router is deaf for half a second
+        # Shared memory silently drops queries above 3 kB when their receiver is not scheduled for
+        # ~100 ms (eclipse-zenoh/zenoh#2628), as on a machine full of runs.
         "transport/shared_memory/enabled": False,
         "transport/link/tx/lease": _LINK_LEASE_MS,
         "transport/link/rx/max_message_size": _LARGEST_MESSAGE,
@@ -164,18 +164,18 @@ def _config(mode: str, settings: dict[str, object]) -> zenoh.Config:
 
 
 def _last_words(error: zenoh.ZError) -> str:
-    # Behind the reason Zenoh says in which of its source files it was found.
+    # After the reason Zenoh names one of its source files.
     return str(error).split(" at /")[0].strip()
 
 
 @functools.cache
 def speaker() -> bytes:
-    """Return the version of this process and of its messages, attached to each of them."""
+    """Return the version of this process and of its messages, attached to every message."""
     return f"{own_version()}, protocol {PROTOCOL}".encode()
 
 
 def version_problem(attachment: zenoh.ZBytes | None, who: str) -> str:
-    """Say which versions we and the sender of a message have; empty when they are equal."""
+    """Return the difference between our version and the sender's; empty if they are equal."""
     theirs = b"an older version" if attachment is None else attachment.to_bytes()
     if theirs == speaker():
         return ""
@@ -184,7 +184,7 @@ def version_problem(attachment: zenoh.ZBytes | None, who: str) -> str:
 
 
 def error_reply(words: str, error: object) -> ErrorReply:
-    """Return the reply that says in ``words`` what came of a request that raised ``error``."""
+    """Return the reply, with ``words``, to a request that raised ``error``."""
     match error:
         case Rejected(rejection=rejection):
             return ErrorReply(words, ErrorKind.REFUSED, rejection)
@@ -194,12 +194,12 @@ def error_reply(words: str, error: object) -> ErrorReply:
             return ErrorReply(words, ErrorKind.OTHER_LEDGER)
         case Unreachable() if not isinstance(error, Failed):
             return ErrorReply(words, ErrorKind.UNAVAILABLE)
-    # Whatever else it is says nothing about the request.
+    # Any other error says nothing about the request.
     return ErrorReply(words, ErrorKind.FAILED)
 
 
 def reply_error(reply: ErrorReply) -> DaemonError:
-    """Return what an error reply raises where it arrives."""
+    """Return the exception that an error reply raises in the client."""
     if reply.rejection is not None:
         return Rejected(reply.problem, reply.rejection)
     match reply.kind:
@@ -223,14 +223,15 @@ def ask(
 ) -> A:
     """Ask the daemon and return its validated answer.
 
-    No reply at all is no answer: after a moment of patience it is :class:`Unreachable`, as is a
-    timeout. An error reply is raised as its kind says (:func:`reply_error`), with the daemon's
-    words. :class:`Refused` is also what the key of the ``credentials`` is not enough for: the bus
-    would drop it without a word.
+    Raises :class:`Unreachable` after :data:`_PATIENCE` without a reply, and after a timeout. An
+    error reply raises the exception of its kind (:func:`reply_error`), with the daemon's words.
+    Raises :class:`Refused` if the key of the ``credentials`` lacks the right: the bus would drop
+    the request silently.
     """
-    # Said before it is sent: to us the silence of the bus would look as if there were no daemon.
-    if credentials is not None and (no := denial_text(credentials.name, credentials.role, verb)):
-        raise Refused(no)
+    # Check before sending: the silence of the bus would look like a missing daemon.
+    denial = "" if credentials is None else denial_text(credentials.name, credentials.role, verb)
+    if denial:
+        raise Refused(denial)
     payload = codec.to_json(request)
     if len(payload) > verb.largest:
         raise Refused(
@@ -244,7 +245,7 @@ def ask(
             payload=payload,
             attachment=speaker(),
             timeout=timeout,
-            # The usual one holds replies back until the last has come, and there is only one.
+            # By default Zenoh holds replies back until the last; there is only one.
             consolidation=zenoh.ConsolidationMode.NONE,
         ):
             if reply.ok is not None:
@@ -257,19 +258,19 @@ def ask(
 
 
 def key_name(credentials: Credentials | None) -> str:
-    """Return the name that stands in keys of the bus: that of the certificate, or the owner's."""
+    """Return the name for keys of the bus: that of the certificate, or the owner's."""
     return OWNER if credentials is None else credentials.name
 
 
 def _no_answer_error(
     session: zenoh.Session, endpoint: str, credentials: Credentials | None
 ) -> Unreachable:
-    # Without a connection nothing is known of the key: nobody has seen it.
+    # Without a connection the daemon has not seen the key.
     if credentials is None or not session.info.routers_zid():
         return unreachable_error(endpoint, credentials)
     return Unreachable(
         f'the daemon at {endpoint} does not answer to the key "{credentials.name}": it is starting '
-        "or leaving, or it has started before the key was made, or the key was revoked "
+        "or stopping, or it started before the key was made, or the key was revoked "
         "(`scenario keys list`)"
     )
 
@@ -278,7 +279,7 @@ def _validated_answer(kind: type[A], answer: zenoh.Sample) -> A:
     try:
         return codec.from_json(kind, answer.payload.to_bytes())
     except ValueError as error:
-        # On one line: of several people are shown the last, which is pydantic's address.
+        # On one line: of several lines people see the last, which is pydantic's address.
         words = " ".join(str(error).split())
         versions = version_problem(answer.attachment, "the daemon")
         problem = "the daemon's answer is not understood"

@@ -1,4 +1,4 @@
-"""The client: everything people can ask the daemon, for the command line and the dashboard."""
+"""Client of the daemon, for the command line and the dashboard."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ A = TypeVar("A")
 T = TypeVar("T")
 L = TypeVar("L", LiveSnapshot, LiveJudgement)
 
-# Samples that wait while a call takes long. Events must be many, for a lost one means asking for
-# everything again; of a watched run nobody wants to see but the newest snapshots.
+# Samples that wait during a long call. Many events, since a lost one means querying everything
+# again; few snapshots of a watched run, since only the newest matter.
 _EVENTS_KEPT: Final = 4096
 _LIVE_KEPT: Final = 256
 _WATCHED_KEPT: Final = 4
@@ -42,13 +42,13 @@ _JUDGED_KEPT: Final = 1
 _LARGEST_SNAPSHOT: Final = 2**16
 """Bytes of JSON; a building with hundreds of joints takes some thousands."""
 _SLOW_TIMEOUT: Final = 600.0
-"""Seconds to wait for the answer to a slow verb."""
+"""Timeout of a slow verb [s]."""
 
 
 def read_snapshot(payload: bytes) -> LiveSnapshot:
-    """Read a snapshot of a run; raises ``ValueError`` for what no run tells.
+    """Read a snapshot of a run; raises ``ValueError`` for implausible ones.
 
-    Workers, and anybody in a cluster, may publish whatever they like under the names of runs.
+    Workers, and anybody in a cluster, may publish anything under the names of runs.
     """
     if len(payload) > _LARGEST_SNAPSHOT:
         raise ValueError(f"a snapshot of more than {_LARGEST_SNAPSHOT} bytes")
@@ -56,41 +56,41 @@ def read_snapshot(payload: bytes) -> LiveSnapshot:
 
 
 def _read_judgement(payload: bytes) -> LiveJudgement:
-    # It has not come through the daemon, which cleans what it takes.
+    # Clean it: judgements do not pass through the daemon.
     return unpack_judgement(payload, strip_control_characters)
 
 
 def _of_run(run: str, read: Callable[[bytes], L]) -> Callable[[bytes], L]:
-    """Return a reader that raises ``ValueError`` for what speaks of another run."""
+    """Return a reader that raises ``ValueError`` for data of another run."""
 
     def read_own(payload: bytes) -> L:
-        told = read(payload)
-        if told.run != run:
-            raise ValueError(f"it speaks of {told.run}")
-        return told
+        value = read(payload)
+        if value.run != run:
+            raise ValueError(f"it belongs to {value.run}")
+        return value
 
     return read_own
 
 
 class _Feed(threading.Thread, Generic[T]):
-    """One key's samples, passed on in order; the oldest are dropped when calls take long.
+    """Forwards one key's samples in order; drops the oldest when calls take long.
 
-    By a thread of its own: a slow callback of Zenoh's stops everything that comes over its link,
-    the answers to questions too.
+    In a thread of its own: a slow callback of Zenoh stops everything on its link, including the
+    answers to requests.
     """
 
     def __init__(
         self,
         session: zenoh.Session,
         key: str,
-        kept: int,
+        capacity: int,
         read: Callable[[bytes], T],
         call: Callable[[T], None],
     ) -> None:
         super().__init__(name=f"listens to {key}", daemon=True)
         self._read = read
         self._call = call
-        self._waiting: deque[bytes] = deque(maxlen=kept)
+        self._waiting: deque[bytes] = deque(maxlen=capacity)
         self._arrived = threading.Condition()
         self._closing = False
         self._subscriber = session.declare_subscriber(key, self._receive)
@@ -102,12 +102,12 @@ class _Feed(threading.Thread, Generic[T]):
             self._arrived.notify()
 
     def run(self) -> None:
-        """Pass on what arrives until closed."""
+        """Forward samples until closed."""
         while (payload := self._next()) is not None:
             try:
                 value = self._read(payload)
             except ValueError:
-                continue  # not from our daemon; what is published is never relied on
+                continue  # not from our daemon; nothing relies on publications
             self._call(value)
 
     def _next(self) -> bytes | None:
@@ -116,8 +116,8 @@ class _Feed(threading.Thread, Generic[T]):
             return None if self._closing else self._waiting.popleft()
 
     def close(self) -> None:
-        """Stop; afterwards no call is under way, unless this is one."""
-        # Before the thread is told to end, so that nothing arrives that nobody would pass on.
+        """Stop; afterwards no call is in progress, unless this is one."""
+        # Before the thread ends, so that it forwards every sample that arrives.
         self._subscriber.undeclare()  # type: ignore[no-untyped-call]
         with self._arrived:
             self._closing = True
@@ -146,8 +146,8 @@ class Client(DaemonClient):
     def open(cls, endpoint: str, *, timeout: float = 3.0, keys: Path | None = None) -> Client:
         """Connect to an endpoint (:func:`daemon.batch.paths.is_endpoint`).
 
-        An encrypted one needs a key: that in ``keys``, else in ``SCENARIO_KEYS``, else in the
-        user's settings. Raises :class:`Unreachable` when nobody is there.
+        An encrypted one needs a key: from ``keys``, ``SCENARIO_KEYS`` or the user's settings, in
+        this order. Raises :class:`Unreachable` when nobody answers.
         """
         credentials = find_credentials(Role.OPERATOR, keys) if is_encrypted(endpoint) else None
         return cls(bus.open_client(endpoint, credentials), endpoint, timeout, credentials)
@@ -156,8 +156,8 @@ class Client(DaemonClient):
         """End the subscriptions and the connection."""
         for subscription in tuple(self._subscriptions):
             subscription.close()
-        # Last: a process that leaves with a subscription open hangs in Zenoh's threads. A daemon
-        # that hangs does not confirm it; Zenoh waits ten seconds and drops the connection then.
+        # Last: a process that exits with an open subscription hangs in Zenoh's threads. A hanging
+        # daemon does not confirm; Zenoh drops the connection after ten seconds.
         with suppress(zenoh.ZError):
             self._session.close()  # type: ignore[no-untyped-call]
 
@@ -168,20 +168,20 @@ class Client(DaemonClient):
         self.close()
 
     def ask(self, verb: Verb[..., A], request: object) -> A:
-        """Ask the daemon, return its answer."""
+        """Ask the daemon and return its answer."""
         timeout = max(self._timeout, _SLOW_TIMEOUT) if verb.slow else self._timeout
         return bus.ask(self._session, self.endpoint, verb, request, timeout, self._credentials)
 
     def submit(self, submission: Submission) -> SubmissionReceipt:
-        """Hand over a campaign, after the files that its runs need."""
+        """Submit a campaign, after the files that its runs need."""
         self.send_files(submission.cells)
         return self.ask(SUBMIT, submission)
 
     def send_files(self, runs: Sequence[RunSpec]) -> None:
-        """Send the files that runs need, their maps included, as far as the daemon lacks them."""
+        """Send the files and maps of runs that the daemon lacks."""
         for digest in dict.fromkeys(digest for run in runs for digest in run.files):
             path = user_files_folder() / digest
-            if path.is_file():  # one that is not here may be there all the same
+            if path.is_file():  # the daemon may have a file that is missing here
                 put = partial(self.put, digest, path.stat().st_size)
                 upload(path, put)
 
@@ -204,21 +204,22 @@ class Client(DaemonClient):
         on_live: Callable[[LiveSnapshot], None],
         on_judged: Callable[[LiveJudgement], None] | None = None,
     ) -> ExitStack:
-        """Call back on detailed snapshots of one run while it runs, and on how it is judged.
+        """Call back on detailed snapshots and judgements of one run while it runs.
 
-        What comes under its name and speaks of another run is left out.
+        Data of another run under its name is ignored.
         """
-        key, seen = f"{LIVE}/*/*/{run}", _of_run(run, read_snapshot)
-        feeds: list[_Feed[Any]] = [_Feed(self._session, key, _WATCHED_KEPT, seen, on_live)]
+        key, read = f"{LIVE}/*/*/{run}", _of_run(run, read_snapshot)
+        feeds: list[_Feed[Any]] = [_Feed(self._session, key, _WATCHED_KEPT, read, on_live)]
         if on_judged is not None:
-            judged = _of_run(run, _read_judgement)
-            feeds.append(_Feed(self._session, f"{key}/{JUDGED}", _JUDGED_KEPT, judged, on_judged))
+            judgement = _of_run(run, _read_judgement)
+            feed = _Feed(self._session, f"{key}/{JUDGED}", _JUDGED_KEPT, judgement, on_judged)
+            feeds.append(feed)
         return self._subscription(feeds)
 
     def _subscription(self, feeds: Sequence[_Feed[Any]]) -> ExitStack:
-        """Return what ends the feeds when it is closed; afterwards no call is under way."""
+        """Return an object whose closing ends the feeds; afterwards no call is in progress."""
         subscription = ExitStack()
-        # Who watches one run after another all day keeps none of them.
+        # Forget closed ones: a client may watch one run after another all day.
         subscription.callback(self._subscriptions.discard, subscription)
         for feed in feeds:
             subscription.callback(feed.close)

@@ -1,22 +1,21 @@
-"""What can go wrong between a client, the daemon and its workers.
+"""Errors between a client, the daemon and its workers.
 
 DaemonError
 ├── Unreachable       nobody answers at the endpoint
-│   └── Unavailable   the daemon answered that it cannot just now: its disk is full, say
-│       ├── Failed    an error of the daemon's own kept it from doing what was asked
-│       └── OtherLedger   another ledger is kept there than the one that granted the lease
-├── Refused           the daemon answered and said no; the message is its words
-│   └── Rejected      a result is never to be taken, for one of five named reasons
-├── PlaceUnusable     a state directory or an address that was named cannot be used
+│   └── Unavailable   the daemon cannot do it now, for example with a full disk
+│       ├── Failed    the daemon met an error of its own
+│       └── OtherLedger   the daemon keeps another ledger than the one that granted the lease
+├── Refused           the daemon refused; the message is its words
+│   └── Rejected      a result is never accepted, for one of five named reasons
+├── PlaceUnusable     a given state directory or address cannot be used
 ├── AlreadyRunning    another daemon keeps this state directory
-├── TraceUnavailable  a trace cannot be read here: it is gone, or where nobody reaches it
+├── TraceUnavailable  a trace cannot be read here: it is gone or out of reach
 ├── KeysUnusable      the keys for a connection are missing, damaged or of the wrong kind
 ├── LaunchFailed      a daemon was started and did not come up
 └── WorkerBroken      a worker cannot execute runs at all
 
-Who asks decides by the class, never by the message: :class:`Unreachable` is worth asking again,
-:class:`Refused` is not. A worker keeps a finished run whatever is raised, unless it is
-:class:`Rejected`.
+Callers decide by the class, never by the message: retry after :class:`Unreachable`, not after
+:class:`Refused`. A worker keeps a finished run after every error except :class:`Rejected`.
 """
 
 from __future__ import annotations
@@ -31,11 +30,11 @@ if TYPE_CHECKING:  # completion imports this module at every TAB
 EXIT_FAILED: Final = 3
 EXIT_ALREADY_RUNNING: Final = 4
 EXIT_BROKEN: Final = 5
-"""How ``python -m daemon`` ends when one of these errors ends it."""
+"""Exit codes of ``python -m daemon`` after one of these errors."""
 
 
 class DaemonError(ScenarioError):
-    """Root of everything the daemon's client side raises on purpose."""
+    """Root of the errors that the daemon's client side raises on purpose."""
 
 
 class Unreachable(DaemonError):  # noqa: N818  (reads as a sentence where it is raised)
@@ -43,11 +42,11 @@ class Unreachable(DaemonError):  # noqa: N818  (reads as a sentence where it is 
 
 
 class Unavailable(Unreachable):
-    """The daemon answered that it cannot do it just now; asking again later may help."""
+    """The daemon cannot do it now; asking again later may help."""
 
 
 class Failed(Unavailable):
-    """The daemon met an error of its own; the request may be as good as any."""
+    """The daemon met an error of its own; the request may be valid."""
 
 
 class OtherLedger(Unavailable):
@@ -55,11 +54,11 @@ class OtherLedger(Unavailable):
 
 
 class Refused(DaemonError):  # noqa: N818  (reads as a sentence where it is raised)
-    """The daemon answered and said no."""
+    """The daemon refused the request."""
 
 
 class Rejected(Refused):
-    """A result is never to be taken; the ``rejection`` says why."""
+    """A result is never accepted; ``rejection`` is the reason."""
 
     def __init__(self, problem: str, rejection: Rejection) -> None:
         super().__init__(problem)
@@ -67,7 +66,7 @@ class Rejected(Refused):
 
 
 class PlaceUnusable(DaemonError):  # noqa: N818  (reads as a sentence where it is raised)
-    """A place that was named cannot be used: a folder without ledger, an address that is taken."""
+    """A given place cannot be used: a folder without ledger, an address in use."""
 
 
 class AlreadyRunning(DaemonError):  # noqa: N818  (reads as a sentence where it is raised)
@@ -75,11 +74,11 @@ class AlreadyRunning(DaemonError):  # noqa: N818  (reads as a sentence where it 
 
 
 class TraceUnavailable(DaemonError):  # noqa: N818  (reads as a sentence where it is raised)
-    """A trace cannot be read here: it is gone, damaged, or where it cannot be reached."""
+    """A trace cannot be read here: it is gone, damaged, or out of reach."""
 
 
 class KeysUnusable(DaemonError):  # noqa: N818  (reads as a sentence where it is raised)
-    """The keys for a connection are missing, damaged, or those of somebody else."""
+    """The keys for a connection are missing, damaged, or belong to somebody else."""
 
 
 class LaunchFailed(DaemonError):  # noqa: N818  (reads as a sentence where it is raised)

@@ -1,4 +1,4 @@
-"""Starting daemons from other programs: one that stays, or one that lives as long as we do."""
+"""Starting daemons from other programs: one that stays, or one that ends with this process."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ from daemon.model.execution import DEFAULT_EXECUTOR, python_command
 
 _START_LIMIT: Final = 120.0
 _LEAVE_LIMIT: Final = 5.0
-"""Seconds for a daemon to answer, and to leave when its tether is cut, before it is killed."""
+"""Time for a daemon to answer, and to exit when its tether is cut, before it is killed [s]."""
 _CAMPAIGNS_KEPT: Final = 200
-"""Campaigns of a shared daemon that stay when it starts; results that newer ones use stay, too."""
+"""Campaigns of a shared daemon that stay when it starts, with the results that these reuse."""
 _LOG_TAIL: Final = 20
-"""Lines of its log that say why it did not come up."""
+"""Lines of the log in the message of a failed start."""
 
 
 def running_daemon(state: Path) -> str | None:
-    """Return the endpoint of the daemon that keeps ``state``, or ``None`` when none answers."""
+    """Return the endpoint of the daemon that keeps ``state``, or ``None`` without an answer."""
     paths = StatePaths.find(state)
     endpoint = paths.known_endpoint()
     if endpoint is None:
         return None
     try:
         with Client.open(endpoint, timeout=2.0) as client:
-            # Another directory's daemon may have taken the port since.
+            # Another directory's daemon may use the port by now.
             folder = Path(client.overview().state)
             return endpoint if is_same_folder(folder, paths.state) else None
     except DaemonError:
@@ -46,7 +46,7 @@ def running_daemon(state: Path) -> str | None:
 
 
 def ensure_daemon(state: Path, *, slots: int | None = None) -> str:
-    """Return the endpoint of the daemon that keeps ``state``, starting one if need be.
+    """Return the endpoint of the daemon that keeps ``state``, starting one if necessary.
 
     A started daemon is detached: it outlives this process. Raises :class:`LaunchFailed` with the
     end of its log when it does not come up.
@@ -71,7 +71,7 @@ def start_detached(
             stderr=output,
             start_new_session=True,
         )
-    # It stays when we leave. If it ends before, somebody has to reap it.
+    # It outlives us. If it ends before, this thread reaps it.
     threading.Thread(target=process.wait, daemon=True).start()
     return process
 
@@ -84,14 +84,11 @@ def embedded_daemon(
     wall: float | None = None,
     attempts: int | None = None,
 ) -> Iterator[str]:
-    """Run a daemon and its worker for the duration of a ``with`` block; yields its endpoint.
+    """Run a daemon and its worker for the duration of a ``with`` block; yield its endpoint.
 
-    ``wall`` is the limit of a run [s]; ``None`` stands for the defaults.
-
-    Afterwards no process is left, also when this process is killed: the daemon, its worker and
-    their children hang on a pipe that we hold.
-
-    Raises :class:`LaunchFailed` when it does not come up.
+    ``wall`` is the limit of a run [s]; ``None`` selects the defaults. All processes end with the
+    block, even when this process is killed: the daemon, its worker and their children watch a pipe
+    that we hold. Raises :class:`LaunchFailed` when it does not come up.
     """
     paths = StatePaths.find(state)
     paths.make_folders()
@@ -103,7 +100,7 @@ def embedded_daemon(
             stdin=subprocess.PIPE,
             stdout=output,
             stderr=output,
-            # Ctrl-C in a terminal is ours to answer, not the daemon's.
+            # Ctrl-C in a terminal is for this process, not the daemon.
             start_new_session=True,
         )
         try:
@@ -114,11 +111,11 @@ def embedded_daemon(
 
 @contextmanager
 def shared_daemon(state: Path, *, trace_bytes: int) -> Iterator[str]:
-    """Run one daemon for all processes inside such a block of ``state``; yields its endpoint.
+    """Run one daemon for all processes inside such a block of ``state``; yield its endpoint.
 
-    It ends with the last of these processes, also when they are killed: they hold one end of a
-    pipe. When it starts, unfinished campaigns of an earlier block are cancelled, the oldest
-    campaigns are deleted, and of all traces the newest ``trace_bytes`` bytes stay.
+    It ends with the last of these processes, even when they are killed: they hold one end of a
+    pipe. Its start cancels unfinished campaigns of an earlier block, deletes the oldest campaigns,
+    and keeps the newest ``trace_bytes`` bytes of traces.
 
     Raises :class:`LaunchFailed` when it does not come up.
     """
@@ -133,7 +130,7 @@ def shared_daemon(state: Path, *, trace_bytes: int) -> Iterator[str]:
         with _one_at_a_time(paths):
             is_first = _locked_alone(users)
             if is_first:
-                # One whose users were killed is about to leave.
+                # A daemon whose users were killed is about to exit.
                 _wait_until_gone(paths)
             # Open at both ends, so that opening it does not block.
             tether = os.open(pipe, os.O_RDWR)
@@ -147,7 +144,7 @@ def shared_daemon(state: Path, *, trace_bytes: int) -> Iterator[str]:
 
 
 def _leave(paths: StatePaths, users: int, tether: int) -> None:
-    """Cut a tether; the last one to leave waits for the end of the daemon."""
+    """Cut a tether; the last process waits for the end of the daemon."""
     with _one_at_a_time(paths):
         os.close(tether)
         if _locked_alone(users):
@@ -180,7 +177,7 @@ def _start_shared(paths: StatePaths, pipe: Path) -> str:
 
 
 def _tidy(paths: StatePaths, endpoint: str, trace_bytes: int) -> None:
-    """End and delete what earlier users left, except what :func:`shared_daemon` keeps."""
+    """End and delete campaigns of earlier users beyond the limits of :func:`shared_daemon`."""
     with Client.open(endpoint) as client:
         rows = client.campaigns()
         for row in rows:
@@ -188,7 +185,7 @@ def _tidy(paths: StatePaths, endpoint: str, trace_bytes: int) -> None:
                 client.cancel(row.id)
         for row in rows[_CAMPAIGNS_KEPT:]:
             client.delete((row.id,))
-    # A mere submission does not load the reader of ledgers.
+    # Imported here: a mere submission does not need the reader of ledgers.
     from daemon.batch.ledger import RetentionPolicy, sweep_traces
 
     sweep_traces(paths, RetentionPolicy(size=trace_bytes), time.time())
@@ -216,7 +213,7 @@ def _command(
 
 
 def _end_tethered(process: subprocess.Popen[bytes]) -> None:
-    """End a daemon by its standard input, and kill it when it does not leave."""
+    """End a daemon by its standard input, and kill it if it does not exit."""
     assert process.stdin is not None
     process.stdin.close()
     try:
@@ -235,7 +232,7 @@ def _wait_until_up(
         if endpoint is not None:
             return endpoint
         code = process.poll()
-        # Another process may have been faster: then its daemon is used.
+        # If another process was faster, use its daemon.
         if code is not None and (code != EXIT_ALREADY_RUNNING or output is not None):
             raise LaunchFailed(f"the daemon ended with code {code}:\n{_tail(paths, output)}")
         time.sleep(0.05)

@@ -1,7 +1,7 @@
-"""Whose the state directory is, and who else may write or read in it.
+"""Owner of the state directory, and access of others to it.
 
-Whoever writes there decides what runs and what results say; what was submitted and what came out is
-for its owner to show. So its folders have mode 0700, and no file in them is in anybody's reach.
+Anybody who can write there decides what runs and what results say; submissions and results are
+private to the owner. So its folders have mode 0700, and others cannot reach any file in them.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _ANY: Final = stat.S_IRWXG | stat.S_IRWXO
 
 @dataclass(frozen=True, slots=True)
 class Exposure:
-    """What is not its owner's alone: of another owner, writable or only readable by others."""
+    """Exposed paths: of another owner, writable by others, or only readable by them."""
 
     foreign: tuple[Path, ...] = ()
     writable: tuple[Path, ...] = ()
@@ -31,55 +31,54 @@ class Exposure:
 
 
 def find_exposure(paths: Iterable[Path]) -> Exposure:
-    """Look at files and folders; those that are gone meanwhile count for nothing."""
+    """Return the exposed ones of files and folders; missing ones are skipped."""
     foreign, writable, readable = [], [], []
     for path in paths:
         with suppress(FileNotFoundError):
-            found = path.stat()
-            if found.st_uid != os.geteuid():
+            status = path.stat()
+            if status.st_uid != os.geteuid():
                 foreign.append(path)
-            if found.st_mode & _WRITE:
+            if status.st_mode & _WRITE:
                 writable.append(path)
-            elif found.st_mode & _ANY:
+            elif status.st_mode & _ANY:
                 readable.append(path)
     return Exposure(tuple(foreign), tuple(writable), tuple(readable))
 
 
 def secure_state(paths: StatePaths) -> tuple[Path, ...]:
-    """See to it that a state directory is ours alone; returns what others could read until now.
+    """Make a state directory private; return the folders that others could read until now.
 
-    Raises :class:`DaemonError` when it belongs to somebody else or others can write there: nobody
-    knows what they have put into it.
+    Raises :class:`DaemonError` if it belongs to somebody else or others can write there: its
+    content cannot be trusted.
     """
-    found = find_exposure(paths.folders)
-    if found.foreign:
+    exposure = find_exposure(paths.folders)
+    if exposure.foreign:
         raise DaemonError(
-            f"{found.foreign[0]} belongs to somebody else: run the daemon as its owner, "
+            f"{exposure.foreign[0]} belongs to somebody else: run the daemon as its owner, "
             "or choose another directory with --state"
         )
-    if found.writable:
-        names = " ".join(map(str, found.writable))
+    if exposure.writable:
+        names = " ".join(map(str, exposure.writable))
         raise DaemonError(
             f"others can write in {names}, and so decide what runs and what results say: "
             f"chmod go-rwx {names}, or choose a directory of your own with --state"
         )
-    for folder in found.readable:
+    for folder in exposure.readable:
         folder.chmod(0o700)
-    return found.readable
+    return exposure.readable
 
 
 def find_key_exposure(folder: Path) -> Exposure:
-    """Look at a folder of keys; secrets that others may read count as readable, nothing else does.
+    """Return the exposed paths in a folder of keys; only secrets count as readable.
 
-    What root has put there is nobody's forgery, and where the sticky bit is set nobody can take
-    another's place: that is how a cluster mounts secrets.
+    Files of root and folders with the sticky bit are safe: a cluster mounts secrets like this.
     """
     inside = [folder, *(path for path in folder.rglob("*") if not path.is_symlink())]
-    found = find_exposure(inside)
-    secret = (path for path in found.readable if path.name in ("key.pem", "ca.key"))
+    exposure = find_exposure(inside)
+    secret = (path for path in exposure.readable if path.name in ("key.pem", "ca.key"))
     return Exposure(
-        tuple(path for path in found.foreign if path.stat().st_uid),
-        tuple(path for path in found.writable if not _is_sticky(path)),
+        tuple(path for path in exposure.foreign if path.stat().st_uid),
+        tuple(path for path in exposure.writable if not _is_sticky(path)),
         tuple(secret),
     )
 
@@ -89,25 +88,25 @@ def _is_sticky(path: Path) -> bool:
 
 
 def refuse_exposed_keys(folder: Path) -> None:
-    """Raise :class:`KeysUnusable` for keys in whose place others could put theirs."""
-    found = find_key_exposure(folder)
-    if found.foreign:
+    """Raise :class:`KeysUnusable` for keys that others could replace."""
+    exposure = find_key_exposure(folder)
+    if exposure.foreign:
         raise KeysUnusable(
-            f"{found.foreign[0]} belongs to somebody else: have keys of your own made"
+            f"{exposure.foreign[0]} belongs to somebody else: have keys of your own made"
         )
-    if found.writable:
+    if exposure.writable:
         raise KeysUnusable(
-            f"others can write {found.writable[0]}, and so decide who is admitted: "
+            f"others can write {exposure.writable[0]}, and so decide who is admitted: "
             f"chmod -R go-rwx {folder}, and have new keys made"
         )
 
 
 def open_private(path: Path) -> int:
-    """Return a descriptor to add to a file that is made for its owner alone; raises ``OSError``."""
+    """Open a private file to append to it; return its descriptor. Raises ``OSError``."""
     flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
     return os.open(path, flags, 0o600)
 
 
 def open_private_log(path: Path) -> IO[bytes]:
-    """Open a log to add to it, unbuffered; raises ``OSError``."""
+    """Open a log to append to it, unbuffered; raises ``OSError``."""
     return os.fdopen(open_private(path), "ab", buffering=0)

@@ -1,9 +1,9 @@
-"""The process of one run: fresh, niced, limited, and gone with its worker.
+"""The process of one run: fresh, niced, limited, and ended with its worker.
 
-It reads ``grant.json`` and the scene, executes the run, and leaves ``trace.mcap`` and, last,
-``result.json`` in its attempt's folder: where there is a result, the trace is complete. What it
-prints, and where it was when it crashed, goes to ``output.txt``; a guardian above it
-(:mod:`daemon.supervision.guardian`) ends with it whatever it has started.
+It reads ``grant.json`` and the scene, executes the run, and writes ``trace.mcap`` and, last,
+``result.json`` into its attempt's folder: a result implies a complete trace. Its output, and its
+place in the code after a crash, go to ``output.txt``. A guardian above it
+(:mod:`daemon.supervision.guardian`) ends all its processes with it.
 """
 
 from __future__ import annotations
@@ -43,14 +43,14 @@ TRACE: Final = "trace.mcap"
 OUTPUT: Final = "output.txt"
 RESULT: Final = "result.json"
 FILES: Final = "files"
-"""Leads to the files of systems under test, where one needs any."""
+"""Link to the files of systems under test, if needed."""
 
 
-class Wanted(StrEnum):
-    """What is wanted of a run beside how far it is, a word each.
+class WatchDetail(StrEnum):
+    """Data that watchers request from a run in addition to its progress.
 
-    ``MARGIN`` by those who watch all runs, the least so far; ``DETAILS`` and ``JUDGEMENT`` by those
-    who watch this one.
+    ``MARGIN``, the least so far, is for watchers of all runs; ``DETAILS`` and ``JUDGEMENT`` are for
+    watchers of this one.
     """
 
     MARGIN = "margin"
@@ -58,16 +58,16 @@ class Wanted(StrEnum):
     JUDGEMENT = "judgement"
 
 
-# Messages are whole or not there: each has a kind, its first byte. From the worker to a zygote:
+# Messages arrive whole or not at all; the first byte is the kind. From the worker to a zygote:
 PREPARE: Final = b"P"
-"""A :class:`KernelTask` in JSON; a file with the specification of a run comes with it."""
+"""A :class:`KernelTask` in JSON, with a file that has the specification of a run."""
 RUN: Final = b"R"
-"""A :class:`RunTask` in JSON; the socket of the run comes with it."""
+"""A :class:`RunTask` in JSON, with the socket of the run."""
 # From a zygote to the worker:
 COMPILED: Final = b"P"
-"""How many kernels were compiled since the last such message."""
+"""Number of kernels compiled since the last such message."""
 READY: Final = b"R"
-"""The name of a list of kernels that are loaded; empty when the zygote itself is there."""
+"""Name of a list of loaded kernels; empty when the zygote itself is ready."""
 # From the process of a run, or the zygote for it, to the worker:
 STARTED: Final = b"S"
 LIVE: Final = b"L"
@@ -75,35 +75,34 @@ JUDGEMENT: Final = b"J"
 FAILED: Final = b"F"
 DISK_FULL: Final = b"N"
 SUT_MISSING: Final = b"K"
-"""The system under test is not installed here: nothing the run could help."""
+"""The system under test is not installed here: not the run's fault."""
 FAILURES: Final = (FAILED, DISK_FULL, SUT_MISSING)
 ENDED: Final = b"E"
-"""Nothing of the run is left; the code with which its guardian has ended."""
+"""Exit code of the guardian, after all processes of the run have ended."""
 # From the worker to the process of a run:
 WATCH: Final = b"W"
-"""Words for what is :class:`Wanted` of it."""
+"""The requested :class:`WatchDetail` words."""
 LARGEST_MESSAGE: Final = 2**19
 """Bytes; sockets take less."""
 
 _DISK_ERRORS: Final = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.ESTALE)
-"""What a disk says that takes no trace just now: full, only to be read, failing, gone."""
-# Seconds between two snapshots: five a second are enough for a list, ten for a picture that moves.
+"""Errors of a disk that takes no trace now: full, read-only, failing, gone."""
+# Seconds between two snapshots: five a second are enough for a list, ten for a moving picture.
 _LIVE_PERIOD: Final = 0.2
 _WATCHED_PERIOD: Final = 0.1
 LONGEST_WORDS: Final = 16_000
-"""Characters of the reason why there is no result: an exception may have megabytes of them."""
+"""Longest reason for a missing result [characters]: an exception may have megabytes."""
 _OOM_SCORE: Final = "500"
-"""Half of the way to certain death (proc(5)): a run goes before the worker that can start it again,
-and before what people work with beside it."""
+"""Half of the largest score (proc(5)): the kernel kills a run before its worker, which can start it
+again, and before people's other programs."""
 
 
 @dataclass(frozen=True, slots=True)
 class RunTask:
     """The order to execute a run.
 
-    It has the attempt's folder, the scene's file, the memory limit [B] or 0, how far the run steps
-    back behind other processes, and its wall clock limit [s]. Runs of the same ``likeness`` begin
-    alike; it is empty where that is not known.
+    It has the attempt's folder, the scene's file, the memory limit [B] or 0, the niceness, and the
+    wall clock limit [s]. Runs of the same ``likeness`` begin alike; it is empty if unknown.
     """
 
     folder: Path
@@ -116,9 +115,9 @@ class RunTask:
 
 @dataclass(frozen=True, slots=True)
 class KernelTask:
-    """The order to load the kernels in the list ``name``, and to compile those that are missing.
+    """The order to load the kernels in the list ``name``, and to compile missing ones.
 
-    A run in the scene of this file calls them; ``nice`` as in :class:`RunTask`.
+    A run in the scene of this file calls them; ``nice`` is as in :class:`RunTask`.
     """
 
     name: str
@@ -127,14 +126,14 @@ class KernelTask:
 
 
 def read_output(folder: Path) -> bytes:
-    """Return what an attempt has printed, its first and last part if that is more than a MiB."""
+    """Return the output of an attempt, only its first and last part beyond a MiB."""
     return OutputFile.read(folder / OUTPUT)
 
 
 def run_attempt(task: RunTask, wire: socket.socket, execute: Callable[..., RunResult]) -> NoReturn:
-    """Execute one run; exits with 0 when there is a result."""
+    """Execute one run; exit with 0 if there is a result."""
     try:
-        # Before anything else: what goes wrong from here on, in C++ too, is to be read there.
+        # First: all later errors, in C++ too, then go to the output.
         guard(task.folder / OUTPUT, lifeline=wire)
     except OSError as error:
         wire.send(DISK_FULL + f"there is no room for a process: {error}".encode())
@@ -145,10 +144,10 @@ def run_attempt(task: RunTask, wire: socket.socket, execute: Callable[..., RunRe
         scene = codec.from_json(Scene, task.scene.read_bytes())
         trace = task.folder / TRACE
         reporter = SnapshotSender(lease.run, wire)
-        # Only where they are asked for: executors that plug in need not know of them.
-        asked: dict[str, object] = {"leads": True} if lease.leads else {}
+        # Only on request: executors that are plug-ins need not know them.
+        options: dict[str, object] = {"leads": True} if lease.leads else {}
         if "judgements" in inspect.signature(execute).parameters:
-            asked["judgements"] = reporter
+            options["judgements"] = reporter
         with wall_clock_limit(task.wall):
             result = execute(
                 lease.spec,
@@ -156,15 +155,15 @@ def run_attempt(task: RunTask, wire: socket.socket, execute: Callable[..., RunRe
                 trace_path=trace,
                 on_progress=reporter,
                 interest=reporter.interest,
-                **asked,
+                **options,
             )
         _write_result(result, trace, task.folder)
     except SutMissing as error:
         wire.send(SUT_MISSING + str(error)[:LONGEST_WORDS].encode("utf-8", "replace"))
         _exit(1)
     except BaseException as error:
-        # No verdict comes of this, nor of a plug-in that would exit: the worker gives the run back
-        # with these words.
+        # There is no verdict, also after a plug-in that exits: the worker returns the run with
+        # these words.
         no_room = isinstance(error, OSError) and error.errno in _DISK_ERRORS
         words = traceback.format_exc()[-LONGEST_WORDS:]
         wire.send((DISK_FULL if no_room else FAILED) + words.encode("utf-8", "replace"))
@@ -173,24 +172,24 @@ def run_attempt(task: RunTask, wire: socket.socket, execute: Callable[..., RunRe
 
 
 def _exit(code: int) -> NoReturn:
-    """End without waiting for whatever threads the system under test has left running."""
-    # os._exit also skips the handlers of atexit, those of a system under test among them.
+    """End without waiting for threads of the system under test."""
+    # os._exit also skips the atexit handlers, including those of a system under test.
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(code)
 
 
 def _write_result(result: RunResult, trace: Path, folder: Path) -> None:
-    # The result is last and synchronised after the trace: where it is, all of the attempt is.
+    # The result is last and synchronised after the trace, so it implies a complete attempt.
     if not trace.is_file():
         raise FileNotFoundError(f"the run left no trace at {trace.name}")
     bound = bound_result(result)
     if len(bound.verdicts) < len(result.verdicts):
-        bound = replace(bound, outcome=Outcome.ERROR)  # nothing is left that would prove another
+        bound = replace(bound, outcome=Outcome.ERROR)  # no verdict proves another outcome
     data = codec.to_json(bound)
-    codec.from_json(RunResult, data)  # raises for what JSON cannot carry, a NaN say
-    # The trace is on the disk, its name may not be: the result must never be there without it,
-    # since whoever finds a result after a power cut delivers both.
+    codec.from_json(RunResult, data)  # raises for values that JSON cannot carry, such as a NaN
+    # The trace is on the disk, its name may not be. A result must never exist without it, since a
+    # worker delivers both after a power cut.
     sync_directory(folder)
     write_atomically(folder / RESULT, data)
 
@@ -198,60 +197,62 @@ def _write_result(result: RunResult, trace: Path, folder: Path) -> None:
 def _prepare_process(task: RunTask) -> None:
     if (task.folder / FILES).exists():
         os.environ[FILES_VARIABLE] = str(task.folder / FILES)
-    # Python seeds its own generator anew in a child. numpy does not: all runs of a zygote draw
-    # the same numbers from a generator that nobody has seeded, and look deterministic.
+    # Python seeds its own generator in a child, numpy does not: all runs of a zygote would draw
+    # the same numbers from an unseeded generator, and look deterministic.
     if "numpy.random" in sys.modules:
         sys.modules["numpy.random"].seed()
     faulthandler.enable()
-    # Where it was, for compiled code that cannot be interrupted: just before its worker ends it.
+    # Print the place of uninterruptible compiled code just before the worker ends the run.
     faulthandler.dump_traceback_later(task.wall + 0.9 * spare_time(task.wall))
-    # Ctrl-C goes to the whole foreground group: what becomes of runs then, the worker decides.
+    # Ctrl-C goes to the whole foreground group; the worker decides what happens to runs.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # With all cores full of runs a question to the daemon takes 15.6 ms at nice 0, 4.0 at 10, 0.26
-    # at 19 (99th percentile). Never before what the worker itself was given.
+    # With all cores full of runs a request to the daemon takes 15.6 ms at nice 0, 4.0 at 10, 0.26
+    # at 19 (99th percentile). Never below the worker's own niceness.
     os.setpriority(os.PRIO_PROCESS, 0, max(task.nice, os.getpriority(os.PRIO_PROCESS, 0)))
-    with suppress(OSError):  # where there is such a thing: short of memory, a run goes first
+    with suppress(OSError):  # some systems have no such file
         Path("/proc/self/oom_score_adj").write_text(_OOM_SCORE)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # gigabytes for each crash of a stack
     if task.memory:
-        # Of address space, the only memory that rlimits bound: numba and numpy reserve much more
-        # than they touch, so the default is generous. The soft limit alone: a ROS 2 stack that a
-        # run starts reserves more, and its supervisor lifts it for that.
-        _, most = resource.getrlimit(resource.RLIMIT_AS)
-        memory = task.memory if most == resource.RLIM_INFINITY else min(task.memory, most)
-        resource.setrlimit(resource.RLIMIT_AS, (memory, most))
+        # Limit the address space, the only memory that rlimits bound. numba and numpy reserve much
+        # more than they touch, so the default is generous. Only the soft limit: a ROS 2 stack
+        # reserves more, and its supervisor lifts the limit for it.
+        _, hard_limit = resource.getrlimit(resource.RLIMIT_AS)
+        memory = (
+            task.memory if hard_limit == resource.RLIM_INFINITY else min(task.memory, hard_limit)
+        )
+        resource.setrlimit(resource.RLIMIT_AS, (memory, hard_limit))
 
 
 class SnapshotSender:
-    """Sends snapshots and judgements to the worker and never waits for it.
+    """Sends snapshots and judgements to the worker without ever waiting for it.
 
-    A few a second, twice as many and with all there is to see while the worker says that somebody
-    watches this run. What the socket does not take is left out.
+    Five a second, or ten detailed ones while the worker reports a watcher of this run. Messages
+    that the socket does not take are dropped.
     """
 
     def __init__(self, run: str, wire: socket.socket) -> None:
         self._run = run
         self._wire = wire
-        self._wanted: frozenset[str] = frozenset()
+        self._requested: frozenset[str] = frozenset()
         self._next = 0.0
 
     def interest(self) -> Literal["nothing", "progress", "everything"]:
-        """Say whether a snapshot is due; asked often, it mostly costs a look at the clock."""
+        """Return the detail of a due snapshot; between two of them it only reads the clock."""
         now = time.monotonic()
         if now < self._next:
             return "nothing"
-        with suppress(OSError):  # BlockingIOError: nothing more has come
+        with suppress(OSError):  # BlockingIOError: no more messages
             while message := self._wire.recv(LARGEST_MESSAGE, socket.MSG_DONTWAIT):
-                self._wanted = frozenset(message[1:].decode().split())
-        watched = Wanted.DETAILS in self._wanted
-        self._next = now + (_WATCHED_PERIOD if watched else _LIVE_PERIOD)
-        return "everything" if watched else "progress"
+                self._requested = frozenset(message[1:].decode().split())
+        is_watched = WatchDetail.DETAILS in self._requested
+        self._next = now + (_WATCHED_PERIOD if is_watched else _LIVE_PERIOD)
+        return "everything" if is_watched else "progress"
 
-    def wanted(self) -> Literal["nothing", "margin", "everything"]:
-        """Say how much of a judgement is wanted, as it was when a snapshot last was due."""
-        if Wanted.JUDGEMENT in self._wanted:
+    def scope(self) -> Literal["nothing", "margin", "everything"]:
+        """Return the requested part of a judgement, as of the last due snapshot."""
+        if WatchDetail.JUDGEMENT in self._requested:
             return "everything"
-        return "margin" if Wanted.MARGIN in self._wanted else "nothing"
+        return "margin" if WatchDetail.MARGIN in self._requested else "nothing"
 
     def tell(self, judgement: LiveJudgement) -> None:
         """Send a judgement."""
@@ -262,6 +263,6 @@ class SnapshotSender:
         self._send(LIVE + codec.to_json(LiveSnapshot(self._run, snapshot)))
 
     def _send(self, message: bytes) -> None:
-        # The worker is slow or gone, or the message too long: it is telemetry.
+        # Telemetry: drop it if the worker is slow or gone, or the message too long.
         with suppress(OSError):
             self._wire.send(message, socket.MSG_DONTWAIT)

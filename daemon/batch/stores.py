@@ -1,7 +1,7 @@
-"""Places of traces and their travels: a store by URL, parts of files, copies on this machine.
+"""Storage and transfer of traces: a store by URL, parts of files, copies on this machine.
 
-A store is an fsspec URL that finished traces are moved to, and fetched from. The marker of a state
-directory tells one directory from another, and from a copy.
+A store is an fsspec URL to which finished traces move. The marker of a state directory
+distinguishes it from other directories and from copies.
 """
 
 from __future__ import annotations
@@ -33,36 +33,34 @@ from grammars.text.files import move_durably, sync_directory, write_atomically
 _FAULTS: Final = 5
 
 ByteProgress: TypeAlias = Callable[[int], None]
-"""Gets the number of bytes that arrived."""
+"""Receiver of the number of bytes that arrived."""
 
 
 def upload(
     path: Path, put: Callable[[int, bytes], int], progress: ByteProgress = lambda _: None
 ) -> None:
-    """Send what the daemon lacks of a file.
+    """Send the missing parts of a file to the daemon.
 
-    ``put`` gets offset and content of a part and returns how many bytes the daemon has. Raises
-    :class:`Unavailable` when parts are not taken again and again, ``OSError``, and whatever ``put``
-    raises.
+    ``put`` gets offset and content of a part and returns the number of bytes that the daemon has.
+    Raises :class:`Unavailable` after repeated refusals, ``OSError``, and the errors of ``put``.
     """
     size, faults = path.stat().st_size, 0
     arrived = put(0, b"")
     while arrived < size:
-        before, arrived = arrived, put(arrived, read_part(path, arrived))
-        progress(max(0, arrived - before))
-        faults += arrived <= before
+        previous, arrived = arrived, put(arrived, read_part(path, arrived))
+        progress(max(0, arrived - previous))
+        faults += arrived <= previous
         if faults == _FAULTS:
-            raise Unavailable(f"{path} does not arrive: {_FAULTS} parts of it were not taken")
+            raise Unavailable(f"{path} does not arrive: {_FAULTS} parts of it were refused")
 
 
 def download(
     part: Path, get: Callable[[int], FilePart], progress: ByteProgress = lambda _: None
 ) -> None:
-    """Bring what is missing of a file, from where ``part`` ends.
+    """Fetch the rest of a file, from the end of ``part`` on.
 
-    ``get`` returns a part from an offset on. Whether the whole is the one meant is for the caller
-    to verify. Raises ``ValueError`` when it ends too early, ``OSError``, and whatever ``get``
-    raises.
+    ``get`` returns a part from an offset on. The caller must verify the whole. Raises
+    ``ValueError`` when it ends too early, ``OSError``, and the errors of ``get``.
     """
     have = file_size(part)
     progress(have)
@@ -85,20 +83,20 @@ def read_part(path: Path, offset: int) -> bytes:
 
 
 def append_part(path: Path, offset: int, data: bytes) -> None:
-    """Write ``data`` at ``offset``, where the file ends; raises ``OSError``, then nothing was."""
+    """Write ``data`` at ``offset``, the end of the file, or raise ``OSError`` and write nothing."""
     with path.open("r+b" if path.exists() else "xb") as file:
         file.seek(offset)
         try:
             file.write(data)
             file.flush()
         except OSError:
-            # A part of a part, the disk is full say.
+            # Remove the incomplete part, for example on a full disk.
             os.truncate(path, offset)
             raise
 
 
 def file_size(path: Path) -> int:
-    """Return how many bytes of a file there are, 0 while there is none."""
+    """Return the size of a file [B], 0 if it does not exist."""
     with suppress(FileNotFoundError):
         return path.stat().st_size
     return 0
@@ -111,7 +109,7 @@ def file_sha256(path: Path) -> str:
 
 
 def matches_digest(path: Path, size: int, sha256: str) -> bool:
-    """Whether there is a file of that size and digest."""
+    """Return whether the file exists with this size and digest."""
     try:
         return path.is_file() and path.stat().st_size == size and file_sha256(path) == sha256
     except OSError:
@@ -119,9 +117,9 @@ def matches_digest(path: Path, size: int, sha256: str) -> bool:
 
 
 def is_intact(path: Path) -> bool:
-    """Whether a scene or file of runs is there that is what its name says: its digest.
+    """Return whether a file of runs exists with the content of its name, a digest.
 
-    Raises ``OSError`` when it is there and cannot be read.
+    Raises ``OSError`` if it exists but cannot be read.
     """
     try:
         return file_sha256(path) == path.stem
@@ -130,28 +128,28 @@ def is_intact(path: Path) -> bool:
 
 
 def trim_cache(paths: Iterable[Path], most: int, in_use: float) -> None:
-    """Remove the files that were not used for longest until the rest has at most ``most`` bytes.
+    """Remove the least recently used files until the rest has at most ``most`` bytes.
 
-    Those used within ``in_use`` seconds stay, however large: somebody may read them. Whoever uses a
-    file of a cache touches it: few file systems keep the time of access.
+    Files used within ``in_use`` seconds stay, however large: somebody may read them. Users of a
+    cached file touch it, since few file systems keep the time of access.
     """
     files = sorted(((path.stat(), path) for path in paths), key=lambda file: file[0].st_mtime)
-    total, now = sum(found.st_size for found, _ in files), time.time()
-    for found, path in files:
-        if total <= most or now - found.st_mtime < in_use:
+    total, now = sum(status.st_size for status, _ in files), time.time()
+    for status, path in files:
+        if total <= most or now - status.st_mtime < in_use:
             return
         path.unlink(missing_ok=True)
-        total -= found.st_size
+        total -= status.st_size
 
 
 _LARGEST_CACHE: Final = 4 * 2**30
 _IN_USE: Final = 3600.0
-"""Seconds after its last use during which a trace stays in the cache: somebody may read it."""
+"""Time for which a trace stays in the cache after its last use [s]: somebody may read it."""
 
 
 @dataclass(frozen=True, slots=True)
 class TraceReference:
-    """The trace of a run: where it lies (a path there, or a URL), and what it must be."""
+    """The trace of a run: its location (a path or a URL), digest and size."""
 
     run: str
     location: str
@@ -160,7 +158,7 @@ class TraceReference:
 
 
 def trace_reference(row: RunRow) -> TraceReference:
-    """Return the trace of a run; raises :class:`TraceUnavailable` when there is none (any more)."""
+    """Return the trace of a run; raises :class:`TraceUnavailable` if it does not exist."""
     if row.result is None:
         raise TraceUnavailable(f"{row.id} has no trace: it is {row.state}")
     if not row.trace:
@@ -175,24 +173,24 @@ def local_copy(
     cache: Path | None = None,
     progress: ByteProgress = lambda _: None,
 ) -> Path:
-    """Return a path on this machine where a trace can be read, bringing it here if need be.
+    """Return a path on this machine where a trace can be read, fetching it if necessary.
 
-    ``source`` is asked for what lies at a path of another machine; ``cache`` is a folder, that of
-    the user if not given. Raises :class:`TraceUnavailable` with the reason and what to do, and
-    whatever ``source`` raises.
+    ``source`` provides traces at paths of another machine; ``cache`` is a folder, by default the
+    user's. Raises :class:`TraceUnavailable` with the reason and the remedy, and the errors of
+    ``source``.
     """
-    there = Path(trace.location)
-    # By digest also on this machine: another machine may have another file under the same path.
-    if not is_url(trace.location) and matches_digest(there, trace.size, trace.sha256):
-        return there
+    original = Path(trace.location)
+    # Check the digest: the path may be another file on this machine.
+    if not is_url(trace.location) and matches_digest(original, trace.size, trace.sha256):
+        return original
     folder = cache or platformdirs.user_cache_path("scenario") / "traces"
-    kept = folder / f"{trace.sha256}.mcap"
-    if matches_digest(kept, trace.size, trace.sha256):
-        os.utime(kept)
-        return kept
-    copy_trace(trace, source, kept, progress=progress)
-    trim_cache(kept.parent.glob("*.mcap"), _LARGEST_CACHE, _IN_USE)
-    return kept
+    copy = folder / f"{trace.sha256}.mcap"
+    if matches_digest(copy, trace.size, trace.sha256):
+        os.utime(copy)
+        return copy
+    copy_trace(trace, source, copy, progress=progress)
+    trim_cache(copy.parent.glob("*.mcap"), _LARGEST_CACHE, _IN_USE)
+    return copy
 
 
 def trace_file(
@@ -200,7 +198,7 @@ def trace_file(
 ) -> Path:
     """Return the trace of a run as a file of this machine; otherwise as :func:`local_copy`.
 
-    Without ``source`` a path is of this machine, and taken as it is.
+    Without ``source`` a path belongs to this machine, and is returned unchecked.
     """
     if source is None and row.trace and not is_url(row.trace):
         return Path(row.trace)
@@ -214,30 +212,28 @@ def copy_trace(
     *,
     progress: ByteProgress = lambda _: None,
 ) -> None:
-    """Make ``target`` a copy of a trace, whole and verified.
+    """Make ``target`` a complete, verified copy of a trace.
 
-    What was interrupted goes on where it was. Raises like :func:`local_copy`.
+    An interrupted copy goes on where it stopped. Raises as :func:`local_copy`.
     """
     try:
         target.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         part = target.with_name(f".{trace.sha256}.part")
         with part.open("ab") as lock:
-            # Two commands may want the same trace: the second one waits and finds it there.
+            # Of two commands that fetch the same trace, the second waits and finds it there.
             fcntl.flock(lock, fcntl.LOCK_EX)
             if not matches_digest(target, trace.size, trace.sha256):
                 _bring(trace, source, part, progress)
                 move_durably(part, target)
             part.unlink(missing_ok=True)
     except (OSError, ValueError) as error:
-        raise TraceUnavailable(
-            f"the trace of {trace.run} cannot be brought here: {error}"
-        ) from error
+        raise TraceUnavailable(f"the trace of {trace.run} cannot be fetched: {error}") from error
 
 
 def _bring(
     trace: TraceReference, source: DaemonClient | None, part: Path, progress: ByteProgress
 ) -> None:
-    """Make ``part`` all of the trace."""
+    """Fetch the trace into ``part``."""
     if is_url(trace.location) or (source is None and Path(trace.location).is_file()):
         copy_between(trace.location, str(part))
         progress(trace.size)
@@ -250,35 +246,35 @@ def _bring(
         download(part, lambda offset: source.get(trace.sha256, offset, trace.run), progress)
     if not matches_digest(part, trace.size, trace.sha256):
         os.truncate(part, 0)
-        raise ValueError(f"what comes from {trace.location} is not what was recorded")
+        raise ValueError(f"the data from {trace.location} differs from the recorded trace")
 
 
 def is_url(location: str) -> bool:
-    """Whether a trace lies at a URL rather than at a path."""
+    """Return whether the location of a trace is a URL rather than a path."""
     return "://" in location
 
 
 def check_store_url(url: str) -> str:
-    """Return the URL of a store without a slash at its end; raises ``ValueError`` for none."""
+    """Return the URL of a store without a final slash; raises ``ValueError`` for a bad one."""
     from fsspec import available_protocols
 
     parts = urlsplit(url)
     if not is_url(url) or parts.scheme not in available_protocols():
-        raise ValueError(f"{url!r} is no store: write file:///mnt/traces or s3://bucket/folder")
+        raise ValueError(f"{url!r} is not a store: write file:///mnt/traces or s3://bucket/folder")
     if parts.scheme == "file" and (parts.netloc or len(parts.path) < 2):
         raise ValueError(f"{url!r} has no absolute path: write file:///mnt/traces")
     if parts.password is not None or parts.query:
-        raise ValueError("the URL has credentials in it: they belong into the environment")
+        raise ValueError("the URL contains credentials: set them in the environment")
     return url.rstrip("/")
 
 
 def copy_between(source: str, target: str) -> None:
-    """Copy a file from a path or URL to another, for good; raises ``OSError``."""
+    """Copy a file from a path or URL to another, durably; raises ``OSError``."""
     import fsspec
 
     try:
-        with fsspec.open(source) as taken, fsspec.open(target, "wb") as given:
-            shutil.copyfileobj(taken, given)
+        with fsspec.open(source) as reader, fsspec.open(target, "wb") as writer:
+            shutil.copyfileobj(reader, writer)
         if target.startswith("file://"):
             _sync(Path(target.removeprefix("file://")))
     except Exception as error:  # the library behind a URL may raise anything
@@ -302,21 +298,20 @@ class Marker:
 
 
 def write_marker(paths: StatePaths, era: str) -> Marker:
-    """Write a marker nobody can know from elsewhere, and return it.
+    """Write a secret marker, and return it.
 
-    The directory keeps its identity for good. The era is new with each start of a daemon: a copy of
-    the directory on another machine, under the same path, is not mistaken for it. Raises
-    ``OSError``.
+    The directory keeps its identity for good. Each start of a daemon has a new era, which
+    distinguishes the directory from a copy on another machine. Raises ``OSError``.
     """
-    known = read_marker(paths)
-    identity = known.identity if known is not None else secrets.token_hex(8)
+    previous = read_marker(paths)
+    identity = previous.identity if previous is not None else secrets.token_hex(8)
     marker = Marker(identity, era)
     write_atomically(paths.marker, codec.to_json(marker), mode=0o600)
     return marker
 
 
 def read_marker(paths: StatePaths) -> Marker | None:
-    """Return the marker in a directory, or ``None`` when there is none that can be read."""
+    """Return the marker in a directory, or ``None`` without a readable one."""
     try:
         marker = codec.from_json(Marker, paths.marker.read_bytes())
     except (OSError, ValueError):

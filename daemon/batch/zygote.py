@@ -1,16 +1,16 @@
-"""The process that runs of one kind of system are forked from, with all they need in memory.
+"""Zygote: a process with everything in memory from which runs of one kind of system are forked.
 
     python -m daemon.batch.zygote DESCRIPTOR EXECUTOR PARENT
 
-A fresh process costs a run 13 to 20 ms when it is forked from a process that has numpy loaded, over
-100 ms when it is spawned. It buys hard limits on time and memory, nothing left over from one seed
-to the next, and a crash that costs one run. Not a plain fork of the worker: that has an open Zenoh
-session and threads, and a child's first question hangs.
+A fresh process costs a run 13 to 20 ms when it is forked from a process with numpy, over 100 ms
+when it is spawned. It gives hard limits on time and memory, no leftovers between seeds, and a crash
+costs only one run. The worker itself cannot be forked: it has an open Zenoh session and threads, so
+a child's first request would hang.
 
-The descriptor is a socket. By it the worker first asks for the kernels of a run: the zygote loads
-what the disk has, has a child compile the rest in a short run, once on a machine, and says how far
-that is. Then each request starts a run, with a socket of its own. Once a run has ended well, what
-it began with is done here for those like it. The zygote ends with its worker.
+The descriptor is a socket. The worker first asks for the kernels of a run: the zygote loads those
+on the disk, lets a child compile the rest in a short run, once on a machine, and reports progress.
+Each further request starts a run, with a socket of its own. After the first good run of a likeness
+the zygote fills its own caches for the next ones. The zygote ends with its worker.
 """
 
 from __future__ import annotations
@@ -61,25 +61,25 @@ from grammars.text import codec
 
 _LARGEST_REQUEST: Final = 2**16
 _SHORT_RUN: Final = 10.0
-"""CPU seconds: a run that took longer may have begun with something that would keep the zygote from
-starting others for too long, and what it began with is little of it."""
+"""Longest run whose start the zygote repeats [CPU s]: after a longer one this could block other
+starts, and would save little."""
 
 LARGE: Final = 1 << 20
-"""Bytes of an array whose memory goes back to the system at once."""
+"""Size of arrays whose memory returns to the system at once [B]."""
 
 
 class Zygote(EventLoop):
-    """The life of this process: ``wire`` leads to its worker."""
+    """The zygote of this process; ``wire`` is the socket to its worker."""
 
     def __init__(self, wire: socket.socket, execute: Callable[..., RunResult]) -> None:
         super().__init__()
         self._wire = wire
         self._execute = execute
-        # By the process of its guardian.
+        # Runs by the process of their guardian.
         self._runs: dict[int, tuple[RunTask, socket.socket]] = {}
         self._kill_at: dict[int, float] = {}
-        self._begun: set[str] = set()
-        # Lists of kernels by the process that compiles what is on them.
+        self._prepared: set[str] = set()
+        # Lists of kernels by the process that compiles them.
         self._rehearsals: dict[int, str] = {}
         self.watch(wire.fileno(), self._take_request)
 
@@ -89,7 +89,7 @@ class Zygote(EventLoop):
             moments = self._kill_at.values()
             self.turn(max(0.0, min(moments) - time.monotonic()) if moments else None)
             for process in [p for p, at in self._kill_at.items() if at <= time.monotonic()]:
-                # It was stopped, say: the run dies with it, and the rest is ended from here.
+                # A stopped guardian, say: the run dies with it, and the zygote ends the rest.
                 os.kill(process, signal.SIGKILL)
                 del self._kill_at[process]
 
@@ -124,47 +124,47 @@ class Zygote(EventLoop):
         wire.send(STARTED)
 
     def _become_child(self) -> None:
-        """Let go of what is the zygote's alone, in a process it has forked."""
+        """Close the zygote's own resources in a process it has forked."""
         signal.set_wakeup_fd(-1)
         signal.signal(signal.SIGCHLD, signal.SIG_DFL)
         for _, wire in self._runs.values():
             wire.close()
 
     def _hang_up(self, process: int) -> None:
-        """The run is not wanted any more, as its guardian knows: give that the time to end it."""
+        """Set a deadline for the guardian to end a run that the worker has abandoned."""
         self.forget(self._runs[process][1].fileno())
         self._kill_at[process] = time.monotonic() + 2 * KILL_LIMIT
 
     def child_ended(self, process: int, code: int) -> None:
-        """Report the end of a run when nothing of it is left."""
+        """Report the end of a run when all its processes have ended."""
         if process in self._rehearsals:
-            # It has told why, if it could not: a run that calls these kernels has the same trouble.
+            # After an error too: a run that calls these kernels reports the same error.
             self._load(self._rehearsals.pop(process))
             return
         if process not in self._runs:
-            return  # a guardian that was killed has left it
+            return  # an orphan of a killed guardian
         task, wire = self._runs.pop(process)
         if self._kill_at.pop(process, None) is None:
             self.forget(wire.fileno())
-        # A guardian that has done its work ends with a code, or by the signal that ended the run.
+        # A signal may have ended the guardian before it could end the rest.
         if code < 0:
             end_children(os.getpid(), lambda: (*self._runs, *self._rehearsals), reap=self.reap)
-        is_new = code == 0 and task.likeness and task.likeness not in self._begun
+        is_new = code == 0 and task.likeness and task.likeness not in self._prepared
         example = read_example(task) if is_new else None
-        with suppress(OSError), wire:  # its worker does not listen any more
+        with suppress(OSError), wire:  # the worker may have closed it
             wire.send(ENDED + str(code).encode())
         if example is not None:
-            self._begun.add(task.likeness)
-            _begin_like(*example)
+            self._prepared.add(task.likeness)
+            _prepare_like(*example)
 
     # Kernels
 
     def _prepare(self, task: KernelTask, file: int) -> None:
-        """Load kernels; where one is missing, have a child compile all in a short run.
+        """Load kernels; if one is missing, let a child compile all in a short run.
 
-        Its memory, which is that of a compiler, goes with it.
+        The compiler's memory ends with the child.
         """
-        # The compiler is nothing for executors that have no kernels: 70 MB.
+        # Executors without kernels need no compiler (70 MB).
         from daemon.model.kernels import load_list
 
         lower_session(task.nice)
@@ -190,7 +190,7 @@ class Zygote(EventLoop):
         self.watch(reading, partial(self._take_progress, task.name, reading))
 
     def _take_progress(self, name: str, reading: int) -> None:
-        """Let runs start when the short run has driven; kernels that judge come meanwhile."""
+        """Let runs start when the short run has driven; the judge's kernels may come later."""
         if os.read(reading, 1):
             self._load(name)
         else:
@@ -198,7 +198,7 @@ class Zygote(EventLoop):
             os.close(reading)
 
     def _load(self, name: str) -> None:
-        """Load what a short run has compiled, and let runs start."""
+        """Load the kernels of a short run, and let runs start."""
         from daemon.model.kernels import load_list
 
         load_list(name)
@@ -210,9 +210,9 @@ class Zygote(EventLoop):
 
 
 def read_example(task: RunTask) -> tuple[RunSpec, Scene] | None:
-    """Return the specification and the scene of a run that has ended, if it ended well and soon.
+    """Return the specification and the scene of a run that has ended well and soon.
 
-    What has ended in a process of its own, within its limits, ends in the zygote too.
+    A run that ended within its limits in its own process also ends in the zygote.
     """
     try:
         result = codec.from_json(RunResult, (task.folder / RESULT).read_bytes())
@@ -221,23 +221,23 @@ def read_example(task: RunTask) -> tuple[RunSpec, Scene] | None:
         lease = codec.from_json(Lease, (task.folder / LEASE).read_bytes())
         return lease.spec, codec.from_json(Scene, task.scene.read_bytes())
     except (OSError, ValueError):
-        return None  # who delivers the result says what is wrong with it
+        return None  # the delivery of the result reports the error
 
 
-def _begin_like(spec: RunSpec, scene: Scene) -> None:
-    """Do what runs like ``spec`` in ``scene`` begin with, for those that come."""
+def _prepare_like(spec: RunSpec, scene: Scene) -> None:
+    """Fill the caches of runs like ``spec`` in ``scene``, for later runs."""
     from daemon.run import prepare
 
     try:
         prepare(spec, scene)
     except Exception:
-        # The disk is full, say: runs begin with it themselves, as before.
+        # For example on a full disk: runs then do it themselves, as before.
         traceback.print_exc()
     _keep_for_good()
 
 
 def rehearse_run(task: KernelTask, spec: bytes, wire: socket.socket, driven: int) -> NoReturn:
-    """Execute a short run, tell ``wire`` of each kernel that it compiles, and exit."""
+    """Execute a short run, report each compiled kernel to ``wire``, and exit."""
     try:
         from daemon.run import rehearse
 
@@ -248,14 +248,14 @@ def rehearse_run(task: KernelTask, spec: bytes, wire: socket.socket, driven: int
             lambda: os.write(driven, b"1"),
         )
     except BaseException:
-        # The run itself fails like this, and says so: to whom, and of what, is known then.
+        # The run itself fails in the same way, and reports it with its name.
         traceback.print_exc()
     os._exit(0)
 
 
 def _keep_for_good() -> None:
     # A collection writes to every object it visits, and so copies the pages that children share
-    # with this process. Garbage goes now; what is left is never looked at again by any collector.
+    # with this process. Collect the garbage now; no later collection visits the rest.
     gc.collect()
     gc.freeze()
 
@@ -265,8 +265,8 @@ def _load(name: str) -> Callable[..., Any]:
     module = import_module(module_name)
     if warm_up := getattr(module, "warm_up", None):
         warm_up()
-    # Decoders and encoders are built once here, not once in every child; those of a specification
-    # and of its script, which its digest asks for, take 15 ms.
+    # Build decoders and encoders here, not in every child; those of a specification and its
+    # script take 15 ms.
     codec.warm_up(Lease, RunSpec, Script, Scene, RunResult, LiveSnapshot, LiveJudgement)
     execute: Callable[..., Any] = getattr(module, function)
     return execute
@@ -280,15 +280,14 @@ def main() -> None:
         os.environ.setdefault(variable, "1")  # a run is one thread of one core
     wire = socket.socket(fileno=int(descriptor))
     wire.set_inheritable(False)
-    # With this S1 needs 11 MB less at its peak; and 28 MB less if the zygote, too, has had it when
-    # it did what S1 begins with.
+    # This lowers the peak of S1 by 11 MB, and by 28 MB if the zygote has prepared for it.
     return_freed_memory(LARGE)
-    # What a guardian that was killed leaves behind comes to this process, which ends it.
+    # Orphans of a killed guardian come to this process, which ends them.
     adopt_orphans()
     try:
         execute = _load(executor)
     except Exception:
-        # Also of an executor that plugs in.
+        # The executor may be a plug-in.
         wire.send(FAILED + traceback.format_exc()[-LONGEST_WORDS:].encode("utf-8", "replace"))
         return
     _keep_for_good()

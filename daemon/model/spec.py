@@ -262,7 +262,7 @@ class RunResult:
 
     @property
     def digest(self) -> str:
-        """Digest of everything that must be equal when the specification runs again (not timing)."""
+        """Digest of everything that must be equal when the same specification runs again."""
         # ``ended`` and ``note`` are in the trace, ``leads`` follow from it. The order is part of
         # the digest.
         names = ("spec", "outcome", "verdicts", "trace")

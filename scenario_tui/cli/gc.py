@@ -64,7 +64,7 @@ def gc(
     paths, policy = StatePaths.find(state), RetentionPolicy(keep, older_than, max_size)
     swept = sweep_traces(paths, policy, time.time(), dry=dry_run)
     strays = (find_strays if dry_run else remove_strays)(paths, time.time())
-    value = Removal(paths.state, dry_run, swept.freed, swept.kept, swept.gone, strays)
+    value = Removal(paths.state, dry_run, swept.freed, swept.rest, swept.traces, strays)
     return Answer("gc", value, partial(_print_removal, value))
 
 

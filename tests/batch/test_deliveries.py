@@ -154,7 +154,7 @@ def test_after_a_break_it_goes_on_where_it_was(site):
 def test_parts_that_are_not_taken_are_not_sent_for_ever(site):
     site.daemon.faults = [0] * 6
     site.step()
-    assert "does not arrive: 5 parts of it were not taken" in site.trouble.words
+    assert "does not arrive: 5 parts of it were refused" in site.trouble.words
     site.deliver()
     assert site.daemon.arrived == DATA
 

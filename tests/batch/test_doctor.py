@@ -193,7 +193,7 @@ def test_a_ledger_that_somebody_holds_is_not_called_damaged(places, monkeypatch)
         db.execute("BEGIN EXCLUSIVE")
         monkeypatch.setattr("daemon.batch.ledger._connection._READER_PATIENCE", 0.01)
         (finding,) = found(places, "ledger")
-    assert "just now" in finding.message
+    assert "cannot be read now" in finding.message
     assert "fuser" in finding.remedy
 
 

@@ -145,8 +145,8 @@ def store(request, tmp_path):
 @pytest.mark.parametrize(
     ("url", "complaint"),
     [
-        ("/mnt/traces", "is no store"),
-        ("s4://bucket", "is no store"),
+        ("/mnt/traces", "is not a store"),
+        ("s4://bucket", "is not a store"),
         ("file://host/traces", "no absolute path"),
         ("s3://key:secret@bucket/traces", "has credentials"),
         ("s3://bucket/traces?secret=1", "has credentials"),

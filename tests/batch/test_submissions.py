@@ -50,7 +50,7 @@ def test_a_campaign_of_too_many_runs_is_to_be_split(places):
     one = make_submission("c", 1)
     words = refusal(replace(one, runs=one.runs * (MOST_RUNS + 1)), places)
     assert f"has {MOST_RUNS + 1} runs" in words
-    assert f"may have {MOST_RUNS}: split its scenarios" in words
+    assert f"limit is {MOST_RUNS}: split its scenarios" in words
 
 
 @pytest.mark.parametrize(

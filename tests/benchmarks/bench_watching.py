@@ -12,7 +12,7 @@ from daemon.batch.run_process import (
     LIVE,
     WATCH,
     SnapshotSender,
-    Wanted,
+    WatchDetail,
 )
 from daemon.run import execute
 from tests.benchmarks.bench_run import PAPER
@@ -25,9 +25,9 @@ NOBODY = "nobody asks"
 WAYS = {
     NOBODY: (),
     "progress": (),
-    "margins": (Wanted.MARGIN,),
-    "watched": (Wanted.DETAILS,),
-    "judged": (Wanted.DETAILS, Wanted.JUDGEMENT, Wanted.MARGIN),
+    "margins": (WatchDetail.MARGIN,),
+    "watched": (WatchDetail.DETAILS,),
+    "judged": (WatchDetail.DETAILS, WatchDetail.JUDGEMENT, WatchDetail.MARGIN),
 }
 """What is wanted of a run."""
 

@@ -98,7 +98,7 @@ def test_a_submission_is_refused_with_all_errors(house, demo):
 
 def test_more_runs_than_the_daemon_takes_are_refused_before_anything_is_drawn(house):
     path = house(repeats=100000, matrix={"sut": ["pilot", "idle"]})
-    with pytest.raises(InputError, match=r"has 400000 runs.*may have 200000: split") as refusal:
+    with pytest.raises(InputError, match=r"has 400000 runs.*limit is 200000: split") as refusal:
         load(path).submission()
     line = refusal.value.findings[0].where.line
     assert path.read_text().splitlines()[line - 1] == "repeats: 100000"

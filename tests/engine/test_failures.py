@@ -206,7 +206,7 @@ def test_the_timer_of_others_goes_on():
 def test_it_is_judged_from_its_bring_up_to_however_it_ends(runs, plug, tmp_path, failure):
     plug(System(("starting", "3 of 8"), failure))
     told = []
-    watching = SimpleNamespace(wanted=lambda: "everything", tell=told.append)
+    watching = SimpleNamespace(scope=lambda: "everything", tell=told.append)
     spec = runs.spec(kind="plugged", parameters={"repeatable": False}, limit=1.0)
     result = runs.execute(
         spec, tmp_path / "run.mcap", on_progress=lambda _: None, judgements=watching

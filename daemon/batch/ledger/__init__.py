@@ -1,6 +1,6 @@
-"""The ledger: which runs there are, who executes them, what came out; one SQLite file.
+"""The ledger of runs, leases and results, in one SQLite file.
 
-Nobody outside of this room speaks SQL, except :mod:`daemon.batch.ledger_names` for completion.
+Only this package uses SQL, except :mod:`daemon.batch.ledger_names` for completion.
 """
 
 from daemon.batch.ledger._connection import (

@@ -1,4 +1,4 @@
-"""The ledger as a file: opened to write or to read, and checked as a whole."""
+"""The ledger as a file: opening it to write or to read, and checking it as a whole."""
 
 from __future__ import annotations
 
@@ -15,49 +15,48 @@ from daemon.batch.errors import DaemonError, PlaceUnusable, Unavailable
 
 SCHEMA_VERSION: Final = 19
 _IN_MEMORY: Final = Path(":memory:")
-"""What SQLite calls a database that is gone with its connection: no file has this name."""
+"""SQLite's name of a database that ends with its connection."""
 UNREADABLE: Final = (sqlite3.Error, UnicodeDecodeError)
-"""What a question to a damaged ledger may raise: also that its message is no text."""
+"""Errors of queries to a damaged ledger; even the message may not be text."""
 _READER_PATIENCE: Final = 5.0
 _CACHE_KIB: Final = 64 * 2**10
 
 
 def connect(path: Path) -> sqlite3.Connection:
-    """Open the ledger for writing, creating it if need be.
+    """Open the ledger for writing, creating it if necessary.
 
-    What was acknowledged survives kill -9 and a power cut. Raises :class:`Unavailable` when the
-    disk is full or somebody else holds the file, and :class:`DaemonError` when it is damaged or has
+    Acknowledged data survives kill -9 and a power cut. Raises :class:`Unavailable` when the disk is
+    full or another process holds the file, and :class:`DaemonError` when it is damaged or has
     another schema.
     """
     try:
-        # SQLite gives the WAL and its index the mode of the file, and the file what the umask says.
+        # Set the mode here: SQLite would follow the umask; the WAL and its index copy the mode.
         if path != _IN_MEMORY:
             os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600))
     except OSError as error:
         raise _open_error(path, error) from error
-    # No isolation level: the module would otherwise begin transactions of its own, and ours must
-    # be IMMEDIATE and hold savepoints. One thread at a time uses the connection, not always the
-    # one that opened it.
+    # No isolation level: otherwise the module begins its own transactions, and ours must be
+    # IMMEDIATE with savepoints. One thread at a time uses the connection, not always the one that
+    # opened it.
     connection = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
     try:
-        # Before the first table, or never: space that deleted campaigns leave is given back.
+        # Only possible before the first table: return the space of deleted campaigns.
         connection.execute("PRAGMA auto_vacuum = INCREMENTAL")
-        # WAL: questions are answered from a snapshot while the writer goes on. In WAL mode only
-        # FULL syncs at every commit; NORMAL would lose the last ones in a power cut, after their
-        # senders were told that they are safe and have removed their own copies. Measured with one
-        # writer: 2,950 runs a second leased and completed, 7,580 with NORMAL, and less than ten
-        # writes a second and core are needed.
+        # WAL: readers use a snapshot while the writer goes on. In WAL mode only FULL syncs at every
+        # commit; NORMAL would lose the last commits in a power cut, after their senders got the
+        # acknowledgement and removed their own copies. Measured with one writer: 2,950 runs a
+        # second leased and completed, 7,580 with NORMAL; less than ten writes a second and core are
+        # needed.
         connection.execute("PRAGMA journal_mode = WAL")
         connection.execute("PRAGMA synchronous = FULL")
-        # Six indexes are written for every new run: the 2 MB that are usual hold none of those of
-        # a large campaign.
+        # Every new run changes six indexes; the default of 2 MB is too small for a large campaign.
         connection.execute(f"PRAGMA cache_size = -{_CACHE_KIB}")
         connection.execute("PRAGMA foreign_keys = ON")  # off by default, and per connection
         _prepare(connection, path)
     except UNREADABLE as error:
         connection.close()
         if _is_passing(error):
-            raise Unavailable(f"{path} cannot be used just now: {error}") from error
+            raise Unavailable(f"{path} cannot be used now: {error}") from error
         raise DaemonError(f"{path} is not a usable ledger: {error}") from error
     except DaemonError:
         connection.close()
@@ -73,26 +72,26 @@ _NO_ROOM: Final = (
     sqlite3.SQLITE_IOERR_SHMSIZE,
     sqlite3.SQLITE_IOERR_SHMMAP,
 )
-"""What a full disk, or a quota that is reached, makes of writing the WAL and of its index."""
+"""Errors of writing the WAL or its index on a full disk, or beyond a quota."""
 
 
 def _is_passing(error: Exception) -> bool:
-    """Whether it may be otherwise in a while, without anybody mending the ledger."""
+    """Return whether the error may pass without repairing the ledger."""
     code = getattr(error, "sqlite_errorcode", 0)
     return code & 0xFF in _PASSING or code in _NO_ROOM
 
 
 def _open_error(path: Path, error: OSError) -> DaemonError:
     words = f"{path} cannot be opened: {error.strerror}"
-    passing = error.errno in (errno.ENOSPC, errno.EDQUOT)
-    return Unavailable(words) if passing else DaemonError(words)
+    no_room = error.errno in (errno.ENOSPC, errno.EDQUOT)
+    return Unavailable(words) if no_room else DaemonError(words)
 
 
 @contextmanager
 def open_reader(path: Path) -> Iterator[sqlite3.Connection]:
-    """Open an existing ledger for questions only, whether a daemon keeps it or not.
+    """Open an existing ledger read-only, with or without a running daemon.
 
-    Waits five seconds at most for a lock. Raises :class:`DaemonError`, also for a question in the
+    Waits five seconds at most for a lock. Raises :class:`DaemonError`, also for a query in the
     block, when there is no ledger, it cannot be read or has another schema.
     """
     try:
@@ -104,9 +103,8 @@ def open_reader(path: Path) -> Iterator[sqlite3.Connection]:
 
 
 def _open_to_read(path: Path) -> sqlite3.Connection:
-    # mode=ro, not PRAGMA query_only: a connection of that kind makes an empty file where there
-    # is no ledger, and the last one to close writes the WAL of a killed daemon into the file.
-    # Looking must change nothing but the index of the WAL (the -shm file), which readers share.
+    # mode=ro, not PRAGMA query_only: that would create a missing file, and on closing write the WAL
+    # of a killed daemon into it. Readers change only the index of the WAL (the -shm file).
     address = f"{path.absolute().as_uri()}?mode=ro"
     return sqlite3.connect(
         address,
@@ -125,7 +123,7 @@ def schema_version(connection: sqlite3.Connection) -> int:
 def check_present(path: Path) -> None:
     """Refuse a place without a ledger, as :class:`PlaceUnusable`."""
     if not path.exists():
-        raise PlaceUnusable(f"there is no ledger in {path.parent}: nothing was ever run there")
+        raise PlaceUnusable(f"there is no ledger in {path.parent}: no daemon has run there yet")
 
 
 def check_current(connection: sqlite3.Connection, path: Path) -> None:
@@ -141,7 +139,7 @@ SCHEMA_REMEDY: Final = "use the version that made it, or name another state dire
 
 
 def schema_problem(version: int) -> str:
-    """Say that a ledger has a ``version`` of the schema that we do not read."""
+    """Return the message for a ledger with another ``version`` of the schema."""
     return f"has schema {version}, this version reads and writes schema {SCHEMA_VERSION}"
 
 
@@ -150,12 +148,11 @@ def _prepare(connection: sqlite3.Connection, path: Path) -> None:
     if schema_version(connection) != 0:
         check_current(connection, path)
         return
-    from importlib import resources  # completion reads at every TAB and makes no tables
+    from importlib import resources  # not needed by completion, which never creates tables
 
     tables = resources.files(__package__).joinpath("schema.sql").read_text("utf-8")
     try:
-        # The tables and the version number in one transaction: a daemon that is killed in the
-        # middle leaves an empty file.
+        # Tables and version number in one transaction: a kill in between leaves an empty file.
         connection.executescript(
             f"BEGIN;\n{tables}\nPRAGMA user_version = {SCHEMA_VERSION};\nCOMMIT;"
         )
@@ -170,10 +167,10 @@ _MOST_SHOWN: Final = 3
 
 @dataclass(frozen=True, slots=True)
 class LedgerIntegrity:
-    """A ledger under examination: its schema ``version`` and the ``damage`` of the file.
+    """Integrity of a ledger: its schema ``version`` and the ``damage`` of the file.
 
-    The numbers are those of a ledger of our schema. ``alarms`` count executions that came out
-    differently, ``newest_event`` is in seconds since the epoch.
+    The numbers are 0 for other schemas. ``alarms`` counts nondeterministic executions,
+    ``newest_event`` is in seconds since the epoch.
     """
 
     version: int
@@ -185,18 +182,17 @@ class LedgerIntegrity:
 
 
 def check_integrity(path: Path, *, quick: bool = False) -> LedgerIntegrity:
-    """Examine a ledger, which a daemon may be writing; changes nothing.
+    """Examine a ledger without changing it; a daemon may be writing.
 
-    A ``quick`` look leaves out whether indices agree with their tables. Raises
-    :class:`Unavailable` when somebody else holds it, and :class:`DaemonError` when it cannot be
-    read at all.
+    ``quick`` does not compare indices with their tables. Raises :class:`Unavailable` when another
+    process holds it, and :class:`DaemonError` when it cannot be read at all.
     """
     try:
         with closing(_open_to_read(path)) as db:
             return _examine(db, quick)
     except UNREADABLE as error:
         if _is_passing(error):
-            raise Unavailable(f"{path} cannot be read just now: {error}") from error
+            raise Unavailable(f"{path} cannot be read now: {error}") from error
         raise DaemonError(f"{path} cannot be read: {error}") from error
 
 
@@ -210,7 +206,7 @@ def _examine(db: sqlite3.Connection, quick: bool) -> LedgerIntegrity:
     damage += [f"{row[0]} refers to nothing" for row in dangling[:_MOST_SHOWN]]
     if damage:
         return LedgerIntegrity(version, tuple(damage))
-    # In one statement, of one snapshot: the numbers must agree.
+    # One statement, so one snapshot: the numbers must agree.
     numbers = db.execute(
         "SELECT (SELECT count(*) FROM run), (SELECT count(*) FROM result), count(*)"
         " FILTER (WHERE kind = 'alarm'), ifnull(max(at), 0.0) FROM event"

@@ -1,6 +1,6 @@
-"""Runs in the ledger: entered with the cells and scripts they share, and read back.
+"""Entering runs into the ledger with their shared cells and scripts, and reading them back.
 
-Also which scenes and files they need.
+Also the scenes and files that they need.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from daemon.model.submission import Submission
 from grammars.text import codec
 
 RESERVE: Final = "reserve"
-"""State of repeats that nobody sees before they are queued."""
+"""State of repeats that stay hidden until they are queued."""
 _INSERT_RUN: Final = (
     "INSERT INTO run (id, campaign, position, cell, script, scenario, sut, repeat, time_limit,"
     " digest, trace_name, state, seed, kind, repeatable)"
@@ -33,8 +33,8 @@ _READ_SPEC: Final = (
     " WHERE run.id = ?"
 )
 _MOST_CACHED: Final = 1024
-# Read as JSON, not as specifications: a field that a later version does not take must not make
-# what a run needs look superfluous.
+# Read as JSON, not as specifications: an unknown field must not make a needed input look
+# superfluous.
 _NAMED: Final = (
     "WITH text (body) AS (SELECT CAST(body AS TEXT) FROM cell {cells})"
     " SELECT json_extract(body, '$.scene') FROM text"
@@ -48,7 +48,7 @@ _WAITING: Final = (
 
 
 class _Text(NamedTuple):
-    """A cell or a script that was entered."""
+    """An entered cell or script."""
 
     number: int
     digest: str
@@ -56,24 +56,31 @@ class _Text(NamedTuple):
 
 def enter_campaign(
     db: sqlite3.Connection,
-    asked: Submission | SearchSubmission,
+    submission: Submission | SearchSubmission,
     digest: str,
     declared: AssessmentRules,
     now: float,
 ) -> None:
-    """Enter a campaign that has no runs yet."""
+    """Enter a campaign without its runs."""
     db.execute(
         "INSERT INTO campaign (id, name, about, source, digest, total, submitted_at, declared,"
         " fresh, origin) VALUES (?, ?, ?, ?, ?, 0, ?, ?, ?, ?)",
         (
-            *(asked.campaign, asked.name, asked.about, asked.source, digest, now),
-            *(codec.to_json(declared), asked.fresh, codec.to_json(asked.origin)),
+            submission.campaign,
+            submission.name,
+            submission.about,
+            submission.source,
+            digest,
+            now,
+            codec.to_json(declared),
+            submission.fresh,
+            codec.to_json(submission.origin),
         ),
     )
 
 
 def enter_runs(db: sqlite3.Connection, submission: Submission) -> None:
-    """Enter the runs of a submission after those that its campaign has."""
+    """Enter the runs of a submission after the existing ones of its campaign."""
     campaign, runs = submission.campaign, submission.runs
     cells = _enter_texts(db, "cell", campaign, map(codec.to_json, submission.cells))
     behaviours = (codec.to_json(script, Script) for script in submission.scripts)
@@ -98,7 +105,7 @@ def enter_runs(db: sqlite3.Connection, submission: Submission) -> None:
                 ),
                 trace_name(campaign, cell.scenario, cell.sut.name, run.repeat),
                 state,
-                # As text: 64 bits without a sign do not fit SQLite's integers.
+                # As text: 64 unsigned bits do not fit SQLite's integers.
                 str(run.seed),
                 cell.sut.kind,
                 cell.sut.repeatable,
@@ -107,7 +114,7 @@ def enter_runs(db: sqlite3.Connection, submission: Submission) -> None:
             for cell in (submission.cells[run.cell],)
         ),
     )
-    # Nothing else counts new runs.
+    # Triggers count only changes of runs, not new ones.
     db.executemany(
         "INSERT INTO tally VALUES (?, ?, '', ?)"
         " ON CONFLICT DO UPDATE SET runs = runs + excluded.runs",
@@ -119,7 +126,7 @@ def enter_runs(db: sqlite3.Connection, submission: Submission) -> None:
 def _enter_texts(
     db: sqlite3.Connection, table: str, campaign: str, texts: Iterable[bytes]
 ) -> list[_Text]:
-    """Enter cells or scripts after those that are there."""
+    """Enter cells or scripts after the existing ones."""
     query = f"SELECT count(*) FROM {table} WHERE campaign = ?"
     (first,) = db.execute(query, (campaign,)).fetchone()
     entered = []
@@ -139,7 +146,7 @@ def read_spec(db: sqlite3.Connection, run: str) -> RunSpec:
     return replace(_read_cell(cell), repeat=number, behaviours=behaviours, seed=int(seed))
 
 
-# By their texts, which cost a look each: to read them takes a hundred times as long.
+# Cached by text: a lookup takes a hundredth of the time of parsing.
 @functools.lru_cache(_MOST_CACHED)
 def _read_cell(body: bytes) -> RunSpec:
     return codec.from_json(RunSpec, body)
@@ -152,10 +159,9 @@ def _read_script(body: bytes) -> Script:
 
 
 def needed_inputs(db: sqlite3.Connection, *, waiting: bool = False) -> frozenset[str]:
-    """Return the digests of scenes and files that runs need, or that those do which wait.
+    """Return the digests of scenes and files that all runs need, or only ``waiting`` ones.
 
-    Runs that may still be made of a reserve count among all. Raises ``sqlite3.Error``, also for a
-    ledger that is damaged there.
+    All runs include those in reserve. Raises ``sqlite3.Error``, also for damaged cells.
     """
     rows = db.execute(_NAMED.format(cells=_WAITING if waiting else "")).fetchall()
     return frozenset(digest for (digest,) in rows if digest)

@@ -1,4 +1,4 @@
-"""Changes of runs in the ledger: how a transition is written, and the leases of workers."""
+"""Changes of runs in the ledger: transitions, and the leases of workers."""
 
 from __future__ import annotations
 
@@ -49,10 +49,10 @@ from daemon.model.status import NONDETERMINISTIC, ChangeEvent
 from grammars.text import codec
 
 _FIELDS: Final = tuple(field.name for field in fields(ExecutionState))
-"""Also names of columns of the table ``run``."""
+"""Fields of a state, which are also columns of the table ``run``."""
 _READ_STATE: Final = f"SELECT {', '.join(_FIELDS)} FROM run WHERE id = ?"
 _WRITE_STATE: Final = f"UPDATE run SET {' = ?, '.join(_FIELDS)} = ? WHERE id = ?"
-# What ``transitions.advance`` makes of a run that is retried: there may be 200,000.
+# The effect of ``transitions.advance`` on a retried run, for up to 200,000 at once.
 RETRY: Final = (
     "UPDATE run SET state = 'queued', token = 0, reason = '', strikes = 0,"
     " lapses = 0, nondeterministic = 0,"
@@ -60,11 +60,10 @@ RETRY: Final = (
 )
 _KEPT_EVENTS: Final = 10_000
 _PRUNED_EVERY: Final = 1000
-# The first run of the campaign whose turn it is. ``served`` is the token of a campaign's latest
-# lease and tokens only grow: who was served longest ago goes first, which is round robin without
-# a list of turns. A worker that lacks systems under test must not get stuck at a campaign that has
-# nothing else for it: what it is able to run is asked for in both places. Runs that were leased
-# less often go first: one that fails again and again stands behind all others.
+# The first run of the next campaign. ``served`` is the token of a campaign's latest lease, and
+# tokens only grow: the campaign served longest ago goes first, which is round robin without a list.
+# Both conditions check the worker's systems under test, so that it skips campaigns without a run
+# for it. Runs with fewer leases go first, so a run that fails repeatedly goes last.
 _NEXT_RUN: Final = (
     "SELECT run.id, run.campaign, trace_name,"
     " EXISTS (SELECT 1 FROM search WHERE search.campaign = run.campaign)"
@@ -80,17 +79,17 @@ _LONGEST_REASON: Final = 4000
 class RunUpdates:
     """Changes of runs on one connection; each goes through the pure transition function.
 
-    A run is lost after ``attempts`` leases that ended badly. The ledger knows who has what, the
-    daemon's memory until when. Which worker comes with a lease does not matter: the next worker of
-    a machine takes over what a dead one has left. What must be told to others after the commit
-    collects in :attr:`events`.
+    A run is lost after ``attempts`` leases that ended badly. The ledger stores the holders of
+    leases, the daemon's memory their deadlines. Any worker may present a lease: the next worker of
+    a machine takes over the runs of a dead one. :attr:`events` collects the events to publish after
+    the commit.
     """
 
     def __init__(self, connection: sqlite3.Connection, *, attempts: int = 3) -> None:
         self._db = connection
         self._attempts = attempts
         self._era = ""
-        # Runs that two workers are at, as far as renewals said so; good for a hint and no more.
+        # Runs executed by two workers, as far as renewals show; only used for hints.
         self._contested: set[str] = set()
         self.events: list[ChangeEvent] = []
 
@@ -101,7 +100,7 @@ class RunUpdates:
         return ExecutionState(RunState(row[0]), *row[1:])
 
     def _apply(self, run: str, event: RunEvent, now: float) -> RunTransition:
-        """Let an event happen to a run, and tell of it."""
+        """Apply an event to a run, and record it."""
         before = self._execution_state(run)
         change = advance(before, event, attempts=self._attempts)
         after = change.run
@@ -110,7 +109,7 @@ class RunUpdates:
             self._db.execute(_WRITE_STATE, (*values, run))
         if after.state is not before.state:
             campaign = self._campaign_of(run)
-            # Why the attempt before left no result was told when it ended.
+            # The end of the attempt before has already recorded this reason.
             stale = after.state is RunState.RUNNING and after.reason == before.reason
             note = "" if stale else after.reason
             self.record_event(now, "run", run, campaign, after.state, note)
@@ -123,14 +122,14 @@ class RunUpdates:
         return str(row[0])
 
     def _close_if_finished(self, campaign: str, now: float) -> None:
-        """Close a campaign of which nothing waits, unless cells need the repeats in reserve.
+        """Close a campaign without unfinished runs, unless cells need repeats of the reserve.
 
-        A search that has not ended will have more runs.
+        An unfinished search stays open, since it will have more runs.
         """
         if search_state(self._db, campaign) == "waiting":
             return
-        # Again and again: the results of new repeats may be in the ledger already, and then the
-        # next look at the cells is due at once.
+        # Repeat: the ledger may already have the results of new repeats, and then the next look at
+        # the cells is due at once.
         while not self._count_runs(campaign, RunState.QUEUED, RunState.RUNNING):
             if not queue_reserve(self._db, campaign):
                 self._close(campaign, now)
@@ -161,14 +160,14 @@ class RunUpdates:
     def record_event(
         self, now: float, kind: str, name: str, campaign: str = "", state: str = "", note: str = ""
     ) -> None:
-        """Write an event down and keep it for telling others after the commit."""
+        """Record an event, and keep it for publication after the commit."""
         cursor = self._db.execute(
             "INSERT INTO event (at, kind, id, campaign, state, note) VALUES (?, ?, ?, ?, ?, ?)",
             (now, kind, name, campaign, state, note),
         )
         seq = cursor.lastrowid or 0
         if seq % _PRUNED_EVERY == 0:
-            # Alarms stay for good: the doctor counts them however long ago they were.
+            # Alarms stay for good: the doctor counts all of them.
             self._db.execute(
                 "DELETE FROM event WHERE seq <= ? AND kind <> 'alarm'", (seq - _KEPT_EVENTS,)
             )
@@ -183,13 +182,13 @@ class RunUpdates:
         lacks: Sequence[str] = (),
         missing: Callable[[RunSpec], str] = lambda _: "",
     ) -> tuple[Lease, ...]:
-        """Give up to ``count`` queued runs to ``worker``.
+        """Lease up to ``count`` queued runs to ``worker``.
 
-        Campaigns of the highest priority take turns, run by run; paused ones are passed over.
-        Within a campaign the first submitted run goes first, one that was given back after all
-        others. Runs of systems under test whose kind the worker ``lacks`` wait for another one. A
-        campaign waits as a whole for what ``missing`` says that a run of it lacks here: a scene or
-        a file, named as :func:`hold_text` takes it.
+        Campaigns of the highest priority take turns, run by run, without paused ones. Within a
+        campaign runs go in order of submission, returned ones after all others. Runs of kinds of
+        systems under test that the worker ``lacks`` wait for another worker. If ``missing`` returns
+        a missing scene or file of a run, in the form of :func:`hold_text`, its whole campaign
+        waits.
         """
         leases: list[Lease] = []
         query = _NEXT_RUN.format(able=_ABLE if lacks else "")
@@ -200,8 +199,8 @@ class RunUpdates:
                 break
             run, campaign, trace, leads = row
             spec = read_spec(self._db, run)
-            other = f"engine {spec.engine}" if spec.engine != ENGINE_VERSION else ""
-            if lacking := other or missing(spec):
+            other_engine = f"engine {spec.engine}" if spec.engine != ENGINE_VERSION else ""
+            if lacking := other_engine or missing(spec):
                 self._hold(campaign, run, lacking, now)
                 continue
             token = self._next_token()
@@ -214,19 +213,19 @@ class RunUpdates:
         return tuple(leases)
 
     def _hold(self, campaign: str, run: str, lacking: str, now: float) -> None:
-        """Lease nothing of a campaign while it lacks something; a run of it has that as reason."""
+        """Hold a campaign while it lacks something; the reason is noted at a run of it."""
         why = hold_text(lacking)
         self._db.execute("UPDATE campaign SET lacks = ? WHERE id = ?", (lacking, campaign))
         self._db.execute("UPDATE run SET reason = ?, nondeterministic = 0 WHERE id = ?", (why, run))
         self.record_event(now, "campaign", campaign, campaign, "held", why)
 
     def end_holds(self, is_there: Callable[[str], bool], now: float) -> None:
-        """Go on with the campaigns whose lacking scene or file is there again."""
+        """Resume the campaigns whose missing scene or file is there again."""
         for lacking in filter(is_there, read_holds(self._db)):
-            held = self._db.execute(
+            campaigns = self._db.execute(
                 "UPDATE campaign SET lacks = '' WHERE lacks = ? RETURNING id", (lacking,)
             ).fetchall()
-            for (campaign,) in held:
+            for (campaign,) in campaigns:
                 self._db.execute(
                     "UPDATE run SET reason = ''"
                     " WHERE campaign = ? AND state = 'queued' AND reason = ?",
@@ -235,10 +234,10 @@ class RunUpdates:
                 self.record_event(now, "campaign", campaign, campaign, "resumed")
 
     def begin_era(self) -> str:
-        """Begin to keep this ledger; leases are of the era that this returns from now on.
+        """Begin and return a new era of this ledger, to which its leases belong from now on.
 
-        What campaigns lacked may have come while no daemon looked: that is found out anew. Those
-        of another engine wait for a daemon that has it.
+        Missing inputs may have come while no daemon ran: they are checked anew. Campaigns of
+        another engine wait for a daemon with that engine.
         """
         self._db.execute("UPDATE campaign SET lacks = '' WHERE lacks <> ''")
         for campaign, lacking in read_other_engines(self._db):
@@ -249,37 +248,37 @@ class RunUpdates:
         return self._era
 
     def holds(self) -> tuple[str, ...]:
-        """Return what campaigns lack that wait for it, in words for people."""
+        """Return the missing inputs of waiting campaigns, in words for people."""
         return tuple(map(hold_text, read_holds(self._db)))
 
     def require_era(self, era: str, token: int = 0) -> None:
-        """Raise :class:`daemon.batch.errors.OtherLedger` for what belongs to another ledger."""
+        """Raise :class:`daemon.batch.errors.OtherLedger` for a lease of another ledger."""
         require_era(self._db, era, token)
 
     def _next_token(self) -> int:
-        """Return a token no lease ever had: who comes with an old one is told from the holder."""
+        """Return a new, unique token, which distinguishes the holder from earlier ones."""
         row = self._db.execute(
             "UPDATE meta SET value = value + 1 WHERE key = 'token' RETURNING value"
         ).fetchone()
         return int(row[0])
 
     def renew(self, worker: str, holds: Iterable[LeaseRef], now: float) -> tuple[LeaseRef, ...]:
-        """Take in which leases a worker holds and return those whose runs it is to stop.
+        """Renew the leases a worker holds and return those whose runs it must stop.
 
-        A lease that has lapsed is the worker's again while its run waits; if another one has the
-        run by now, both go on. Runs leased to the worker that it does not claim were granted in an
-        answer it never got: they are queued again without blame.
+        A lapsed lease becomes valid again while its run waits; if another worker has the run by
+        now, both go on. Leases of the worker that it does not present were in an answer it never
+        got: their runs are queued again without blame.
         """
-        claimed = tuple(holds)
-        gone = tuple(h for h in claimed if not self._renew_lease(worker, h, now))
-        tokens = {hold.token for hold in claimed}
-        held = self._db.execute(
+        claims = tuple(holds)
+        refused = tuple(h for h in claims if not self._renew_lease(worker, h, now))
+        tokens = {hold.token for hold in claims}
+        running = self._db.execute(
             "SELECT id, token FROM run WHERE state = 'running' AND worker = ?", (worker,)
         ).fetchall()
-        for run, token in held:
+        for run, token in running:
             if token not in tokens:
                 self._apply(run, Released(token, "", blame=False), now)
-        return gone
+        return refused
 
     def _renew_lease(self, worker: str, hold: LeaseRef, now: float) -> bool:
         try:
@@ -287,13 +286,13 @@ class RunUpdates:
         except Rejected:
             return False
         change = self._apply(hold.run, Renewed(worker, hold.token), now)
-        held = change.answer is LedgerAnswer.DONE
-        if held and change.run.token not in (0, hold.token):
+        is_valid = change.answer is LedgerAnswer.DONE
+        if is_valid and change.run.token not in (0, hold.token):
             self._contested.add(hold.run)
-        return held
+        return is_valid
 
     def check_completion(self, completion: Completion) -> str:
-        """Refuse what is no result of a run of ours; returns the run's campaign."""
+        """Refuse anything but a result of one of our runs; return the run's campaign."""
         run, result = completion.run, completion.result
         require_lease(self._db, run, completion.token)
         digest, campaign = self._db.execute(
@@ -306,19 +305,19 @@ class RunUpdates:
             raise Rejected(f"the trace of {run} has no digest", Rejection.DAMAGED)
         size = len(codec.to_json(result))
         if size > LARGEST_RESULT:
-            words = f"the result of {run} has {size} bytes: at most {LARGEST_RESULT} are kept"
+            words = f"the result of {run} has {size} bytes: the limit is {LARGEST_RESULT}"
             raise Rejected(words, Rejection.TOO_LARGE)
         return str(campaign)
 
     def complete(self, completion: Completion, now: float) -> LedgerAnswer:
-        """Record a result, exactly one per run, whichever lease it comes under and however late."""
+        """Record a result, exactly one per run, under any of its leases and however late."""
         campaign = self.check_completion(completion)
         digest = completion.result.digest
         stopped = completion.result.stopped
         comparable = not (stopped or has_stopped_result(self._db, completion.run))
         event = Completed(completion.token, digest, completion.worker, comparable=comparable)
         before = self._execution_state(completion.run)
-        # The last result of a campaign must be there before it is asked what the results decide.
+        # Store the last result of a campaign before the results decide about its reserve.
         if advance(before, event, attempts=self._attempts).record:
             store_result(self._db, completion, digest, now)
         change = self._apply(completion.run, event, now)
@@ -335,7 +334,7 @@ class RunUpdates:
     def _stop_others(
         self, completion: Completion, before: ExecutionState, campaign: str, now: float
     ) -> None:
-        """Say that whoever else is at a run may stop: they find out at their next renewal."""
+        """Publish that other executions of a run may stop; they also learn it by renewing."""
         run, contested = completion.run, completion.run in self._contested
         self._contested.discard(run)
         if contested or before.token not in (0, completion.token):
@@ -345,9 +344,9 @@ class RunUpdates:
     def _check_determinism(
         self, completion: Completion, digest: str, campaign: str, now: float
     ) -> None:
-        """Raise an alarm when another run of the same specification came out differently.
+        """Raise an alarm if another run of the same specification has another result.
 
-        Runs that the wall clock ended prove nothing.
+        Runs that the wall clock ended do not count.
         """
         others = self._db.execute(
             "SELECT id, result FROM run WHERE digest = ? AND result <> '' AND result <> ?"
@@ -360,7 +359,7 @@ class RunUpdates:
         if other is None:
             return
         run = completion.run
-        reason = f"{NONDETERMINISTIC}: this gave {digest[:12]}, {other[0]} gave {other[1][:12]}"
+        reason = f"{NONDETERMINISTIC}: it gave {digest[:12]}, {other[0]} gave {other[1][:12]}"
         self._db.execute(
             "UPDATE run SET reason = ?, nondeterministic = 1 WHERE id = ?", (reason, run)
         )
@@ -368,32 +367,32 @@ class RunUpdates:
         self.record_event(now, "alarm", run, campaign, NONDETERMINISTIC, reason)
 
     def _doubt(self, *runs: str) -> None:
-        """Let no result of these runs' specification be used again: it came out differently."""
+        """Prevent the reuse of results of these runs' specification: they differ."""
         self._db.executemany("UPDATE run SET doubted = 1 WHERE id = ?", ((run,) for run in runs))
 
     def awaits_result(self, run: str, token: int) -> bool:
-        """Whether a result under that lease would be recorded now, the run's first."""
+        """Return whether a result under that lease would be recorded as the run's first."""
         state = self._execution_state(run)
         return advance(state, Completed(token, "new"), attempts=1).record
 
     def release(self, release: ReleaseRequest, now: float) -> LedgerAnswer:
-        """Take a run back without a result."""
+        """Take back a run without a result."""
         require_lease(self._db, release.run, release.token)
         reason = release.reason[-_LONGEST_REASON:]
         event = Released(release.token, reason, release.blame, release.died)
         return self._apply(release.run, event, now).answer
 
     def leases(self) -> tuple[LeaseRef, ...]:
-        """Return the leases that runs are running under."""
+        """Return the leases of running runs."""
         rows = self._db.execute("SELECT id, token FROM run WHERE state = 'running'")
         return tuple(LeaseRef(run, token) for run, token in rows)
 
     def lapse(self, leases: Iterable[LeaseRef], now: float) -> None:
-        """Queue the runs of leases that nobody renewed in time again, or give them up."""
+        """Queue the runs of lapsed leases again, or give them up."""
         for lease in leases:
             self._apply(lease.run, Lapsed(lease.token), now)
 
     def busy_workers(self) -> frozenset[str]:
-        """The ids of workers that have leases now."""
+        """Return the ids of workers with leases."""
         rows = self._db.execute("SELECT DISTINCT worker FROM run WHERE state = 'running'")
         return frozenset(row[0] for row in rows)

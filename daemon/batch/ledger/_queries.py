@@ -1,4 +1,4 @@
-"""Questions about campaigns and runs in SQL: columns, filters, order, and rows as answers."""
+"""Queries for campaigns and runs in SQL: columns, filters, order, and rows as answers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from daemon.model.verdicts import Outcome, join_notes
 from grammars.text import codec
 from grammars.text.diagnostics import did_you_mean
 
-# Named like the fields of RunRow, and what its trace is found by.
+# Columns named like the fields of RunRow, and those that locate its trace.
 _ROW: Final = (
     'id, campaign, position AS "index", scenario, sut, repeat, state, attempt, worker, outcome,'
     ' oracle, margin, unit, simulated, time_limit AS "limit", wall, reason, cached, repeatable,'
@@ -49,31 +49,31 @@ _TEXT: Final = (
     "scenario || '/' || sut || '/' || repeat || ' ' || oracle || ' ' || reason || ' ' || id"
 )
 _WORDS: Final = ("scenario", "sut", "oracle", "id", "repeat", "reason")
-"""The columns of that text: what neither slash nor space is in stands in one of them."""
+"""The columns of that text: a word without slash and space is in one of them."""
 _WILD: Final = re.compile(r"[\\%_]")
 _ESCAPED: Final = r"\\\g<0>"
 _AFTER_ANY_TEXT: Final = "\U0010ffff"
-"""Behind every text that begins with what stands before it."""
+"""Suffix that makes a text sort after every text with this prefix."""
 
 
 def campaign_filter(query: CampaignQuery) -> tuple[str, list[Any]]:
-    """Return the condition, and its values, that a question about campaigns comes to."""
+    """Return the condition of a query for campaigns, and its values."""
     conditions: list[str] = ["finished_at IS NULL"] if query.unfinished else []
     values: list[Any] = []
     for column in ("id", "name"):
-        wanted = getattr(query, column)
-        if wanted:
+        value = getattr(query, column)
+        if value:
             conditions.append(f"{column} = ?")
-            values.append(wanted)
+            values.append(value)
     if query.beginning:
-        # By comparison, not LIKE: only that uses the index on ids.
+        # By comparison, not LIKE: it uses the index on ids.
         conditions.append("id >= ? AND id < ?")
         values += [query.beginning, query.beginning + _AFTER_ANY_TEXT]
     return ("WHERE " + " AND ".join(conditions) if conditions else ""), values
 
 
 def run_order(query: RunQuery) -> str:
-    """Return what runs are sorted by; raises :class:`Refused` for what is no column."""
+    """Return the order of runs in SQL; raises :class:`Refused` for an unknown column."""
     column = _SORTABLE.get(query.sort)
     if column is None:
         raise Refused(f"cannot sort by {query.sort!r}: {did_you_mean(query.sort, _SORTABLE)}")
@@ -81,35 +81,35 @@ def run_order(query: RunQuery) -> str:
         column = "position"  # the same order, and there is an index on it
     order = f"{column} {'DESC' if query.descending else 'ASC'}"
     if column == "margin":
-        order = f"margin IS NULL, {order}"  # what has none comes last, either way
+        order = f"margin IS NULL, {order}"  # runs without a margin come last, either way
     return order if column in ("serial", "position") else f"{order}, serial"
 
 
 def run_filter(query: RunQuery) -> tuple[str, list[Any]]:
-    """Return the condition, and its values, that a question about runs comes to.
+    """Return the condition of a query for runs, and its values.
 
-    Raises :class:`Refused` for a state or an outcome that there is not.
+    Raises :class:`Refused` for an unknown state or outcome.
     """
     conditions = ["state <> ?"]
     values: list[Any] = [RESERVE]
     for column in ("campaign", "state", "outcome", "scenario", "sut"):
-        wanted = getattr(query, column)
-        if wanted:
-            _check_word(column, wanted)
+        value = getattr(query, column)
+        if value:
+            _check_word(column, value)
             conditions.append(f"{column} = ?")
-            values.append(wanted)
+            values.append(value)
     if query.text:
-        # Looking through 100,000 texts put together takes twice as long as through their parts.
+        # Searching 100,000 concatenated texts takes twice as long as searching their parts.
         columns = (f"({_TEXT})",) if set(query.text) & {"/", " "} else _WORDS
-        found = " OR ".join(f"{column} LIKE ? ESCAPE '\\'" for column in columns)
-        conditions.append(f"({found})")
+        matches = " OR ".join(f"{column} LIKE ? ESCAPE '\\'" for column in columns)
+        conditions.append(f"({matches})")
         values += [f"%{_WILD.sub(_ESCAPED, query.text)}%"] * len(columns)
     return f"WHERE {' AND '.join(conditions)}", values
 
 
 def _check_word(column: str, word: str) -> None:
-    known: Iterable[str] = {"state": RunState, "outcome": Outcome}.get(column, ())
-    names = [str(name) for name in known]
+    words: Iterable[str] = {"state": RunState, "outcome": Outcome}.get(column, ())
+    names = [str(name) for name in words]
     if names and word not in names:
         raise Refused(f"there is no {column} {word!r}: {did_you_mean(word, names)}")
 
@@ -117,7 +117,7 @@ def _check_word(column: str, word: str) -> None:
 def select_runs(
     db: sqlite3.Connection, where: str, values: Sequence[Any], *, results: bool = False
 ) -> Iterator[sqlite3.Row]:
-    """Return the rows of runs, which :func:`run_row` reads; ``where`` also has their order."""
+    """Return the rows of runs for :func:`run_row`; ``where`` also has their order."""
     cursor = db.cursor()
     cursor.row_factory = sqlite3.Row
     more = _RESULTS if results else "NULL AS result, NULL AS proposal"
@@ -125,23 +125,23 @@ def select_runs(
 
 
 def run_row(db: sqlite3.Connection, row: sqlite3.Row, paths: StatePaths | None = None) -> RunRow:
-    """Return a run; its trace is looked for below ``paths``, or not at all: that reads the disk."""
+    """Return a run; with ``paths`` its trace is located, which reads the disk."""
     values = dict(row)
     names = (values.pop("trace_name"), values["cached"], values.pop("trace_at"))
     result, proposal = values["result"], values["proposal"]
     outcome = Outcome(values["outcome"]) if values["outcome"] else None
-    trace = gone = ""
+    trace = note = ""
     if outcome is not None and paths is not None:
         trace = find_trace(db, paths, *names)
-        gone = "" if trace else missing_trace_text(values["cached"])
+        note = "" if trace else missing_trace_text(values["cached"])
     values |= {
         "state": RunState(values["state"]),
         "outcome": outcome,
         "trace": trace,
         "repeatable": bool(values["repeatable"]),
         "nondeterministic": bool(values["nondeterministic"]),
-        "reason": join_notes(values["reason"], gone),
-        "seed": int(values["seed"]),  # text in the table: 64 bits without a sign do not fit SQLite
+        "reason": join_notes(values["reason"], note),
+        "seed": int(values["seed"]),  # text in the table: 64 unsigned bits do not fit SQLite
         "result": None if result is None else codec.from_json(RunResult, result),
         "proposal": None if proposal is None else codec.from_json(Proposal, proposal),
     }
@@ -151,10 +151,10 @@ def run_row(db: sqlite3.Connection, row: sqlite3.Row, paths: StatePaths | None =
 def find_trace(
     db: sqlite3.Connection, paths: StatePaths, name: str, source: str, location: str = ""
 ) -> str:
-    """Return where a run's trace lies: its ``location`` if it is in a store, else its path.
+    """Return the location of a run's trace: the ``location`` in a store, else the path of its file.
 
-    It is that of ``source``, the run it was taken from, while it has none of its own. Empty when
-    the file was deleted since; what lies in a store is not looked after.
+    A run without a trace of its own has that of ``source``, whose result it reuses. Empty if the
+    file was deleted; stores are not checked.
     """
     if location:
         return location
@@ -169,5 +169,5 @@ def find_trace(
 
 
 def missing_trace_text(source: str) -> str:
-    """Say that there is no trace of a run any more, whose result is that of ``source`` if any."""
+    """Return the note on a missing trace of a run, whose result is that of ``source`` if any."""
     return f"the trace of {source} is gone" if source else "its trace is gone"

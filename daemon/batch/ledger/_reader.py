@@ -1,4 +1,4 @@
-"""Reading the ledger: the answers to questions of people, from SQLite."""
+"""Reading the ledger: answers to people's requests from SQLite."""
 
 from __future__ import annotations
 
@@ -59,21 +59,21 @@ from grammars.text import codec
 A = TypeVar("A")
 
 _LARGEST_NAMES: Final = 2000
-"""Bytes of a row of a page, without reason and result."""
+"""Largest row of a page without reason and result [B]."""
 _RATE_SPAN: Final = 600.0
 _RATE_RUNS: Final = 64
 
 
 @dataclass(frozen=True, slots=True)
 class ExpectedUpload:
-    """An upload the ledger has nothing against: the name of the trace, and the run's last worker.
+    """An upload that the ledger accepts: the name of the trace, and the run's last worker.
 
-    It is not ``wanted`` when its result will not be recorded: the run has one, or is cancelled.
+    It is not ``is_needed`` if its result will not be recorded: the run has one, or is cancelled.
     """
 
     name: str
     worker: str
-    wanted: bool
+    is_needed: bool
 
 
 class LedgerReader(CampaignSource):
@@ -88,22 +88,22 @@ class LedgerReader(CampaignSource):
     @classmethod
     @contextmanager
     def open(cls, paths: StatePaths) -> Iterator[LedgerReader]:
-        """Open the ledger of a state directory as it is, whether a daemon keeps it or not.
+        """Open the ledger of a state directory, with or without a running daemon.
 
-        No daemon is needed. Raises :class:`DaemonError`, also for a question in the block, when
-        there is no ledger, it cannot be read or has another schema.
+        Raises :class:`DaemonError`, also for a query in the block, when there is no ledger, it
+        cannot be read or has another schema.
         """
         if not paths.ledger.is_file():
             raise PlaceUnusable(
-                f"{paths.state} is no state directory: name a folder of traces, or choose another "
-                "directory with --state"
+                f"{paths.state} is not a state directory: name a folder of traces, or choose "
+                "another directory with --state"
             )
         with open_reader(paths.ledger) as connection:
             yield cls(connection, paths)
 
     @contextmanager
     def snapshot(self) -> Iterator[None]:
-        """Answer all questions in the block from one state of the ledger."""
+        """Answer all requests in the block from one state of the ledger."""
         self._db.execute("BEGIN")
         try:
             yield
@@ -111,12 +111,12 @@ class LedgerReader(CampaignSource):
             self._db.execute("COMMIT")
 
     def ask(self, verb: Verb[..., A], request: object) -> A:
-        """Answer one of the questions that a :class:`CampaignSource` is asked."""
+        """Answer a request to a :class:`CampaignSource`."""
         answers: dict[AnyVerb, Callable[[Any], Any]] = {
             CAMPAIGNS: self._campaigns,
             RUNS: self._runs,
             RUN: self._run,
-            DECLARED: lambda asked: read_declared(self._db, asked.id),
+            DECLARED: lambda request: read_declared(self._db, request.id),
             ORIGIN: self._origin,
             SEARCHES: partial(read_searches, self._db),
         }
@@ -149,13 +149,13 @@ class LedgerReader(CampaignSource):
         )
 
     def counts(self) -> tuple[int, dict[str, int]]:
-        """Return the number of campaigns, and how many runs of them stand how.
+        """Return the number of campaigns, and the counts of their runs.
 
-        These are the fields of :class:`RunCounts`, and ``searched``: failures in searches, which
-        look for them, are not among the ``failed``.
+        The counts are the fields of :class:`RunCounts`, and ``searched``: failures in searches,
+        which look for them, do not count as ``failed``.
         """
         campaigns = self._db.execute("SELECT count(*) FROM campaign").fetchone()[0]
-        # Put together by SQLite: of 20,000 campaigns that takes a quarter of what it takes here.
+        # Summed by SQLite: for 20,000 campaigns this takes a quarter of the time.
         tallied = "SELECT state, outcome, sum(runs) FROM tally GROUP BY state, outcome"
         counts = count_runs(self._db.execute(tallied))
         searched = self._db.execute(
@@ -168,19 +168,19 @@ class LedgerReader(CampaignSource):
         }
 
     def held_runs(self) -> dict[str, tuple[str, ...]]:
-        """Return the runs that each worker executes now, by its id."""
-        held: defaultdict[str, tuple[str, ...]] = defaultdict(tuple)
+        """Return the running runs of each worker, by its id."""
+        runs: defaultdict[str, tuple[str, ...]] = defaultdict(tuple)
         for worker, run in self._db.execute(
             "SELECT worker, id FROM run WHERE state = 'running' ORDER BY worker, token"
         ):
-            held[worker] += (run,)
-        return held
+            runs[worker] += (run,)
+        return runs
 
     def rate(self, now: float) -> float:
-        """Runs finished per minute lately; 0 when less than two.
+        """Return the number of runs finished per minute lately, 0 with less than two.
 
-        Over the last 64 runs within ten minutes, not before the oldest unfinished campaign came:
-        an idle hour says nothing about speed.
+        Over the last 64 runs within ten minutes, since the submission of the oldest unfinished
+        campaign: idle time does not count.
         """
         came = self._db.execute(
             "SELECT min(submitted_at) FROM campaign WHERE finished_at IS NULL"
@@ -195,7 +195,7 @@ class LedgerReader(CampaignSource):
         return 60.0 * int(runs - 1) / float(now - first)
 
     def holds(self) -> tuple[str, ...]:
-        """Return what campaigns lack that wait for it, in words for people."""
+        """Return the missing inputs of waiting campaigns, in words for people."""
         return tuple(map(hold_text, read_holds(self._db)))
 
     def time_left(
@@ -205,17 +205,16 @@ class LedgerReader(CampaignSource):
         paces: Mapping[str, RunPace],
         preparing: Collection[str] = (),
     ) -> TimeLeft:
-        """Return how long what waits and runs takes on so many slots.
+        """Return the expected time of waiting and running runs on so many slots.
 
-        ``paces`` are those of runs under way; workers that are ``preparing`` have begun no others.
+        ``paces`` are those of started runs; ``preparing`` workers have started no others.
         """
         return read_time_left(self._db, now, slots, paces, preparing)
 
     def _runs(self, query: RunQuery) -> RunPage:
         """Return one page; equal values keep the order of submission.
 
-        It has fewer runs than asked for when they have many bytes: ``total`` says how many there
-        are.
+        It has fewer runs than the limit if they have many bytes; ``total`` counts all.
         """
         where, values = run_filter(query)
         rows = select_runs(
@@ -224,45 +223,47 @@ class LedgerReader(CampaignSource):
             (*values, query.limit, query.offset),
             results=query.results,
         )
-        found: list[RunRow] = []
-        room, whole = LARGEST_PAGE_BYTES, True
+        page: list[RunRow] = []
+        room, is_whole = LARGEST_PAGE_BYTES, True
         for row in rows:
             if room <= 0:
-                whole = False
+                is_whole = False
                 break
-            found.append(run_row(self._db, row, self._paths))
+            page.append(run_row(self._db, row, self._paths))
             room -= _LARGEST_NAMES + len(row["reason"]) + len(row["result"] or b"")
-        last = whole and len(found) < query.limit and (found or not query.offset)
-        total = query.offset + len(found) if last else self._total(query, where, values)
-        return RunPage(tuple(found), total)
+        is_last = is_whole and len(page) < query.limit and (page or not query.offset)
+        total = query.offset + len(page) if is_last else self._total(query, where, values)
+        return RunPage(tuple(page), total)
 
     def _total(self, query: RunQuery, where: str, values: list[Any]) -> int:
-        """How many runs the filter admits."""
-        # The tally knows how many of a state there are; 100,000 runs need not be counted.
-        tallied = not (query.text or query.scenario or query.sut)
-        counting = "total(runs) FROM tally" if tallied else "count(*) FROM run"
+        """Return the number of runs that match the filter."""
+        # The tally has the numbers by state, so 100,000 runs need not be counted.
+        has_tally = not (query.text or query.scenario or query.sut)
+        counting = "total(runs) FROM tally" if has_tally else "count(*) FROM run"
         return int(self._db.execute(f"SELECT {counting} {where}", values).fetchone()[0])
 
-    def _run(self, asked: IdRequest) -> RunDetail:
+    def _run(self, request: IdRequest) -> RunDetail:
         where = "WHERE id = ? AND state <> ?"
-        row = next(select_runs(self._db, where, (asked.id, RESERVE), results=True), None)
+        row = next(select_runs(self._db, where, (request.id, RESERVE), results=True), None)
         if row is None:
-            raise Refused(f"there is no run {asked.id}")
-        return RunDetail(run_row(self._db, row, self._paths), read_spec(self._db, asked.id))
+            raise Refused(f"there is no run {request.id}")
+        return RunDetail(run_row(self._db, row, self._paths), read_spec(self._db, request.id))
 
-    def _origin(self, asked: IdRequest) -> CampaignOrigin:
+    def _origin(self, request: IdRequest) -> CampaignOrigin:
         query = "SELECT origin FROM campaign WHERE id = ?"
-        row = self._db.execute(query, (asked.id,)).fetchone()
+        row = self._db.execute(query, (request.id,)).fetchone()
         if row is None:
-            raise Refused(f"there is no campaign {asked.id}")
+            raise Refused(f"there is no campaign {request.id}")
         return codec.from_json(CampaignOrigin, row[0])
 
     def forecast(self, runs: Sequence[PlannedRun]) -> Forecast:
-        """Return which of these runs have results, and how long each takes."""
+        """Return for these runs whether they have results, and their expected times."""
         return read_forecast(self._db, runs)
 
     def steps(self, run: str) -> tuple[tuple[float, str, str], ...]:
-        """When a run came to which state, and why; the oldest first, the earliest may be gone."""
+        """Return time, state and reason of a run's changes; the oldest first, early ones may be
+        gone.
+        """
         rows = self._db.execute(
             "SELECT at, state, note FROM event WHERE kind IN ('run', 'alarm') AND id = ?"
             " ORDER BY seq",
@@ -271,21 +272,21 @@ class LedgerReader(CampaignSource):
         return tuple((row[0], row[1], row[2]) for row in rows)
 
     def result_of_trace(self, name: str) -> RunResult | None:
-        """Return the result of the run whose own trace has that name."""
+        """Return the result of the run whose own trace has this name."""
         row = self._db.execute(
             "SELECT body FROM result JOIN run ON run.id = result.run WHERE trace_name = ?", (name,)
         ).fetchone()
         return None if row is None else codec.from_json(RunResult, row[0])
 
     def expected_upload(self, run: str, token: int, era: str) -> ExpectedUpload:
-        """Return what the ledger has to say to an upload under a lease, also one that is over.
+        """Return the expected upload under a current or ended lease.
 
-        Refuses one that the run never had.
+        Refuses a lease that the run never had.
         """
         require_era(self._db, era, token)
         require_lease(self._db, run, token)
         state, outdated, trace, worker = self._db.execute(
             "SELECT state, outdated, trace_name, worker FROM run WHERE id = ?", (run,)
         ).fetchone()
-        wanted = state not in (RunState.DONE, RunState.CANCELLED) and token > outdated
-        return ExpectedUpload(str(trace), str(worker), wanted)
+        is_needed = state not in (RunState.DONE, RunState.CANCELLED) and token > outdated
+        return ExpectedUpload(str(trace), str(worker), is_needed)

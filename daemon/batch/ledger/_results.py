@@ -1,4 +1,4 @@
-"""Results in the ledger: how specifications and results are kept, found again and used again."""
+"""Results in the ledger: storing and reusing them, holds of campaigns, checks of leases."""
 
 from __future__ import annotations
 
@@ -19,16 +19,15 @@ from grammars.text import codec
 
 
 def read_declared(db: sqlite3.Connection, campaign: str) -> AssessmentRules:
-    """Return what a campaign declares; raises :class:`Refused` when there is none of that id."""
+    """Return the rules of a campaign; raises :class:`Refused` if it does not exist."""
     row = db.execute("SELECT declared FROM campaign WHERE id = ?", (campaign,)).fetchone()
     if row is None:
         raise Refused(f"there is no campaign {campaign}")
     return codec.from_json(AssessmentRules, row[0])
 
 
-# Only of systems that repeat themselves: a result of another one is one of many it might give.
-# Of several results the latest one. The old run must be at rest: while it is executed again, its
-# result may yet turn out to be in doubt.
+# Only of repeatable systems: others might give another result. Of several results the latest one.
+# The old run must be at rest: a running repetition may still put its result in doubt.
 _FIND_RESULTS: Final = (
     "SELECT new.id, max(old.serial) FROM run AS new JOIN run AS old"
     " ON old.digest = new.digest AND old.result <> ''"
@@ -37,12 +36,11 @@ _FIND_RESULTS: Final = (
     " AND new.repeatable AND old.state = 'done' AND old.outcome <> 'error'"
     " AND NOT EXISTS (SELECT 1 FROM run AS alarm WHERE alarm.digest = new.digest"
     " AND alarm.doubted = 1)"
-    # A search learns of leading margins, which only runs of searches have.
+    # A search learns from leading margins, which only runs of searches have.
     " AND (NOT EXISTS (SELECT 1 FROM search WHERE search.campaign = new.campaign)"
     " OR EXISTS (SELECT 1 FROM search WHERE search.campaign = old.campaign)) GROUP BY new.id"
 )
-# A result that was itself used again leads to the run that was executed, so that its trace is found
-# in one step.
+# A reused result refers to the executed run, so that its trace is found in one step.
 _TAKE_RESULT: Final = (
     "UPDATE run SET (state, result, outcome, oracle, margin, unit, simulated, wall, trace_at,"
     " cached) = (SELECT 'done', result, outcome, oracle, margin, unit, simulated, wall, trace_at,"
@@ -56,13 +54,13 @@ _COPY_RESULT: Final = (
 
 
 def read_holds(db: sqlite3.Connection) -> tuple[str, ...]:
-    """Return what campaigns lack that wait for it, which :func:`hold_text` says in words."""
+    """Return the missing inputs of waiting campaigns, for :func:`hold_text`."""
     query = "SELECT DISTINCT lacks FROM campaign WHERE finished_at IS NULL AND lacks <> ''"
     return tuple(lacks for (lacks,) in db.execute(query))
 
 
 def hold_text(lacks: str) -> str:
-    """Say what runs lack: ``engine N``, ``scene DIGEST`` or ``file DIGEST``, and what to do."""
+    """Return a message for a lack (``engine N``, ``scene DIGEST`` or ``file DIGEST``)."""
     kind, _, name = lacks.partition(" ")
     if kind == "engine":
         return (
@@ -73,7 +71,7 @@ def hold_text(lacks: str) -> str:
 
 
 def read_other_engines(db: sqlite3.Connection) -> tuple[tuple[str, str], ...]:
-    """Return unfinished campaigns of other engines than ours, each with what it lacks."""
+    """Return unfinished campaigns of other engines, each with its lack."""
     return tuple(
         db.execute(
             "SELECT DISTINCT campaign, 'engine ' || json_extract(body, '$.engine') FROM"
@@ -88,7 +86,7 @@ def read_other_engines(db: sqlite3.Connection) -> tuple[tuple[str, str], ...]:
 def require_era(db: sqlite3.Connection, era: str, token: int = 0) -> None:
     """Raise :class:`OtherLedger` unless a lease ``token`` of that ``era`` may be of this ledger.
 
-    It is not if this ledger was copied before the lease was granted.
+    A copy of the ledger from before the lease does not count.
     """
     row = db.execute(
         "SELECT (SELECT min(later.token) FROM era AS later WHERE later.serial > era.serial)"
@@ -100,9 +98,9 @@ def require_era(db: sqlite3.Connection, era: str, token: int = 0) -> None:
 
 
 def require_lease(db: sqlite3.Connection, run: str, token: int) -> None:
-    """Refuse what comes under a lease that the run never had, as :class:`Rejected`.
+    """Raise :class:`Rejected` for a lease that the run never had.
 
-    Whether the lease is over is another question: late results are welcome.
+    Ended leases are accepted: late results are welcome.
     """
     row = db.execute("SELECT granted FROM run WHERE id = ?", (run,)).fetchone()
     if row is None:
@@ -114,9 +112,9 @@ def require_lease(db: sqlite3.Connection, run: str, token: int) -> None:
 
 
 def store_result(db: sqlite3.Connection, completion: Completion, digest: str, now: float) -> None:
-    """Write down what a run gave, for good."""
+    """Store the result of a run for good."""
     result = completion.result
-    # Ignored when there is one: the primary key makes it the first and only, whoever calls.
+    # The primary key keeps the first result and ignores all others.
     db.execute(
         "INSERT OR IGNORE INTO result (run, attempt, worker, digest, at, body)"
         " VALUES (?, ?, ?, ?, ?, ?)",
@@ -130,9 +128,9 @@ def store_result(db: sqlite3.Connection, completion: Completion, digest: str, no
 
 
 def result_columns(result: RunResult) -> tuple[str, str, float | None, str, float]:
-    """Return what the row of a run repeats of its result, which lists do not read.
+    """Return the columns of a run that copy parts of its result, for lists.
 
-    That is its outcome, the deciding oracle with margin and unit, and the simulated time [s].
+    Outcome, deciding oracle, margin, unit, and simulated time [s].
     """
     verdict, simulated = deciding_verdict(result.verdicts), result.timing.simulated
     if verdict is None:
@@ -141,7 +139,7 @@ def result_columns(result: RunResult) -> tuple[str, str, float | None, str, floa
 
 
 def remove_result(db: sqlite3.Connection, run: str) -> None:
-    """Forget what a run gave, for a new execution whose result takes its place."""
+    """Remove the result of a run, before a new execution replaces it."""
     db.execute("DELETE FROM result WHERE run = ?", (run,))
     db.execute(
         "UPDATE run SET result = '', outcome = '', oracle = '', margin = NULL, unit = '',"
@@ -151,17 +149,16 @@ def remove_result(db: sqlite3.Connection, run: str) -> None:
 
 
 def has_stopped_result(db: sqlite3.Connection, run: str) -> bool:
-    """Whether a run has a result, and the wall clock ended it."""
+    """Return whether a run has a result that the wall clock ended."""
     row = db.execute("SELECT body FROM result WHERE run = ?", (run,)).fetchone()
     return row is not None and codec.from_json(RunResult, row[0]).stopped
 
 
 def reuse_results(db: sqlite3.Connection, campaign: str, first: int = 0) -> int:
-    """Give queued runs of a campaign the results their specifications have; returns how many.
+    """Give queued runs of a campaign the results of equal specifications; return their number.
 
-    ``first`` is the position of the first that is looked at. Does nothing for a campaign that was
-    submitted to run everything anew, nor for runs of systems that are not repeatable. Runs of
-    searches take results of such alone.
+    Begins at position ``first``. Skips ``fresh`` campaigns, and systems that are not repeatable.
+    Runs of searches reuse only results of searches.
     """
     if db.execute("SELECT fresh FROM campaign WHERE id = ?", (campaign,)).fetchone()[0]:
         return 0
@@ -175,11 +172,11 @@ def reuse_results(db: sqlite3.Connection, campaign: str, first: int = 0) -> int:
 
 
 def queue_reserve(db: sqlite3.Connection, campaign: str) -> int:
-    """Queue the repeats that undecided cells get next; returns how many.
+    """Queue the next repeats of undecided cells; return their number.
 
-    A cell gets as many as bring it to its next look (see
-    :class:`daemon.model.assessments.RepeatPolicy`): only at looks planned before may one stop
-    without spoiling the error rates.
+    A cell gets the repeats up to its next look (see
+    :class:`daemon.model.assessments.RepeatPolicy`): stopping at other times would spoil the error
+    rates.
     """
     waiting = "SELECT total(runs) FROM tally WHERE campaign = ? AND state = ?"
     if not db.execute(waiting, (campaign, RESERVE)).fetchone()[0]:

@@ -1,8 +1,8 @@
-"""Which traces go when space is wanted back: those of finished campaigns, the oldest first.
+"""Removal of traces of finished campaigns, the oldest first, to free space.
 
-The ledger keeps every run, verdict and margin; rows of runs say that the trace is gone. Traces are
-removed under the ledger's write lock, a few at a time, after another look at what is finished: a
-daemon that keeps working meanwhile cannot start a campaign again in between.
+The ledger keeps every run, verdict and margin; rows of runs note the missing trace. Traces are
+removed under the ledger's write lock, a few at a time, after another check that their campaign is
+finished: a running daemon cannot restart the campaign in between.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from grammars.text.files import matching_paths
 
 # Traces removed while the daemon's writer waits: some milliseconds.
 _BATCH: Final = 64
-# By either sign: what is removed is gone for ever, so one of them is enough to keep traces.
+# Either sign is enough to keep traces, since removal is final.
 _UNFINISHED: Final = (
     "SELECT id FROM campaign WHERE finished_at IS NULL UNION"
     " SELECT campaign FROM tally WHERE state IN ('queued', 'running') AND runs > 0"
@@ -34,13 +34,13 @@ _USED: Final = (
     "SELECT source.trace_name FROM run JOIN run AS source ON source.id = run.cached"
     f" WHERE run.cached <> '' AND run.campaign IN ({_UNFINISHED})"
 )
-"""Traces of finished campaigns that unfinished ones took results from."""
+"""Traces of finished campaigns whose results unfinished ones reuse."""
 
 
 @dataclass(frozen=True, slots=True)
 class RetentionPolicy:
-    """What to keep: traces of the ``newest`` finished campaigns, of those finished at most
-    ``age`` seconds ago, and at most ``size`` bytes of traces in all; ``None`` sets no bound.
+    """Limits of traces to keep: those of the ``newest`` finished campaigns, of campaigns finished
+    at most ``age`` seconds ago, and ``size`` bytes in all; ``None`` sets no limit.
     """
 
     newest: int | None = None
@@ -50,26 +50,26 @@ class RetentionPolicy:
     def choose(
         self, stored: Sequence[StoredTrace], everything: int, now: float
     ) -> tuple[StoredTrace, ...]:
-        """Return which of the ``stored`` traces of finished campaigns go, oldest first.
+        """Return the ``stored`` traces of finished campaigns to remove, oldest first.
 
-        ``everything`` is what all traces take, also those that cannot go.
+        ``everything`` is the size of all traces [B], including those that must stay.
         """
         campaigns = list(dict.fromkeys(trace.campaign for trace in stored))
         newest = len(campaigns) if self.newest is None else self.newest
         outnumbered = set(campaigns[: max(0, len(campaigns) - newest)])
-        left, gone = everything, []
+        total, choice = everything, []
         for trace in stored:
-            old = self.age is not None and now - trace.finished_at > self.age
-            much = self.size is not None and left > self.size
-            if old or much or trace.campaign in outnumbered:
-                gone.append(trace)
-                left -= trace.size
-        return tuple(gone)
+            is_old = self.age is not None and now - trace.finished_at > self.age
+            is_beyond = self.size is not None and total > self.size
+            if is_old or is_beyond or trace.campaign in outnumbered:
+                choice.append(trace)
+                total -= trace.size
+        return tuple(choice)
 
 
 @dataclass(frozen=True, slots=True)
 class StoredTrace:
-    """A trace that lies there: of a finished campaign, ``size`` bytes, below the traces."""
+    """A stored trace of a finished campaign, of ``size`` bytes."""
 
     campaign: str
     name: str
@@ -79,30 +79,31 @@ class StoredTrace:
 
 @dataclass(frozen=True, slots=True)
 class SweepResult:
-    """What went, or would go: by trace, oldest first; ``kept`` bytes of traces stay."""
+    """Removed ``traces``, or with ``dry`` those to remove, oldest first; ``rest`` bytes stay."""
 
-    gone: tuple[StoredTrace, ...]
-    kept: int
+    traces: tuple[StoredTrace, ...]
+    rest: int
 
     @property
     def freed(self) -> int:
-        """Bytes given back."""
-        return sum(trace.size for trace in self.gone)
+        """Freed bytes."""
+        return sum(trace.size for trace in self.traces)
 
 
 def sweep_traces(
     paths: StatePaths, policy: RetentionPolicy, now: float, *, dry: bool = False
 ) -> SweepResult:
-    """Remove the traces that ``policy`` does not keep; with ``dry`` only say which.
+    """Remove the traces beyond the limits of ``policy``; with ``dry`` only report them.
 
-    ``now`` is the wall clock [s]. A daemon may be running. Raises :class:`DaemonError` when there
-    is no ledger of this version, and ``OSError`` when a trace cannot be removed.
+    ``now`` is the wall clock [s]. A daemon may be running. Raises :class:`DaemonError` without a
+    ledger of this version, and ``OSError`` when a trace cannot be removed.
     """
     with _ledger(paths) as db:
         everything = stored_bytes(paths)
-        chosen = policy.choose(tuple(_stored(db, paths)), everything, now)
-        gone = chosen if dry else _remove(db, paths, chosen)
-    return SweepResult(gone, everything - sum(trace.size for trace in gone))
+        traces = policy.choose(tuple(_stored(db, paths)), everything, now)
+        if not dry:
+            traces = _remove(db, paths, traces)
+    return SweepResult(traces, everything - sum(trace.size for trace in traces))
 
 
 @contextmanager
@@ -137,25 +138,25 @@ def _size(path: Path) -> int | None:
 
 
 def stored_bytes(paths: StatePaths) -> int:
-    """Bytes of all traces there are, also of unfinished and unknown campaigns."""
+    """Return the size of all traces [B], including those of unfinished and unknown campaigns."""
     return sum(_size(path) or 0 for path in matching_paths(paths.traces, "*/*.mcap"))
 
 
 def _remove(
-    db: sqlite3.Connection, paths: StatePaths, chosen: tuple[StoredTrace, ...]
+    db: sqlite3.Connection, paths: StatePaths, traces: tuple[StoredTrace, ...]
 ) -> tuple[StoredTrace, ...]:
-    gone: list[StoredTrace] = []
-    for start in range(0, len(chosen), _BATCH):
-        # The write lock, although nothing is written: while it is ours, no daemon can start one of
-        # these campaigns again or take results from them between the look and the removal.
+    removed: list[StoredTrace] = []
+    for start in range(0, len(traces), _BATCH):
+        # The write lock, without writing: no daemon can restart one of these campaigns or reuse its
+        # results between the check and the removal.
         db.execute("BEGIN IMMEDIATE")
         try:
             finished = {row[0] for row in db.execute(_FINISHED)}
             used = {row[0] for row in db.execute(_USED)}
-            for trace in chosen[start : start + _BATCH]:
+            for trace in traces[start : start + _BATCH]:
                 if trace.campaign in finished and trace.name not in used:
                     paths.trace(trace.name).unlink(missing_ok=True)
-                    gone.append(trace)
+                    removed.append(trace)
         finally:
             db.execute("ROLLBACK")
-    return tuple(gone)
+    return tuple(removed)

@@ -1,7 +1,7 @@
-"""Changes of searches in the ledger: begun, given more runs, reported on, ended.
+"""Changes of searches in the ledger: begin, extend, progress, end.
 
-The runs of a search are not known when it begins. Its client appends them a few at a time, by
-position, and does so again after a crash: those that are there already must be the same.
+A search begins without runs. Its client appends them a few at a time, by position, and repeats this
+after a crash: runs at occupied positions must then be equal.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from grammars.text.words import command_line
 
 
 class SearchUpdates(RunUpdates):
-    """Changes of searches; their clients ask for them."""
+    """Changes of searches, on request of their clients."""
 
     def begin_search(self, search: SearchSubmission, now: float) -> None:
-        """Enter a search, or go on with one that is known; a finished one stays as it is."""
+        """Enter a search, or resume a known one; a finished one stays unchanged."""
         campaign, task = search.campaign, codec.to_json(search.task)
         row = self._db.execute(
             "SELECT task, state FROM campaign LEFT JOIN search ON campaign = id WHERE id = ?",
@@ -35,9 +35,9 @@ class SearchUpdates(RunUpdates):
         ).fetchone()
         if row is not None:
             if row[0] is None:
-                raise Refused(f"campaign id {campaign} is taken by another campaign")
+                raise Refused(f"campaign id {campaign} belongs to another campaign")
             if row[0] != task:
-                raise Refused(f"{campaign} was asked for otherwise: go on with it without options")
+                raise Refused(f"{campaign} has other options: go on with it without options")
             if row[1] in ("cancelled", "failed"):
                 self._go_on(campaign, now)
             return
@@ -51,7 +51,7 @@ class SearchUpdates(RunUpdates):
         self.record_event(now, "campaign", campaign, campaign, "submitted")
 
     def extend(self, proposals: tuple[Proposal, ...], runs: Submission, now: float) -> int:
-        """Add runs to a search, one for each proposal; returns how many are new.
+        """Add runs to a search, one for each proposal; return the number of new ones.
 
         Refuses runs that differ from those at their positions, and gaps between positions.
         """
@@ -71,12 +71,12 @@ class SearchUpdates(RunUpdates):
             (campaign,),
         ).fetchone()
         if any(len(proposal.values) != parameters for proposal in proposals):
-            raise Refused(f"{campaign} has {parameters} parameters, its runs others")
+            raise Refused(f"the runs do not have the {parameters} parameters of {campaign}")
         rows = self._db.execute(
             "SELECT digest FROM run WHERE campaign = ? AND position >= ? ORDER BY position LIMIT ?",
             (campaign, first, len(proposals)),
         ).fetchall()
-        if any(spec.digest != known for spec, (known,) in zip(specs, rows, strict=False)):
+        if any(spec.digest != digest for spec, (digest,) in zip(specs, rows, strict=False)):
             raise Refused(f"the runs of {campaign} from {first} on differ from those proposed")
         new = proposals[len(rows) :]
         if new:
@@ -93,9 +93,9 @@ class SearchUpdates(RunUpdates):
         return len(new)
 
     def note_progress(self, progress: SearchProgress, now: float) -> None:
-        """Write down how far a search is, or how it ended.
+        """Record the progress or the end of a search.
 
-        Of one that has ended only the answer may still come, from the client that it ended.
+        After its end, the client that ended it may still send the answer.
         """
         campaign = progress.campaign
         before = search_state(self._db, campaign)
@@ -105,7 +105,7 @@ class SearchUpdates(RunUpdates):
         if before not in ("waiting", after):
             raise Refused(f"the search {campaign} is {before}")
         if before == "waiting" and after == "cancelled":
-            # Somebody let it go on before its last word came.
+            # Somebody has resumed it before this last message came.
             raise Refused(f"the search {campaign} goes on")
         changed = self._db.execute(
             "UPDATE search SET state = ?1, progress = ?2"
@@ -126,10 +126,9 @@ class SearchUpdates(RunUpdates):
             self.record_event(now, "search", campaign, campaign, "cancelled")
 
     def _go_on(self, campaign: str, now: float) -> None:
-        """Let a search go on that was cancelled or has failed: its cancelled runs are queued.
+        """Resume a cancelled or failed search: queue its cancelled runs.
 
-        Those have taught it nothing yet. A lost one has, and so it stays: the same search proposes
-        the same after any crash.
+        Lost runs stay: the search has used them, and must propose the same after any crash.
         """
         self._db.execute("UPDATE search SET state = 'waiting' WHERE campaign = ?", (campaign,))
         self._db.execute("UPDATE campaign SET finished_at = NULL WHERE id = ?", (campaign,))
@@ -140,10 +139,10 @@ class SearchUpdates(RunUpdates):
         self.record_event(now, "campaign", campaign, campaign, "retried")
 
     def _refuse_unfinished_search(self, campaign: str) -> None:
-        """Refuse to run anything of a search again that its client has not finished."""
+        """Refuse to retry runs of a search that its client has not finished."""
         row = self._db.execute(
             "SELECT file FROM search WHERE campaign = ? AND state <> 'finished'", (campaign,)
         ).fetchone()
         if row is not None:
-            again = command_line("search", row[0], campaign)
-            raise Refused(f"{campaign} is a search: `{again}` goes on with it")
+            command = command_line("search", row[0], campaign)
+            raise Refused(f"{campaign} is a search: `{command}` goes on with it")

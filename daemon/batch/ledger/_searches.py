@@ -1,4 +1,4 @@
-"""Searches in the ledger: how they stand, what their runs are about, and what these gave."""
+"""Searches in the ledger: their states, tasks and answers."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ _SEARCHES: Final = (
 
 
 def no_search(campaign: str) -> str:
-    """Return the words for a campaign that is no search."""
+    """Return the message for a campaign that is not a search."""
     return f"there is no search {campaign}"
 
 
 def search_state(db: sqlite3.Connection, campaign: str) -> str:
-    """Return how a search stands, empty for a campaign that is none.
+    """Return the state of a search, empty for other campaigns.
 
-    The ledger knows no client: a search that has not ended is ``waiting``.
+    The ledger does not know clients: an unfinished search is ``waiting``.
     """
     row = db.execute("SELECT state FROM search WHERE campaign = ?", (campaign,)).fetchone()
     return "" if row is None else str(row[0])
@@ -36,8 +36,8 @@ def search_state(db: sqlite3.Connection, campaign: str) -> str:
 def read_searches(db: sqlite3.Connection, query: SearchQuery) -> tuple[SearchRow, ...]:
     """Return searches, the newest first.
 
-    In a list, answers are without files, and those of the older searches are left out when all
-    together are too large for a page.
+    In a list, answers have no files, and the answers of older searches are omitted if all together
+    are too large for a page.
     """
     conditions, values = ["TRUE"], []
     if query.campaign:

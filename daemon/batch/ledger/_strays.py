@@ -1,8 +1,8 @@
-"""Files in a state directory that nobody needs any more, and how they go.
+"""Unused files in a state directory, and their removal.
 
-Killed processes leave temporary files, uploads that nobody goes on with, spools; submissions that
-were refused leave scenes and files. Nothing goes that was touched lately: a campaign on its way
-refers to scenes and files before the ledger knows it, and whoever admits it touches them.
+Killed processes leave temporary files, abandoned uploads and spools; refused submissions leave
+scenes and files. Recently touched files stay: a campaign in submission refers to scenes and files
+before it is in the ledger, and its admission touches them.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ StrayKind: TypeAlias = Literal[
 ]
 
 _GRACE: Final = 3600.0
-"""Seconds since it was touched during which somebody may be about to use a file."""
+"""Time for which a touched file may still be about to be used [s]."""
 _SPOOL_GRACE: Final = 7 * 86_400.0
-"""Seconds during which a worker that starts may give back what a dead one has left."""
+"""Time for which a new worker may still deliver the results of a dead one [s]."""
 _FINISHED: Final = "*/attempt-*/result.json"
-"""The results in a worker's spool: a spool with one stays until somebody has delivered it."""
+"""Results in a worker's spool: a spool with one stays until they are delivered."""
 _LONG_GRACE: Final = 30 * 86_400.0
-"""Seconds without use after which a worker's copy of an input goes, or a thing moved aside."""
+"""Time without use after which a worker's copy of an input, or a file set aside, is removed [s]."""
 # Of grammars.text.files.replacing; of a trace that is being written.
 _TEMPORARY: Final = re.compile(r"\..+\.[0-9a-f]{8}\.tmp|.+\.partial")
 
@@ -54,7 +54,7 @@ _DELETED: Final = (
 
 @dataclass(frozen=True, slots=True)
 class StrayFile:
-    """A file or a folder that nobody needs, and how many bytes it takes."""
+    """An unused file or folder, and its size in bytes."""
 
     what: StrayKind
     path: Path
@@ -63,7 +63,7 @@ class StrayFile:
 
 @dataclass(frozen=True, slots=True)
 class Removal:
-    """Traces and stray files that were removed, or would be.
+    """Removed traces and stray files, or with ``dry_run`` those to remove.
 
     ``freed`` and ``kept`` are bytes of traces alone.
     """
@@ -77,31 +77,31 @@ class Removal:
 
 
 def find_strays(paths: StatePaths, now: float) -> tuple[StrayFile, ...]:
-    """Look for what nobody needs; ``now`` is the wall clock [s].
+    """Return the unused files; ``now`` is the wall clock [s].
 
-    Changes nothing, a daemon may be working. Raises :class:`DaemonError` when the ledger cannot
-    say what is needed, and ``OSError``.
+    Changes nothing; a daemon may be running. Raises :class:`DaemonError` when the ledger cannot be
+    read, and ``OSError``.
     """
     needed = _read_ledger(paths)
     return tuple(
         StrayFile(what, path, sum(map(_bytes, _whole(path))))
-        for what, found, grace in _candidates(paths, needed)
-        for path in sorted(found)
+        for what, candidates, grace in _candidates(paths, needed)
+        for path in sorted(candidates)
         if now - _last_use(path, whole=path.parent.name == "spool") > grace
     )
 
 
 def remove_strays(paths: StatePaths, now: float) -> tuple[StrayFile, ...]:
-    """Remove what nobody needs, and return what went; raises like :func:`find_strays`.
+    """Remove unused files and return the removed ones; raises as :func:`find_strays`.
 
-    Whatever cannot be removed stays, and stays a stray.
+    Files that cannot be removed stay.
     """
     return tuple(stray for stray in find_strays(paths, now) if _remove(stray, now))
 
 
 @dataclass(frozen=True, slots=True)
 class _Needed:
-    """Digests of scenes and files that runs need, and campaigns: unfinished and deleted ones."""
+    """Digests of needed scenes and files; ids of unfinished and deleted campaigns."""
 
     inputs: frozenset[str]
     unfinished: frozenset[str]
@@ -122,32 +122,32 @@ _Candidates: TypeAlias = Iterator[tuple[StrayKind, Iterable[Path], float]]
 
 
 def _candidates(paths: StatePaths, needed: _Needed) -> _Candidates:
-    """Yield what may be superfluous, and for how long [s] it has to be untouched to be so."""
+    """Yield possibly unused paths, and the time [s] without a touch after which they are."""
     yield "upload given up", paths.incoming.glob("*"), _GRACE
     scenes = (p for p in paths.scenes.glob("[!.]*.json") if p.stem not in needed.inputs)
     yield "scene of no campaign", scenes, _GRACE
     files = (p for p in paths.files.glob("*") if is_digest(p.name) and p.name not in needed.inputs)
     yield "file of no campaign", files, _GRACE
     traces = _folders(paths.traces)
-    # The daemon died between the commit and their end.
+    # If the daemon died between the commit and their removal.
     deleted = [folder for folder in traces if folder.name in needed.deleted]
     yield "traces of a deleted campaign", deleted, _GRACE
     others = (p for p in traces if p.name not in needed.unfinished | needed.deleted)
     yield "empty trace folder", (p for p in others if not any(p.iterdir())), _GRACE
     yield from _leavings(paths)
-    for there in paths.caches:
-        yield from _leavings(there)
-        copies = (*there.scenes.glob("[!.]*"), *there.files.glob("[!.]*"))
+    for cache in paths.caches:
+        yield from _leavings(cache)
+        copies = (*cache.scenes.glob("[!.]*"), *cache.files.glob("[!.]*"))
         yield "copy not used for long", copies, _LONG_GRACE
 
 
 def _leavings(paths: StatePaths) -> _Candidates:
-    """Yield what killed daemons and workers leave in a folder of theirs."""
-    kept = (paths.state, paths.scenes, paths.files, *_folders(paths.traces))
-    inside = (path for folder in (*kept, paths.traces) for path in matching_paths(folder, "*"))
+    """Yield leftovers of killed daemons and workers in one of their folders."""
+    folders = (paths.state, paths.scenes, paths.files, *_folders(paths.traces), paths.traces)
+    inside = (path for folder in folders for path in matching_paths(folder, "*"))
     yield "temporary file", (p for p in inside if _TEMPORARY.fullmatch(p.name)), _GRACE
     spools = [folder for folder in _folders(paths.spool) if not is_locked(folder / "lock")]
-    # One that is being made has a dot before its name, and nothing in it yet.
+    # A new spool begins with a dot, and is still empty.
     yield "spool of a dead worker", (p for p in spools if p.name.startswith(".")), _GRACE
     empty = (p for p in spools if is_id(p.name) and not any(matching_paths(p, _FINISHED)))
     yield "spool of a dead worker", empty, _SPOOL_GRACE
@@ -159,14 +159,14 @@ def _folders(folder: Path) -> list[Path]:
 
 
 def _whole(path: Path) -> Iterator[Path]:
-    """Yield a path and all below it; what others remove meanwhile is passed over."""
+    """Yield a path and everything below it, without paths that others remove meanwhile."""
     yield path
     for folder, folders, files in os.walk(path):
         yield from (Path(folder, name) for name in (*folders, *files))
 
 
 def _last_use(path: Path, *, whole: bool) -> float:
-    """Return when a file or folder was touched last, or anything in it if it counts as a whole."""
+    """Return the last change of a file or folder, with ``whole`` including its contents."""
     times = [0.0]
     for each in _whole(path) if whole else (path,):
         with suppress(FileNotFoundError):
@@ -181,10 +181,10 @@ def _bytes(path: Path) -> int:
 
 
 def _remove(stray: StrayFile, now: float) -> bool:
-    """Remove it unless somebody came to need it; returns whether it is gone."""
+    """Remove a stray unless it has just been touched; return whether it is gone."""
     path = stray.path
-    # Under another name first: who wants to use it now finds that it is not there and brings it
-    # again, and who has touched it just before gets it back.
+    # Rename it first: a new user finds it missing and brings it again; a process that has just
+    # touched it gets it back.
     aside = path.with_name(f".{path.name}.{os.urandom(4).hex()}.tmp")
     try:
         if stray.what == "empty trace folder":

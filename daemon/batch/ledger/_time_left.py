@@ -1,6 +1,6 @@
-"""How long runs take, before they are executed and while they are.
+"""Expected times of runs, before and during their execution.
 
-By executed ones of their cell, by others of their system, and by their own speed.
+Estimated from executed runs of their cell, from others of their system, and from their own speed.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ from typing import Final
 from daemon.batch.ledger._searches import read_searches
 from daemon.model.search_answer import SearchQuery
 
-# As results are found for runs that are submitted (``_results._FIND_RESULTS``).
+# The rules of reuse for submitted runs (``_results._FIND_RESULTS``).
 _WITH_RESULT: Final = (
     "SELECT DISTINCT digest FROM run AS old WHERE digest IN (SELECT value FROM json_each(?))"
     " AND result <> '' AND repeatable AND state = 'done' AND outcome <> 'error'"
     " AND NOT EXISTS (SELECT 1 FROM run AS alarm WHERE alarm.digest = old.digest"
     " AND alarm.doubted = 1)"
 )
-# The latest ones tell most, and a large ledger costs no more than a small one.
+# The latest runs are the best guide, and limit the cost for a large ledger.
 _EXECUTED: Final = (
     "SELECT scenario, sut, count(*), total(wall), max(wall), total(time_limit)"
     " FROM (SELECT scenario, sut, wall, time_limit FROM run"
     " WHERE finished_at IS NOT NULL ORDER BY finished_at DESC LIMIT 10000) GROUP BY scenario, sut"
 )
-# What is paused, or lacks something, waits for people.
+# Without campaigns that are paused or lack something: these wait for people.
 _QUEUED: Final = (
     "SELECT campaign.id, priority, scenario, sut, time_limit, count(*)"
     " FROM run JOIN campaign ON campaign.id = run.campaign"
@@ -44,9 +44,9 @@ _RUNNING: Final = (
 
 @dataclass(frozen=True, slots=True)
 class RunPace:
-    """The pace of a run under way: ``elapsed`` wall time [s], ``speed`` in simulated seconds each.
+    """Pace of a started run: ``elapsed`` wall time [s] and ``speed`` in simulated seconds a second.
 
-    The speed is 0 while nothing was simulated.
+    The speed is 0 before the first simulated time.
     """
 
     elapsed: float
@@ -54,7 +54,7 @@ class RunPace:
 
 
 class _Durations:
-    """Wall times of executed runs [s], by which others are estimated."""
+    """Wall times of executed runs [s], to estimate others."""
 
     def __init__(self, db: sqlite3.Connection) -> None:
         self._mean: dict[tuple[str, str], float] = {}
@@ -68,7 +68,7 @@ class _Durations:
         self._share = {sut: walls[sut] / limit for sut, limit in limits.items() if limit > 0.0}
 
     def of(self, scenario: str, sut: str, limit: float) -> float | None:
-        """Return the mean of a cell, or else what its system takes of a ``limit`` elsewhere."""
+        """Return the mean of a cell, otherwise ``limit`` times the mean share of its system."""
         mean = self._mean.get((scenario, sut))
         share = self._share.get(sut)
         return mean if mean is not None else None if share is None else share * limit
@@ -76,10 +76,10 @@ class _Durations:
     def rest(
         self, scenario: str, sut: str, limit: float, elapsed: float, speed: float
     ) -> float | None:
-        """Return how long a run under way goes on, ``None`` where nothing tells.
+        """Return the remaining time of a started run, ``None`` if unknown.
 
-        It ends as the mean of its cell; if it is over that, as the longest; if it is over that as
-        well, at its limit, as at its speed in a cell without an executed run.
+        It ends at the mean of its cell; if that has passed, at the longest. Beyond that, and
+        without an executed run, it ends at its limit by its own speed.
         """
         cell = scenario, sut
         at_limit = limit / speed if speed > 0.0 else self.of(scenario, sut, limit)
@@ -93,7 +93,7 @@ class _Durations:
 class PlannedRun:
     """A run by the ``digest`` of its specification; only ``repeatable`` ones reuse results.
 
-    It ends after ``limit`` simulated seconds.
+    ``limit`` is its longest simulated time [s].
     """
 
     digest: str
@@ -105,9 +105,9 @@ class PlannedRun:
 
 @dataclass(frozen=True, slots=True)
 class Forecast:
-    """For each run whether it has a result already, and how long it takes a worker [s].
+    """For each run: whether it has a result already, and its expected time on a worker [s].
 
-    The time is ``None`` while nothing of its system was executed.
+    The time is ``None`` before a run of its system was executed.
     """
 
     cached: Sequence[bool]
@@ -115,40 +115,39 @@ class Forecast:
 
 
 def read_forecast(db: sqlite3.Connection, runs: Sequence[PlannedRun]) -> Forecast:
-    """Return which runs need not be executed, and how long each takes."""
+    """Return for each run whether it has a result, and its expected time."""
     durations = _Durations(db)
     digests = json.dumps([run.digest for run in runs if run.repeatable])
-    known = {digest for (digest,) in db.execute(_WITH_RESULT, (digests,))}
+    executed = {digest for (digest,) in db.execute(_WITH_RESULT, (digests,))}
     return Forecast(
-        tuple(run.repeatable and run.digest in known for run in runs),
+        tuple(run.repeatable and run.digest in executed for run in runs),
         tuple(durations.of(run.scenario, run.sut, run.limit) for run in runs),
     )
 
 
 @dataclass(frozen=True, slots=True)
 class TimeLeft:
-    """Seconds until nothing waits or runs, over all and by campaign.
+    """Time until no run waits or runs [s], over all and by campaign.
 
-    ``None``, and no entry, when nothing does, and while nobody knows. Of paused campaigns only
-    what runs counts.
+    ``None``, and no entry, if idle or unknown. Of paused campaigns only running runs count.
     """
 
     all: float | None = None
     campaigns: Mapping[str, float] = field(default_factory=dict)
 
     def after(self, passed: float) -> TimeLeft:
-        """Return what of it is left so many seconds later; nobody knows what is over by then."""
+        """Return the rest ``passed`` seconds later, without times that are over by then."""
         whole = None if self.all is None or self.all <= passed else self.all - passed
-        campaigns = {one: left - passed for one, left in self.campaigns.items() if left > passed}
+        campaigns = {one: rest - passed for one, rest in self.campaigns.items() if rest > passed}
         return TimeLeft(whole, campaigns)
 
 
 @dataclass(slots=True)
 class _Work:
-    """Runs that are left of a campaign: their number, seconds on one slot, those of the longest.
+    """Remaining runs of a campaign: number, seconds on one slot, seconds of the longest run.
 
-    ``queued`` is the longest that has not begun [s]. The seconds are infinite while nobody knows
-    how long one of them takes.
+    ``queued`` is the longest run that has not begun [s]. The seconds are infinite if the time of
+    one of them is unknown.
     """
 
     priority: int = 0
@@ -158,7 +157,7 @@ class _Work:
     queued: float = 0.0
 
     def add(self, runs: int, each: float) -> None:
-        """Add ``runs`` that take so long ``each`` [s]."""
+        """Add ``runs`` of ``each`` seconds."""
         self.runs += runs
         self.seconds += runs * each
         self.longest = max(self.longest, each)
@@ -171,10 +170,10 @@ def read_time_left(
     paces: Mapping[str, RunPace],
     preparing: Collection[str] = (),
 ) -> TimeLeft:
-    """Return how long what is left takes on ``slots``; campaigns of one priority take turns.
+    """Return the expected time of the rest on ``slots``; campaigns of one priority take turns.
 
-    ``paces`` are those of runs under way. Others have begun when they were leased, unless their
-    worker is ``preparing``: nobody knows when it will begin.
+    ``paces`` are those of started runs. Others began with their lease, unless their worker is
+    ``preparing``: its start is unknown.
     """
     if not slots:
         return TimeLeft()
@@ -201,10 +200,10 @@ def read_time_left(
         work[campaign].queued = max(work[campaign].queued, each)
     for row in read_searches(db, SearchQuery(unfinished=True)):
         if (one := work.get(row.campaign)) is not None:
-            # Those it may still propose: as those it has.
+            # Future proposals are estimated like the present ones.
             one.add(max(0, row.task.runs - row.proposed), one.seconds / one.runs)
     seconds = sum(one.seconds for one in work.values())
-    # No run is interrupted: what waits begins when one that holds a slot ends.
+    # Runs are not interrupted: a waiting run begins when a running one ends.
     free = min(rests) if len(rests) >= slots else 0.0
 
     def longest(one: _Work) -> float:
@@ -223,5 +222,5 @@ def read_time_left(
     lasts = {campaign: last(one) for campaign, one in work.items()}
     return TimeLeft(
         whole if work and math.isfinite(whole) else None,
-        {campaign: left for campaign, left in lasts.items() if math.isfinite(left)},
+        {campaign: rest for campaign, rest in lasts.items() if math.isfinite(rest)},
     )

@@ -1,4 +1,4 @@
-"""Verification of the ledger and the folders beside it: each content is held against its digest."""
+"""Verification of the ledger and its folders: every content is compared with its digest."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from daemon.model.spec import RunResult, TraceInfo, run_digest, text_digest
 from grammars.text import codec
 
 VerificationProgress: TypeAlias = Callable[[str, int, int], None]
-"""Gets what is looked at, how many of it were, and how many there are."""
+"""Receiver of the kind of content, the number verified so far, and the total."""
 
 _PAGE: Final = 500
 _QUICK: Final = 1000
-"""Runs of a quick look: the newest."""
+"""Number of the newest runs that a quick verification covers."""
 
 _RUNS: Final = (
     "SELECT run.serial, run.id, run.digest, cell.body, script.body, repeat, seed, trace_name,"
@@ -37,10 +37,10 @@ _RUNS: Final = (
 
 @dataclass(frozen=True, slots=True)
 class ContentReport:
-    """Counts of what was verified, and the names of all that have each kind of problem.
+    """Counts of verified contents, and the names with each kind of problem.
 
-    ``missing`` are scenes and files of runs that wait; without them these cannot be executed. Nor
-    can those of other engines, which ``foreign`` says in words.
+    ``missing`` are scenes and files that waiting runs need. ``foreign`` are messages about runs of
+    other engines, which cannot be executed either.
     """
 
     counts: Counter[str]
@@ -56,17 +56,17 @@ def verify_contents(
     traces: bool = False,
     progress: VerificationProgress = lambda *_: None,
 ) -> ContentReport:
-    """Hold results, specifications, scenes, files and traces against their digests.
+    """Compare results, specifications, scenes, files and traces with their digests.
 
-    Of traces the size is looked at, the digest with ``traces``. A ``quick`` look is one at the
-    newest results, and at no scene and no file. Nothing is locked for longer than some hundred
-    rows take: a daemon may be working. Raises :class:`DaemonError` when the ledger cannot be read.
+    Traces are only measured, or with ``traces`` read. ``quick`` covers only the newest results, no
+    scenes and no files. The ledger is locked for some hundred rows at a time, so a daemon may be
+    running. Raises :class:`DaemonError` when the ledger cannot be read.
     """
     look = _Look(paths, traces)
     with open_reader(paths.ledger) as db:
         last = int(db.execute("SELECT ifnull(max(serial), 0) FROM run").fetchone()[0])
         at = start = max(0, last - _QUICK) if quick else 0
-        # In parts: between them the ledger is nobody's, and its WAL can be emptied.
+        # In parts: between them the ledger is not locked, and its WAL can be emptied.
         while rows := db.execute(_RUNS, (at,)).fetchall():
             for at, *row in rows:  # noqa: B007  (where the next part begins)
                 look.at_run(*row)
@@ -74,22 +74,22 @@ def verify_contents(
         missing = look.missing_inputs(db)
         foreign = dict.fromkeys(hold_text(lacks) for _, lacks in read_other_engines(db))
     if not quick:
-        kept = (path for path in paths.files.glob("*") if is_digest(path.name))
-        for what, files in (("scenes", paths.scenes.glob("*.json")), ("files", kept)):
-            every = sorted(files)
+        files = (path for path in paths.files.glob("*") if is_digest(path.name))
+        for what, contents in (("scenes", paths.scenes.glob("*.json")), ("files", files)):
+            every = sorted(contents)
             for i, path in enumerate(every, start=1):
                 look.at_file(what, path)
                 progress(what, i, len(every))
     return ContentReport(
         counts=look.counts,
-        problems=look.found,
+        problems=look.problems,
         missing=missing,
         foreign=tuple(foreign),
     )
 
 
 class _Look:
-    """Counts what is verified, and keeps names of what is wrong, by what is wrong with it.
+    """Counts verified contents, and collects the names with each kind of problem.
 
     With ``hashing`` traces are read, not only measured.
     """
@@ -97,30 +97,30 @@ class _Look:
     def __init__(self, paths: StatePaths, hashing: bool) -> None:
         self._paths, self._hashing = paths, hashing
         self.counts: Counter[str] = Counter()
-        self.found: defaultdict[str, list[str]] = defaultdict(list)
+        self.problems: defaultdict[str, list[str]] = defaultdict(list)
 
     def at_run(
         self, run: str, digest: str, cell: bytes, script: bytes, repeat: int, seed: str,
-        trace: str, url: str, kept: str | None, body: bytes | None, *columns: object,
+        trace: str, url: str, expected: str | None, body: bytes | None, *columns: object,
     ) -> None:  # fmt: skip
         """Verify a run's specification, and its result and trace if it has any."""
         self.counts["specifications"] += 1
         if run_digest(text_digest(cell), text_digest(script), repeat, seed) != digest:
-            self.found["specifications differ from their digest"].append(run)
+            self.problems["specifications differ from their digest"].append(run)
         if body is None:
             return
         self.counts["results"] += 1
         try:
             result = codec.from_json(RunResult, body)
         except ValueError:
-            self.found["results cannot be read"].append(run)
+            self.problems["results cannot be read"].append(run)
             return
-        if result.digest != kept:
-            self.found["results differ from their digest"].append(run)
+        if result.digest != expected:
+            self.problems["results differ from their digest"].append(run)
         if result.spec != digest:
-            self.found["results are of another specification than their run"].append(run)
+            self.problems["results are of another specification than their run"].append(run)
         if columns != result_columns(result):
-            self.found["verdicts of runs differ from their results"].append(run)
+            self.problems["verdicts of runs differ from their results"].append(run)
         if not url:
             self._at_trace(trace, result.trace)
 
@@ -128,30 +128,30 @@ class _Look:
         try:
             path = self._paths.trace(name)
             if path.stat().st_size != recorded.size:
-                self.found["traces have another size than was recorded"].append(str(path))
+                self.problems["traces have another size than was recorded"].append(str(path))
             elif self._hashing and file_sha256(path) != recorded.sha256:
-                self.found["traces differ from their digest"].append(str(path))
+                self.problems["traces differ from their digest"].append(str(path))
         except FileNotFoundError:
-            return  # removed to make room: its run says so
+            return  # removed to free space, as its run notes
         except (OSError, ValueError) as error:
-            self.found["traces cannot be read"].append(f"{name} ({error})")
+            self.problems["traces cannot be read"].append(f"{name} ({error})")
         self.counts["traces"] += 1
 
     def at_file(self, what: str, path: Path) -> None:
         """Verify a scene or a file."""
         self.counts[what] += 1
         try:
-            if not is_intact(path) and path.exists():  # else housekeeping was faster
-                self.found[f"{what} differ from their digest"].append(str(path))
+            if not is_intact(path) and path.exists():  # housekeeping may have removed it
+                self.problems[f"{what} differ from their digest"].append(str(path))
         except OSError as error:
-            self.found[f"{what} cannot be read"].append(f"{path} ({error.strerror})")
+            self.problems[f"{what} cannot be read"].append(f"{path} ({error.strerror})")
 
     def missing_inputs(self, db: sqlite3.Connection) -> tuple[str, ...]:
-        """Return the scenes and files that runs wait for and that are not there."""
+        """Return the missing scenes and files of waiting runs."""
         try:
             waiting = needed_inputs(db, waiting=True)
         except sqlite3.OperationalError as error:
-            self.found["specifications name no scene or no files"].append(str(error))
+            self.problems["specifications name no scene or no files"].append(str(error))
             return ()
         places = (*self._paths.scenes.glob("*.json"), *self._paths.files.glob("*"))
         return tuple(sorted(waiting - {path.stem for path in places}))

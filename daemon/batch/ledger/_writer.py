@@ -1,4 +1,4 @@
-"""Writing the ledger: what people may do with campaigns, and the transactions it is done in."""
+"""Writing the ledger: people's changes of campaigns, and transactions."""
 
 from __future__ import annotations
 
@@ -26,8 +26,7 @@ from grammars.text.files import sync_directory
 
 T = TypeVar("T")
 
-# What ``transitions.advance`` makes of each run of a campaign that is cancelled: there may be
-# 200,000.
+# The effect of ``transitions.advance`` on the runs of a cancelled campaign, for up to 200,000.
 _CANCEL: Final = (
     "UPDATE run SET state = CASE result WHEN '' THEN 'cancelled' ELSE 'done' END, token = 0,"
     " reason = 'cancelled', nondeterministic = 0"
@@ -56,9 +55,9 @@ class LedgerWriter(SearchUpdates):
     @classmethod
     @contextmanager
     def open(cls, paths: StatePaths, *, attempts: int = 3) -> Iterator[LedgerWriter]:
-        """Open a ledger, creating it if need be.
+        """Open a ledger, creating it if necessary.
 
-        Raises :class:`DaemonError`, also for what is done in the block outside of a transaction.
+        Raises :class:`DaemonError`, also for statements in the block outside of a transaction.
         """
         try:
             with closing(connect(paths.ledger)) as connection:
@@ -68,7 +67,7 @@ class LedgerWriter(SearchUpdates):
 
     @contextmanager
     def transaction(self) -> Iterator[None]:
-        """Do everything in the block or nothing; afterwards it is on the disk.
+        """Commit everything in the block to the disk, or nothing.
 
         :attr:`events` are those of the block. Raises :class:`Unavailable` when the ledger cannot
         be written.
@@ -77,8 +76,8 @@ class LedgerWriter(SearchUpdates):
         self._deleted = []
         self._unsynced: set[Path] = set()
         try:
-            # IMMEDIATE: whoever removes traces may hold the lock, and a transaction that begins by
-            # reading could not wait for it when it comes to writing.
+            # IMMEDIATE: a process that removes traces may hold the lock, and a transaction that
+            # begins with a read cannot wait for it when it writes.
             self._db.execute("BEGIN IMMEDIATE")
             yield
             for folder in self._unsynced:
@@ -92,65 +91,65 @@ class LedgerWriter(SearchUpdates):
                 raise Unavailable(f"the ledger cannot be written: {error}") from error
             raise
         for campaign in self._deleted:
-            # Unless one is there again by now.
+            # Unless it was submitted again in the meantime.
             if self._paths is not None and not self._is_known(campaign):
                 _remove_files(self._paths, campaign)
 
     def sync_before_commit(self, folder: Path) -> None:
-        """Have new names in a folder on the disk before the transaction that speaks of them."""
+        """Sync new names in a folder before the commit of the transaction that refers to them."""
         self._unsynced.add(folder)
 
     def attempt(self, act: Callable[[LedgerWriter], T]) -> T | Exception:
-        """Do something within a transaction; what it raises is returned and undoes only itself."""
-        kept, deleted = len(self.events), len(self._deleted)
+        """Run a part of a transaction; return its exception, after which only it is undone."""
+        events, deleted = len(self.events), len(self._deleted)
         self._db.execute("SAVEPOINT attempt")
         try:
             value: T | Exception = act(self)
         except sqlite3.OperationalError:
-            # A full disk, a failing one: that is about the file and ends the whole transaction.
-            # SQLite may have rolled it back already, and then the savepoint is gone too.
+            # An error of the disk ends the whole transaction. SQLite may have rolled it back
+            # already, and the savepoint with it.
             raise
         except Exception as error:
             self._db.execute("ROLLBACK TO attempt")
-            del self.events[kept:], self._deleted[deleted:]
+            del self.events[events:], self._deleted[deleted:]
             value = error
         self._db.execute("RELEASE attempt")
         return value
 
     @property
     def changes(self) -> int:
-        """A number that is another one after every change."""
+        """Counter of changes."""
         return self._db.total_changes
 
     def checkpoint(self) -> bool:
-        """Bring what is only in the WAL into the database, and leave the WAL empty.
+        """Copy the WAL into the database and empty it.
 
-        Waits for nobody: returns ``False`` when somebody reads an older state just now, and all
-        that can be done is done. Raises :class:`Unavailable` when the disk is full, say.
+        Does not wait: returns ``False`` after a partial checkpoint, if somebody reads an older
+        state. Raises :class:`Unavailable` on errors such as a full disk.
         """
         try:
-            (waited,) = self._db.execute("PRAGMA busy_timeout").fetchone()
+            (timeout,) = self._db.execute("PRAGMA busy_timeout").fetchone()
             self._db.execute("PRAGMA busy_timeout = 0")
             try:
-                # TRUNCATE: in a WAL that is only copied, frames stay that would be used again
-                # after a kill, up to a damaged one, and cover what is newer in the database.
+                # TRUNCATE: a WAL that is only copied keeps its frames. After a kill SQLite would
+                # use these again, up to a damaged one, and hide newer data of the database.
                 busy, *_ = self._db.execute("PRAGMA main.wal_checkpoint(TRUNCATE)").fetchone()
             finally:
-                self._db.execute(f"PRAGMA busy_timeout = {waited}")
+                self._db.execute(f"PRAGMA busy_timeout = {timeout}")
         except UNREADABLE as error:
             raise Unavailable(f"the ledger's WAL cannot be emptied: {error}") from error
         return not busy
 
     def trace_location(self, run: str) -> tuple[str, str]:
-        """Return the name of a run's trace and its URL, empty when it has none."""
+        """Return the name of a run's trace, and its URL or an empty text."""
         query = "SELECT trace_name, trace_at FROM run WHERE id = ?"
         name, url = self._db.execute(query, (run,)).fetchone()
         return str(name), str(url)
 
     def record_move(self, name: str, digest: str, url: str) -> bool:
-        """Record that the trace ``name`` of a result with that digest lies at ``url`` now.
+        """Record that the trace ``name`` of a result with that digest is at ``url`` now.
 
-        Runs that took the result find it there too. Returns whether the result is still the run's.
+        This includes runs that reuse the result. Return whether the result is still the run's.
         """
         row = self._db.execute(
             "SELECT id FROM run WHERE trace_name = ? AND result = ?", (name, digest)
@@ -172,7 +171,7 @@ class LedgerWriter(SearchUpdates):
         ).fetchone()
         if row is not None:
             if row[0] != digest:
-                raise Refused(f"campaign id {campaign} is taken by another campaign")
+                raise Refused(f"campaign id {campaign} belongs to another campaign")
             return SubmissionReceipt(campaign, row[1], known=True)
         enter_campaign(self._db, submission, digest, submission.declared, now)
         enter_runs(self._db, submission)
@@ -183,11 +182,11 @@ class LedgerWriter(SearchUpdates):
         return SubmissionReceipt(campaign, len(submission.runs), known=False, cached=cached)
 
     def cancel(self, campaign: str, now: float) -> int:
-        """Cancel what is queued or running of a campaign; returns how many runs. A search ends."""
+        """Cancel a campaign's queued and running runs; return their number. A search ends."""
         self._require_campaign(campaign)
         self._cancel_search(campaign, now)
         count = self._db.execute(_CANCEL, (campaign,)).rowcount
-        # A search may have nothing that waits or runs.
+        # A search may be open without waiting or running runs.
         if count or self._is_open(campaign):
             self.record_event(now, "campaign", campaign, campaign, "cancelled")
             self._close(campaign, now)
@@ -198,9 +197,9 @@ class LedgerWriter(SearchUpdates):
         return bool(self._db.execute(query, (campaign,)).fetchone()[0])
 
     def steer(self, request: SteerRequest, now: float) -> int:
-        """Lease no more runs of a campaign, go on, or change its priority; returns how many wait.
+        """Pause or resume a campaign, or change its priority; return the number of waiting runs.
 
-        What is running goes on. Doing it twice changes nothing.
+        Running runs go on. Repeating it changes nothing.
         """
         campaign, paused, priority = request.campaign, request.paused, request.priority
         self._require_campaign(campaign)
@@ -212,14 +211,14 @@ class LedgerWriter(SearchUpdates):
         return self._count_runs(campaign, RunState.QUEUED)
 
     def _set(self, campaign: str, column: str, value: int) -> bool:
-        """Give a column of a campaign a value; returns whether it had another one."""
+        """Set a column of a campaign; return whether its value has changed."""
         query = f"UPDATE campaign SET {column} = ?1 WHERE id = ?2 AND {column} <> ?1"
         return self._db.execute(query, (value, campaign)).rowcount > 0
 
     def acknowledge(self, campaign: str, now: float) -> int:
-        """Note that somebody knows what went wrong in a campaign.
+        """Acknowledge the bad runs of a campaign; return the number of runs that did not pass.
 
-        Returns how many runs did not pass. News ends that: see the trigger in ``schema.sql``.
+        New ones reset this: see the trigger in ``schema.sql``.
         """
         self._require_campaign(campaign)
         if self._set(campaign, "acknowledged", True):
@@ -231,10 +230,10 @@ class LedgerWriter(SearchUpdates):
         return int(self._db.execute(query, (campaign,)).fetchone()[0])
 
     def retry(self, request: RetryRequest, now: float) -> int:
-        """Queue runs again by state (lost, cancelled), by outcome, or ``all`` that rest.
+        """Queue runs again by state (lost, cancelled), by outcome, or ``all`` that have ended.
 
-        The result of a run that is not repeatable, or that the wall clock ended, is forgotten:
-        the next one takes its place. Only its client goes on with a search that has not finished.
+        The next result replaces that of a run that is not repeatable, or that the wall clock ended.
+        Refuses unfinished searches, which only their client resumes.
         """
         campaign = request.campaign
         self._require_campaign(campaign)
@@ -245,48 +244,45 @@ class LedgerWriter(SearchUpdates):
             " AND state IN ('done', 'lost', 'cancelled')",
             (campaign,),
         ).fetchall()
-        chosen = [row for row in rows if {row[1], row[2]} & words or "all" in words]
-        if not chosen:
+        rows = [row for row in rows if {row[1], row[2]} & words or "all" in words]
+        if not rows:
             return 0
-        self._db.executemany(RETRY, ((run,) for run, *_ in chosen))
-        for run, _, outcome, repeatable in chosen:
-            # Only errors can be stopped, and reading a result takes time.
+        self._db.executemany(RETRY, ((run,) for run, *_ in rows))
+        for run, _, outcome, repeatable in rows:
+            # Only errors can be stopped runs, and reading a result takes time.
             stopped = outcome == Outcome.ERROR and has_stopped_result(self._db, run)
             if stopped or not repeatable:
                 remove_result(self._db, run)
         self._db.execute("UPDATE campaign SET finished_at = NULL WHERE id = ?", (campaign,))
         self.record_event(now, "campaign", campaign, campaign, "retried")
-        return len(chosen)
+        return len(rows)
 
     def deletable(self, campaigns: Sequence[str]) -> tuple[int, ...]:
-        """Return how many runs campaigns have that may be deleted; refuses while runs wait or run.
-
-        Nor may a search that goes on.
-        """
+        """Return the numbers of runs of campaigns; refuse unfinished campaigns and searches."""
         for campaign in campaigns:
             self._require_campaign(campaign)
             if search_state(self._db, campaign) == "waiting":
                 raise Refused(
-                    f"{campaign} is a search that goes on: cancel it first"
+                    f"{campaign} is an unfinished search: cancel it first"
                     f" (`scenario cancel {campaign}`)"
                 )
             if waiting := self._count_runs(campaign, RunState.QUEUED, RunState.RUNNING):
                 raise Refused(
-                    f"{campaign} has {waiting} runs that wait or run: cancel it first"
+                    f"{campaign} has {waiting} waiting or running runs: cancel it first"
                     f" (`scenario cancel {campaign}`)"
                 )
         return tuple(map(self._total, campaigns))
 
     def delete(self, campaigns: Sequence[str], now: float) -> None:
-        """Remove campaigns for good, all or none; refuses as :meth:`deletable` does.
+        """Remove campaigns for good, all or none; refuse as :meth:`deletable`.
 
-        Their traces go after the commit.
+        Their traces are removed after the commit.
         """
         self.deletable(campaigns)
         assert self._paths is not None
         for campaign in campaigns:
             _remove_campaign(self._db, self._paths, campaign)
-            # The last word about it stays: who was away learns that it is gone.
+            # This event stays, so that absent clients learn of the deletion.
             self.record_event(now, "campaign", campaign, campaign, "deleted")
         _shorten_file(self._db)
         self._deleted += campaigns
@@ -303,38 +299,38 @@ def _retry_words(only: Sequence[str]) -> frozenset[str]:
 
 
 def _remove_campaign(db: sqlite3.Connection, paths: StatePaths, campaign: str) -> None:
-    """Remove the rows of a campaign; runs elsewhere that took its results get their traces.
+    """Remove the rows of a campaign; runs elsewhere that reuse its results get their traces.
 
-    Its files are left for :func:`_remove_files`: what is not committed has not happened.
+    :func:`_remove_files` removes the files after the commit.
     """
     _hand_over(db, paths, campaign)
     db.execute("DELETE FROM event WHERE campaign = ?", (campaign,))
-    # Before the cells they have, for each of which SQLite looks for runs.
+    # Runs before cells: SQLite looks for runs of each removed cell.
     db.execute("DELETE FROM run WHERE campaign = ?", (campaign,))
     db.execute("DELETE FROM campaign WHERE id = ?", (campaign,))
 
 
 def _shorten_file(db: sqlite3.Connection) -> None:
-    """Shorten the file by all that is free in it."""
+    """Shorten the file by its free pages."""
     (free,) = db.execute("PRAGMA freelist_count").fetchone()
     for _ in range(free):
-        # However many pages it is told, Python's SQLite gives back one each time.
+        # Python's SQLite frees one page each time, whatever number it gets.
         db.execute("PRAGMA incremental_vacuum(1)")
 
 
 def _remove_files(paths: StatePaths, campaign: str) -> None:
-    """Remove the traces of a campaign that is gone."""
+    """Remove the traces of a deleted campaign."""
     folder = paths.traces / campaign
     for trace in folder.glob("*.mcap"):
         trace.unlink(missing_ok=True)
-    with suppress(OSError):  # something else lies in it, or it is gone
+    with suppress(OSError):  # it has other files, or is gone
         folder.rmdir()
 
 
 def _hand_over(db: sqlite3.Connection, paths: StatePaths, campaign: str) -> None:
-    """Let runs elsewhere that took results of a campaign have their traces.
+    """Give the traces of a campaign to runs elsewhere that reuse its results.
 
-    The first that took the result of a run gets its trace, and all others are led to that one.
+    The first user of a result gets its trace; all others refer to the first.
     """
     users = db.execute(
         "SELECT source.id, source.trace_name, run.id, run.trace_name FROM run"
@@ -358,7 +354,7 @@ def _move_trace(paths: StatePaths, old: str, new: str) -> None:
     if target.exists() or not source.exists():
         return
     target.parent.mkdir(parents=True, exist_ok=True)
-    # Linked, not moved: should this never be committed, it lies where it was as well.
+    # Link it, since the transaction may still fail: the original must stay.
     try:
         os.link(source, target)
     except OSError:

@@ -6,22 +6,21 @@
     queued, running ──cancel──▶ cancelled          lost, cancelled, done ──retry──▶ queued
     queued, running, lost ──complete, under whatever lease──▶ done
 
-A lease belongs to the work that is done under it, not to a connection. One that is not renewed in
-time lapses: the run is queued for others, and nobody is to blame. Who held it may still be at work,
-cut off, and comes back with a renewal: if the run still waits it goes on under its old lease; if
-another has it by then, both go on. A strike is what the worker itself reports: the process of the
-run died or hung.
+A lease belongs to the work under it, not to a connection. A lease that is not renewed in time
+lapses: the run is queued for others, without blame. Its holder may still be at work without a
+connection, and come back with a renewal. If the run still waits, it goes on under the old lease; if
+another worker has it by then, both go on. A strike is reported by the worker itself: the process of
+the run died or hung.
 
-Execution is at least once, the result is exactly one: the first one wins, also a late one from
-a lease that lapsed. Runs are deterministic, so a second result that differs raises an alarm; for
-systems under test that are not repeatable it is as good as the first one, and not needed.
+Execution is at least once, the result is exactly one: the first one wins, even a late one from
+a lapsed lease. Runs are deterministic, so a second, different result raises an alarm; for systems
+under test that are not repeatable it is valid, but redundant.
 
-Whoever retries a run that is done wants another execution than those under way or on their way:
-leases granted before are outdated. They hold nothing and settle nothing, and where the old result
-was forgotten, so that the next one takes its place, theirs does not. Retried runs that were lost or
-cancelled had no result: theirs are as good as any.
+The retry of a done run asks for a new execution: leases granted before are outdated. They hold
+and settle nothing, and their results do not replace a removed one. Retried runs that were lost or
+cancelled had no result: results under their old leases count.
 
-Tokens are taken for what they are said to be: whoever calls has looked up that they were granted.
+Callers must check that tokens were granted.
 """
 
 from __future__ import annotations
@@ -34,23 +33,23 @@ from daemon.model.run_state import RunState
 from daemon.model.status import NONDETERMINISTIC
 
 MOST_LAPSES: Final = 20
-"""Leases of one run that lapse one after the other before it is taken for the cause.
+"""Lapses of one run in a row after which the run counts as their cause.
 
-A run that brings down its machine never gets a strike: nobody is left to report it. Cables that are
-pulled twenty times, each time before a worker came back, are less likely.
+A run that brings down its machine never gets a strike, since no worker is left to report it. Twenty
+lost connections in a row are less likely.
 """
 
 
 @dataclass(frozen=True, slots=True)
 class ExecutionState:
-    """What the ledger knows about a run's execution.
+    """State of a run's execution in the ledger.
 
     ``attempt`` counts leases, ``strikes`` those that ended badly, ``lapses`` those that lapsed in a
-    row. ``token`` is that of the lease it is running under, ``granted`` that of the latest one,
-    also when that is over; those up to ``outdated`` are of before a retry. ``result`` is the digest
-    of the recorded result, empty while there is none. ``repeatable`` never changes: whether the
-    same run gives the same result again. ``nondeterministic`` is one that did not, although it is
-    repeatable; ``reason`` says how, and both are forgotten together.
+    row. ``token`` is that of the current lease, ``granted`` that of the latest one, current or not;
+    tokens up to ``outdated`` are from before a retry. ``result`` is the digest of the recorded
+    result, or empty. ``repeatable`` never changes: equal runs must give equal results.
+    ``nondeterministic``: this one did not, although it is repeatable; ``reason`` has the
+    difference, and both are reset together.
     """
 
     state: RunState = RunState.QUEUED
@@ -77,7 +76,7 @@ class Leased:
 
 @dataclass(frozen=True, slots=True)
 class Renewed:
-    """The ``worker`` is still at it under ``token``, its own lease or one it has taken over."""
+    """The ``worker`` still executes it under ``token``, its own lease or one it has taken over."""
 
     worker: str
     token: int
@@ -87,7 +86,7 @@ class Renewed:
 class Completed:
     """A result with this digest arrived, executed under ``token``; ``worker`` brought it.
 
-    It is not ``comparable`` with the recorded one when the wall clock ended one of them: such a run
+    It is not ``comparable`` with the recorded one if the wall clock ended one of them: such a run
     differs every time.
     """
 
@@ -101,7 +100,7 @@ class Completed:
 class Released:
     """The lease ``token`` ended without a result; ``blame`` makes it a strike.
 
-    With ``died`` its worker died: as bad as one that fell silent.
+    With ``died`` its worker died, which counts as a lapse.
     """
 
     token: int
@@ -112,19 +111,19 @@ class Released:
 
 @dataclass(frozen=True, slots=True)
 class Lapsed:
-    """The lease ``token`` was not renewed in time; nobody knows what became of the work."""
+    """The lease ``token`` was not renewed in time; the state of the work is unknown."""
 
     token: int
 
 
 @dataclass(frozen=True, slots=True)
 class Cancelled:
-    """Somebody does not want the run any more."""
+    """A person has cancelled the run."""
 
 
 @dataclass(frozen=True, slots=True)
 class Retried:
-    """Somebody wants the run executed again; ``stopped`` is one that the wall clock ended."""
+    """A person asks for a new execution; ``stopped``: the wall clock ended the run."""
 
     stopped: bool = False
 
@@ -134,7 +133,7 @@ RunEvent: TypeAlias = Leased | Renewed | Completed | Released | Lapsed | Cancell
 
 @dataclass(frozen=True, slots=True)
 class RunTransition:
-    """The record afterwards and the answer to whoever caused it; ``record`` keeps the result."""
+    """The new state and the answer to the sender; with ``record`` the result is stored."""
 
     run: ExecutionState
     answer: LedgerAnswer
@@ -142,7 +141,7 @@ class RunTransition:
 
 
 def advance(run: ExecutionState, event: RunEvent, *, attempts: int) -> RunTransition:
-    """Return what ``event`` makes of ``run``; a run is lost after ``attempts`` strikes."""
+    """Return the effect of ``event`` on ``run``; a run is lost after ``attempts`` strikes."""
     match event:
         case Leased():
             return _lease(run, event)
@@ -182,7 +181,7 @@ def _at_rest(run: ExecutionState, state: RunState, reason: str) -> ExecutionStat
 def _lease(run: ExecutionState, event: Leased) -> RunTransition:
     if run.state is not RunState.QUEUED:
         return RunTransition(run, LedgerAnswer.STALE)
-    taken = replace(
+    running = replace(
         run,
         state=RunState.RUNNING,
         attempt=run.attempt + 1,
@@ -190,17 +189,17 @@ def _lease(run: ExecutionState, event: Leased) -> RunTransition:
         token=event.token,
         granted=event.token,
     )
-    return RunTransition(taken, LedgerAnswer.DONE)
+    return RunTransition(running, LedgerAnswer.DONE)
 
 
 def _renew(run: ExecutionState, event: Renewed) -> RunTransition:
-    """Answer a renewal: done means that the work is still wanted, whoever else is at it too."""
+    """Answer a renewal: done means that the work goes on, even if another worker has the run."""
     if run.state in (RunState.DONE, RunState.CANCELLED) or event.token <= run.outdated:
         return RunTransition(run, LedgerAnswer.STALE)
     if _holds(run, event.token):
         return RunTransition(replace(run, worker=event.worker), LedgerAnswer.DONE)
     if run.state is not RunState.QUEUED:
-        # Another has it, or it is lost: work that is well is not stopped, its result may be first.
+        # Another worker has it, or it is lost: the work goes on, since its result may be first.
         return RunTransition(run, LedgerAnswer.DONE)
     back = replace(
         run,
@@ -218,11 +217,11 @@ def _complete(run: ExecutionState, event: Completed) -> RunTransition:
     token, digest = event.token, event.digest
     if run.state is RunState.CANCELLED:
         return RunTransition(run, LedgerAnswer.DROPPED)
-    # Whatever lease it comes from: work that is done is not thrown away because it came late.
+    # Under any lease: late results count too.
     if not run.result:
         if token <= run.outdated:
             return RunTransition(run, LedgerAnswer.REDUNDANT)
-        # Whose result it is, which may be another one than who has the lease.
+        # The worker that brought the result may differ from the holder of the lease.
         worker = event.worker or run.worker
         done = replace(_at_rest(run, RunState.DONE, ""), result=digest, worker=worker, lapses=0)
         return RunTransition(done, LedgerAnswer.RECORDED, record=True)
@@ -230,20 +229,20 @@ def _complete(run: ExecutionState, event: Completed) -> RunTransition:
         return RunTransition(_settled(run, token), LedgerAnswer.KNOWN)
     if not (run.repeatable and event.comparable):
         return RunTransition(_settled(run, token), LedgerAnswer.REDUNDANT)
-    told = f"another attempt gave {digest[:12]}, recorded is {run.result[:12]}"
-    differing = replace(run, reason=f"{NONDETERMINISTIC}: {told}", nondeterministic=True)
+    words = f"another attempt gave {digest[:12]}, recorded is {run.result[:12]}"
+    differing = replace(run, reason=f"{NONDETERMINISTIC}: {words}", nondeterministic=True)
     return RunTransition(_settled(differing, token), LedgerAnswer.DIFFERS)
 
 
 def _settled(run: ExecutionState, token: int) -> ExecutionState:
-    """A result was there before: only what was executed since ends the repetition under way."""
+    """End a repetition of a run with a result, unless ``token`` is from before the retry."""
     if token > run.outdated and run.state in (RunState.QUEUED, RunState.RUNNING):
         return replace(run, state=RunState.DONE, token=0, lapses=0)
     return run
 
 
 def _give_back(run: ExecutionState, reason: str, blame: bool, attempts: int) -> ExecutionState:
-    # Leases, not strikes, would count a worker's shutdown or a full disk against the run.
+    # Count strikes, not leases: a worker's shutdown or a full disk is not the run's fault.
     strikes = run.strikes + blame
     if strikes < attempts:
         state = RunState.QUEUED
@@ -258,8 +257,8 @@ def _lapse(run: ExecutionState, reason: str) -> ExecutionState:
         resting = _at_rest(run, RunState.QUEUED, reason)
     else:
         state = RunState.DONE if run.result else RunState.LOST
-        told = f"{lapses} workers in a row died with it or fell silent: it may bring down machines"
-        resting = _at_rest(run, state, told)
+        words = f"{lapses} workers in a row died with it or fell silent: it may bring down machines"
+        resting = _at_rest(run, state, words)
     return replace(resting, lapses=lapses)
 
 
@@ -267,6 +266,6 @@ def _retry(run: ExecutionState, stopped: bool) -> ExecutionState:
     again = replace(_at_rest(run, RunState.QUEUED, ""), strikes=0, lapses=0)
     if run.state is not RunState.DONE:
         return again
-    # What comes is another result, not the same again: it takes the place of the first.
+    # The next result may differ, and then replaces the first.
     result = run.result if run.repeatable and not stopped else ""
     return replace(again, result=result, outdated=run.granted)

@@ -76,11 +76,11 @@ class Housekeeping(threading.Thread):
         if self.limit and self.used > self.limit:
             policy = RetentionPolicy(size=int(_LEAST * self.limit))
             swept = sweep_traces(self._paths, policy, time.time())
-            self.used = swept.kept
-            if swept.gone:
-                campaigns = list(dict.fromkeys(trace.campaign for trace in swept.gone))
+            self.used = swept.rest
+            if swept.traces:
+                campaigns = list(dict.fromkeys(trace.campaign for trace in swept.traces))
                 self._log.write(
-                    "traces removed", bytes=swept.freed, traces=len(swept.gone), of=campaigns[:20]
+                    "traces removed", bytes=swept.freed, traces=len(swept.traces), of=campaigns[:20]
                 )
         before, self.trouble = self.trouble, self._trouble_text()
         if bool(before) != bool(self.trouble):

@@ -88,7 +88,7 @@ class Uploads:
         # would make an upload quadratic.
         there = self._paths.trace(expected.name)
         is_there = not request.data and matches_digest(there, request.size, request.sha256)
-        if is_there or not expected.wanted:
+        if is_there or not expected.is_needed:
             return None, expected.worker
         whole = self._paths.uploaded_trace(lease.run, lease.token, request.sha256)
         return whole, expected.worker

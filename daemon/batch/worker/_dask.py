@@ -20,7 +20,7 @@ from distributed import Client, Future, KilledWorker
 from distributed.security import Security
 
 from daemon.batch.errors import WorkerBroken
-from daemon.batch.run_process import FILES, RESULT, TRACE, Wanted
+from daemon.batch.run_process import FILES, RESULT, TRACE, WatchDetail
 from daemon.batch.worker._attempts import Attempt, AttemptEnd, Waitable
 from daemon.batch.worker._dask_task import execute_run
 from daemon.batch.worker._wakeups import WakeupSocket
@@ -82,7 +82,7 @@ class DaskExecution:
     def listen(self) -> None:
         """Nothing: the end comes by itself."""
 
-    def watch(self, _: frozenset[Wanted]) -> None:
+    def watch(self, _: frozenset[WatchDetail]) -> None:
         """Nothing: what a run in a cluster does is not seen from here."""
 
     def kill(self, why: str = "") -> None:

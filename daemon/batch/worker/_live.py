@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final, TypeAlias
 
 import zenoh
 
-from daemon.batch.run_process import Wanted
+from daemon.batch.run_process import WatchDetail
 from daemon.model.messages import JUDGED, LIVE, MOST_PROGRESS, RunProgress
 from daemon.model.status import LiveSnapshot
 from grammars.text import codec
@@ -58,9 +58,9 @@ class _WatchedRun:
     """One run under way: its own publishers, and what is wanted of it as far as it knows."""
 
     execution: Execution
-    publishers: dict[Wanted, zenoh.Publisher]
+    publishers: dict[WatchDetail, zenoh.Publisher]
     budget: LineBudget = field(default_factory=LineBudget)
-    wanted: frozenset[Wanted] = frozenset()
+    wanted: frozenset[WatchDetail] = frozenset()
     published_at: float = 0.0
     began_at: float = field(default_factory=time.monotonic)
     latest: bytes = b""
@@ -94,19 +94,23 @@ class LivePublisher:
         watch = self._watch(execution)
         now = time.monotonic()
         # Rather snapshots are left out than a judgement, of which there is one a second.
-        if judged and Wanted.JUDGEMENT in watch.wanted and watch.budget.allows(now, LINE_RATE / 2):
+        if (
+            judged
+            and WatchDetail.JUDGEMENT in watch.wanted
+            and watch.budget.allows(now, LINE_RATE / 2)
+        ):
             watch.budget.spend(len(judged))
-            watch.publishers[Wanted.JUDGEMENT].put(judged)
+            watch.publishers[WatchDetail.JUDGEMENT].put(judged)
         if not live:
             return
         watch.latest = live
-        if Wanted.DETAILS in watch.wanted and watch.budget.allows(now):
+        if WatchDetail.DETAILS in watch.wanted and watch.budget.allows(now):
             watch.budget.spend(len(live))
-            watch.publishers[Wanted.DETAILS].put(live)
-        due = now - watch.published_at >= _LIVE_PERIOD and Wanted.MARGIN in watch.wanted
+            watch.publishers[WatchDetail.DETAILS].put(live)
+        due = now - watch.published_at >= _LIVE_PERIOD and WatchDetail.MARGIN in watch.wanted
         if due and watch.budget.allows(now):
             watch.published_at = now
-            bare = _without_details(live) if Wanted.DETAILS in watch.wanted else live
+            bare = _without_details(live) if WatchDetail.DETAILS in watch.wanted else live
             watch.budget.spend(len(bare))
             self._all.put(bare)
 
@@ -116,10 +120,10 @@ class LivePublisher:
         if watch is None or watch.execution is not execution:
             self.forget(run)
             key = f"{LIVE}/{self.name}/{self.worker}/{run}"
-            keys = {Wanted.DETAILS: key, Wanted.JUDGEMENT: f"{key}/{JUDGED}"}
+            keys = {WatchDetail.DETAILS: key, WatchDetail.JUDGEMENT: f"{key}/{JUDGED}"}
             publishers = {what: self._publisher(key) for what, key in keys.items()}
             watch = self._runs[run] = _WatchedRun(execution, publishers)
-        listened = {Wanted.MARGIN: self._all, **watch.publishers}
+        listened = {WatchDetail.MARGIN: self._all, **watch.publishers}
         wanted = frozenset(what for what, where in listened.items() if _has_subscribers(where))
         if wanted != watch.wanted:
             watch.wanted = wanted

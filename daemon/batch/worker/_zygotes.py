@@ -210,7 +210,7 @@ class ForkedExecution:
             sut_missing=self._failure == run_process.SUT_MISSING,
         )
 
-    def watch(self, wanted: frozenset[run_process.Wanted]) -> None:
+    def watch(self, wanted: frozenset[run_process.WatchDetail]) -> None:
         """Tell the run what those who watch it want; a run that is over does not hear it."""
         with suppress(OSError):
             self.wire.send(run_process.WATCH + " ".join(wanted).encode())

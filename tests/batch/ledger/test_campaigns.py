@@ -39,7 +39,7 @@ def test_a_result_of_another_specification_or_of_too_many_bytes_is_refused(ledge
     one, other = ledger.lease()
     with pytest.raises(Refused, match="specification differs"):
         ledger.complete(one, make_result(other.spec))
-    with pytest.raises(Refused, match=f"at most {LARGEST_RESULT} are kept"):
+    with pytest.raises(Refused, match=f"the limit is {LARGEST_RESULT}"):
         ledger.complete(one, padded(make_result(one.spec), LARGEST_RESULT))
     assert ledger.reader.run(one.run).row.result is None
 

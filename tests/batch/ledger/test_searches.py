@@ -75,7 +75,7 @@ def test_runs_are_added_by_position_and_only_once(searches):
 def test_runs_are_those_of_their_proposals(searches):
     good = make_extension("s", 0, 2)
     wrong = replace(good.proposals[0], values=(1.0, 2.0))
-    with pytest.raises(Refused, match="s has 1 parameters, its runs others"):
+    with pytest.raises(Refused, match="the runs do not have the 1 parameters of s"):
         add(searches, replace(good, proposals=(wrong, good.proposals[1])))
     extend(searches, 0)
     again = replace(good.proposals[0], position=1)
@@ -174,7 +174,7 @@ def test_results_are_used_again_among_searches_only(searches):
 
 
 def test_an_id_of_another_campaign_is_refused(searches):
-    with pytest.raises(Refused, match="s was asked for otherwise"):
+    with pytest.raises(Refused, match="s has other options"):
         searches.search("s", runs=7)
     searches.submit("plain", *PLAIN)
     with pytest.raises(Refused, match="taken by another campaign"):
@@ -186,7 +186,7 @@ def test_an_id_of_another_campaign_is_refused(searches):
 def test_a_search_is_deleted_with_all_that_it_has(searches):
     extend(searches, 0, 2)
     work(searches)
-    with pytest.raises(Refused, match="is a search that goes on: cancel it first"):
+    with pytest.raises(Refused, match="is an unfinished search: cancel it first"):
         searches.book.delete(("s",), NOW)
     searches.book.cancel("s", NOW)
     with searches.book.transaction():

@@ -27,8 +27,8 @@ def sweep(store, now=100.0, dry=False, **policy):
 
 def test_the_newest_campaigns_keep_their_traces(store):
     swept = sweep(store, newest=1)
-    assert [trace.campaign for trace in swept.gone] == ["a"] * 3 + ["b"] * 3
-    assert (swept.freed, swept.kept) == (6 * SIZE, 3 * SIZE)
+    assert [trace.campaign for trace in swept.traces] == ["a"] * 3 + ["b"] * 3
+    assert (swept.freed, swept.rest) == (6 * SIZE, 3 * SIZE)
     assert store.traces() == {"c": 3}
     assert sweep(store, newest=1) == SweepResult((), 3 * SIZE)
 
@@ -44,7 +44,7 @@ def test_the_newest_campaigns_keep_their_traces(store):
 )
 def test_traces_go_by_age_and_size_and_none_in_a_dry_run(store, policy, gone, left):
     swept = sweep(store, **policy)
-    assert (len(swept.gone), swept.freed, swept.kept) == (gone, gone * SIZE, (9 - gone) * SIZE)
+    assert (len(swept.traces), swept.freed, swept.rest) == (gone, gone * SIZE, (9 - gone) * SIZE)
     assert store.traces() == left
 
 
@@ -71,7 +71,7 @@ def test_a_campaign_that_starts_again_meanwhile_keeps_its_traces(store, monkeypa
     monkeypatch.setattr(RetentionPolicy, "choose", choose_slowly)
     swept = sweep(store, newest=0)
     assert store.traces() == {"b": 3}
-    assert (len(swept.gone), swept.kept) == (6, 3 * SIZE)
+    assert (len(swept.traces), swept.rest) == (6, 3 * SIZE)
 
 
 def test_what_is_no_ledger_of_this_version_is_left_alone(tmp_path):
@@ -82,7 +82,7 @@ def test_what_is_no_ledger_of_this_version_is_left_alone(tmp_path):
         sqlite3.connect(ledger).executescript("PRAGMA user_version = 99").close()
 
     for spoil, words in (
-        (lambda: None, "nothing was ever run there"),
+        (lambda: None, "no daemon has run there yet"),
         (lambda: ledger.write_bytes(b"no database at all" * 100), "cannot be used"),
         (other_version, "schema 99"),
     ):

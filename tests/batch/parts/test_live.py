@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from daemon.batch import bus
-from daemon.batch.run_process import Wanted
+from daemon.batch.run_process import WatchDetail
 from daemon.batch.worker import _live
 from daemon.batch.worker._live import LINE_RATE, LivePublisher
 from daemon.model.live_judgement import LiveJudgement, LogLine, pack_judgement
@@ -98,7 +98,7 @@ def test_who_watches_a_run_is_sent_no_more_than_the_line_takes(shared, client, c
 
         subscriber = line.declare_subscriber(f"{LIVE}/**", weigh)
         publisher = LivePublisher(session, "worker-1", OWNER)
-        publish_until(publisher, told, Wanted.DETAILS, Wanted.JUDGEMENT)
+        publish_until(publisher, told, WatchDetail.DETAILS, WatchDetail.JUDGEMENT)
         key = f"{LIVE}/owner/worker-1/{RUN}"
         before = len(sizes.get(key, ()))
         publish_seconds(publisher, told, clock, seconds)
@@ -122,7 +122,7 @@ def test_what_a_run_says_that_is_no_snapshot_does_not_stop_its_worker(shared, cl
         client.watch(RUN, lambda _: None),
     ):
         publisher = LivePublisher(session, "worker-1", OWNER)
-        publish_until(publisher, told, Wanted.DETAILS, Wanted.MARGIN)
+        publish_until(publisher, told, WatchDetail.DETAILS, WatchDetail.MARGIN)
         clock.time += 1.0
         told.live = b"no snapshot"
         publisher.publish(told)
