@@ -35,7 +35,13 @@ from daemon.batch.paths import (
     is_local,
     socket_path,
 )
-from daemon.batch.security import Credentials, DaemonCredentials, access_control, denial_text
+from daemon.batch.security import (
+    Credentials,
+    DaemonCredentials,
+    access_control,
+    denial_text,
+    handshake_problem,
+)
 from daemon.model.messages import (
     ASK,
     LARGEST_SUBMISSION,
@@ -107,12 +113,8 @@ def open_client(endpoint: str, credentials: Credentials | None = None) -> zenoh.
 
 def unreachable_error(endpoint: str, credentials: Credentials | None = None) -> Unreachable:
     """Return the error for an endpoint without an answer, with the reason and the remedy."""
-    if credentials is not None:
-        from daemon.batch.security.handshake import handshake_problem
-
-        words = handshake_problem(endpoint, credentials)
-        if words:
-            return Unreachable(f"{endpoint}: {words}")
+    if credentials is not None and (words := handshake_problem(endpoint, credentials)):
+        return Unreachable(f"{endpoint}: {words}")
     return Unreachable(
         f"no daemon answers at {endpoint_text(endpoint)}: start one with `scenario daemon`, "
         "or name another with --connect or SCENARIO_CONNECT"

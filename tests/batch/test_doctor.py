@@ -126,7 +126,7 @@ def test_scenes_files_and_traces_are_held_against_what_was_recorded(places):
     scene.write_bytes(scene.read_bytes()[:-2])
     assert "scenes differ" in words_of(places)
     scene.unlink()
-    assert "1 scenes or files of runs that wait are gone" in words_of(places)
+    assert "1 scenes or files of waiting runs are missing" in words_of(places)
 
 
 def _mutate(data, chance):
@@ -249,7 +249,7 @@ def test_a_daemon_that_does_not_answer_is_told_apart_from_one_that_is_gone(place
     ("cause", "remedy"),
     [
         (TroubleCause.SPACE, "scenario gc"),
-        (TroubleCause.WORKER, "see to its machine"),
+        (TroubleCause.WORKER, "check its machine"),
         (TroubleCause.INPUT, "scenario submit"),
         (TroubleCause.OTHER, "worker.log"),
     ],

@@ -159,7 +159,7 @@ def test_keys_are_private_and_never_overwritten(keys):
 
 @pytest.mark.parametrize("name", ["../x", "A", "a.b", "x" * 41, "a b", "-a", "a\n"])
 def test_the_name_of_a_key_must_be_one(keys, name):
-    with pytest.raises(KeysUnusable, match="is no name of a key"):
+    with pytest.raises(KeysUnusable, match="is not a valid name of a key"):
         issue_key(keys, Role.VIEWER, name, (), NOW)
 
 
@@ -178,7 +178,7 @@ def test_damaged_keys_are_said_and_those_others_can_read_are_not_used(keys, tmp_
         find_credentials(Role.VIEWER, mine / "viewer")
     (mine / "viewer" / "key.pem").chmod(0o600)
     (mine / "viewer" / "cert.pem").write_text("nonsense")
-    with pytest.raises(KeysUnusable, match="is none of ours"):
+    with pytest.raises(KeysUnusable, match="is not one of our certificates"):
         find_credentials(Role.VIEWER, mine)
     (mine / "register.json").write_text("{")
     with pytest.raises(KeysUnusable, match=r"register.json is damaged"):
@@ -195,7 +195,7 @@ def test_a_bundle_unpacks_into_a_key_and_is_never_overwritten(keys, tmp_path):
     for refused in ("worker.unknown", "viewer.anna", "../worker"):
         with pytest.raises(KeysUnusable, match="there is no key"):
             pack_key(keys, refused, tmp_path / "other.tar")
-    with pytest.raises(KeysUnusable, match="is there already"):
+    with pytest.raises(KeysUnusable, match="exists already"):
         pack_key(keys, "worker", archive)
     there = unpacked(keys, "daemon", tmp_path)
     assert find_daemon_credentials(there).credentials.role is Role.DAEMON
@@ -243,7 +243,7 @@ def test_without_keys_there_is_nobody_but_the_owner(log):
     revoked = RevokedKeys(log)
     assert revoked.problem("owner") is None
     for name in ("worker", "*", "", "x" * 1000):
-        assert str(revoked.problem(name)).startswith("this daemon knows no key")
+        assert str(revoked.problem(name)).startswith("this daemon does not know the key")
 
 
 # --- text

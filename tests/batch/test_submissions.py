@@ -33,8 +33,8 @@ def test_a_bad_submission_is_refused_as_a_whole_with_all_reasons(places):
     endless = replace(make_spec(2), limit=-1.0)
     foreign = replace(make_spec(3), engine="0")
     words = refusal(submission_of("c", make_spec(), make_spec(), orphan, endless, foreign), places)
-    assert "S1/pilot/0 is there twice" in words
-    assert "S1/pilot: its scene 000000000000 is neither here nor sent along" in words
+    assert "S1/pilot/0 occurs twice" in words
+    assert "S1/pilot: its scene 000000000000 is neither here nor in the submission" in words
     assert "S1/pilot: the limit must be" in words
     assert "S1/pilot: made for engine 0" in words
 
@@ -42,7 +42,7 @@ def test_a_bad_submission_is_refused_as_a_whole_with_all_reasons(places):
 def test_all_that_is_wrong_is_said_up_to_ten_times(places):
     twice = submission_of("c", *[make_spec(i % 20) for i in range(40)])
     first, *_, last = refusal(twice, places).splitlines()
-    assert first.startswith("S1/pilot/0 is there twice")
+    assert first.startswith("S1/pilot/0 occurs twice")
     assert last == "and 10 more"
 
 
@@ -83,14 +83,14 @@ def test_a_scenario_needs_a_name_that_a_file_can_have(places):
 def test_repeats_in_reserve_are_held_to_the_same_rules(places):
     runs = [make_spec(repeat) for repeat in range(4)]
     words = refusal(submission_of("c", *runs[:2], reserve=runs[1:3]), places)
-    assert "S1/pilot/1 is there twice" in words
+    assert "S1/pilot/1 occurs twice" in words
     admit_submission(submission_of("c", *runs[:2], reserve=runs[2:]), places)
 
 
 def test_a_submission_without_its_files_is_refused(places):
     lacking = SutReference("m", "mine", {}, {"model": DIGEST})
     submission = submission_of("c", replace(make_spec(), sut=lacking))
-    assert 'the file "model" of m was not sent along' in refusal(submission, places)
+    assert 'the file "model" of m was not sent' in refusal(submission, places)
     (places.files / DIGEST).touch()
     admit_submission(submission, places)
 
@@ -98,7 +98,7 @@ def test_a_submission_without_its_files_is_refused(places):
 def test_a_submission_without_its_map_is_refused(places):
     spec = make_spec()
     spec = replace(spec, map=replace(spec.map, file="b" * 64))
-    assert "S1/pilot: its map bbbbbbbbbbbb was not sent along" in refusal(
+    assert "S1/pilot: its map bbbbbbbbbbbb was not sent" in refusal(
         submission_of("c", spec), places
     )
 
@@ -167,7 +167,7 @@ def test_runs_that_are_not_what_was_proposed_are_refused(places):
     strange = (CellRun(9, 0, 0, 0),) * 2
     for wrong, words in (
         (replace(good, proposals=good.proposals[:1]), "2 runs for 1 proposals"),
-        (replace(good, proposals=later), "proposals follow one after the other, not at 30"),
+        (replace(good, proposals=later), "the position 30 of a proposal does not follow"),
         (replace(good, runs=replace(good.runs, runs=noisy)), "repeat 1 was proposed as repeat 0"),
         (replace(good, runs=replace(good.runs, runs=strange)), "a cell or a script that is not"),
     ):

@@ -11,9 +11,8 @@ import pytest
 from daemon.batch.errors import Refused, Unavailable
 from daemon.batch.paths import StatePaths
 from daemon.batch.server import _uploads
-from daemon.batch.server._inputs import InputStore
 from daemon.batch.server._runtime import EventLog
-from daemon.batch.server._uploads import Uploads
+from daemon.batch.server._uploads import InputStore, Uploads
 from daemon.model.messages import (
     Completion,
     LeaseRef,
@@ -158,7 +157,7 @@ def test_a_part_that_does_not_continue_changes_nothing(site):
 
 
 def test_a_whole_that_is_another_one_begins_again(site):
-    with pytest.raises(Refused, match="more bytes than the 1000 announced"):
+    with pytest.raises(Refused, match="more bytes than the announced 1000"):
         site.take(0, TRACE + b"!")
     assert site.take(0, TRACE[:-1] + b"!") == 0
     assert site.incoming() == []
@@ -292,7 +291,7 @@ def leave_busy(site):
 @pytest.mark.parametrize("two", ["_MOST_OF_ONE"], indirect=True)
 def test_who_has_too_many_uploads_waits_and_keeps_nobody_else(two):
     leave_busy(two)
-    with pytest.raises(Unavailable, match="2 files are on their way already"):
+    with pytest.raises(Unavailable, match="2 uploads are in progress"):
         two.intake.put(two.reader, other_file(3))
     assert two.take(0, TRACE[:400]) == 400
     assert two.intake.put(two.reader, other_file(2, offset=5, data=b"on")).count == 7
@@ -301,7 +300,7 @@ def test_who_has_too_many_uploads_waits_and_keeps_nobody_else(two):
 @pytest.mark.parametrize("two", ["_MOST_UPLOADS"], indirect=True)
 def test_uploads_are_bounded_in_number(two):
     leave_busy(two)
-    with pytest.raises(Unavailable, match="2 files are on their way already"):
+    with pytest.raises(Unavailable, match="2 uploads are in progress"):
         two.take(0, TRACE)
 
 

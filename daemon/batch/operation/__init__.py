@@ -1,4 +1,4 @@
-"""Keeping a daemon going: what is wrong with it, and its systemd units."""
+"""Operation of a daemon: the examination of its state, and its systemd units."""
 
 from daemon.batch.operation._doctor import check_keys, examine
 from daemon.batch.operation._findings import DoctorFinding, Examination, FindingLevel, guarded

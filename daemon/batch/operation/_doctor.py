@@ -1,4 +1,4 @@
-"""The examination: what is configured, what answers, what is wrong; nothing is changed."""
+"""The examination of the configuration, the state and the daemon; it changes nothing."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ from daemon.model.status import DaemonOverview, DiskUsage, TroubleCause, WorkerR
 from daemon.model.verbs import Role
 
 _PACKAGES: Final = ("eclipse-zenoh", "numpy", "numba", "pymunk", "pydantic", "mcap", "textual")
-# Seconds. Leases are measured by the daemon's clock alone; this is about times people compare.
+# Seconds. Leases use the daemon's clock alone; this is for times that people compare.
 _SKEW: Final = 2.0
 _ROOMY: Final = 2 * 2**30
 _FREE_SOME: Final = "free some: `scenario gc --max-size 10GiB --dry-run`"
@@ -54,7 +54,7 @@ _EXPIRES_SOON: Final = 30 * 86_400.0
 _RENEWAL: Final = "`scenario keys issue {role} NAME` makes another, `scenario keys bundle` packs it"
 _STRAYS_GO: Final = "`scenario gc` removes them, as a daemon does hourly"
 _OLDEST_NOW: Final = 1_735_689_600.0
-"""2025-01-01: a clock before that was never set."""
+"""2025-01-01: an earlier clock was never set."""
 
 
 def examine(
@@ -65,10 +65,10 @@ def examine(
     traces: bool = False,
     progress: VerificationProgress = lambda *_: None,
 ) -> tuple[DoctorFinding, ...]:
-    """Return all findings, for the state directory and the endpoint.
+    """Return all findings about the state directory and the endpoint.
 
-    A ``quick`` look is one at the newest results only; with ``traces`` all of those are read.
-    Never fails: what cannot be examined is a finding.
+    ``quick`` covers only the newest results; ``traces`` reads all traces. Never fails: a failing
+    check is a finding.
     """
     now = time.time()
     checks: dict[str, Callable[[], Iterable[DoctorFinding]]] = {
@@ -83,11 +83,11 @@ def examine(
         "daemon": lambda: _daemon(paths, endpoint) if is_endpoint(endpoint.address) else (),
         "leftovers": lambda: check_leftovers(paths, now),
     }
-    return tuple(found for subject, check in checks.items() for found in guarded(subject, check))
+    return tuple(one for subject, check in checks.items() for one in guarded(subject, check))
 
 
 def _slots() -> Iterator[DoctorFinding]:
-    words = f"{available_cores()} cores may be used: one run each unless --slots says otherwise"
+    words = f"{available_cores()} cores may be used, one run each by default: --slots changes it"
     yield ok("slots", words)
 
 
@@ -101,20 +101,20 @@ def _kernels() -> Iterator[DoctorFinding]:
     from daemon.model.kernels import cache_folder, count_kernels
 
     if count := count_kernels():
-        yield ok("kernels", f"{count} compiled ones are kept in {cache_folder()}")
+        yield ok("kernels", f"{count} compiled kernels in {cache_folder()}")
     else:
-        yield warning("kernels", "none is compiled yet", "the first runs take longer, once")
+        yield warning("kernels", "not compiled yet", "the first runs take longer, once")
 
 
 def _state(paths: StatePaths) -> Iterator[DoctorFinding]:
     state = paths.state
     if not state.exists():
-        yield ok("state", f"{state} is not there yet: the first daemon makes it")
+        yield ok("state", f"{state} does not exist yet: the first daemon creates it")
         return
     if not state.is_dir() or not os.access(state, os.R_OK | os.W_OK | os.X_OK):
         yield problem(
             "state",
-            f"{state} is no directory you can write",
+            f"{state} is not a writable directory",
             "choose another with --state, or change its owner",
         )
         return
@@ -131,21 +131,21 @@ def _state(paths: StatePaths) -> Iterator[DoctorFinding]:
 
 
 def _permissions(paths: StatePaths) -> Iterator[DoctorFinding]:
-    found, remedy = find_exposure(paths.folders), f"chmod -R go-rwx {paths.state}"
+    exposure, remedy = find_exposure(paths.folders), f"chmod -R go-rwx {paths.state}"
     owner = "run the daemon as their owner, or choose another directory with --state"
-    yield from _exposed("state", found, owner, remedy)
-    if found.readable:
-        # The daemon sees to it when it starts.
-        yield warning("state", f"others can read {names(found.readable)}", remedy)
-    if not (found.foreign or found.writable or found.readable):
+    yield from _exposed("state", exposure, owner, remedy)
+    if exposure.readable:
+        # The daemon corrects this when it starts.
+        yield warning("state", f"others can read {names(exposure.readable)}", remedy)
+    if not (exposure.foreign or exposure.writable or exposure.readable):
         yield ok("state", f"{paths.state}, yours alone")
 
 
-def _exposed(subject: str, found: Exposure, owner: str, remedy: str) -> Iterator[DoctorFinding]:
-    if found.foreign:
-        yield problem(subject, f"{names(found.foreign)} belong to somebody else", owner)
-    if found.writable:
-        yield problem(subject, f"others can write {names(found.writable)}", remedy)
+def _exposed(subject: str, exposure: Exposure, owner: str, remedy: str) -> Iterator[DoctorFinding]:
+    if exposure.foreign:
+        yield problem(subject, f"{names(exposure.foreign)} belong to somebody else", owner)
+    if exposure.writable:
+        yield problem(subject, f"others can write {names(exposure.writable)}", remedy)
 
 
 def _clock(now: float) -> Iterator[DoctorFinding]:
@@ -154,17 +154,17 @@ def _clock(now: float) -> Iterator[DoctorFinding]:
 
 
 def _endpoint(endpoint: Endpoint) -> Iterator[DoctorFinding]:
-    known = is_endpoint(endpoint.address)
-    where = endpoint_text(endpoint.address) if known else endpoint.address
+    is_valid = is_endpoint(endpoint.address)
+    where = endpoint_text(endpoint.address) if is_valid else endpoint.address
     words = f"{where}, from {endpoint.origin}"
-    if not known:
+    if not is_valid:
         remedy = "write tcp/<host>:<port> or tls/<host>:<port>"
-        yield problem("endpoint", f"{words}: that is none", remedy)
+        yield problem("endpoint", f"{words}: not a valid endpoint", remedy)
     elif not (is_encrypted(endpoint.address) or is_local(endpoint.address)):
         yield warning(
             "endpoint",
             f"{words}: plain TCP to another machine",
-            "whoever is in the network may read, submit and cancel: use tls/ (`scenario keys`)",
+            "anybody in the network may read, submit and cancel: use tls/ (`scenario keys`)",
         )
     else:
         yield ok("endpoint", words)
@@ -206,17 +206,17 @@ def _silence(paths: StatePaths, endpoint: Endpoint, error: DaemonError) -> Docto
         return problem("daemon", str(error), f"start it there, or correct {endpoint.origin}")
     contact = paths.read_contact()
     if contact is None:
-        return ok("daemon", "none runs: `scenario submit` or `scenario daemon` starts one")
+        return ok("daemon", "not running: `scenario submit` or `scenario daemon` starts one")
     if is_locked(paths.lock):
         return problem(
             "daemon",
             f"process {contact.pid} keeps the directory and does not answer",
-            f"see {paths.log}; end it with kill, else kill -9 (what it recorded stays)",
+            f"see {paths.log}; end it with kill, else kill -9 (recorded results stay)",
         )
     return warning(
         "daemon",
         f"process {contact.pid} was killed and left daemon.json behind",
-        "the next daemon replaces it and goes on with what is queued",
+        "the next daemon replaces it and goes on with the queued runs",
     )
 
 
@@ -228,7 +228,7 @@ def _answering(
     if not own_daemon and endpoint.origin in ("daemon.json", "default"):
         yield problem(
             "daemon",
-            f"the one at {endpoint_text(endpoint.address)} keeps {overview.state}",
+            f"the one at {endpoint_text(endpoint.address)} uses {overview.state}",
             f"name it with --state, or start one for {paths.state}",
         )
         return
@@ -251,12 +251,12 @@ def _answering(
 
 
 def _remedy(cause: TroubleCause, paths: StatePaths) -> str:
-    """What to do about a trouble that does not say it itself."""
+    """Return the remedy for a trouble by its cause."""
     match cause:
         case TroubleCause.SPACE:
             return _FREE_SOME
         case TroubleCause.WORKER:
-            return "see to its machine; it tries again by itself, at least once a minute"
+            return "check its machine; the worker retries by itself, at least once a minute"
         case TroubleCause.INPUT:
             return f"`scenario submit` the same campaign; {paths.aside} keeps the damaged one"
         case TroubleCause.OTHER:
@@ -269,7 +269,7 @@ def _workers(workers: tuple[WorkerRow, ...], overview: DaemonOverview) -> Iterat
     elif not workers:
         yield warning(
             "workers",
-            "none is connected: nothing will be executed",
+            "none is connected: no run will be executed",
             "start one with `scenario worker`",
         )
     for worker in workers:
@@ -282,15 +282,15 @@ def _workers(workers: tuple[WorkerRow, ...], overview: DaemonOverview) -> Iterat
             silent = overview.now - worker.last_seen_at
             yield warning(
                 "workers",
-                f"{words}, away, not heard of for {silent:.0f} s",
-                "see whether its machine is well",
+                f"{words}, away, silent for {silent:.0f} s",
+                "check its machine",
             )
         else:
             yield ok("workers", f"{words}, {worker.preparing}" if worker.preparing else words)
 
 
 def check_keys(folder: Path, now: float, *, needed: bool) -> Iterator[DoctorFinding]:
-    """Look at the keys in ``folder``; that there are none is a problem only when ``needed``."""
+    """Check the keys in ``folder``; missing keys are a problem only if ``needed``."""
     if not folder.exists():
         if needed:
             yield problem("keys", f"there are none in {folder}", "get some: `scenario keys bundle`")
@@ -309,42 +309,42 @@ def check_keys(folder: Path, now: float, *, needed: bool) -> Iterator[DoctorFind
 
 
 def _exposed_keys(folder: Path) -> Iterator[DoctorFinding]:
-    """Look who else may write or read keys: whoever can put one there decides who is admitted."""
-    found, remedy = find_key_exposure(folder), f"chmod -R go-rwx {folder}, have new keys made"
+    """Check the access of others to keys: anybody who can add one decides who is admitted."""
+    exposure, remedy = find_key_exposure(folder), f"chmod -R go-rwx {folder}, have new keys made"
     owner = "have keys of your own made: `scenario keys --help`"
-    yield from _exposed("keys", found, owner, remedy)
-    if found.readable:
-        yield problem("keys", f"others can read {names(found.readable)}", remedy)
-    elif not found.writable and folder.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO):
+    yield from _exposed("keys", exposure, owner, remedy)
+    if exposure.readable:
+        yield problem("keys", f"others can read {names(exposure.readable)}", remedy)
+    elif not exposure.writable and folder.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO):
         yield warning("keys", f"others can look into {folder}", f"chmod 700 {folder}")
 
 
 def _expiry_finding(name: str, role: Role, expires_at: float, now: float) -> DoctorFinding:
     day = f"{datetime.fromtimestamp(expires_at, UTC):%Y-%m-%d}"
     if now >= expires_at:
-        return problem("keys", f'"{name}" has expired on {day}', _RENEWAL.format(role=role))
+        return problem("keys", f'"{name}" expired on {day}', _RENEWAL.format(role=role))
     if now > expires_at - _EXPIRES_SOON:
         return warning("keys", f'"{name}" expires on {day}', _RENEWAL.format(role=role))
     return ok("keys", f'"{name}", good until {day}')
 
 
 def check_leftovers(paths: StatePaths, now: float) -> Iterator[DoctorFinding]:
-    """Look for strays, things moved aside and results that nobody delivers; changes nothing."""
-    found: defaultdict[tuple[str, str], list[Path]] = defaultdict(list)
+    """Check for strays, files set aside and undelivered results, without changes."""
+    leftovers: defaultdict[tuple[str, str], list[Path]] = defaultdict(list)
     if paths.ledger.exists():
-        with suppress(DaemonError):  # the ledger's own finding says so
+        with suppress(DaemonError):  # the check of the ledger reports it
             for stray in find_strays(paths, now):
-                found[stray.what, _STRAYS_GO].append(stray.path)
-    known = {path for places in found.values() for path in places}
+                leftovers[stray.what, _STRAYS_GO].append(stray.path)
+    strays = {path for places in leftovers.values() for path in places}
     dead = "spools of dead workers", "the next worker takes them over"
-    why = f"{paths.log} and {paths.worker_log} say why; remove them when you like"
+    why = f"see {paths.log} and {paths.worker_log} for the reason; you may remove them"
     for place in (paths, *paths.caches):
         for spool in place.spool.glob("*/lock"):
-            if is_id(spool.parent.name) and spool.parent not in known and not is_locked(spool):
-                found[dead].append(spool.parent)
+            if is_id(spool.parent.name) and spool.parent not in strays and not is_locked(spool):
+                leftovers[dead].append(spool.parent)
         for path in place.aside.glob("*"):
-            found["moved aside, damaged or not removable", why].append(path)
-    for (kind, remedy), places in found.items():
+            leftovers["moved aside, damaged or not removable", why].append(path)
+    for (kind, remedy), places in leftovers.items():
         yield warning("leftovers", f"{kind}, {len(places)}: {names(places)}", remedy)
-    if not found:
+    if not leftovers:
         yield ok("leftovers", "none")

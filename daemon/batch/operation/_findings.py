@@ -1,4 +1,4 @@
-"""Findings of the doctor: one line each, with the remedy; nothing is changed to come to them."""
+"""Findings of the doctor: one line each, with the remedy."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from typing import Final
 from daemon.batch.paths import Endpoint
 
 _LONGEST: Final = 400
-"""Characters of an exception that nobody has thought of."""
+"""Longest text of an unexpected exception [characters]."""
 
 _SHOWN: Final = 3
 
 
 class FindingLevel(StrEnum):
-    """How a finding is to be taken; a problem keeps runs from being executed or kept safe."""
+    """Severity of a finding; a problem prevents runs or endangers their results."""
 
     OK = "ok"
     WARNING = "warning"
@@ -26,7 +26,7 @@ class FindingLevel(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class DoctorFinding:
-    """``subject`` is what was looked at, ``remedy`` what to do, empty when all is well."""
+    """Finding of a check of ``subject``; ``remedy`` is empty if all is well."""
 
     level: FindingLevel
     subject: str
@@ -44,33 +44,30 @@ class Examination:
 
 
 def ok(subject: str, message: str) -> DoctorFinding:
-    """All is well."""
+    """Return a finding that all is well."""
     return DoctorFinding(FindingLevel.OK, subject, message)
 
 
 def warning(subject: str, message: str, remedy: str) -> DoctorFinding:
-    """Works, but somebody should know."""
+    """Return a finding that works but needs attention."""
     return DoctorFinding(FindingLevel.WARNING, subject, message, remedy)
 
 
 def problem(subject: str, message: str, remedy: str) -> DoctorFinding:
-    """Does not work."""
+    """Return a finding that does not work."""
     return DoctorFinding(FindingLevel.PROBLEM, subject, message, remedy)
 
 
 def names(things: Sequence[Path | str]) -> str:
-    """Name the first of some paths or runs, and how many more there are."""
+    """Return the first of some paths or runs, and the number of the others."""
     more = f" and {len(things) - _SHOWN} more" if len(things) > _SHOWN else ""
     return ", ".join(map(str, things[:_SHOWN])) + more
 
 
 def guarded(subject: str, check: Callable[[], Iterable[DoctorFinding]]) -> Iterator[DoctorFinding]:
-    """Yield what a check finds; that it fails is a finding too, and never the end of the others.
-
-    What is examined may be damaged in ways that nobody has thought of.
-    """
+    """Yield the findings of a check; its failure is a finding too, and never stops the others."""
     try:
         yield from check()
     except Exception as error:
         words = f"cannot be examined: {type(error).__name__}: {error}"[:_LONGEST]
-        yield problem(subject, words, "it is damaged or in use in a way unknown to us: report it")
+        yield problem(subject, words, "it is damaged or in use in an unexpected way: report it")

@@ -1,9 +1,9 @@
 """systemd user units for the daemon and for workers.
 
-Stopping sends SIGTERM to the main process only (``KillMode=mixed``): the daemon tells its worker,
-a worker lets its children finish; systemd's default would kill the runs instead. What systemd then
-waits is a little more than the drain may take. Quoting follows systemd.syntax(7) and
-systemd.service(5): C escapes in double quotes, ``%`` and, in commands, ``$`` doubled.
+Stopping sends SIGTERM to the main process only (``KillMode=mixed``): the daemon stops its worker,
+and a worker lets its children finish; systemd's default would kill the runs. systemd then waits a
+little longer than the drain may take. Quoting follows systemd.syntax(7) and systemd.service(5): C
+escapes in double quotes, ``%`` and, in commands, ``$`` doubled.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from daemon.batch.server import STOP_MARGIN, DaemonSettings
 from daemon.model.deadline import spare_time
 from daemon.model.execution import RunLimits
 
-# Seconds on top of what the process says it needs: past TimeoutStopSec systemd kills the runs.
+# Seconds in addition to the process's own limit: after TimeoutStopSec systemd kills the runs.
 _MARGIN: Final = 10.0
 _UNSAFE: Final = frozenset("\"'\\$")
 _UNIT: Final = """\
@@ -41,7 +41,7 @@ WantedBy=default.target
 def daemon_unit(words: Sequence[str]) -> str:
     """Return the unit of a daemon; ``words`` are its command line, the first an absolute path.
 
-    It starts again after a failure, not after ``scenario daemon --stop``.
+    It restarts after a failure, not after ``scenario daemon --stop``.
     """
     return _UNIT.format(
         about="scenario: queue and results of simulated runs",
@@ -54,10 +54,9 @@ def daemon_unit(words: Sequence[str]) -> str:
 
 
 def worker_unit(words: Sequence[str], limits: RunLimits) -> str:
-    """Return the unit of a worker; it starts again whenever it ends, the daemon's leaving included.
+    """Return the unit of a worker; it restarts after every end, also after the daemon's.
 
-    It is given the time the shortest wall clock limit of a run leaves it, and its processes step
-    back as far as runs do.
+    It gets the time of the shortest wall clock limit of a run, and the niceness of runs.
     """
     longest = limits.wall_of(0.0)
     return _UNIT.format(
@@ -71,7 +70,7 @@ def worker_unit(words: Sequence[str], limits: RunLimits) -> str:
 
 
 def _command(words: Sequence[str]) -> str:
-    # systemd refuses such names for what it executes itself, whatever the quoting.
+    # systemd refuses such names of programs with any quoting.
     detour = ("/usr/bin/env",) if _UNSAFE & set(words[0]) else ()
     return " ".join(_quoted(word) for word in (*detour, *words))
 

@@ -1,4 +1,4 @@
-"""Security: who may ask the daemon what, the keys that prove it, and the limits for everybody.
+"""Security: rights of roles, keys that prove them, and cleaning of texts.
 
 Making keys imports the cryptography library; that is :mod:`daemon.batch.security.authority`.
 """
@@ -18,6 +18,7 @@ from daemon.batch.security._keys import (
     KeyRegister,
     find_credentials,
     find_daemon_credentials,
+    handshake_problem,
     is_authority,
     keys_folder,
     load_register,
@@ -35,6 +36,7 @@ __all__ = [
     "denial_text",
     "find_credentials",
     "find_daemon_credentials",
+    "handshake_problem",
     "is_authority",
     "keys_folder",
     "load_register",

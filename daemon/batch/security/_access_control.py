@@ -1,7 +1,7 @@
-"""Who may do what on the bus, from the verbs' declarations; default deny.
+"""Access control of the bus, from the verbs' declarations; default deny.
 
-The access control of Zenoh, the sentence a person reads when a key is not enough, and what no text
-of a request keeps: control characters.
+The settings of Zenoh, the message for a key without a right, and the removal of control characters
+from the texts of requests.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from daemon.model.messages import ALIVE, ASK, EVENTS, LIVE, WORK
 from daemon.model.verbs import VERBS, AnyVerb, Role
 
 CLIENT_ROLES: Final = (Role.VIEWER, Role.OPERATOR, Role.WORKER)
-"""The roles that connect; the daemon is what they connect to."""
+"""Roles of clients, which connect to the daemon."""
 
 ZenohSetting: TypeAlias = dict[str, object]
 
@@ -26,13 +26,13 @@ _LIVE_KEYS: Final = f"{LIVE}/**"
 
 
 def access_control(register: KeyRegister) -> ZenohSetting:
-    """Return Zenoh's ``access_control``: each name of the register may what its role may.
+    """Return Zenoh's ``access_control``: each name of the register has the rights of its role.
 
-    Questions, liveliness and telemetry are let in below the name of their sender only: what the
-    daemon reads there is what the certificate says.
+    Requests, liveliness and telemetry are admitted only below the name of their sender, so the
+    daemon can trust the name in a key.
 
-    Whoever comes through the socket in the state directory may everything: the file system has
-    let in nobody but the daemon's owner. Nobody may answer questions but the daemon itself.
+    Clients of the socket in the state directory have all rights: the file system admits only the
+    daemon's owner. Only the daemon itself may answer requests.
     """
     rules = [
         _rule("owner", "ingress", _ALL_MESSAGES, "**"),
@@ -40,14 +40,14 @@ def access_control(register: KeyRegister) -> ZenohSetting:
     ]
     subjects: list[ZenohSetting] = [{"id": "owner", "link_protocols": ["unixsock-stream"]}]
     policies: list[ZenohSetting] = [{"rules": ["owner", "to"], "subjects": ["owner"]}]
-    # Zenoh matches common names exactly and knows no patterns: every valid name stands here, and a
-    # daemon does not know those that are issued after its start.
+    # Zenoh matches common names exactly, without patterns: every valid name is listed here, and a
+    # daemon does not know names issued after its start.
     for role in CLIENT_ROLES:
         for issued in register.valid(role):
-            made = _key_rules(issued.name, role)
-            rules += made
+            own = _key_rules(issued.name, role)
+            rules += own
             subjects.append({"id": issued.name, "cert_common_names": [issued.name]})
-            policies.append({"rules": [one["id"] for one in made], "subjects": [issued.name]})
+            policies.append({"rules": [one["id"] for one in own], "subjects": [issued.name]})
     return {
         "enabled": True,
         "default_permission": "deny",
@@ -58,25 +58,24 @@ def access_control(register: KeyRegister) -> ZenohSetting:
 
 
 def _key_rules(name: str, role: Role) -> list[ZenohSetting]:
-    questions = [f"{ASK}/{name}/{verb}" for verb in allowed_verbs(role)]
-    # What comes in and what goes out are ruled apart: without the second rule a question is
-    # answered and the answer dropped on its way.
-    made = [
-        _rule(f"{name} asks", "ingress", ("query",), *questions),
-        _rule(f"{name} is answered", "egress", ("reply",), *questions),
+    requests = [f"{ASK}/{name}/{verb}" for verb in allowed_verbs(role)]
+    # Ingress and egress have separate rules: without the second one the answer would be dropped.
+    rules = [
+        _rule(f"{name} asks", "ingress", ("query",), *requests),
+        _rule(f"{name} is answered", "egress", ("reply",), *requests),
     ]
     if role is Role.WORKER:
         return [
-            *made,
+            *rules,
             _rule(f"{name} lives", "ingress", ("liveliness_token",), f"{ALIVE}/{name}/*"),
             _rule(f"{name} reports", "ingress", ("put",), f"{LIVE}/{name}/**"),
-            # It publishes only while it knows that somebody listens.
+            # It publishes only while somebody listens.
             _rule(f"{name} is watched", "egress", ("declare_subscriber",), _LIVE_KEYS),
             _rule(f"{name} listens", "ingress", ("declare_subscriber",), WORK),
             _rule(f"{name} is told", "egress", ("put",), WORK),
         ]
     return [
-        *made,
+        *rules,
         _rule(f"{name} listens", "ingress", ("declare_subscriber",), EVENTS, _LIVE_KEYS),
         _rule(f"{name} is told", "egress", ("put",), EVENTS, _LIVE_KEYS),
     ]
@@ -96,7 +95,7 @@ _PERMISSIONS: Final = {
     Role.VIEWER: "it may look, not steer or work",
     Role.OPERATOR: "it may look, submit and steer, not work",
     Role.WORKER: "it may execute runs, not look or steer",
-    Role.DAEMON: "it is the daemon's own and asks nothing",
+    Role.DAEMON: "it is for the daemon itself and sends no requests",
 }
 
 
@@ -106,13 +105,13 @@ def allowed_verbs(role: Role) -> tuple[str, ...]:
 
 
 def denial_text(name: str, role: Role, verb: AnyVerb) -> str:
-    """Say why the key ``name`` is not enough for ``verb``; empty when it is."""
+    """Return why the key ``name`` may not use ``verb``; empty if it may."""
     if role in verb.roles:
         return ""
-    wanted = " or ".join(_with_article(one) for one in sorted(verb.roles))
+    roles = " or ".join(_with_article(one) for one in sorted(verb.roles))
     return (
         f'{verb}: the key "{name}" is that of {_with_article(role)}: {_PERMISSIONS[role]}; '
-        f"ask whoever keeps the daemon for the key of {wanted} (`scenario keys issue`)"
+        f"ask the owner of the daemon for the key of {roles} (`scenario keys issue`)"
     )
 
 
@@ -120,7 +119,7 @@ def _with_article(role: Role) -> str:
     return f"{'an' if role is Role.OPERATOR else 'a'} {role}"
 
 
-# Every alternative begins with a letter of its own: so the search skips what has none of them.
+# Every alternative begins with its own letter, so the search can skip all other text.
 _CONTROL_CHARACTERS: Final = re.compile(
     rb'\\["\\/nrt](?:\\["\\/nrt])*'
     rb"|\\[bf]"
@@ -133,16 +132,15 @@ _REPLACEMENT: Final = "\N{REPLACEMENT CHARACTER}".encode()
 
 
 def strip_control_characters(document: bytes) -> bytes:
-    r"""Return a JSON document without control characters in its texts, save ``\n \r \t``.
+    r"""Return a JSON document without control characters in its texts, except ``\n \r \t``.
 
     They move cursors, rename windows and worse; each becomes U+FFFD. JSON allows them only as
-    escapes (RFC 8259, section 7), save DEL and the C1 controls, so all can be found without
-    parsing.
+    escapes (RFC 8259, section 7), except DEL and the C1 controls, so no parsing is needed.
     """
     return _CONTROL_CHARACTERS.sub(_replacement, document)
 
 
-def _replacement(found: re.Match[bytes]) -> bytes:
-    text = found[0]
-    # Passed over rather than not found, so that an escaped backslash begins no other escape.
+def _replacement(match: re.Match[bytes]) -> bytes:
+    text = match[0]
+    # Matched and kept, so that an escaped backslash does not begin another escape.
     return text if text[0] == 0x5C and text[1] in _HARMLESS else _REPLACEMENT

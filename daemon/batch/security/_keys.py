@@ -1,9 +1,9 @@
-"""Keys and certificates on disk: where they lie, whose they are, which are trusted.
+"""Keys and certificates on disk: folders, holders and the register of trusted ones.
 
 A folder of one key has ``key.pem``, ``cert.pem`` and ``ca.pem``. The folder of the authority
-(:mod:`daemon.batch.security.authority`) has one of them for each key that was issued, and the
-register. Zenoh matches common names exactly, so the daemon must know every name: it admits those in
-the register, and a name that was revoked is never issued again.
+(:mod:`daemon.batch.security.authority`) has one such folder for each issued key, and the register.
+Zenoh matches common names exactly, so the daemon must know every name: it admits those in the
+register. A revoked name is never issued again.
 """
 
 from __future__ import annotations
@@ -27,13 +27,15 @@ CERTIFICATE_FILE: Final = "cert.pem"
 KEY_FILE: Final = "key.pem"
 REGISTER_FILE: Final = "register.json"
 KEYS_VARIABLE: Final = "SCENARIO_KEYS"
+_PATIENCE: Final = 2.0
+"""Limit of a TCP connection and a handshake, after the daemon has failed to answer [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class IssuedKey:
     """A certificate: ``name`` is its common name, times are seconds since the epoch.
 
-    ``fingerprint`` is the SHA-256 of the certificate; ``hosts`` are the names a daemon answers to.
+    ``fingerprint`` is the SHA-256 of the certificate; ``hosts`` are the host names of a daemon.
     """
 
     name: str
@@ -64,7 +66,7 @@ class KeyRegister:
         return next((one for one in self.issued if one.name == name), None)
 
     def valid(self, role: Role) -> tuple[IssuedKey, ...]:
-        """Return the certificates of a role that were not revoked, the oldest first."""
+        """Return the unrevoked certificates of a role, the oldest first."""
         return tuple(one for one in self.issued if one.role is role and one.revoked_at is None)
 
     def revoke(self, name: str, now: float) -> KeyRegister:
@@ -75,15 +77,15 @@ class KeyRegister:
 
 
 def write_register(folder: Path, register: KeyRegister) -> None:
-    """Write the register so that it is never half there; raises ``OSError``."""
+    """Write the register atomically; raises ``OSError``."""
     write_atomically(folder / REGISTER_FILE, codec.to_json(register))
 
 
 @dataclass(frozen=True, slots=True)
 class Credentials:
-    """A key with its certificate: who somebody is for a daemon.
+    """A key with its certificate: the identity of a client or daemon.
 
-    ``name`` is the common name, ``expires_at`` [s since the epoch] what the certificate says.
+    ``name`` is the common name, ``expires_at`` [s since the epoch] the end of the certificate.
     """
 
     folder: Path
@@ -93,7 +95,7 @@ class Credentials:
 
     @property
     def connecting(self) -> dict[str, object]:
-        """Zenoh's TLS settings for connecting; the daemon must be who its address says."""
+        """Zenoh's TLS settings for connecting, with verification of the daemon's address."""
         return self._authority | {
             "connect_private_key": str(self.folder / KEY_FILE),
             "connect_certificate": str(self.folder / CERTIFICATE_FILE),
@@ -102,11 +104,11 @@ class Credentials:
 
     @property
     def listening(self) -> dict[str, object]:
-        """Zenoh's TLS settings for listening; only those with a certificate may connect."""
+        """Zenoh's TLS settings for listening; clients need a certificate."""
         return self._authority | {
             "listen_private_key": str(self.folder / KEY_FILE),
             "listen_certificate": str(self.folder / CERTIFICATE_FILE),
-            # Otherwise a certificate is looked at once, when the link is made, and links live long.
+            # Otherwise a certificate is checked only once per link, and links live long.
             "close_link_on_expiration": True,
         }
 
@@ -117,9 +119,9 @@ class Credentials:
 
 @dataclass(frozen=True, slots=True)
 class DaemonCredentials:
-    """What a daemon needs: its own key, and the names it admits.
+    """The daemon's own key, and the names it admits.
 
-    ``folder`` is where the register lies that says, later on, who was revoked.
+    ``folder`` has the register, which is checked for revoked names later.
     """
 
     credentials: Credentials
@@ -129,21 +131,20 @@ class DaemonCredentials:
 
 def keys_folder(keys: Path | None = None, environ: Mapping[str, str] = os.environ) -> Path:
     """Choose the folder: the argument, ``SCENARIO_KEYS``, else ``keys`` in the user's settings."""
-    chosen = keys or environ.get(KEYS_VARIABLE)
-    path = Path(chosen) if chosen else platformdirs.user_config_path("scenario") / "keys"
-    return path.expanduser().absolute()
+    default = platformdirs.user_config_path("scenario") / "keys"
+    return Path(keys or environ.get(KEYS_VARIABLE) or default).expanduser().absolute()
 
 
 def is_authority(folder: Path) -> bool:
-    """Whether ``folder`` has the keys of everybody rather than one of them.
+    """Return whether ``folder`` has all keys rather than one of them.
 
-    A daemon's own folder has a register too, beside its certificate.
+    A daemon's own folder also has a register, next to its certificate.
     """
     return (folder / REGISTER_FILE).exists() and not (folder / CERTIFICATE_FILE).exists()
 
 
 def find_credentials(role: Role, keys: Path | None = None) -> Credentials:
-    """Return whose key to use for connecting: the one in the folder, or the ``role``'s newest.
+    """Return the key for connecting: the one in the folder, or the newest of ``role``.
 
     Raises :class:`KeysUnusable` with the remedy.
     """
@@ -154,11 +155,13 @@ def find_credentials(role: Role, keys: Path | None = None) -> Credentials:
 
 
 def find_daemon_credentials(keys: Path | None = None) -> DaemonCredentials:
-    """Return what a daemon needs for listening; raises :class:`KeysUnusable` with the remedy."""
+    """Return the keys of a daemon for listening; raises :class:`KeysUnusable` with the remedy."""
     folder = keys_folder(keys)
     register = load_register(folder)
-    alone = not is_authority(folder)
-    own = read_credentials(folder) if alone else _newest_of_role(folder, register, Role.DAEMON)
+    if is_authority(folder):
+        own = _newest_of_role(folder, register, Role.DAEMON)
+    else:
+        own = read_credentials(folder)
     if own.role is not Role.DAEMON:
         raise KeysUnusable(f'the key "{own.name}" in {folder} is not one of a daemon')
     return DaemonCredentials(own, register, folder)
@@ -187,8 +190,8 @@ def load_register(folder: Path) -> KeyRegister:
 
 
 def read_credentials(folder: Path) -> Credentials:
-    """Read whose key lies in ``folder``; raises :class:`KeysUnusable` with the remedy."""
-    # Loaded when a key is read: on one machine nobody needs keys, and commands start often.
+    """Read the key in ``folder``; raises :class:`KeysUnusable` with the remedy."""
+    # Imported here: most commands need no keys.
     from cryptography import x509
     from cryptography.x509.oid import NameOID
 
@@ -205,10 +208,48 @@ def read_credentials(folder: Path) -> Credentials:
             f"`scenario keys bundle`, or name its folder with --keys or {KEYS_VARIABLE}"
         ) from error
     except ValueError as error:
-        raise KeysUnusable(f"{folder / CERTIFICATE_FILE} is none of ours: {error}") from error
-    # As OpenSSH does: a key that others could read may be theirs by now.
+        words = f"{folder / CERTIFICATE_FILE} is not one of our certificates: {error}"
+        raise KeysUnusable(words) from error
+    # As OpenSSH does: others may have copied a readable key.
     if mode & (stat.S_IRWXG | stat.S_IRWXO):
         raise KeysUnusable(
             f"others can read {folder / KEY_FILE}: chmod 600 it, or have a new one made"
         )
     return Credentials(folder, name, role, certificate.not_valid_after_utc.timestamp())
+
+
+def handshake_problem(endpoint: str, credentials: Credentials) -> str:
+    """Try a TLS handshake at ``endpoint`` and return the reason of its failure.
+
+    Zenoh does not report one. Empty if nobody listens there, or if the handshake succeeds.
+    """
+    # Imported here: most commands connect to a socket of this machine.
+    import socket
+    import ssl
+
+    host, _, port = endpoint.removeprefix("tls/").rpartition(":")
+    host = host.strip("[]")
+    try:
+        context = ssl.create_default_context(cafile=str(credentials.folder / CA_FILE))
+        context.load_cert_chain(
+            credentials.folder / CERTIFICATE_FILE, credentials.folder / KEY_FILE
+        )
+        with (
+            socket.create_connection((host, int(port)), timeout=_PATIENCE) as plain,
+            context.wrap_socket(plain, server_hostname=host) as wrapped,
+        ):
+            # TLS 1.3: an objection to our certificate arrives after the handshake.
+            wrapped.settimeout(_PATIENCE / 10)
+            wrapped.recv(1)
+    except ssl.SSLCertVerificationError as error:
+        return (
+            f"the listener there does not prove to be the daemon of these keys: "
+            f"{error.verify_message.rstrip('.')} (keys of {credentials.folder})"
+        )
+    except ssl.SSLError as error:
+        reason = (error.reason or str(error)).replace("_", " ").lower()
+        key = f'the key "{credentials.name}" in {credentials.folder}'
+        return f"the listener there does not accept {key}: {reason}"
+    except OSError:
+        return ""
+    return ""

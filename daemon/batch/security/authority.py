@@ -1,7 +1,7 @@
-"""The certificate authority: making keys and certificates, revoking them, packing them to go.
+"""The certificate authority: making, revoking and packing keys and certificates.
 
-Elliptic curve P-256, SHA-256, X.509 v3. Certificates of the daemon serve for servers only and all
-others for clients only, so no worker can pass itself off as the daemon (RFC 5280, 4.2.1.12).
+Elliptic curve P-256, SHA-256, X.509 v3. Certificates of the daemon are for servers only and all
+others for clients only, so a worker cannot impersonate the daemon (RFC 5280, 4.2.1.12).
 """
 
 from __future__ import annotations
@@ -42,10 +42,10 @@ from grammars.text.files import sync_directory
 
 VALID_DAYS: Final = 730
 _CA_DAYS: Final = 3650
-"""It outlives what it signs several times over: with a new authority every key has to be new."""
+"""Lifetime of the authority, long since a new authority needs new keys for everybody."""
 _CA_KEY: Final = "ca.key"
 _LEEWAY: Final = timedelta(minutes=10)
-"""A certificate is valid a little before it is made, for clocks that lag."""
+"""Validity of a certificate before its creation, for slow clocks."""
 _NAME: Final = re.compile(r"[a-z0-9][a-z0-9-]{0,39}\Z")
 _ARCHIVE_FOLDER: Final = "keys"
 _HOST: Final = re.compile(r"[A-Za-z0-9_]([A-Za-z0-9_.-]{0,250}[A-Za-z0-9])?\Z")
@@ -62,9 +62,9 @@ def create_authority(
 ) -> KeyRegister:
     """Make an authority in ``folder`` with keys ``daemon``, ``worker``, ``operator``, ``viewer``.
 
-    The daemon's certificate is good for ``hosts``, names and addresses. Raises
-    :class:`KeysUnusable` when there is one already (nothing is ever overwritten) or a host is
-    none, and ``OSError``.
+    The daemon's certificate is for ``hosts``, names and addresses. Raises :class:`KeysUnusable`
+    if the folder has one already (files are never overwritten) or for an invalid host, and
+    ``OSError``.
     """
     _checked_hosts(hosts)
     if (folder / _CA_KEY).exists() or (folder / REGISTER_FILE).exists():
@@ -82,21 +82,21 @@ def issue_key(
 ) -> IssuedKey:
     """Make one more key; its common name is ``role`` or ``role.name``.
 
-    Raises :class:`KeysUnusable` for a name that was issued before, revoked or not, and ``OSError``.
+    Raises :class:`KeysUnusable` for a name issued before, revoked or not, and ``OSError``.
     """
     if name and not _NAME.match(name):
-        raise KeysUnusable(f'"{name}" is no name of a key: use up to 40 of a-z 0-9 -')
+        raise KeysUnusable(f'"{name}" is not a valid name of a key: use up to 40 of a-z 0-9 -')
     if (role is Role.DAEMON) != bool(hosts):
-        raise KeysUnusable("a key of a daemon needs the hosts it is for, others have none")
+        raise KeysUnusable("a key of a daemon needs its hosts, other keys have none")
     common = f"{role}.{name}" if name else str(role)
     with _locked(folder) as (signer, register):
-        known = register.find(common)
-        if known is not None:
-            was = "was revoked" if known.revoked_at is not None else "exists"
-            raise KeysUnusable(f'the key "{common}" {was}: choose another name')
+        existing = register.find(common)
+        if existing is not None:
+            state = "was revoked" if existing.revoked_at is not None else "exists"
+            raise KeysUnusable(f'the key "{common}" {state}: choose another name')
         key = ec.generate_private_key(ec.SECP256R1())
         certificate = _sign(signer, key, common, role, _checked_hosts(hosts), now, days)
-        # First the key, then the register: a key that is not in it is admitted nowhere.
+        # First the key, then the register: a key outside of the register is never admitted.
         _store_key(folder, common, key, certificate)
         entry = IssuedKey(
             common,
@@ -111,34 +111,34 @@ def issue_key(
 
 
 def revoke_key(folder: Path, name: str, now: datetime) -> None:
-    """Stop standing for a key; a daemon that starts afterwards does not admit it.
+    """Revoke a key; a daemon that starts afterwards does not admit it.
 
-    Raises :class:`KeysUnusable` when there is none of that name, and ``OSError``.
+    Raises :class:`KeysUnusable` for an unknown name, and ``OSError``.
     """
     with _locked(folder) as (_, register):
-        known = register.find(name)
-        if known is None:
+        issued = register.find(name)
+        if issued is None:
             names = ", ".join(one.name for one in register.issued)
             raise KeysUnusable(f'there is no key "{name}"; there are {names}')
-        if known.revoked_at is None:
+        if issued.revoked_at is None:
             write_register(folder, register.revoke(name, now.timestamp()))
 
 
 def utc_now() -> datetime:
-    """Now, as certificates count it."""
+    """Return the current time in whole seconds, as in certificates."""
     return datetime.now(UTC).replace(microsecond=0)
 
 
 @contextmanager
 def _locked(folder: Path) -> Iterator[tuple[_Signer, KeyRegister]]:
-    """Hold the authority, so that two who issue at once do not lose each other's entry."""
+    """Lock the authority, so that concurrent changes of the register are not lost."""
     try:
         with (folder / _CA_KEY).open("rb") as file:
             fcntl.flock(file, fcntl.LOCK_EX)
             key = serialization.load_pem_private_key(file.read(), None)
             certificate = x509.load_pem_x509_certificate((folder / CA_FILE).read_bytes())
             if not isinstance(key, ec.EllipticCurvePrivateKey):
-                raise ValueError(f"{_CA_KEY} is no key of an elliptic curve")
+                raise ValueError(f"{_CA_KEY} is not a key of an elliptic curve")
             yield _Signer(certificate, key), load_register(folder)
     except FileNotFoundError as error:
         words = f"{folder} has no authority, {error.filename} is missing"
@@ -149,7 +149,7 @@ def _locked(folder: Path) -> Iterator[tuple[_Signer, KeyRegister]]:
 
 def _make_authority(folder: Path, now: datetime) -> None:
     key = ec.generate_private_key(ec.SECP256R1())
-    # Of two authorities with one name TLS libraries may try the wrong certificate, and give up.
+    # A unique name: of two authorities with one name TLS libraries may try the wrong one.
     name = _x509_name(f"scenario authority {os.urandom(4).hex()}")
     builder = _builder(name, name, key, now, _CA_DAYS)
     builder = builder.add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
@@ -232,15 +232,15 @@ def _checked_host(host: str) -> x509.GeneralName:
 def _store_key(
     folder: Path, common: str, key: ec.EllipticCurvePrivateKey, certificate: x509.Certificate
 ) -> None:
-    """Put a key and what goes with it into a folder of its own, all at once or not at all."""
-    made = Path(tempfile.mkdtemp(prefix=".new-", dir=folder))  # of mode 0700
+    """Store a key with its certificates in a folder of its own, completely or not at all."""
+    temporary = Path(tempfile.mkdtemp(prefix=".new-", dir=folder))  # of mode 0700
     try:
-        _write_key(made / KEY_FILE, key)
-        _write(made / CERTIFICATE_FILE, certificate.public_bytes(serialization.Encoding.PEM))
-        _write(made / CA_FILE, (folder / CA_FILE).read_bytes())
-        made.rename(folder / common)
+        _write_key(temporary / KEY_FILE, key)
+        _write(temporary / CERTIFICATE_FILE, certificate.public_bytes(serialization.Encoding.PEM))
+        _write(temporary / CA_FILE, (folder / CA_FILE).read_bytes())
+        temporary.rename(folder / common)
     except OSError as error:
-        shutil.rmtree(made)
+        shutil.rmtree(temporary)
         raise KeysUnusable(f"cannot keep the key in {folder / common}: {error.strerror}") from error
     sync_directory(folder)
 
@@ -255,7 +255,7 @@ def _write_key(path: Path, key: ec.EllipticCurvePrivateKey) -> None:
 
 
 def _write(path: Path, data: bytes) -> None:
-    """Write a new file for its owner only; raises ``FileExistsError`` rather than replace one."""
+    """Write a new file for its owner only; raises ``FileExistsError`` for an existing one."""
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     with os.fdopen(descriptor, "wb") as file:
         file.write(data)
@@ -264,11 +264,11 @@ def _write(path: Path, data: bytes) -> None:
 
 
 def pack_key(folder: Path, name: str, output: Path) -> None:
-    """Write the key ``name`` with what goes with it to ``output``, a new tar archive.
+    """Write the key ``name`` with its certificates to ``output``, a new tar archive.
 
-    In the archive everything lies below ``keys``, the default place of keys among a user's
-    settings. A daemon gets the register too. Readable by its owner only. Raises
-    :class:`KeysUnusable` when there is no such key or ``output`` exists, and ``OSError``.
+    The archive has the folder ``keys``, the default name in a user's settings. A daemon's archive
+    includes the register. Readable by its owner only. Raises :class:`KeysUnusable` for an unknown
+    key or if ``output`` exists, and ``OSError``.
     """
     valid = {one.name: one for one in load_register(folder).issued if one.revoked_at is None}
     issued = valid.get(name)
@@ -283,7 +283,7 @@ def pack_key(folder: Path, name: str, output: Path) -> None:
     try:
         _write(output, _archive(files, issued.issued_at))
     except FileExistsError as error:
-        raise KeysUnusable(f"{output} is there already: name another file") from error
+        raise KeysUnusable(f"{output} exists already: name another file") from error
 
 
 def _archive(files: dict[str, bytes], at: float) -> bytes:

@@ -1,7 +1,7 @@
-"""From the bus to the ledger: requests are queued for the ledger's threads, done there, answered.
+"""Dispatch of requests from the bus to the ledger's threads, which serve and answer them.
 
-Zenoh's callbacks only enqueue. A request is validated by the thread that does it; whatever is wrong
-with it is its error reply, never more.
+Zenoh's callbacks only enqueue. The thread that serves a request validates it; an invalid one gets
+an error reply, and has no other effect.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ _LONGEST_KEY: Final = 200
 
 @dataclass(frozen=True, slots=True)
 class VerbHandler:
-    """What is done about a verb: ``act`` gets what the verb's thread owns of the ledger.
+    """Handler of a verb: ``act`` gets the ledger access of the verb's thread, and the request.
 
-    Its second argument is the request. What takes long and needs no ledger a thread for that does
-    first: then ``prepare`` makes of the request, as it came, what ``act`` gets.
+    Long work without the ledger runs in the preparer's thread: ``prepare`` then turns the raw
+    request into the second argument of ``act``.
     """
 
     act: Callable[[Any, Any], object]
@@ -41,9 +41,9 @@ class VerbHandler:
 
 @dataclass(frozen=True, slots=True)
 class RequestDispatcher:
-    """Queues requests for the threads that do what they ask for.
+    """Queues requests for the threads that serve them.
 
-    Who finds a full queue is told so by ``overload``; who floods that too hears nothing.
+    ``overload`` answers requests to a full queue; if it is full too, there is no answer.
     """
 
     handlers: Mapping[AnyVerb, VerbHandler]
@@ -54,15 +54,15 @@ class RequestDispatcher:
     revoked: RevokedKeys
 
     def on_query(self, query: zenoh.Query) -> None:
-        """Find the thread and enqueue: the callback of the queryable."""
-        # Nothing is parsed or refused here: Zenoh calls from the thread that reads its sockets,
-        # and whatever takes long in it delays everybody, heartbeats included.
+        """Enqueue a request for its thread: the callback of the queryable."""
+        # Do not parse or refuse here: Zenoh calls from the thread that reads its sockets, and long
+        # work in it delays everything, including heartbeats.
         name, word = split_key(str(query.key_expr))
-        no = self.revoked.problem(name)
+        denial = self.revoked.problem(name)
         verb = VERBS.get(word)
-        if no is not None:
-            # Not in the log, which a flood would fill.
-            self.overload.offer(LedgerJob(lambda _: no, partial(_refuse, query, str(no))))
+        if denial is not None:
+            # Not logged, since a flood would fill the log.
+            self.overload.offer(LedgerJob(lambda _: denial, partial(_refuse, query, str(denial))))
         elif verb is None:
             self._queue(self.queues[ServerThread.READER], query, lambda _: _refuse_unknown(query))
         else:
@@ -98,7 +98,7 @@ class RequestDispatcher:
             self.overload.offer(LedgerJob(lambda _: BUSY, reply))
 
     def _reply(self, query: zenoh.Query, value: object) -> None:
-        # The requester waits until the query is closed, whatever was replied.
+        # The requester waits until the query is closed, even after a reply.
         with query:
             try:
                 if isinstance(value, bytes):
@@ -113,7 +113,7 @@ class RequestDispatcher:
         if not isinstance(value, DaemonError):
             self.log.write("failure", key=str(query.key_expr), problem=repr(value))
             return f"the daemon failed: {value!r}"[:_LONGEST_PROBLEM]
-        versions = bus.version_problem(query.attachment, "whoever asks")
+        versions = bus.version_problem(query.attachment, "the requester")
         words = "; ".join(filter(None, (str(value)[:_LONGEST_PROBLEM], versions)))
         self.log.write("refused", key=str(query.key_expr)[:_LONGEST_KEY], problem=words[:400])
         return words
@@ -130,15 +130,15 @@ def _refuse_unknown(query: zenoh.Query) -> object:
 
 
 def _payload(verb: AnyVerb, query: zenoh.Query) -> bytes:
-    """The request as it came; raises :class:`Refused` when it is too large."""
+    """Return the raw request; raises :class:`Refused` if it is too large."""
     payload = query.payload
     if payload is not None and len(payload) > verb.largest:
-        raise Refused(f"the request has {len(payload)} bytes, at most {verb.largest} are taken")
+        raise Refused(f"the request has {len(payload)} bytes, the limit is {verb.largest}")
     return b"{}" if payload is None else payload.to_bytes()
 
 
 def read_request(verb: AnyVerb, payload: bytes) -> object:
-    """The request, validated; raises :class:`Refused`."""
+    """Return the validated request; raises :class:`Refused`."""
     try:
         kind: Any = verb.request
         request: object = codec.from_json(kind, strip_control_characters(payload), exactly=True)
@@ -148,5 +148,5 @@ def read_request(verb: AnyVerb, payload: bytes) -> object:
 
 
 def _answer(verb: AnyVerb, handler: VerbHandler, ledger: object, request: object) -> bytes:
-    # In the thread that did it: the answer is of the same snapshot, and bytes when it is passed on.
+    # Serialised in the serving thread, within the same snapshot.
     return codec.to_json(handler.act(ledger, request), verb.answer)

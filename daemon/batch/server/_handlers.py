@@ -1,4 +1,4 @@
-"""What the daemon does for each verb of the bus."""
+"""Handlers of the verbs of the bus."""
 
 from __future__ import annotations
 
@@ -15,11 +15,10 @@ from daemon.batch.ledger import LedgerReader, LedgerWriter, TimeLeft
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._dispatcher import VerbHandler, read_request
 from daemon.batch.server._housekeeping import Housekeeping
-from daemon.batch.server._inputs import InputStore
 from daemon.batch.server._runtime import DaemonSettings, EventLog
 from daemon.batch.server._search_handlers import SearchClients, SearchHandlers
 from daemon.batch.server._submissions import read_submission
-from daemon.batch.server._uploads import Uploads
+from daemon.batch.server._uploads import InputStore, Uploads
 from daemon.batch.server._workers import LeaseDeadlines, WorkerRegistry
 from daemon.batch.stores import Marker, is_url, read_part
 from daemon.model.assessments import AssessmentRules
@@ -66,10 +65,10 @@ from grammars.text import codec
 
 _FRESH: Final = 1.0
 _REST: Final = 20.0
-"""Seconds until the time left is estimated again, at least so many times what that took: what is
-left of 100,000 runs is counted in 0.3 s. It counts down meanwhile."""
+"""Period of estimates of the time left [s], and its least multiple of their duration (0.3 s with
+100,000 runs). The estimate counts down in between."""
 _MOST_TROUBLES: Final = 32
-"""Said at a time: with hundreds of workers on one full disk nobody reads them all."""
+"""Most troubles in an overview: hundreds of workers may share one full disk."""
 
 
 _MeasuredDeletion: TypeAlias = tuple[DeleteRequest, dict[str, tuple[int, ...]]]
@@ -78,10 +77,10 @@ _MeasuredDeletion: TypeAlias = tuple[DeleteRequest, dict[str, tuple[int, ...]]]
 
 @dataclass
 class Handlers(SearchHandlers):
-    """What the daemon does when it is asked: a method for each verb, and so more than twenty.
+    """Handlers of all verbs except searches: a method with the name of each verb.
 
-    It has the name of the verb, and :mod:`daemon.model.verbs` says what it is for. It gets the
-    validated request and what its thread owns of the ledger, and returns the answer.
+    :mod:`daemon.model.verbs` describes the verbs. A method gets the ledger access of its thread and
+    the validated request, and returns the answer.
     """
 
     paths: StatePaths
@@ -105,12 +104,12 @@ class Handlers(SearchHandlers):
         self._started_at = time.time()
         self.clients = SearchClients()
         self.by_verb = {verb: VerbHandler(getattr(self, verb.name)) for verb in VERBS.values()}
-        # To read and check 100,000 runs takes seconds: not the writer's, leases wait for those.
+        # Not in the writer's thread: checking 100,000 runs takes seconds, and leases would wait.
         self.by_verb[SUBMIT] = VerbHandler(self.submit, prepare=self._admit)
         self.by_verb[EXTEND] = VerbHandler(self.extend, prepare=self._admit_extension)
         self.by_verb[DELETE] = VerbHandler(self.delete, prepare=self._measure)
 
-    # Questions, each answered from one snapshot of the ledger
+    # Read requests, each answered from one snapshot of the ledger
 
     def overview(self, ledger: LedgerReader, _: Empty) -> DaemonOverview:
         now = time.time()
@@ -134,7 +133,7 @@ class Handlers(SearchHandlers):
         )
 
     def campaigns(self, ledger: LedgerReader, query: CampaignQuery) -> tuple[CampaignRow, ...]:
-        left = self._time_left(ledger).campaigns
+        seconds = self._time_left(ledger).campaigns
         rows = (
             replace(row, search=self.clients.state(row.id)) if row.search == "waiting" else row
             for row in ledger.ask(CAMPAIGNS, query)
@@ -142,13 +141,13 @@ class Handlers(SearchHandlers):
         return tuple(
             row
             if row.paused or row.finished_at is not None
-            else replace(row, seconds_left=left.get(row.id))
+            else replace(row, seconds_left=seconds.get(row.id))
             for row in rows
         )
 
     def _time_left(self, ledger: LedgerReader) -> TimeLeft:
-        begun = time.monotonic()
-        if begun >= self._estimate_again_at:
+        start = time.monotonic()
+        if start >= self._estimate_again_at:
             waits = self.draining or bool(self.housekeeping.trouble)
             self._estimate = ledger.time_left(
                 time.time(),
@@ -157,19 +156,19 @@ class Handlers(SearchHandlers):
                 {row.id for row in self.registry.rows() if row.preparation is not None},
             )
             self._estimated_at = now = time.monotonic()
-            self._estimate_again_at = now + max(_FRESH, _REST * (now - begun))
+            self._estimate_again_at = now + max(_FRESH, _REST * (now - start))
         return self._estimate.after(time.monotonic() - self._estimated_at)
 
     def _standing_troubles(self, ledger: LedgerReader) -> tuple[bool, tuple[Trouble, ...]]:
-        """Whether the first trouble lets no run start; and all that runs or workers have."""
+        """Return whether the first trouble blocks all runs, and all troubles."""
         workers = [row for row in self.registry.rows() if not row.away]
         halting = list(self.troubles())
-        here, said = socket.gethostname(), {trouble.words for trouble in halting}
+        here, texts = socket.gethostname(), {trouble.words for trouble in halting}
         idle = [
             Trouble(f"worker {row.id}: {row.trouble}", TroubleCause.WORKER)
             for row in workers
-            # The disk of this machine is full for both: said once.
-            if row.trouble and not (row.host == here and row.trouble in said)
+            # The daemon and a worker here share a full disk: report it once.
+            if row.trouble and not (row.host == here and row.trouble in texts)
         ]
         if idle and len(idle) == len(workers) and not any(row.busy for row in workers):
             halting += idle[:1]
@@ -191,8 +190,8 @@ class Handlers(SearchHandlers):
         return ledger.origin(request.id)
 
     def workers(self, ledger: LedgerReader, _: Empty) -> tuple[WorkerRow, ...]:
-        held = ledger.held_runs()
-        return tuple(replace(row, runs=held.get(row.id, ())) for row in self.registry.rows())
+        runs = ledger.held_runs()
+        return tuple(replace(row, runs=runs.get(row.id, ())) for row in self.registry.rows())
 
     def welcome(self, _: LedgerReader, worker: WorkerInfo) -> WelcomeReply:
         self.registry.check_version(worker)
@@ -209,7 +208,7 @@ class Handlers(SearchHandlers):
         self.stop()
         return Empty()
 
-    # Megabytes, carried in a thread of their own
+    # Transfers of megabytes, in a thread of their own
 
     def get(self, ledger: LedgerReader, request: GetRequest) -> FilePart:
         path = self._path_of(ledger, request)
@@ -228,7 +227,7 @@ class Handlers(SearchHandlers):
         if not row.trace:
             raise Refused(f"{request.run}: {row.reason}")
         if is_url(row.trace):
-            raise Refused(f"the trace of {request.run} lies at {row.trace}: get it there")
+            raise Refused(f"the trace of {request.run} is at {row.trace}: get it there")
         return Path(row.trace)
 
     def put(self, ledger: LedgerReader, request: PutRequest) -> Count:
@@ -263,24 +262,24 @@ class Handlers(SearchHandlers):
     def _measure(self, payload: bytes) -> _MeasuredDeletion:
         request = read_request(DELETE, payload)
         assert isinstance(request, DeleteRequest)
-        wanted = tuple(dict.fromkeys(request.campaigns))
-        # Thousands of files: not the writer's either.
-        sizes = {one: self.paths.trace_sizes(one) for one in wanted if is_id(one)}
-        return replace(request, campaigns=wanted), sizes
+        campaigns = tuple(dict.fromkeys(request.campaigns))
+        # Not in the writer's thread: there may be thousands of files.
+        sizes = {one: self.paths.trace_sizes(one) for one in campaigns if is_id(one)}
+        return replace(request, campaigns=campaigns), sizes
 
     def delete(
-        self, ledger: LedgerWriter, measured: _MeasuredDeletion
+        self, ledger: LedgerWriter, deletion: _MeasuredDeletion
     ) -> tuple[DeletedCampaign, ...]:
-        request, sizes = measured
+        request, sizes = deletion
         counts = ledger.deletable(request.campaigns)
-        gone = tuple(
+        deleted = tuple(
             DeletedCampaign(name, runs, len(sizes[name]), sum(sizes[name]))
             for name, runs in zip(request.campaigns, counts, strict=True)
         )
         if not request.dry:
             ledger.delete(request.campaigns, time.time())
             self.log.write("deleted", campaigns=request.campaigns[:20], runs=sum(counts))
-        return gone
+        return deleted
 
     def steer(self, ledger: LedgerWriter, request: SteerRequest) -> Count:
         count = ledger.steer(request, time.time())
@@ -293,7 +292,7 @@ class Handlers(SearchHandlers):
         if self.draining:
             return LeaseReply((), draining=True)
         if self.housekeeping.trouble:
-            return LeaseReply(())  # not an error: workers ask again until there is room
+            return LeaseReply(())  # not an error: workers ask again until there is space
         ledger.end_holds(self._inputs.has, now)
         return LeaseReply(
             ledger.lease(
@@ -312,9 +311,9 @@ class Handlers(SearchHandlers):
         return RenewReply(ledger.renew(request.worker.id, request.holds, now))
 
     def complete(self, ledger: LedgerWriter, completion: Completion) -> LedgerAcknowledgement:
-        # First the trace, then the result: a result in the ledger is a promise that its trace is
-        # there. Settled before the commit, a crash in between leaves a file too many, never one
-        # too few; the worker then hears nothing and completes again.
+        # First the trace, then the result: a result in the ledger implies its trace. The trace is
+        # settled before the commit, so a crash in between leaves a file too many, never one too
+        # few; the worker then gets no answer and completes again.
         ledger.require_era(completion.era, completion.token)
         ledger.check_completion(completion)
         if self._uploads.is_missing(ledger, completion):
@@ -336,8 +335,7 @@ class Handlers(SearchHandlers):
         return LedgerAcknowledgement(answer)
 
     def _register_worker(self, ledger: LedgerWriter, worker: WorkerInfo, now: float) -> None:
-        # With every request rather than once: after a restart the registry is empty, and workers
-        # do not notice restarts.
+        # With every request: a restart empties the registry, and workers do not notice it.
         self.registry.check_version(worker)
         ledger.require_era(worker.era)
         if self.registry.record_contact(worker):

@@ -30,13 +30,13 @@ from grammars.text.files import write_atomically
 
 _PATIENCE: Final = 1.0
 _AGAIN: Final = 0.02
-"""Seconds to try for the lock of a state directory, and between two tries."""
+"""Time of attempts to lock a state directory, and between two of them [s]."""
 _NO_ROOM: Final = (errno.ENOSPC, errno.EDQUOT)
 
 
 @contextmanager
 def hold_alone(paths: StatePaths) -> Iterator[None]:
-    """Hold the lock of a state directory, which is made if need be.
+    """Hold the lock of a state directory, creating it if necessary.
 
     Raises :class:`AlreadyRunning` when another daemon has it, and :class:`DaemonError` when the
     directory cannot be used.
@@ -56,9 +56,9 @@ def hold_alone(paths: StatePaths) -> Iterator[None]:
 
 
 def _lock_soon(lock: IO[str]) -> bool:
-    """Lock within a second; returns whether that was possible.
+    """Lock within a second; return whether that was possible.
 
-    Programs that only look whether there is a daemon hold the lock for a moment.
+    Programs that check for a daemon hold the lock for a moment.
     """
     deadline = time.monotonic() + _PATIENCE
     while True:
@@ -76,7 +76,7 @@ def _lock_soon(lock: IO[str]) -> bool:
 class ListenSettings:
     """``socket`` is for the daemon's owner on this machine; ``address`` for others, or empty.
 
-    ``keys`` say whom an encrypted address admits.
+    ``keys`` are those that an encrypted address admits.
     """
 
     socket: str
@@ -92,7 +92,7 @@ class ListenSettings:
 def prepare_endpoints(
     paths: StatePaths, listen: str = "", keys: Path | None = None, *, insecure: bool = False
 ) -> ListenSettings:
-    """Return where to listen, ready to do so.
+    """Return the endpoints to listen at, ready for use.
 
     Raises :class:`DaemonError` for plain TCP that other machines could reach, unless ``insecure``,
     and :class:`daemon.batch.errors.KeysUnusable` when an encrypted address has no keys.
@@ -109,19 +109,19 @@ def prepare_endpoints(
     if listen and not (is_local(listen) or insecure or os.environ.get(INSECURE_VARIABLE)):
         raise DaemonError(
             f"{listen} would be open to every machine of the network: listen at tls/ with keys "
-            "(`scenario keys init`), or say --insecure"
+            "(`scenario keys init`), or use --insecure"
         )
-    # Said again, the daemon's own socket is still one.
+    # The daemon's own socket may be given again.
     return ListenSettings(paths.endpoint, "" if listen == paths.endpoint else listen)
 
 
 def exposure_warning(listen: str) -> str:
-    """Say who can reach a daemon that listens at ``listen`` without a key; empty for nobody."""
+    """Return a warning if others can reach a daemon at ``listen`` without a key."""
     if not listen or is_encrypted(listen):
         return ""
     who = "everybody with an account on this machine"
     if not is_local(listen):
-        who = "everybody in the network, unencrypted and unasked,"
+        who = "everybody in the network, without encryption or a key,"
     return f"INSECURE: {who} can look, submit, cancel and stop the daemon through {listen}"
 
 
@@ -130,8 +130,8 @@ def open_state(
 ) -> tuple[LedgerWriter, Marker]:
     """Open a state directory: its ledger, and the marker of this start; ``stack`` closes both.
 
-    Raises :class:`Unavailable` while its disk has no room or another program holds the ledger,
-    and :class:`DaemonError` for problems that waiting does not mend.
+    Raises :class:`Unavailable` while its disk is full or another program holds the ledger, and
+    :class:`DaemonError` for lasting problems.
     """
     try:
         paths.make_folders()
@@ -152,7 +152,7 @@ def open_state(
 
 
 def write_contact(paths: StatePaths, contact: DaemonContact) -> None:
-    """Say where the daemon is, unless that is said, or there is no room: its socket is known."""
+    """Write the contact file unless it exists; a full disk is tolerated."""
     if not paths.contact_file.exists():
         with suppress(OSError):
             write_atomically(paths.contact_file, codec.to_json(contact), mode=0o600)

@@ -1,4 +1,4 @@
-"""The process the daemon keeps: its own worker."""
+"""The daemon's own worker process."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ from daemon.batch.permissions import open_private_log
 from daemon.batch.server._runtime import EventLog
 from daemon.model.execution import RunLimits, python_command
 
-# Seconds. A process that dies at once is started again after twice the time, up to the longest; one
-# that ran steadily died of something new and is started without delay.
+# Seconds. The pause before a restart doubles after each early death, up to the longest; after a
+# steady run the process restarts without delay.
 _FIRST_PAUSE: Final = 0.1
 _LONGEST_PAUSE: Final = 10.0
 _STEADY: Final = 30.0
 _SETTLED: Final = 5.0
 _LARGEST_LOG: Final = 4 * 2**20
 _LONGEST_TAIL: Final = 2000
-"""Characters of the log that say why a process died."""
+"""Longest end of the log in the reason of a death [characters]."""
 
 
 class LocalWorker:
-    """The daemon's own worker: started, and started again when it dies.
+    """The daemon's own worker, restarted when it dies.
 
-    SIGTERM lets it finish its runs, SIGQUIT gives them back. When the daemon dies it finishes them
-    too; one of a daemon with a ``tether`` exits at once. ``trouble`` holds its last words from its
-    death until a new one has settled.
+    SIGTERM lets it finish its runs, SIGQUIT returns them. When the daemon dies it also finishes
+    them; with a ``tether`` it exits at once. ``trouble`` has its last words from its death until a
+    new process has settled.
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class LocalWorker:
         self.trouble = ""
 
     def supervise(self) -> None:
-        """Start it unless it runs or has just died; call this every now and then."""
+        """Start it unless it runs or has just died; call this periodically."""
         now = time.monotonic()
         if self._process is not None:
             code = self._process.poll()
@@ -96,15 +96,12 @@ class LocalWorker:
         self._log.write("local worker ended", code=code, restart_in=self._pause, words=self.trouble)
 
     def _rotate(self) -> None:
-        """Put a log aside that has grown; the process goes on at the beginning of the file.
-
-        What it writes in that very moment is lost.
-        """
-        # Copied and cut off, not renamed: the process and its children keep writing to the open
-        # file, in append mode, so that they go on at its new end.
+        """Rotate a large log; output during the rotation is lost."""
+        # Copied and truncated, not renamed: the process and its children keep the file open in
+        # append mode, and go on at its new end.
         with suppress(FileNotFoundError):
             if self._output.stat().st_size > _LARGEST_LOG:
-                # On a full disk what was said before is not kept.
+                # On a full disk the old part is lost.
                 with suppress(OSError):
                     shutil.copy(self._output, self._output.with_suffix(".log.1"))
                 os.truncate(self._output, 0)
@@ -116,10 +113,10 @@ class LocalWorker:
             self._log_start = output.seek(0, os.SEEK_END)
             self._process = subprocess.Popen(
                 self._command,
-                stdin=subprocess.PIPE,  # its end tells that the daemon is gone
+                stdin=subprocess.PIPE,  # closes when the daemon is gone
                 stdout=output,
                 stderr=output,
-                # Ctrl-C in the daemon's terminal is for the daemon, which ends it in order.
+                # Ctrl-C in the terminal is for the daemon, which ends the worker in order.
                 start_new_session=True,
                 env=self._environment,
             )
@@ -136,16 +133,16 @@ class LocalWorker:
 
     @property
     def pid(self) -> int:
-        """The number of the process, 0 while there is none."""
+        """The id of the process, 0 without one."""
         return 0 if self._process is None else self._process.pid
 
     def signal(self, number: signal.Signals) -> None:
-        """Pass a signal on, if it runs."""
+        """Send a signal to the process, if it runs."""
         if self._process is not None and self._process.poll() is None:
             self._process.send_signal(number)
 
     def wait(self, seconds: float) -> bool:
-        """Wait for the end of the process; returns whether it came."""
+        """Wait for the end of the process; return whether it has ended."""
         if self._process is None:
             return True
         try:

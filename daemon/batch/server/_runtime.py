@@ -20,20 +20,20 @@ _OLD_FILES: Final = 3
 
 @dataclass(frozen=True, slots=True)
 class DaemonSettings:
-    """Seconds and counts of the daemon.
+    """Times [s] and counts of the daemon.
 
-    A ``lease`` lasts this long, whatever becomes of the connection, and is renewed every third of
-    it; a run is lost after ``attempts`` bad endings; a daemon told to stop lets its local worker
-    finish for ``patience``. Traces take at most ``quota`` bytes of the state directory (0: as much
-    as they like); those of finished runs move to the ``store``, a URL, if there is one.
+    A ``lease`` lasts this long, even without a connection, and is renewed every third of it. A run
+    is lost after ``attempts`` bad endings. A stopping daemon lets its local worker finish for
+    ``patience``. Traces take at most ``quota`` bytes of the state directory (0: no limit); those of
+    finished runs move to the ``store``, a URL, if given.
     """
 
-    # Two renewals in a row may get lost. It is also what a run waits whose worker's machine is
-    # unplugged: from here that looks like a cable that is pulled, and back in a moment. What a
-    # worker leaves that only died itself, the next one on its machine gives back at once.
+    # Long enough that two renewals in a row may get lost. Runs of an unplugged machine also wait
+    # this long, since it looks like a short loss of connection. Runs of a worker that only died
+    # itself do not: the next worker on its machine returns them at once.
     lease: float = 30.0
-    # A run may end badly because of its machine; one that does so three times on any of them is
-    # taken for the cause, and is not to bring down every worker in turn.
+    # A run may end badly because of its machine. After three times the run counts as the cause, so
+    # that it does not bring down every worker.
     attempts: int = 3
     patience: float = 20.0
     store: str = ""
@@ -46,15 +46,12 @@ class DaemonSettings:
 
     @property
     def tick(self) -> float:
-        """Seconds between two looks at the clock for leases that have lapsed.
-
-        Small against a lease, and not so small that an idle daemon keeps a core awake.
-        """
+        """Period of checks for lapsed leases [s], without keeping an idle core awake."""
         return min(0.5, max(self.lease / 10, 0.02))
 
 
 class _LogFile(RotatingFileHandler):
-    """A log for its owner alone; lines that cannot be written, to a full disk say, are left out."""
+    """A private log; lines that cannot be written, as on a full disk, are dropped."""
 
     def _open(self) -> TextIOWrapper:
         return TextIOWrapper(os.fdopen(open_private(Path(self.baseFilename)), "ab"), "utf-8")

@@ -1,4 +1,4 @@
-"""The daemon's answers about searches, and what it knows of the clients that run them."""
+"""Handlers of searches, and the clients that run these."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from daemon.model.search_answer import SearchProgress, SearchQuery, SearchRow, S
 from daemon.model.verbs import EXTEND, SEARCHES
 
 _SILENT: Final = 15.0
-"""Seconds after its last word when a client is gone; one that waits for runs speaks every five."""
+"""Silence after which a client counts as gone [s]; a waiting one reports every five."""
 
 
 class SearchClients:
-    """The clients that make the proposals of searches, one for each, by their latest word.
+    """The clients that make the proposals of searches, one for each, by their latest report.
 
-    That is told in memory, on a clock that nobody sets: after its start the daemon waits for as
-    long as a client may be silent before it takes a search for one that waits.
+    Kept in memory, by a monotonic clock. After its start the daemon waits for the permitted silence
+    of a client before it reports a search as waiting.
     """
 
     def __init__(self) -> None:
@@ -36,24 +36,24 @@ class SearchClients:
         self._words: dict[str, tuple[str, float]] = {}
 
     def client(self, campaign: str) -> str:
-        """Return the client of a search, empty while there is none."""
+        """Return the client of a search, empty without one."""
         client, at = self._words.get(campaign, ("", 0.0))
         return client if time.monotonic() - at < _SILENT else ""
 
     def state(self, campaign: str) -> SearchState:
-        """Return the state of a search that has not ended: ``running`` or ``waiting``."""
+        """Return the state of an unfinished search: ``running`` or ``waiting``."""
         fresh = campaign not in self._words and time.monotonic() - self._started < _SILENT
         return "running" if fresh or self.client(campaign) else "waiting"
 
     def claim(self, campaign: str, client: str) -> bool:
-        """Take in a word of a client; return whether the search is its own and no other's."""
+        """Record a report of a client; return whether the search is its own."""
         if self.client(campaign) not in ("", client):
             return False
         self._words[campaign] = (client, time.monotonic())
         return True
 
     def require(self, campaign: str, client: str) -> None:
-        """Take in a word of a client; refuses another one than that of the search."""
+        """Record a report of a client; refuse any but that of the search."""
         if not self.claim(campaign, client):
             raise Refused(f"{self.client(campaign)} makes the proposals of {campaign}")
 
@@ -63,10 +63,10 @@ class SearchClients:
 
 
 def read_extension(payload: bytes, paths: StatePaths) -> ExtendRequest:
-    """Check runs that are to be added to a search, and store their scenes.
+    """Check new runs of a search, and store their scenes.
 
-    Raises :class:`Refused` with what is wrong, and :class:`daemon.batch.errors.Unavailable` when
-    the disk is full, say.
+    Raises :class:`Refused` with the problems, and :class:`daemon.batch.errors.Unavailable` for
+    errors such as a full disk.
     """
     request = read_request(EXTEND, payload)
     assert isinstance(request, ExtendRequest)
@@ -84,13 +84,13 @@ def _extension_problems(request: ExtendRequest) -> Iterator[str]:
         return
     for place, (proposal, run) in enumerate(zip(proposals, runs.runs, strict=True)):
         if proposal.position != proposals[0].position + place:
-            yield f"proposals follow one after the other, not at {proposal.position}"
+            yield f"the position {proposal.position} of a proposal does not follow the one before"
         if proposal.repeat != run.repeat:
             yield f"repeat {run.repeat} was proposed as repeat {proposal.repeat}"
 
 
 class SearchHandlers:
-    """The methods of the verbs about searches, as those of :class:`Handlers` are."""
+    """Handlers of the verbs of searches, as in :class:`Handlers`."""
 
     paths: StatePaths
     log: EventLog
@@ -108,14 +108,14 @@ class SearchHandlers:
             for row in ledger.ask(SEARCHES, query)
         )
 
-    def search(self, ledger: LedgerWriter, asked: SearchSubmission) -> Empty:
-        campaign = asked.campaign
+    def search(self, ledger: LedgerWriter, request: SearchSubmission) -> Empty:
+        campaign = request.campaign
         if not is_id(campaign):
             words = f"{campaign!r} is not a campaign id: use up to 100 of A-Z a-z 0-9 _ -"
             raise Refused(words)
-        ledger.begin_search(asked, time.time())
-        if asked.client and self.clients.claim(campaign, asked.client):
-            self.log.write("search", campaign=campaign, client=asked.client)
+        ledger.begin_search(request, time.time())
+        if request.client and self.clients.claim(campaign, request.client):
+            self.log.write("search", campaign=campaign, client=request.client)
         return Empty()
 
     def _admit_extension(self, payload: bytes) -> ExtendRequest:

@@ -1,4 +1,4 @@
-"""The daemon's life: lock, ledger, router, local worker; then wait; then leave in order."""
+"""The daemon: lock, ledger, router, local worker; then waiting; then an orderly end."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from daemon.batch.ledger import LedgerWriter
 from daemon.batch.paths import DaemonContact, StatePaths
 from daemon.batch.server._dispatcher import RequestDispatcher
 from daemon.batch.server._handlers import Handlers
-from daemon.batch.server._housekeeping import Housekeeping
+from daemon.batch.server._housekeeping import Housekeeping, TraceMover
 from daemon.batch.server._opening import (
     ListenSettings,
     hold_alone,
@@ -40,7 +40,6 @@ from daemon.batch.server._threads import (
     ReaderPool,
     WriterThread,
 )
-from daemon.batch.server._trace_mover import TraceMover
 from daemon.batch.server._workers import LeaseClock, LeaseDeadlines, WorkerRegistry
 from daemon.batch.stores import Marker, check_store_url
 from daemon.model.execution import DEFAULT_EXECUTOR, RunLimits, available_cores
@@ -51,13 +50,13 @@ from daemon.supervision.child import when_stdin_ends
 from grammars.text import codec
 
 _READERS: Final = 4
-"""Threads that answer questions."""
+"""Threads that answer read requests."""
 _LAST_MOMENT: Final = 3.0
-"""Seconds a worker has to give its runs back, and then to be killed."""
+"""Time for a worker to return its runs, and again to be killed [s]."""
 STOP_MARGIN: Final = 2 * _LAST_MOMENT
-"""Seconds a daemon may need to leave after its patience has ended."""
-# What makes runs available, or unwanted where they are running: see WORK. All else changes nothing
-# for workers, and a hint for every finished run would have each worker ask thousands of times.
+"""Longest time of a daemon's end after its patience [s]."""
+# Events that make runs available, or end running ones: see WORK. Others do not matter to workers,
+# and a hint for every finished run would make each worker ask thousands of times.
 _HINTS: Final = frozenset(
     {"submitted", "extended", "retried", "queued", "cancelled", "resumed", "superseded"}
 )
@@ -77,12 +76,12 @@ def serve(
 ) -> None:
     """Run the daemon on a state directory until SIGTERM, SIGINT or a shutdown request.
 
-    It listens at the socket of the state directory, and at ``listen`` if that is given: over TLS
-    with ``keys``, or plain TCP on loopback, elsewhere only if ``insecure`` is meant.
-    ``slots`` is the size of the local worker: ``None`` for one per core, 0 for no local worker.
-    ``executor`` (``module:function``) executes runs within ``limits``. With ``tether`` the daemon
-    leaves at once when its standard input closes: its parent is gone. The first signal lets
-    running runs finish for a while, the second gives them back. To be called from the main thread.
+    It listens at the socket of the state directory, and at ``listen`` if given: over TLS with
+    ``keys``, or plain TCP, which beyond loopback needs ``insecure``. ``slots`` is the size of the
+    local worker: ``None`` for one per core, 0 for no local worker. ``executor``
+    (``module:function``) executes runs within ``limits``. With ``tether`` the daemon stops at once
+    when its standard input closes: its parent is gone. The first signal lets running runs finish
+    for a while, the second returns them. Call it from the main thread.
 
     Raises :class:`AlreadyRunning` when another daemon keeps ``state``, and
     :class:`daemon.batch.errors.DaemonError` when the ledger or the endpoint cannot be used.
@@ -125,45 +124,45 @@ def _checked(settings: DaemonSettings) -> DaemonSettings:
     try:
         return replace(settings, store=check_store_url(settings.store) if settings.store else "")
     except ValueError as error:
-        raise DaemonError(f"traces cannot be kept there: {error}") from error
+        raise DaemonError(f"traces cannot be stored there: {error}") from error
 
 
 class StopRequest:
-    """Whether, and how often, the daemon was told to stop; ``tether_cut`` when its parent is gone.
+    """Number of requests to stop the daemon; ``tether_cut`` after the end of its parent.
 
-    Safe to use from any thread and from handlers of signals.
+    Safe to use from any thread and from signal handlers.
     """
 
     def __init__(self) -> None:
         self.count = 0
         self.tether_cut = False
-        self._asked = threading.Event()
+        self._requested = threading.Event()
 
     def __call__(self) -> None:
-        """Ask for it."""
+        """Request a stop."""
         self.count += 1
-        self._asked.set()
+        self._requested.set()
 
     def wait(self, seconds: float) -> bool:
-        """Wait until it was asked for; returns whether it was."""
-        return self._asked.wait(seconds)
+        """Wait for a request; return whether there was one."""
+        return self._requested.wait(seconds)
 
     @contextmanager
     def signals(self) -> Iterator[None]:
-        """Let SIGTERM and SIGINT ask for it."""
+        """Let SIGTERM and SIGINT request a stop."""
 
         def on_signal(number: int, _: FrameType | None) -> None:
             self()
 
-        kept = {n: signal.signal(n, on_signal) for n in (signal.SIGTERM, signal.SIGINT)}
+        previous = {n: signal.signal(n, on_signal) for n in (signal.SIGTERM, signal.SIGINT)}
         try:
             yield
         finally:
-            for number, handler in kept.items():
+            for number, handler in previous.items():
                 signal.signal(number, handler)
 
     def watch_tether(self) -> None:
-        """Ask for it when standard input closes."""
+        """Request a stop when standard input closes."""
         when_stdin_ends(self._cut_tether)
 
     def _cut_tether(self) -> None:
@@ -191,8 +190,8 @@ class _Daemon:
         self._clock = LeaseClock(settings.tick)
         self._deadlines = LeaseDeadlines(settings.lease, self._clock)
         self._revoked = RevokedKeys(log, listening.keys)
-        # Renewals come every third of a lease: who has missed three is away, even though Zenoh
-        # still has the connection (a suspended machine, a process stopped in a debugger).
+        # Renewals come every third of a lease: a worker that has missed three is away, even with a
+        # connection of Zenoh (a suspended machine, a process stopped in a debugger).
         self._registry = WorkerRegistry(settings.lease, self._clock)
         self._housekeeping = Housekeeping(paths, log, settings.quota)
         self._version = installed_version("scenario-tui")
@@ -212,24 +211,24 @@ class _Daemon:
         )
 
     def _troubles(self) -> tuple[Trouble, ...]:
-        """Why no run can start here; the first is what to do first."""
-        found = (
+        """Return the troubles that block all runs here, the most urgent first."""
+        troubles = (
             Trouble(self._paths.disk_shortage(), TroubleCause.SPACE),
             Trouble(self._housekeeping.trouble, TroubleCause.SPACE),
             Trouble("" if self._local is None else self._local.trouble, TroubleCause.OTHER),
         )
-        return tuple(trouble for trouble in found if trouble.words)
+        return tuple(trouble for trouble in troubles if trouble.words)
 
     def _starting(self) -> Preparation | None:
-        """Return what the daemon's own worker does before it can say so itself."""
+        """Return the preparation of the daemon's own worker until it reports its own."""
         local = self._local
         if local is None or local.trouble or self._stop.count:
             return None
-        known = any(row.pid == local.pid for row in self._registry.rows())
-        return None if known else Preparation(PreparationPhase.STARTING)
+        is_registered = any(row.pid == local.pid for row in self._registry.rows())
+        return None if is_registered else Preparation(PreparationPhase.STARTING)
 
     def run(self, stack: ExitStack, local: LocalWorker | None) -> None:
-        """Open the bus, work, leave; ``stack`` closes what was opened."""
+        """Open the bus, work, and end; ``stack`` closes everything."""
         self._local = local
         session = stack.enter_context(
             bus.open_router(self._listening.endpoints, self._listening.keys)
@@ -241,9 +240,9 @@ class _Daemon:
         for keeper in keepers:
             keeper.start()
             stack.callback(keeper.close)
-        # Last, and so withdrawn first: whoever reads where the daemon is finds one that answers.
+        # Last, and so removed first: a daemon with a contact file answers.
         remove_contact = partial(self._paths.contact_file.unlink, missing_ok=True)
-        remove_contact()  # one that was killed may have left its own
+        remove_contact()  # a killed daemon may have left one
         stack.callback(remove_contact)
         where = self._listening.socket
         contact = DaemonContact(where, os.getpid(), self._version, time.time())
@@ -253,8 +252,8 @@ class _Daemon:
             self._revoked.look()
             if local is not None:
                 local.supervise()
-            # Through the writer's queue: nobody else touches the ledger, and a full disk or a
-            # locked file is the value of a job here as for every request.
+            # Through the writer's queue: only the writer changes the ledger, and errors of the disk
+            # are the value of a job, as for every request.
             writer.put(LedgerJob(self._tick, self._ticked))
             if not writer.alive:
                 raise DaemonError("a thread of the daemon has failed, see worker.log")
@@ -272,7 +271,7 @@ class _Daemon:
         reader = ReaderPool(self._paths, "reader", _READERS)
         carrier = ReaderPool(self._paths, "carrier")
         writer = WriterThread(self._ledger, partial(_publish, session), report)
-        # The preparer hands over to the writer, and so is the first to finish.
+        # The preparer queues jobs for the writer, and so finishes first.
         preparer = ReaderPool(self._paths, "preparer")
         for jobs in (overload, reader, carrier, writer, preparer):
             stack.callback(jobs.finish)
@@ -311,7 +310,7 @@ class _Daemon:
             self._log.write("leases lapsed", runs=len(overdue))
         absent = self._registry.absent()
         if absent:
-            # Who still has a lease may come back to it.
+            # Workers with a lease may come back.
             for worker in self._registry.forget(sorted(absent - ledger.busy_workers())):
                 ledger.record_event(now, "worker", worker, state="gone")
                 self._log.write("worker gone", worker=worker)
@@ -321,16 +320,16 @@ class _Daemon:
             self._log.write("failure", key="tick", problem=repr(value))
 
     def _leave(self, local: LocalWorker | None) -> None:
-        # Others are told that nothing more comes; the local worker is asked to finish what it has
-        # (SIGTERM), after the patience to give it back (SIGQUIT: the runs are queued again at once,
-        # without blame), at last killed: then the next daemon queues them, when their leases end.
+        # Other workers get no more runs. The local worker may finish its runs (SIGTERM). After the
+        # patience it returns them (SIGQUIT: they are queued again at once, without blame). At last
+        # it is killed: the next daemon queues them when their leases end.
         self._handlers.draining = True
         self._log.write("leaving")
         if local is None or local.wait(0.0):
             return
         local.signal(signal.SIGTERM)
         deadline = time.monotonic() + self._settings.patience
-        # All that it was told so far: the second time may have come before it got here.
+        # Counts all requests so far: the second may have come before this line.
         while time.monotonic() < deadline and self._stop.count < 2:
             if self._stop.tether_cut:
                 break
@@ -344,7 +343,7 @@ class _Daemon:
 
 def _publish(session: zenoh.Session, events: list[ChangeEvent]) -> None:
     for event in events:
-        # Dropped rather than waited for: a listener that is behind sees the gap and asks again.
+        # Drop instead of waiting: a slow listener sees the gap and asks again.
         session.put(EVENTS, codec.to_json(event), congestion_control=zenoh.CongestionControl.DROP)
     if any(event.state in _HINTS for event in events):
         session.put(WORK, b"", congestion_control=zenoh.CongestionControl.DROP)

@@ -1,4 +1,4 @@
-"""Submissions that the daemon admits: those that make sense."""
+"""Validation of submissions."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from grammars.text import codec
 from grammars.text.files import write_atomically
 
 _SHOWN: Final = 10
-"""Problems that are said: who has forgotten a scene has forgotten it for every cell."""
+"""Most problems in a refusal: one missing scene is a problem of every cell."""
 
 
 def read_submission(payload: bytes, paths: StatePaths) -> Submission:
-    """Check a submission as it came and store its scenes; raises as :func:`admit_submission`."""
+    """Check a raw submission and store its scenes; raises as :func:`admit_submission`."""
     submission = read_request(SUBMIT, payload)
     assert isinstance(submission, Submission)
     admit_submission(submission, paths)
@@ -36,19 +36,19 @@ def read_submission(payload: bytes, paths: StatePaths) -> Submission:
 def admit_submission(submission: Submission, paths: StatePaths) -> None:
     """Check a submission and store its scenes.
 
-    Raises :class:`Refused` with all that is wrong, and :class:`Unavailable` when the disk is full,
-    say.
+    Raises :class:`Refused` with all problems, and :class:`Unavailable` for errors such as a full
+    disk.
     """
     problems = list(_problems(submission, paths))
     if problems:
         more = f"\nand {len(problems) - _SHOWN} more" if len(problems) > _SHOWN else ""
         raise Refused("\n".join(problems[:_SHOWN]) + more)
-    # Only when all is well, and before the ledger has the runs: a scene too many is harmless.
+    # After all checks, and before the ledger has the runs: an unused scene is harmless.
     try:
         for scene in submission.scenes:
             path = paths.scene(scene.digest)
             if is_intact(path):
-                os.utime(path)  # a campaign on its way needs it: it is no stray for now
+                os.utime(path)  # touched, so that it is not a stray before the commit
             else:
                 write_atomically(path, codec.to_json(scene))
     except OSError as error:
@@ -68,7 +68,7 @@ def _problems(submission: Submission, paths: StatePaths) -> Iterator[str]:
     yield from _policy_problems(submission.declared.policy)
     scripts = len(submission.scripts)
     if any(run.cell >= len(cells) or run.script >= scripts for run in runs):
-        raise Refused("the request is malformed: a run has a cell or a script that is not there")
+        raise Refused("the request is malformed: a run refers to a missing cell or script")
     scenes = {scene.digest for scene in submission.scenes}
     for cell in cells:
         for problem in _cell_problems(cell, scenes, paths):
@@ -79,7 +79,7 @@ def _problems(submission: Submission, paths: StatePaths) -> Iterator[str]:
     for (scenario, sut, repeat), count in names.items():
         if count > 1:
             yield (
-                f"{scenario}/{sut}/{repeat} is there twice: scenario, system and repeat name a run"
+                f"{scenario}/{sut}/{repeat} occurs twice: scenario, system and repeat name a run"
             )
         try:
             trace_name(submission.campaign, scenario, sut, repeat)
@@ -104,12 +104,12 @@ def _cell_problems(cell: RunSpec, scenes: set[str], paths: StatePaths) -> Iterat
         yield f"the limit must be a positive number of seconds, not {cell.limit}"
     for name, digest in cell.sut.files.items():
         if not _is_there(paths.files / digest):
-            yield f'the file "{name}" of {cell.sut.name} was not sent along'
+            yield f'the file "{name}" of {cell.sut.name} was not sent'
     digest = cell.map.file
     if digest and not _is_there(paths.files / digest):
-        yield f"its map {digest[:12]} was not sent along"
+        yield f"its map {digest[:12]} was not sent"
     if cell.scene not in scenes and not _is_stored(cell.scene, paths):
-        yield f"its scene {cell.scene[:12]} is neither here nor sent along"
+        yield f"its scene {cell.scene[:12]} is neither here nor in the submission"
 
 
 def _is_stored(digest: str, paths: StatePaths) -> bool:
@@ -120,7 +120,7 @@ def _is_stored(digest: str, paths: StatePaths) -> bool:
 
 
 def _is_there(path: Path) -> bool:
-    """Whether there is a file that a campaign on its way needs; then it is not a stray for now."""
+    """Return whether a file exists; touch it, so that it is not a stray before the commit."""
     try:
         os.utime(path)
     except FileNotFoundError:

@@ -1,4 +1,4 @@
-"""The threads of the daemon's ledger: one writes, some read; all others queue up, to a limit."""
+"""The threads of the daemon's ledger: one writes, some read; the queues are limited."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from daemon.batch.paths import StatePaths
 from daemon.model.status import ChangeEvent
 
 _BATCH: Final = 64
-"""Jobs that share a commit. Its fsync is what costs: measured on one disk, 2 950 runs a second with
-one for each job, 9 470 without any; and nobody waits for more than 64 others' jobs."""
+"""Most jobs of one commit, whose fsync is the main cost: measured on one disk, 2 950 runs a second
+with one for each job, 9 470 without any."""
 _PAUSE: Final = 0.4
-"""Seconds without a change after which the ledger's WAL is emptied."""
+"""Time without a change after which the ledger's WAL is emptied [s]."""
 _MOST: Final = 2048
-"""Requests that may wait in a queue: what comes then is told to come again."""
+"""Most waiting requests in a queue; further ones are refused for now."""
 BUSY: Final = Unavailable(
     f"the daemon is busy, {_MOST} requests wait already: try again in a moment"
 )
@@ -31,7 +31,7 @@ BUSY: Final = Unavailable(
 
 @dataclass(frozen=True, slots=True)
 class LedgerJob:
-    """Something to do with the ledger; ``done`` gets its value, or the exception it raised."""
+    """A job on the ledger; ``done`` gets its value, or its exception."""
 
     act: Callable[[Any], object]
     done: Callable[[object], None]
@@ -40,8 +40,8 @@ class LedgerJob:
 class JobQueue(ABC):
     """A queue of jobs for the ledger.
 
-    ``put`` takes what the daemon itself wants, ``offer`` what others want, within limits: a flood
-    of questions must not keep leases from expiring.
+    ``put`` takes jobs of the daemon itself, ``offer`` jobs of clients, within limits: a flood of
+    requests must not keep leases from expiring.
     """
 
     def __init__(self) -> None:
@@ -49,14 +49,14 @@ class JobQueue(ABC):
 
     @abstractmethod
     def put(self, job: LedgerJob) -> None:
-        """Queue a job; returns at once."""
+        """Queue a job and return at once."""
 
     @abstractmethod
     def finish(self) -> None:
-        """Do what is queued, then end."""
+        """Do the queued jobs, then end."""
 
     def offer(self, job: LedgerJob) -> bool:
-        """Queue a job unless too much waits already; returns at once, whether it is queued."""
+        """Queue a job unless the queue is full; return at once whether it was queued."""
         if not self._room.acquire(blocking=False):
             return False
 
@@ -71,9 +71,9 @@ class JobQueue(ABC):
 class WriterThread(JobQueue):
     """Owns the writing connection: runs jobs in transactions, answers after the commit.
 
-    Jobs that wait together share a commit (the fsync is what costs); each has a savepoint, so a
-    refused one undoes only itself. In a pause the WAL is emptied: SQLite drops what stands behind a
-    single wrong bit of it. ``report`` gets the problem when that fails.
+    Waiting jobs share a commit and its fsync; each has a savepoint, so a refused one undoes only
+    itself. In a pause the WAL is emptied, since SQLite drops everything after a single wrong bit of
+    it. ``report`` gets the problem if that fails.
     """
 
     def __init__(
@@ -95,15 +95,15 @@ class WriterThread(JobQueue):
 
     @property
     def alive(self) -> bool:
-        """Whether it works; it ends by itself for an error of its own only."""
+        """True while it works; before :meth:`finish` only an error of its own ends it."""
         return self._thread.is_alive()
 
     def put(self, job: LedgerJob) -> None:
-        """Queue a job; returns at once."""
+        """Queue a job and return at once."""
         self._jobs.put(job)
 
     def finish(self) -> None:
-        """Do what is queued, then end."""
+        """Do the queued jobs, then end."""
         self._jobs.put(None)
         self._thread.join()
 
@@ -117,7 +117,7 @@ class WriterThread(JobQueue):
         self._empty()
 
     def _take(self) -> tuple[list[LedgerJob], bool]:
-        """Wait for a job; return what waits, up to a batch, and whether more may come."""
+        """Wait for a job; return the waiting ones, up to a batch, and whether more may come."""
         batch: list[LedgerJob] = []
         while len(batch) < _BATCH:
             try:
@@ -130,7 +130,7 @@ class WriterThread(JobQueue):
         return batch, True
 
     def _empty_in_pause(self) -> None:
-        """Empty the WAL if nothing changed for a while; the daemon's own ticks lead here."""
+        """Empty the WAL after a while without changes; the daemon's own ticks call this."""
         now, changes = time.monotonic(), self._ledger.changes
         if changes != self._changes:
             self._changes, self._changed_at, self._emptied = changes, now, False
@@ -141,13 +141,13 @@ class WriterThread(JobQueue):
         try:
             self._emptied = self._ledger.checkpoint()
         except DaemonError as error:
-            self._emptied = True  # the next change leads to the next try
+            self._emptied = True  # retried after the next change
             self._report(str(error))
 
     def _work(self, batch: list[LedgerJob]) -> None:
         try:
             with self._ledger.transaction():
-                # An error is its value, and its answer; what is no refusal goes to the log too.
+                # An exception is the job's value, and its answer; unexpected ones are also logged.
                 values = [self._ledger.attempt(job.act) for job in batch]
         except Unavailable as failure:
             values = [failure for _ in batch]
@@ -158,7 +158,7 @@ class WriterThread(JobQueue):
 
 
 class ReaderPool(JobQueue):
-    """Threads that answer questions, each from one snapshot of the ledger.
+    """Threads that answer requests, each from one snapshot of the ledger.
 
     Raises :class:`DaemonError` when the ledger cannot be read.
     """
@@ -173,7 +173,7 @@ class ReaderPool(JobQueue):
         self._pool = ThreadPoolExecutor(threads, name)
 
     def put(self, job: LedgerJob) -> None:
-        """Queue a job; returns at once."""
+        """Queue a job and return at once."""
         self._pool.submit(self._perform, job)
 
     def _perform(self, job: LedgerJob) -> None:
@@ -182,11 +182,11 @@ class ReaderPool(JobQueue):
             with reader.snapshot():
                 value = job.act(reader)
         except Exception as error:
-            value = error  # it is the answer; what is no refusal goes to the log too
+            value = error  # it is the answer; unexpected ones are also logged
         self._readers.put(reader)
         job.done(value)
 
     def finish(self) -> None:
-        """Do what is queued, then end."""
+        """Do the queued jobs, then end."""
         self._pool.shutdown()
         self._opened.close()

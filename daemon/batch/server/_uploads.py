@@ -1,8 +1,8 @@
-"""Files that arrive in parts: traces from workers on other machines, and what submissions need.
+"""Inputs of runs, and uploads in parts: traces from remote workers, and files of submissions.
 
-A part lies in ``incoming`` under the lease it is sent for, if any, and the digest of the whole: so
-no sender touches what another one sends. A whole is verified. A trace gets its name when the ledger
-takes the result. Workers on this file system leave theirs there as a whole.
+A part is stored in ``incoming`` under its lease, if any, and the digest of the whole, so senders do
+not interfere with each other. Complete files are verified. A trace gets its final name when the
+ledger takes the result. Workers on this file system put complete traces there.
 """
 
 from __future__ import annotations
@@ -16,26 +16,63 @@ from typing import Final
 from daemon.batch.errors import Refused, Unavailable
 from daemon.batch.ledger import LedgerReader, LedgerWriter
 from daemon.batch.paths import StatePaths
-from daemon.batch.server._inputs import InputStore
 from daemon.batch.server._runtime import EventLog
-from daemon.batch.stores import append_part, file_sha256, file_size, matches_digest
+from daemon.batch.stores import append_part, file_sha256, file_size, is_intact, matches_digest
 from daemon.model.attachments import LARGEST_FILE
-from daemon.model.ids import is_run_id
+from daemon.model.ids import is_digest, is_run_id
 from daemon.model.messages import Completion, Count, LedgerAnswer, PutRequest
+from daemon.model.spec import RunSpec
 from grammars.text.files import move_durably, sync_directory
 
 _MOST_UPLOADS: Final = 1024
-"""Uploads at a time; finished traces whose result has not come count."""
+"""Most uploads at a time, including complete traces that wait for their result."""
 _MOST_OF_ONE: Final = 64
-"""Uploads of one worker, or of all submissions: a worker sends eight traces at a time."""
+"""Most uploads of one worker, or of all submissions: a worker sends eight traces at a time."""
 _IDLE: Final = 60.0
-"""Seconds after which an upload that nobody goes on with gives way to a new one."""
+"""Time without progress after which an upload may be replaced by a new one [s]."""
+
+
+class InputStore:
+    """The scenes and files of the state directory, for all threads of the daemon.
+
+    A campaign with a missing scene or file is not leased: it waits, with that as its reason, until
+    it is submitted again.
+    """
+
+    def __init__(self, paths: StatePaths, log: EventLog) -> None:
+        self._paths = paths
+        self._log = log
+
+    def missing(self, spec: RunSpec) -> str:
+        """Return a missing input of a run as ``scene`` or ``file`` and a digest, or empty text."""
+        files = (self._paths.files / digest for digest in spec.files if is_digest(digest))
+        paths = [self._paths.scene(spec.scene), *files]
+        absent = next((path for path in paths if not path.exists()), None)
+        if absent is None:
+            return ""
+        self._log.write("input missing", path=str(absent))
+        return f"{'scene' if absent.suffix else 'file'} {absent.stem}"
+
+    def has(self, item: str) -> bool:
+        """Return whether an input, named as by :meth:`missing`, is here."""
+        kind, _, digest = item.partition(" ")
+        path = self._paths.scene(digest) if kind == "scene" else self._paths.files / digest
+        return path.exists()
+
+    def examine(self, digest: str) -> None:
+        """Verify a scene or file against its digest; put it aside if they differ."""
+        if not is_digest(digest):
+            return
+        for path in (self._paths.scene(digest), self._paths.files / digest):
+            if path.exists() and not is_intact(path):
+                aside = self._paths.put_aside(path)
+                self._log.write("input damaged", path=str(path), aside=str(aside))
 
 
 class Uploads:
-    """Takes parts of files, in one thread, and names whole traces, in the ledger's.
+    """Takes parts of files, in one thread, and names complete traces, in the ledger's.
 
-    Another daemon goes on with what is there. Housekeeping removes what nobody goes on with.
+    The next daemon goes on with incomplete uploads. Housekeeping removes abandoned ones.
     """
 
     def __init__(self, paths: StatePaths, log: EventLog, inputs: InputStore) -> None:
@@ -43,27 +80,27 @@ class Uploads:
         self._log = log
         self._inputs = inputs
         self._senders: dict[str, str] = {}
-        # Of folders that a daemon before this one made, and was killed before it had synchronised.
+        # An earlier daemon may have been killed before it had synchronised new folders.
         sync_directory(paths.traces)
 
     def put(self, reader: LedgerReader, request: PutRequest) -> Count:
-        """Add a part to its file; the answer says how many bytes are there.
+        """Add a part to its file; return the number of bytes received so far.
 
-        What is not needed any more counts as there: the result that follows is then answered
-        accordingly. Raises :class:`Refused` for what comes under no lease of the run and for more
-        bytes than announced, and :class:`Unavailable` while there is no room.
+        An unneeded file counts as complete; the answer to its result then tells the worker. Raises
+        :class:`Refused` for an unknown lease and for more bytes than announced, and
+        :class:`Unavailable` while there is no space.
         """
         whole, sender = self._place(reader, request)
         if whole is None:
             return Count(request.size)
         if whole.exists():
-            # Whoever asks is about to submit what needs it: it is no stray for now.
+            # Touch it, so that it is not a stray before the submission that needs it.
             with suppress(FileNotFoundError):
                 os.utime(whole)
             return Count(request.size)
         part = self._paths.incoming / f"{whole.stem}.part"
         have = file_size(part)
-        # Another offset: the part was sent twice, because the first answer was lost say.
+        # At another offset the part was sent twice, as after a lost answer.
         if request.data and request.offset == have:
             self._append(part, request, sender)
             have += len(request.data)
@@ -72,32 +109,32 @@ class Uploads:
         return Count(request.size if self._accept(part, whole, request, sender) else 0)
 
     def _place(self, reader: LedgerReader, request: PutRequest) -> tuple[Path | None, str]:
-        """Return where the whole belongs, if it is still needed, and the worker it comes from."""
+        """Return the path of the complete file, if it is needed, and the worker that sends it."""
         lease = request.lease
         if lease is None:
             if request.size > LARGEST_FILE:
                 raise Refused(f"a file has at most {LARGEST_FILE} bytes, not {request.size}")
             if not request.data:
-                # The good copy is in hand now: one that was damaged here gives way to it.
+                # A good copy is available now: check whether ours is damaged.
                 self._inputs.examine(request.sha256)
             return self._paths.files / request.sha256, ""
         if not is_run_id(lease.run):
             raise Refused(f"{lease.run!r} is not the id of a run")
         expected = reader.expected_upload(lease.run, lease.token, request.era)
-        # Only when the sender asks how far it is: reading all of a trace at every part of it
-        # would make an upload quadratic.
-        there = self._paths.trace(expected.name)
-        is_there = not request.data and matches_digest(there, request.size, request.sha256)
-        if is_there or not expected.is_needed:
+        # Only for a request without data: reading the whole trace at every part would make an
+        # upload quadratic.
+        trace = self._paths.trace(expected.name)
+        is_complete = not request.data and matches_digest(trace, request.size, request.sha256)
+        if is_complete or not expected.is_needed:
             return None, expected.worker
         whole = self._paths.uploaded_trace(lease.run, lease.token, request.sha256)
         return whole, expected.worker
 
     def _append(self, part: Path, request: PutRequest, sender: str) -> None:
         if request.offset + len(request.data) > request.size:
-            # Somebody else has announced another size: whose it was not begins again.
+            # Another sender has announced another size: begin again.
             part.unlink(missing_ok=True)
-            raise Refused(f"there are more bytes than the {request.size} announced")
+            raise Refused(f"the file has more bytes than the announced {request.size}")
         if request.offset == 0:
             self._make_room(part.stem, request, sender)
         if shortage := self._paths.disk_shortage():
@@ -108,12 +145,12 @@ class Uploads:
             raise Unavailable(f"{part.name} cannot be written: {error}") from error
 
     def _make_room(self, name: str, request: PutRequest, sender: str) -> None:
-        """Look whether another upload can begin; what was sent under this lease before goes."""
+        """Check the limits for a new upload; remove earlier ones under its lease."""
         if request.lease is not None:
-            # Not what others send of the same run: the first that is complete counts.
+            # Uploads of the same run under other leases stay: the first complete one counts.
             self._remove(f"{request.lease.run}.{request.lease.token}")
         if self._paths.disk().free < request.size:
-            raise Unavailable(f"no room for the {request.size} bytes of {name}")
+            raise Unavailable(f"no space for the {request.size} bytes of {name}")
         ages = self._ages()
         self._senders = {one: by for one, by in self._senders.items() if one in ages}
         own = [one for one, by in self._senders.items() if by == sender]
@@ -122,34 +159,34 @@ class Uploads:
                 continue
             oldest = max(uploads, key=ages.__getitem__)
             if ages[oldest] < _IDLE:
-                raise Unavailable(f"{most} files are on their way already: this one has to wait")
+                raise Unavailable(f"{most} uploads are in progress: this one has to wait")
             self._remove(oldest)
         self._senders[name] = sender
 
     def _remove(self, beginning: str) -> None:
-        # Once for every result: a pattern of pathlib took 0.1 ms more, most of it to compile.
+        # Called for every result: a pattern of pathlib takes 0.1 ms more, mostly to compile.
         for path in self._paths.incoming.iterdir():
             if path.name.startswith(f"{beginning}."):
                 path.unlink(missing_ok=True)
 
     def _ages(self) -> dict[str, float]:
-        """Return for how long nobody has gone on with each upload [s]."""
+        """Return the time since the last progress of each upload [s]."""
         ages, now = {}, time.time()
         for path in self._paths.incoming.iterdir():
             with suppress(FileNotFoundError):
-                # A clock that was set back must not keep anything for ever.
+                # Absolute, since a clock may be set back.
                 ages[path.stem] = abs(now - path.stat().st_mtime)
         return ages
 
     def _accept(self, part: Path, whole: Path, request: PutRequest, sender: str) -> bool:
-        """Give a file that is complete its name if it is the one that was announced."""
-        part.touch(mode=0o600)  # an empty file comes without a single part
+        """Verify a complete file and give it its name; return whether it was as announced."""
+        part.touch(mode=0o600)  # an empty file has no parts
         if file_sha256(part) != request.sha256:
             part.unlink()
             self._log.write("file damaged", name=whole.name, worker=sender)
             return False
         if request.lease is None:
-            # For reading only: what has this name has this digest, for every run to come.
+            # Read-only: its name is the digest of its content.
             part.chmod(0o400)
         move_durably(part, whole)
         what = "trace" if request.lease else "file"
@@ -157,12 +194,12 @@ class Uploads:
         return True
 
     def is_missing(self, ledger: LedgerWriter, completion: Completion) -> bool:
-        """Whether a result would be recorded whose trace is not here."""
+        """Return whether a result would be recorded without its trace."""
         if not ledger.awaits_result(completion.run, completion.token):
             return False
         if self._whole(completion).exists():
             return False
-        # Named already, by a daemon that ended before the commit.
+        # A daemon that ended before the commit may have named it already.
         name, _ = ledger.trace_location(completion.run)
         info = completion.result.trace
         return not matches_digest(self._paths.trace(name), info.size, info.sha256)
@@ -170,24 +207,23 @@ class Uploads:
     def settle_result(
         self, ledger: LedgerWriter, completion: Completion, answer: LedgerAnswer
     ) -> None:
-        """Do with a trace what became of its result: give it its name, or drop it."""
-        # Before the ledger commits, so that what it then says is true also when this process ends
-        # here: a trace without its result the next attempt replaces, a result without its trace
-        # would stay so.
+        """Name the trace of a recorded result, or remove it."""
+        # Before the commit, in case this process ends here: the next attempt replaces a trace
+        # without a result, but a result without its trace would stay so.
         name, location = ledger.trace_location(completion.run)
-        there, whole = self._paths.trace(name), self._whole(completion)
-        # A repetition of a run whose trace was removed brings it back.
-        is_lost = answer is LedgerAnswer.KNOWN and not location and not there.exists()
+        trace, whole = self._paths.trace(name), self._whole(completion)
+        # A repetition restores a trace that was removed.
+        is_lost = answer is LedgerAnswer.KNOWN and not location and not trace.exists()
         is_recorded = answer is LedgerAnswer.RECORDED
         if whole.exists() and (is_recorded or is_lost):
-            if not there.parent.exists():
-                there.parent.mkdir(mode=0o700)
-                ledger.sync_before_commit(there.parent.parent)
-            whole.replace(there)
-            # Once for all results that share the commit: measured, 5 ms each on one disk.
-            ledger.sync_before_commit(there.parent)
-        # The first result makes uploads under all other leases pointless, too: their senders
-        # hear so when they go on.
+            if not trace.parent.exists():
+                trace.parent.mkdir(mode=0o700)
+                ledger.sync_before_commit(trace.parent.parent)
+            whole.replace(trace)
+            # Once for all results of the commit: measured, 5 ms each on one disk.
+            ledger.sync_before_commit(trace.parent)
+        # The first result also ends uploads under all other leases: their senders learn it with
+        # the next part.
         self._remove(completion.run if is_recorded else f"{completion.run}.{completion.token}")
 
     def _whole(self, completion: Completion) -> Path:

@@ -30,7 +30,7 @@ def test_a_campaign_is_entered_once(ledger):
     assert ledger.submit("c", 5, at=NOW + 9).known
     row = ledger.row("c")
     assert (row.total, row.queued, row.submitted_at) == (5, 5, NOW)
-    with pytest.raises(Refused, match="taken"):
+    with pytest.raises(Refused, match="another campaign"):
         ledger.submit("c", 6)
 
 

@@ -177,7 +177,7 @@ def test_an_id_of_another_campaign_is_refused(searches):
     with pytest.raises(Refused, match="s has other options"):
         searches.search("s", runs=7)
     searches.submit("plain", *PLAIN)
-    with pytest.raises(Refused, match="taken by another campaign"):
+    with pytest.raises(Refused, match="belongs to another campaign"):
         searches.search("plain")
     with pytest.raises(Refused, match="there is no search plain"):
         extend(searches, 0, name="plain")

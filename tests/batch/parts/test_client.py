@@ -147,7 +147,7 @@ def test_what_another_version_asks_and_is_refused_says_which_versions_there_are(
     with pytest.raises(Refused, match=r"^there is no run c\.0$"):
         client.run("c.0")
     monkeypatch.setattr(bus, "speaker", lambda: theirs)
-    words = f"versions differ: whoever asks has {theirs.decode()}, this is {own}"
+    words = f"versions differ: the requester has {theirs.decode()}, this is {own}"
     with pytest.raises(Refused, match=words):
         client.run("c.0")
     assert words in daemon.noted("refused")[-1]["problem"]

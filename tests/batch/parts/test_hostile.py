@@ -143,13 +143,13 @@ def test_what_is_no_request_is_refused_with_a_reason(target, verb):
         assert words.startswith("the request is malformed: "), (body[:80], words)
     if verb.largest < LARGEST_SUBMISSION:
         words = target.complaint(verb, b'{"a": "' + b"x" * verb.largest + b'"}')
-        assert f"at most {verb.largest} are taken" in words
+        assert f"the limit is {verb.largest}" in words
 
 
 @pytest.mark.parametrize("verb", [verbs.OVERVIEW, verbs.SUBMIT], ids=str)
 def test_a_hundred_megabytes_are_refused_with_a_reason(target, verb):
     words = target.complaint(verb, b" " * 100_000_000)
-    assert words == f"the request has 100000000 bytes, at most {verb.largest} are taken"
+    assert words == f"the request has 100000000 bytes, the limit is {verb.largest}"
 
 
 WRONG = (

@@ -229,7 +229,7 @@ def test_who_has_no_key_of_this_authority_does_not_come_in(daemon, keys, tmp_pat
     with pytest.raises(Unreachable, match="does not prove to be the daemon of these keys"):
         Client.open(daemon.endpoint, keys=foreign)
     shutil.copy(keys / "ca.pem", foreign / "ca.pem")
-    with pytest.raises(Unreachable, match='does not take the key "operator"'):
+    with pytest.raises(Unreachable, match='does not accept the key "operator"'):
         Client.open(daemon.endpoint, keys=foreign)
     with pytest.raises(KeysUnusable, match=r"scenario keys bundle"):
         Client.open(daemon.endpoint, keys=tmp_path / "nothing")
