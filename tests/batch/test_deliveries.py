@@ -13,8 +13,7 @@ from daemon.batch.paths import StatePaths
 from daemon.batch.run_process import RESULT, TRACE
 from daemon.batch.worker._attempts import Spool
 from daemon.batch.worker._connection import DaemonConnection, WorkerPaths
-from daemon.batch.worker._deliveries import Deliveries
-from daemon.batch.worker._trouble import WorkerTrouble
+from daemon.batch.worker._deliveries import Deliveries, WorkerTrouble
 from daemon.batch.worker._wakeups import BackgroundAsks
 from daemon.model import verbs
 from daemon.model.messages import (

@@ -1,11 +1,11 @@
-"""Attempts: their folders in the spool, and what executes them.
+"""Attempts and their folders in the spool.
 
-    spool/<worker>/lock                          locked as long as that worker lives; whose it is
+    spool/<worker>/lock                          locked as long as that worker lives
     spool/<worker>/<run>/attempt-<k>.<token>/    grant.json, trace.mcap, result.json (last)
 
-What a dead worker left is adopted by the next one with the same key: results are delivered, and the
-runs that had none yet are given back at once, since their processes died with it.
-Each attempt has a folder of its own, so two executions of a run never share a file.
+The next worker adopts the spool of a dead one: it delivers the results, and returns runs without a
+result at once, since their processes died with the worker. Each attempt has a folder of its own, so
+two executions of a run never share a file.
 """
 
 from __future__ import annotations
@@ -30,11 +30,10 @@ from daemon.model.spec import RunResult
 from grammars.text import codec
 
 _LOCK: Final = "lock"
-"""Stands in the lock of a worker without a key: the daemon's owner started it."""
 _SHOWN_OUTPUT: Final = 2000
 _FIRST_PAUSE: Final = 2.0
 _LONGEST_PAUSE: Final = 120.0
-"""Seconds until something that could not be removed or taken over is tried again."""
+"""Pauses before a failed removal or adoption is tried again [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,30 +47,30 @@ class Attempt:
     def prepare(cls, folder: Path, lease: Lease) -> Attempt:
         """Make the folder of a leased run; raises ``OSError``."""
         folder.mkdir(parents=True)
-        # Not synchronised: what a power cut takes from here runs again.
+        # Not synchronised: a run that a power cut removes from here runs again.
         try:
             (folder / LEASE).write_bytes(codec.to_json(lease))
         except OSError:
-            shutil.rmtree(folder, ignore_errors=True)  # no room: nobody would come back for it
+            shutil.rmtree(folder, ignore_errors=True)  # no space: nobody would remove it later
             raise
         return cls(lease, folder)
 
     @classmethod
     def read(cls, folder: Path) -> Attempt:
-        """Return the attempt in a folder; raises ``OSError`` or ``ValueError`` if there is none."""
+        """Return the attempt in a folder; raises ``OSError`` or ``ValueError`` without one."""
         return cls(codec.from_json(Lease, (folder / LEASE).read_bytes()), folder)
 
     def link_files(self, folder: Path) -> None:
-        """Put the files of systems under test in ``folder`` within reach of the run."""
+        """Link ``folder`` with the files of systems under test for the run."""
         (self.folder / FILES).symlink_to(folder)
 
     @property
     def finished(self) -> bool:
-        """Whether there is a result, and so a complete trace."""
+        """True if there is a result, and so a complete trace."""
         return (self.folder / RESULT).is_file()
 
     def result(self) -> RunResult:
-        """The result; raises ``OSError`` or ``ValueError`` when it cannot be read."""
+        """Return the result; raises ``OSError`` or ``ValueError`` if it cannot be read."""
         with (self.folder / RESULT).open("rb") as file:
             data = file.read(LARGEST_REQUEST + 1)
         if len(data) > LARGEST_REQUEST:
@@ -79,14 +78,13 @@ class Attempt:
         return codec.from_json(RunResult, data)
 
     def output(self) -> str:
-        """The end of what the run printed, empty when it printed nothing."""
-        # Nothing of one that ended before it had begun.
+        """Return the end of the run's output, which may be empty."""
         return read_output(self.folder)[-_SHOWN_OUTPUT:].decode("utf-8", "replace").strip()
 
 
 @dataclass(frozen=True, slots=True)
 class AdoptedWork:
-    """What dead workers left: attempts with results, and leases of which nothing else is left."""
+    """Work of dead workers: attempts with results, and leases without one."""
 
     finished: tuple[Attempt, ...] = ()
     unfinished: tuple[Lease, ...] = ()
@@ -95,9 +93,9 @@ class AdoptedWork:
 class Spool:
     """This worker's part of the spool.
 
-    Its disk may become unusable while the worker works. Then nothing of it is lost, ``log`` gets
-    the reason once, and what could not be removed or taken over is tried again, less and less
-    often. A folder that is in the way for good is put aside.
+    Its disk may become unusable while the worker works. Then no result is lost, ``log`` gets the
+    reason once, and failed removals and adoptions are tried again, less and less often. A folder
+    that cannot be removed is put aside.
     """
 
     def __init__(self, paths: StatePaths, worker: str, log: Callable[[str], None]) -> None:
@@ -107,26 +105,26 @@ class Spool:
         self._adopt_at = self._pause = 0.0
         self._problems: set[str] = set()
         self._folder = paths.spool / worker
-        # Locked before it has its name: nobody adopts it in between.
-        unborn = paths.spool / f".{worker}"
-        unborn.mkdir(mode=0o700)
-        self._lock = _lock(unborn)
-        unborn.rename(self._folder)
+        # Locked before it has its name, so that no other worker adopts it in between.
+        unnamed = paths.spool / f".{worker}"
+        unnamed.mkdir(mode=0o700)
+        self._lock = _lock(unnamed)
+        unnamed.rename(self._folder)
 
     def open(self, lease: Lease) -> Attempt:
-        """Make the folder of a leased run; raises ``ValueError`` for a name that is none."""
+        """Make the folder of a leased run; raises ``ValueError`` for an invalid name."""
         if not is_run_id(lease.run):
             raise ValueError(f"{lease.run!r} is not the id of a run")
-        # With its token: a run that was deleted and submitted again begins with attempt 1 again,
-        # while the one of before may still be ending here.
+        # With its token: a run that was deleted and submitted again restarts with attempt 1, while
+        # the old one may still be ending here.
         folder = self._folder / lease.run / f"attempt-{lease.attempt}.{lease.token}"
         self._remove(folder)
         return Attempt.prepare(folder, lease)
 
     def discard(self, attempt: Attempt) -> None:
-        """Remove the folder of an attempt, and the run's with its last one.
+        """Remove the folder of an attempt, and that of the run with its last one.
 
-        One that cannot be removed is put aside, or tried again later.
+        A folder that cannot be removed is put aside, or tried again later.
         """
         if not self._remove(attempt.folder):
             self._remains.append(attempt.folder)
@@ -134,7 +132,7 @@ class Spool:
             attempt.folder.parent.rmdir()
 
     def _remove(self, folder: Path) -> bool:
-        """Remove a folder or put it aside; return whether it has gone."""
+        """Remove a folder or put it aside; return whether it is gone."""
         if not os.path.lexists(folder):
             return True
         try:
@@ -143,21 +141,20 @@ class Spool:
             try:
                 aside = self._paths.put_aside(folder)
             except OSError:
-                self._tell(f"{folder} cannot be removed: {error}")
+                self._report(f"{folder} cannot be removed: {error}")
                 return False
-            self._tell(f"{folder} cannot be removed, it lies in {aside} now: {error}")
+            self._report(f"{folder} cannot be removed, it is in {aside} now: {error}")
         return True
 
-    def _tell(self, problem: str) -> None:
+    def _report(self, problem: str) -> None:
         if problem not in self._problems:
             self._problems.add(problem)
             self._log(problem)
 
     def adopt(self) -> AdoptedWork:
-        """Take over what dead workers left: their finished attempts become this worker's.
+        """Take over the work of dead workers: their finished attempts become this worker's.
 
-        The folders of the others go; their leases are to be given back. Leases are used under the
-        name they were granted to: what workers with other keys left waits for such a one.
+        The folders of unfinished attempts are removed; the caller must return their leases.
         """
         if time.monotonic() < self._adopt_at:
             return AdoptedWork()
@@ -169,7 +166,7 @@ class Spool:
             try:
                 failed |= not self._adopt_folder(folder, finished, unfinished)
             except OSError as error:
-                self._tell(f"{folder} cannot be taken over: {error}")
+                self._report(f"{folder} cannot be taken over: {error}")
                 failed = True
         self._pause = min(2.0 * self._pause or _FIRST_PAUSE, _LONGEST_PAUSE) if failed else 0.0
         self._adopt_at = time.monotonic() + self._pause
@@ -179,12 +176,12 @@ class Spool:
         try:
             folders = sorted(self._paths.spool.iterdir())
         except OSError as error:
-            self._tell(f"the spool cannot be read: {error}")
+            self._report(f"the spool cannot be read: {error}")
             return []
         return [folder for folder in folders if folder != self._folder and is_id(folder.name)]
 
     def _adopt_folder(self, folder: Path, finished: list[Attempt], unfinished: list[Lease]) -> bool:
-        """Add what the owner of ``folder`` left, unless he lives; return whether it has gone then.
+        """Add the work of a dead owner of ``folder``; return false if the folder could not go.
 
         Raises ``OSError``.
         """
@@ -192,8 +189,8 @@ class Spool:
         if lock is None:
             return True
         with lock:
-            # A removed folder can still be locked by who had its lock open: the first to
-            # come has adopted it, name and all.
+            # A removed folder can still be locked through an open lock file: another worker has
+            # adopted it.
             if not folder.exists():
                 return True
             for attempt in _attempts(folder):
@@ -201,7 +198,7 @@ class Spool:
                     finished.append(self._move(attempt))
                 else:
                     unfinished.append(attempt.lease)
-            # A run's process may be dying and still write: what is left goes later.
+            # A dying process of a run may still write: a remaining folder is removed later.
             return self._remove(folder)
 
     def _move(self, attempt: Attempt) -> Attempt:
@@ -212,13 +209,13 @@ class Spool:
         return Attempt(attempt.lease, target)
 
     def close(self) -> None:
-        """Let go; the folder goes too when nothing waits in it."""
+        """Release the spool; remove its folder if it has no attempts."""
         with self._lock:
             try:
                 if not any(path.is_dir() for path in self._folder.iterdir()):
                     shutil.rmtree(self._folder)
             except OSError as error:
-                self._tell(f"{self._folder} stays: {error}")
+                self._report(f"{self._folder} stays: {error}")
 
 
 def _try_lock(folder: Path) -> IO[str] | None:
@@ -229,7 +226,7 @@ def _try_lock(folder: Path) -> IO[str] | None:
 
 
 def _lock(folder: Path) -> IO[str]:
-    """Lock a worker's folder; raises ``BlockingIOError`` when its worker lives, and ``OSError``."""
+    """Lock a worker's folder; raises ``BlockingIOError`` if its worker lives, and ``OSError``."""
     lock = (folder / _LOCK).open("a")
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -242,21 +239,21 @@ def _lock(folder: Path) -> IO[str]:
 def _attempts(folder: Path) -> Iterator[Attempt]:
     for path in sorted(folder.glob("*/attempt-*")):
         if not (path / LEASE).is_file():
-            continue  # a pipe, say, that would keep who reads it
+            continue  # for example a pipe, which would block the reader
         try:
             attempt = Attempt.read(path)
         except (OSError, ValueError):
-            continue  # the worker died before it had written the lease: nothing ran
+            continue  # the worker died before it had written the lease: no run had started
         if is_run_id(attempt.lease.run):
             yield attempt
 
 
 @dataclass(frozen=True, slots=True)
 class AttemptEnd:
-    """How an attempt ended; where it left no result, ``why``, and whether it ``counts`` against it.
+    """End of an attempt; without a result the reason, and whether it ``counts`` against the run.
 
-    A run has only so many attempts that count. It is not its doing that a disk is full, a worker
-    was stopped, or the system under test is not installed where it was tried (``sut_missing``).
+    The number of attempts that count is limited. A full disk, a stopped worker, or a system under
+    test that is not installed (``sut_missing``) does not count.
     """
 
     why: str = ""
@@ -265,4 +262,4 @@ class AttemptEnd:
 
 
 Waitable: TypeAlias = Connection | socket | int
-"""What :func:`multiprocessing.connection.wait` waits for."""
+"""An argument of :func:`multiprocessing.connection.wait`."""

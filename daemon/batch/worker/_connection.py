@@ -1,4 +1,4 @@
-"""Between a worker and its daemon: how it asks, the folder they may share, what runs need of it."""
+"""Connection of a worker to its daemon: requests, the shared folder, and inputs of runs."""
 
 from __future__ import annotations
 
@@ -34,18 +34,18 @@ from grammars.text.files import replacing
 A = TypeVar("A")
 
 _TIMEOUT: Final = 5.0
-"""Seconds for an answer; a link that is silent so long is as good as cut, and asked again."""
+"""Timeout of a request [s]; a link that is silent for this long counts as cut."""
 _TIMEOUT_OF_PART: Final = 12.0
-"""Seconds for an answer with or to a part of a file, or a result: large for a slow link.
+"""Timeout of a request with a part of a file or a result [s], which a slow link delays.
 
-A renewal waits for the answer to a result, and must not come later than its lease ends.
+A renewal waits for the answer to a result, and must come before its lease ends.
 """
 _HOST_PART: Final = 40
-"""Letters of the machine's name in a worker's, whose length is limited."""
+"""Letters of the machine's name in a worker's id, whose length is limited."""
 
 
 def describe_worker() -> WorkerInfo:
-    """Say who this worker is; no other has its name, nor has one of this machine had it before."""
+    """Return a description of this worker with a unique id, never used before."""
     host = socket.gethostname()
     safe = re.sub(r"[^A-Za-z0-9_-]", "-", host)[:_HOST_PART].lstrip("-_") or "host"
     name = f"{safe}-{os.getpid()}-{secrets.token_hex(2)}"
@@ -54,7 +54,7 @@ def describe_worker() -> WorkerInfo:
 
 @dataclass(frozen=True, slots=True)
 class WorkerPaths:
-    """The folder a worker works in; ``shared`` says that it is the daemon's state directory."""
+    """The folder of a worker; ``shared``: it is the daemon's state directory."""
 
     state: StatePaths
     shared: bool
@@ -63,22 +63,22 @@ class WorkerPaths:
 def choose_paths(state: Path | None, welcome: WelcomeReply) -> WorkerPaths:
     """Choose the folder and make it usable.
 
-    The daemon's state directory is used where this machine has it: under the path ``state``, or
-    the one the daemon says. Otherwise, ``state`` or the user's state folder gets a folder
-    ``work/<identity of the daemon's directory>`` with spool and scenes: what one daemon has
-    leased is never handed to another one.
+    If this machine has the daemon's state directory, at the path ``state`` or the daemon's own
+    path, the worker uses it. Otherwise it makes a folder ``work/<identity of the daemon's
+    directory>`` in ``state`` or the user's state folder, with spool and scenes: each daemon has its
+    own, so leases never reach another daemon.
 
-    Raises :class:`WorkerBroken` when there is no such folder to be had.
+    Raises :class:`WorkerBroken` without a usable folder.
     """
-    there = StatePaths.find(state or Path(welcome.state))
-    shared = _is_shared(there, welcome)
-    paths = there if shared else _own_paths(state, welcome)
-    return WorkerPaths(paths, shared)
+    paths = StatePaths.find(state or Path(welcome.state))
+    if _is_shared(paths, welcome):
+        return WorkerPaths(paths, shared=True)
+    return WorkerPaths(_own_paths(state, welcome), shared=False)
 
 
 def _is_shared(paths: StatePaths, welcome: WelcomeReply) -> bool:
-    # The era is a secret that only the daemon's own file system can tell: a path of the same
-    # name on another machine, or a copy of the directory from before, does not have it.
+    # The era is a secret in the daemon's own file system: the same path on another machine, or an
+    # earlier copy of the directory, does not have it.
     marker = read_marker(paths)
     if marker is None or marker.era != welcome.era:
         return False
@@ -110,7 +110,7 @@ class DaemonConnection:
 
     @property
     def name(self) -> str:
-        """What stands for this worker's key in keys of the bus."""
+        """Name of this worker's key in keys of the bus."""
         return bus.key_name(self.holder)
 
     def ask(self, verb: Verb[..., A], request: object) -> A:
@@ -119,7 +119,7 @@ class DaemonConnection:
         return bus.ask(self.session, self.endpoint, verb, request, timeout, self.holder)
 
     def ask_welcome(self, me: WorkerInfo) -> WelcomeReply:
-        """Ask for work to do; raises :class:`WorkerBroken` when the daemon does not want it."""
+        """Register with the daemon; raises :class:`WorkerBroken` after a refusal."""
         try:
             return self.ask(WELCOME, me)
         except Refused as error:
@@ -127,13 +127,13 @@ class DaemonConnection:
 
 
 _LARGEST_CACHE: Final = 2 * 2**30
-"""Bytes of scenes, and of files, that stay here."""
+"""Most bytes of scenes, and of files, that stay here."""
 _IN_USE: Final = 24 * 3600.0
-"""Seconds after its last use during which one stays all the same: no run takes longer."""
+"""Time for which they stay after their last use in any case [s]: no run takes longer."""
 
 
 class InputDamaged(ValueError):  # noqa: N818  (reads as a sentence where it is raised)
-    """A scene or file that the daemon has is not what its ``digest`` says, or it has none."""
+    """A scene or file of the daemon is missing or does not match its ``digest``."""
 
     def __init__(self, problem: str, digest: str) -> None:
         super().__init__(problem)
@@ -141,17 +141,16 @@ class InputDamaged(ValueError):  # noqa: N818  (reads as a sentence where it is 
 
 
 class InputCache:
-    """The scenes and files that lie here. One thread fetches, another asks for what is here.
+    """The scenes and files on this machine. One thread fetches, another one queries.
 
-    In a folder shared with the daemon they are the daemon's own: nothing of them is removed here.
-    What is damaged there the daemon is told of, and puts aside.
+    In a folder shared with the daemon they are the daemon's own, and never removed here. The daemon
+    puts damaged ones aside after a report.
     """
 
     def __init__(self, daemon: DaemonConnection, paths: WorkerPaths) -> None:
         self._daemon = daemon
         self._paths = paths
-        # Verified by this process. Each is read in full only once: a campaign of 100 000 runs
-        # shares a few scenes.
+        # Files verified by this process. Each is read only once: 100 000 runs share a few scenes.
         self._verified: set[str] = set()
 
     def scene(self, spec: RunSpec) -> Path:
@@ -159,23 +158,23 @@ class InputCache:
         return self._paths.state.scene(spec.scene)
 
     def lacks(self, spec: RunSpec) -> bool:
-        """Whether something that a run needs has to come from the daemon first."""
+        """Return whether an input of a run must come from the daemon first."""
         paths = () if self._paths.shared else self._needed(spec)
         return any(path.stem not in self._verified or not path.exists() for path in paths)
 
     def _needed(self, spec: RunSpec) -> list[Path]:
-        """Return the paths of what a run needs, the scene first; each is named by its digest."""
+        """Return the paths of a run's inputs, the scene first; digests are their names."""
         return [self.scene(spec), *(self._paths.state.files / digest for digest in spec.files)]
 
     def fetch(self, spec: RunSpec) -> None:
-        """Bring what a run needs; raises as :meth:`provide` does."""
+        """Fetch the inputs of a run; raises as :meth:`provide`."""
         for path in self._needed(spec):
             self._ensure(path)
 
     def provide(self, attempt: Attempt) -> Path:
-        """Put the files that an attempt needs within its reach; returns the path of its scene.
+        """Provide the files of an attempt; return the path of its scene.
 
-        Raises :class:`InputDamaged` for a scene or file that is not the one its digest names,
+        Raises :class:`InputDamaged` for a scene or file that does not match its digest,
         ``OSError``, and :class:`Unreachable`.
         """
         self.fetch(attempt.lease.spec)
@@ -192,13 +191,13 @@ class InputCache:
                 raise InputDamaged(str(error), path.stem) from error
             self._verified.add(path.stem)
         if not self._paths.shared:
-            os.utime(path)  # the cache forgets what was not used for longest
+            os.utime(path)  # the cache removes the least recently used files
 
     def _bring(self, path: Path) -> None:
         if self._paths.shared:
             raise ValueError(f"{path} is gone or damaged: submit its campaign again")
         digest = path.stem
-        # Read only: the system under test of one run must not change it for the next.
+        # Read-only: the system under test of one run must not change it for the next.
         with replacing(path, mode=0o400) as temporary:
             download(temporary, lambda offset: self._daemon.ask(GET, GetRequest(digest, offset)))
             if file_sha256(temporary) != digest:

@@ -1,7 +1,7 @@
-"""A Dask cluster as the backend of a worker: each run it leases is a future of the cluster.
+"""A Dask cluster as the backend of a worker: each leased run is a future of the cluster.
 
-Dask keeps no results over the loss of its scheduler. Runs under way end without blame then, and are
-leased again once there is a scheduler. Nobody sees a run of a cluster live.
+Dask loses results with its scheduler. Running runs then end without blame, and are leased again
+with the next scheduler. Runs of a cluster have no live view.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ from grammars.text.files import write_atomically
 
 _TIMEOUT: Final = 5.0
 _PERIOD: Final = 1.0
-"""Seconds between two looks at who is in the cluster."""
+"""Period of checks of the cluster's workers [s]."""
 
 
 class DaskExecution:
-    """A run in the cluster; its result and trace come into the attempt's folder at its end."""
+    """A run in the cluster; at its end result and trace go into the attempt's folder."""
 
     live = judged = b""
     deadline = math.inf
@@ -50,13 +50,13 @@ class DaskExecution:
         future.add_done_callback(self._take)
 
     def _take(self, future: Future) -> None:
-        """Take what the cluster returns, in a thread of Dask's client."""
+        """Take the result of the cluster, in a thread of Dask's client."""
         try:
             end, result, trace = future.result(timeout=None)
         except KilledWorker as error:
-            # By default Dask has begun it on four workers, and each died with it.
+            # By default Dask has started it on four workers, and each died with it.
             self._end(AttemptEnd(f"Dask gave up: {error}", counts=True))
-        except (Exception, CancelledError) as error:  # whatever a task may raise there
+        except (Exception, CancelledError) as error:  # a task may raise anything
             self._end(AttemptEnd(f"the Dask cluster did not execute it: {error!r}"))
         else:
             self._end(codec.from_json(AttemptEnd, end), result, trace)
@@ -65,12 +65,12 @@ class DaskExecution:
     def _end(self, end: AttemptEnd, result: bytes = b"", trace: bytes = b"") -> None:
         with self._taking:
             if self.end is not None:
-                return  # it was stopped here
+                return  # this worker has stopped it
             try:
                 if result:
                     self._keep(result, trace)
             except (OSError, ValueError) as error:
-                end = AttemptEnd(f"its result was not kept: {error}")
+                end = AttemptEnd(f"its result was not stored: {error}")
             self.end = end
 
     def _keep(self, result: bytes, trace: bytes) -> None:
@@ -80,26 +80,26 @@ class DaskExecution:
         write_atomically(self.attempt.folder / RESULT, result)
 
     def listen(self) -> None:
-        """Nothing: the end comes by itself."""
+        """Do nothing: Dask reports the end by itself."""
 
     def watch(self, _: frozenset[WatchDetail]) -> None:
-        """Nothing: what a run in a cluster does is not seen from here."""
+        """Do nothing: a run in a cluster has no live view."""
 
     def kill(self, why: str = "") -> None:
-        """Let the cluster forget the run; its process there ends within a second."""
-        with suppress(Exception):  # whatever a client raises that is closing
+        """Cancel the run in the cluster; its process there ends within a second."""
+        with suppress(Exception):  # a closing client may raise anything
             self._future.cancel()
         with self._taking:
             self.end = self.end or AttemptEnd(why)
 
     def close(self) -> None:
-        """Nothing: Dask forgets its future with this object."""
+        """Do nothing: Dask forgets its future with this object."""
 
 
 class DaskPool:
     """Executes runs in the Dask cluster at ``address``, as many at a time as it has threads.
 
-    A thread looks every second who is there, and connects again when the scheduler is gone.
+    A thread checks the workers every second, and reconnects when the scheduler is gone.
     """
 
     preparation = None
@@ -122,7 +122,7 @@ class DaskPool:
 
     @property
     def slots(self) -> int:
-        """Runs that the cluster executes at a time, none without its scheduler."""
+        """Number of runs that the cluster executes at a time, 0 without its scheduler."""
         return self._slots if self._is_connected() else 0
 
     def _is_connected(self) -> bool:
@@ -130,18 +130,18 @@ class DaskPool:
         return client is not None and client.status == "running"
 
     def open(self) -> None:
-        """Connect; raises :class:`WorkerBroken` when nobody answers or versions differ."""
-        # Its tracebacks for every loss of the connection would bury what we say about it.
+        """Connect; raises :class:`WorkerBroken` without an answer or if versions differ."""
+        # Its tracebacks for every lost connection would hide our own messages.
         logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
         try:
             self._client = self._connect()
             self._look()
-        except Exception as error:  # distributed raises anything, TypeError for a certificate say
+        except Exception as error:  # distributed may raise anything, such as a TypeError
             raise WorkerBroken(f"no Dask scheduler at {self._address}: {error}") from error
         self._watcher.start()
 
     def close(self) -> None:
-        """Leave the cluster; what it still executes for us is stopped there."""
+        """Leave the cluster, which then stops our runs."""
         self._closing.set()
         if self._watcher.ident is not None:
             self._watcher.join(_TIMEOUT)
@@ -149,15 +149,15 @@ class DaskPool:
         self._wakeup.close()
 
     def listen(self) -> None:
-        """Take the wake-ups: runs have ended, or ``slots`` have changed."""
+        """Take the wake-ups of ended runs and of changes of ``slots``."""
         self._wakeup.take_wakeups()
 
     def prepare(self, _: RunSpec, __: Path, ___: RunLimits) -> bool:
-        """Whether a run can start: what it needs is compiled where it is executed."""
+        """Return true: the cluster compiles kernels where it executes a run."""
         return True
 
     def start(self, attempt: Attempt, scene: Path, limits: RunLimits) -> DaskExecution:
-        """Have the cluster execute an attempt; raises ``OSError`` when that is not possible now."""
+        """Let the cluster execute an attempt; raises ``OSError`` if it is not reachable now."""
         client = self._client
         if client is None or not self._is_connected():
             raise ConnectionError(f"the Dask scheduler {self._address} does not answer")
@@ -170,7 +170,7 @@ class DaskPool:
             codec.to_json(limits),
             scene.read_bytes(),
             files,
-            pure=False,  # the same run may be wanted again
+            pure=False,  # the same run may be executed again
         )
         return DaskExecution(attempt, future, self._wakeup.wake)
 
@@ -178,7 +178,7 @@ class DaskPool:
         security = Security()  # of Dask's own configuration
         context = security.get_connection_args("client").get("ssl_context")
         if self._address.startswith("tls://") and context is None:
-            # A client without certificates never ends (distributed 2026.8), so it is not made.
+            # Do not create it: a client without certificates never ends (distributed 2026.8).
             raise ValueError("tls:// needs certificates in Dask's configuration")
         client = Client(self._address, security=security, timeout=_TIMEOUT, set_as_default=False)
         try:
@@ -202,14 +202,14 @@ class DaskPool:
                     self._drop()
                     self._client = self._connect()
                 self._look()
-            except Exception as error:  # a client that is closing raises anything
+            except Exception as error:  # a closing client may raise anything
                 self._note(0, f"the Dask scheduler {self._address} does not answer: {error!r}")
 
     def _look(self) -> None:
-        """Look who is in the cluster, and what newcomers have installed.
+        """Check the cluster's workers, and the versions of new ones.
 
-        They are asked by ``run``, not by a task: a Dask worker that cannot import a task dies of
-        it (distributed 2026.8).
+        By ``run``, not by a task: a Dask worker that cannot import a task dies (distributed
+        2026.8).
         """
         client = self._client
         assert client is not None

@@ -1,8 +1,8 @@
 """Runs in a Dask cluster: a task executes one and returns its result and trace.
 
-A Dask worker may not fork and has not loaded what a run needs. So it keeps a starter, a process
-that has: ``python -m daemon.batch.worker._dask_task EXECUTOR FOLDER``. A starter executes one run
-after the other, each in a process of its own, and ends when its standard input closes.
+A Dask worker may not fork and has not loaded our modules. So it keeps a starter process that has:
+``python -m daemon.batch.worker._dask_task EXECUTOR FOLDER``. A starter executes one run after the
+other, each in a process of its own, and ends when its standard input closes.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from daemon.model.messages import Lease
 from grammars.text import codec
 
 _TICK: Final = 0.2
-"""Seconds between two looks whether the run is still wanted."""
+"""Period of checks whether the task was cancelled [s]."""
 _ENDED: Final = AttemptEnd("the process that starts runs on the Dask worker ended")
 _idle: Final[defaultdict[str, list[subprocess.Popen[bytes]]]] = defaultdict(list)
-"""Starters of this Dask worker without a run, by executor."""
+"""Idle starters of this Dask worker, by executor."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +50,8 @@ def execute_run(
 ) -> tuple[bytes, bytes, bytes]:
     """Execute a run as a task of Dask; lease and limits are JSON.
 
-    Returns an :class:`AttemptEnd` in JSON, and result and trace, empty if it left none. Values of
-    ours travel as JSON: nobody unpickles objects of another version.
+    Return an :class:`AttemptEnd` in JSON, and result and trace, which may be empty. JSON avoids
+    unpickling objects of another version.
     """
     from distributed import get_worker
 
@@ -72,7 +72,7 @@ def execute_run(
             str(attempt.folder), str(folder / "scene.json"), codec.from_json(RunLimits, limits)
         )
         end = _ask_starter(
-            executor, worker.local_directory, request, lambda: _is_wanted(worker, key)
+            executor, worker.local_directory, request, lambda: _is_active(worker, key)
         )
         if not attempt.finished:
             return codec.to_json(end), b"", b""
@@ -80,17 +80,17 @@ def execute_run(
         return codec.to_json(end), paths[0].read_bytes(), paths[1].read_bytes()
 
 
-def _is_wanted(worker: Any, key: str) -> bool:
-    """Whether the scheduler still wants a task, by the worker's own table (distributed 2026.8).
+def _is_active(worker: Any, key: str) -> bool:
+    """Return whether a task is active in the worker's own table (distributed 2026.8).
 
-    A task whose future was cancelled, or whose client died, goes on: a thread cannot be stopped.
+    Dask cannot stop the thread of a task whose future was cancelled or whose client died.
     """
     task = worker.state.tasks.get(key)
     return task is not None and task.state in ("executing", "long-running")
 
 
 def _ask_starter(
-    executor: str, directory: str, request: StartRequest, wanted: Callable[[], bool]
+    executor: str, directory: str, request: StartRequest, is_active: Callable[[], bool]
 ) -> AttemptEnd:
     idle = _idle[executor]
     starter = idle.pop() if idle else _start(executor, directory)
@@ -99,7 +99,7 @@ def _ask_starter(
     try:
         starter.stdin.write(codec.to_json(request) + b"\n")
         while not wait([starter.stdout.fileno()], _TICK):
-            if not wanted():
+            if not is_active():
                 return AttemptEnd("stopped")
         answer = starter.stdout.readline()
     except BrokenPipeError:
@@ -122,7 +122,7 @@ def _start(executor: str, directory: str) -> subprocess.Popen[bytes]:
 
 
 def main() -> None:
-    """Execute the runs that standard input names; answer each at standard output."""
+    """Execute the requests of standard input; answer each on standard output."""
     executor, directory = sys.argv[1:]
     # Ctrl-C is for the Dask worker, whose end closes standard input.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -143,16 +143,16 @@ def main() -> None:
 
 def _execute(pool: ZygotePool, request: StartRequest) -> AttemptEnd:
     attempt = Attempt.read(Path(request.folder))
-    # Nothing else is asked meanwhile: what comes there is the end.
-    asked = sys.stdin.fileno()
+    # There are no requests during a run: any input is the end.
+    stdin = sys.stdin.fileno()
     while not pool.prepare(attempt.lease.spec, Path(request.scene), request.limits):
-        if asked in wait([asked, *pool.waitables]):
+        if stdin in wait([stdin, *pool.waitables]):
             return AttemptEnd("stopped")
         pool.listen()
     execution = pool.start(attempt, Path(request.scene), request.limits)
     while (end := execution.end) is None:
         remaining = max(0.001, execution.deadline - time.monotonic())
-        if asked in wait([asked, *execution.waitables], remaining):
+        if stdin in wait([stdin, *execution.waitables], remaining):
             execution.kill("stopped")
         execution.listen()
     execution.close()

@@ -1,15 +1,16 @@
-"""Results of finished attempts and leases given back, on their way from a worker to its daemon.
+"""Delivery of results and of returned leases from a worker to its daemon.
 
-Both are asked in threads; the loop hands the answers in. The trace goes first, then the ledger gets
-the result. On the daemon's own file system the worker links the trace to where the daemon takes it
-from. From any other machine it travels part by part, and goes on where it was after whatever broke
-in between. A result stays in the spool until the ledger has acknowledged it, or until the daemon
-has rejected it for good. Every other error means that it is delivered later.
+Threads send the requests; the loop passes on the answers. The trace goes first, then the result. On
+the daemon's own file system the worker links the trace into the daemon's folder. From other
+machines it travels in parts, and goes on after interruptions. A result stays in the spool until the
+ledger has acknowledged it, or until the daemon has rejected it for good. After any other error it
+is delivered later.
 """
 
 from __future__ import annotations
 
 import os
+import random
 import shutil
 import threading
 import time
@@ -32,9 +33,9 @@ from daemon.batch.run_process import TRACE
 from daemon.batch.stores import file_sha256, upload
 from daemon.batch.worker._attempts import AdoptedWork, Attempt, Spool
 from daemon.batch.worker._connection import DaemonConnection, WorkerPaths
-from daemon.batch.worker._trouble import WorkerTrouble
 from daemon.batch.worker._wakeups import BackgroundAsks
 from daemon.model.messages import (
+    LONGEST_TROUBLE,
     Completion,
     Lease,
     LeaseRef,
@@ -47,16 +48,57 @@ from daemon.model.spec import RunResult, TraceInfo
 from daemon.model.verbs import COMPLETE, PUT, RELEASE
 from grammars.text.files import replacing
 
+_FIRST_PAUSE: Final = 1.0
+_LONGEST_PAUSE: Final = 60.0
+"""Pauses after the first trouble, and after many without a success [s]."""
+_SPREAD: Final = 0.25
+"""Random spread of pauses, so that workers with a shared full disk do not retry together."""
 _LONGEST_PROBLEM: Final = 1000
-"""Characters of an error that are told, on one line."""
+"""Longest error in a message [characters], on one line."""
+
+
+class WorkerTrouble:
+    """A trouble of the worker's environment: a full disk, no processes, a damaged scene.
+
+    Each repetition after a pause doubles the next pause; one success ends it. ``changed`` is called
+    at its beginning and end; ``log`` gets the end too.
+    """
+
+    def __init__(self, log: Callable[[str], None], changed: Callable[[], None]) -> None:
+        self._log = log
+        self._changed = changed
+        self.words = ""
+        """Its description, empty without one."""
+        self.until = 0.0
+        """End of the pause by the monotonic clock [s]; no run begins before."""
+        self._pause = 0.0
+
+    def note(self, words: str) -> None:
+        """Note an occurrence; the last line of ``words`` is the description."""
+        if not self.words:
+            self._changed()
+        last = (words.strip() or "a run was not executed").splitlines()[-1]
+        self.words = last[-LONGEST_TROUBLE:]
+        now = time.monotonic()
+        if now < self.until:
+            return  # from a run that began before the pause
+        self._pause = min(2.0 * self._pause, _LONGEST_PAUSE) if self._pause else _FIRST_PAUSE
+        self.until = now + self._pause * random.uniform(1.0 - _SPREAD, 1.0 + _SPREAD)
+
+    def clear(self) -> None:
+        """Note a success."""
+        if self.words:
+            self._log(f"over: {self.words}")
+            self._changed()
+        self.words, self.until, self._pause = "", 0.0, 0.0
 
 
 class Deliveries:
-    """Results and leases on their way from ``worker`` to its daemon.
+    """Deliveries of results and leases from ``worker`` to its daemon.
 
-    ``trouble`` is what keeps results from being taken. Results of another ledger than that of the
-    daemon wait, without keeping others from being delivered. Traces travel in ``uploads``, all else
-    in ``asks``. ``moved`` grows whenever something of a trace has arrived.
+    ``trouble`` is the reason why results are not accepted. Results of another ledger wait, without
+    blocking others. Traces travel in ``uploads``, all other requests in ``asks``. ``moved`` counts
+    the bytes of traces that have arrived.
     """
 
     def __init__(
@@ -87,26 +129,26 @@ class Deliveries:
 
     @property
     def pending(self) -> bool:
-        """Whether something was not taken yet."""
+        """True if a result or lease is not yet delivered."""
         return bool(self.finished or self.releases)
 
     @property
     def foreign_words(self) -> str:
-        """What waits for another ledger, in words; empty when nothing does."""
+        """Notice about results that wait for another ledger, or an empty text."""
         count = len(self._foreign)
         words = f"{count} finished runs wait for another ledger than this daemon's"
         return f"{words}: start the daemon that keeps it" if count else ""
 
     def offer_again(self) -> None:
-        """Deliver what has waited for another ledger: that one may have returned."""
+        """Retry the results for another ledger, which may have returned."""
         self.finished += self._foreign
         self._foreign.clear()
 
-    def adopt(self, left: AdoptedWork) -> None:
-        """Take over what dead workers left."""
-        self.finished += left.finished
-        for lease in left.unfinished:
-            # Certain, unlike a connection that is lost: nobody holds the lock of that spool.
+    def adopt(self, work: AdoptedWork) -> None:
+        """Take over the work of dead workers."""
+        self.finished += work.finished
+        for lease in work.unfinished:
+            # Certain, unlike a lost connection: the lock of its spool is free.
             self.give_back(lease, "its worker died", died=True)
 
     def give_back(
@@ -118,9 +160,9 @@ class Deliveries:
         damaged: str = "",
         died: bool = False,
     ) -> None:
-        """Give a lease back; ``damaged`` is the digest of the scene or file that was no good.
+        """Return a lease; ``damaged`` is the digest of a damaged scene or file.
 
-        With ``died`` it is that of a dead worker.
+        With ``died`` it is the lease of a dead worker.
         """
         release = ReleaseRequest(
             self._worker, lease.run, lease.token, why, blame, damaged, lease.era, died
@@ -128,20 +170,20 @@ class Deliveries:
         self.releases.append(release)
 
     def give_back_attempt(self, attempt: Attempt, why: str, *, blame: bool) -> None:
-        """Give back the lease of an attempt that left no result, and forget the attempt."""
+        """Return the lease of an attempt without a result, and remove the attempt."""
         lease = attempt.lease
         self._log(f"{lease.run} attempt {lease.attempt}: {why}")
         self.give_back(lease, why, blame=blame)
         self._spool.discard(attempt)
 
     def send_releases(self) -> None:
-        """Ask the daemon to take back the leases it was not asked to yet."""
+        """Send the releases that are not in progress."""
         for release in self.releases:
             if release not in self._asks:
                 self._asks.start(release, partial(self._daemon.ask, RELEASE, release))
 
     def send_results(self) -> None:
-        """Deliver the results that are not on their way; after trouble one tries."""
+        """Deliver the results that are not in progress, in trouble only one as a test."""
         for attempt in self.finished[: 1 if self.trouble.words else None]:
             folder = attempt.folder
             if folder in self._asks or folder in self._uploads:
@@ -152,13 +194,13 @@ class Deliveries:
                 self._uploads.start(folder, partial(self._send_trace, attempt))
 
     def _send_trace(self, attempt: Attempt) -> bool:
-        """Send the trace; returns that the result is not delivered with it.
+        """Send the trace; return false, since the result is not delivered yet.
 
-        Raises :class:`Rejected` for what is damaged in the spool, ``OSError``, and errors of the
+        Raises :class:`Rejected` for damaged files in the spool, ``OSError``, and errors of the
         daemon.
         """
         lease, info = attempt.lease, _read_result(attempt).trace
-        trace, begun = _checked_trace(attempt, info), time.monotonic()
+        trace, start = _checked_trace(attempt, info), time.monotonic()
         ref = LeaseRef(lease.run, lease.token)
 
         def put(offset: int, data: bytes) -> int:
@@ -166,8 +208,8 @@ class Deliveries:
             return self._daemon.ask(PUT, request).count
 
         upload(trace, put, self._count_moved)
-        took = time.monotonic() - begun
-        self._log(f"{lease.run}: {info.size} bytes sent in {took:.2f} s")
+        seconds = time.monotonic() - start
+        self._log(f"{lease.run}: {info.size} bytes sent in {seconds:.2f} s")
         return False
 
     def _count_moved(self, count: int) -> None:
@@ -175,10 +217,10 @@ class Deliveries:
             self.moved += count
 
     def _complete(self, attempt: Attempt) -> bool:
-        """Hand the result over; returns that it is delivered, raises as :meth:`_send_trace`."""
+        """Deliver the result; return true, raises as :meth:`_send_trace`."""
         lease, result = attempt.lease, _read_result(attempt)
         if self._paths.shared:
-            self._leave_trace(attempt, result.trace)
+            self._link_trace(attempt, result.trace)
         completion = Completion(
             self._worker, lease.run, lease.attempt, lease.token, result, lease.era
         )
@@ -186,36 +228,34 @@ class Deliveries:
             raise OSError(f"the daemon does not find the trace of {lease.run}")
         return True
 
-    def _leave_trace(self, attempt: Attempt, info: TraceInfo) -> None:
-        """Give the trace, which is on the disk, the name under which the daemon takes it."""
+    def _link_trace(self, attempt: Attempt, info: TraceInfo) -> None:
+        """Link the trace to the path where the daemon takes it."""
         trace, lease = _checked_trace(attempt, info), attempt.lease
         whole = self._paths.state.uploaded_trace(lease.run, lease.token, info.sha256)
-        os.utime(trace)  # for long without its daemon, it must not look like a stray there
+        os.utime(trace)  # after a long time without the daemon it would look like a stray
         try:
             os.link(trace, whole)
         except FileExistsError:
-            return  # the result was handed over before, and the answer was lost
+            return  # delivered before, but the answer was lost
         except OSError:  # another file system, or one without hard links
             with replacing(whole) as temporary:
                 shutil.copyfile(trace, temporary)
 
     def take_release_answer(self, release: ReleaseRequest, answer: Future[Any]) -> None:
-        """Forget a lease that was taken back; raises :class:`Unreachable`."""
+        """Forget a returned lease; raises :class:`Unreachable`."""
         try:
             answer.result()
         except (Refused, Failed, OtherLedger) as error:
-            # Of somebody else by now, or forgotten. A daemon that fails at it must not keep this
-            # worker from renewing and delivering: a lease that nobody renews lapses.
+            # The lease is another worker's by now, or unknown. A failing daemon must not block
+            # renewals and deliveries: without a renewal the lease lapses anyway.
             self._log(f"{release.run}: not given back, {error}")
-        if release in self.releases:  # else it was sent twice, while something was fetched
+        if release in self.releases:  # it may have been sent twice
             self.releases.remove(release)
 
     def take_result_answer(self, folder: Path, answer: Future[Any]) -> None:
-        """Forget an attempt whose result was taken or rejected; keep it after any other error.
+        """Remove an attempt whose result was accepted or rejected; keep it after other errors.
 
-        The answer is that to its trace, or to its result.
-
-        Raises :class:`Unreachable` when nobody answered.
+        ``answer`` is that to its trace or to its result. Raises :class:`Unreachable`.
         """
         attempt = next((one for one in self.finished if one.folder == folder), None)
         if attempt is None:
@@ -225,9 +265,9 @@ class Deliveries:
             delivered = answer.result()
         except Rejected as error:
             self.finished.remove(attempt)
-            # The next execution would give the same again; nothing else is the doing of the run.
+            # Only a too large result is the run's fault: it would come again.
             blame = error.rejection is Rejection.TOO_LARGE
-            self.give_back_attempt(attempt, f"the result was not taken: {error}", blame=blame)
+            self.give_back_attempt(attempt, f"the result was not accepted: {error}", blame=blame)
         except OtherLedger as error:
             self.finished.remove(attempt)
             self._foreign.append(attempt)
@@ -235,7 +275,7 @@ class Deliveries:
         except (DaemonError, OSError, ValueError) as error:
             if isinstance(error, Unreachable) and not isinstance(error, Unavailable):
                 raise
-            # A full disk, a daemon that fails, an answer nobody understands: the spool keeps it.
+            # For example a full disk, a failing daemon, a malformed answer: the spool keeps it.
             words = " ".join(str(error).split())[:_LONGEST_PROBLEM]
             self._log(f"{attempt.lease.run}: delivered later, {words}")
             self.trouble.note(f"results cannot be delivered: {words}")
@@ -249,7 +289,7 @@ class Deliveries:
 
 
 def _read_result(attempt: Attempt) -> RunResult:
-    """Return the result in the spool; raises :class:`Rejected` when it is damaged."""
+    """Return the result in the spool; raises :class:`Rejected` if it is damaged."""
     try:
         return attempt.result()
     except ValueError as error:
@@ -260,8 +300,8 @@ def _read_result(attempt: Attempt) -> RunResult:
 def _checked_trace(attempt: Attempt, info: TraceInfo) -> Path:
     """Return the trace in the spool.
 
-    Raises :class:`Rejected` when it is not the trace of the result, and ``OSError`` when it cannot
-    be read just now.
+    Raises :class:`Rejected` if it does not match the result, and ``OSError`` if it cannot be read
+    now.
     """
     trace = attempt.folder / TRACE
     try:

@@ -1,4 +1,4 @@
-"""Live views of runs: published for those who watch all runs, or one of them in detail."""
+"""Publication of live views of runs: all runs in brief, single runs in detail."""
 
 from __future__ import annotations
 
@@ -21,46 +21,45 @@ if TYPE_CHECKING:
     from daemon.batch.worker._zygotes import ForkedExecution
 
 Execution: TypeAlias = "ForkedExecution | DaskExecution"
-"""An attempt under way. It leaves its trace, then its result, in the attempt's folder.
+"""A running attempt. It writes its trace, then its result, into the attempt's folder.
 
-It is listened to when its ``waitables`` are ready, at ``deadline`` at the latest. ``end`` is
-``None`` while anything of it runs as far as can be known here; that of one that is killed comes
-within half a minute.
+Call ``listen`` when its ``waitables`` are ready, at ``deadline`` at the latest. ``end`` is ``None``
+while any of its processes may run; after ``kill`` it is set within half a minute.
 """
 _LIVE_PERIOD: Final = 0.2
-"""Seconds between two snapshots of a run for those who watch all runs, at least."""
+"""Least time between two snapshots of a run for watchers of all runs [s]."""
 LINE_RATE: Final = 40_000.0
-"""Bytes a second that are published of a run at most, on average over some seconds."""
+"""Most bytes a second published of a run, on average over some seconds."""
 _BURST: Final = 20_000.0
-"""Bytes that may be published at once after a pause."""
+"""Most bytes published at once after a pause."""
 
 
 @dataclass(slots=True)
 class LineBudget:
-    """A token bucket: :data:`LINE_RATE` bytes a second, and what exceeds it is owed."""
+    """A token bucket of :data:`LINE_RATE` bytes a second; ``balance`` may become a debt."""
 
-    left: float = _BURST
+    balance: float = _BURST
     filled_at: float = -math.inf
 
-    def allows(self, now: float, owed: float = 0.0) -> bool:
-        """Whether no more than ``owed`` bytes are owed at ``now`` [s]."""
-        self.left = min(_BURST, self.left + (now - self.filled_at) * LINE_RATE)
+    def allows(self, now: float, debt: float = 0.0) -> bool:
+        """Return whether the debt at ``now`` [s] is below ``debt`` bytes."""
+        self.balance = min(_BURST, self.balance + (now - self.filled_at) * LINE_RATE)
         self.filled_at = now
-        return self.left > -owed
+        return self.balance > -debt
 
     def spend(self, size: int) -> None:
-        """Take so many bytes."""
-        self.left -= size
+        """Take ``size`` bytes."""
+        self.balance -= size
 
 
 @dataclass(slots=True)
 class _WatchedRun:
-    """One run under way: its own publishers, and what is wanted of it as far as it knows."""
+    """A running run: its own publishers, and the details last requested from it."""
 
     execution: Execution
     publishers: dict[WatchDetail, zenoh.Publisher]
     budget: LineBudget = field(default_factory=LineBudget)
-    wanted: frozenset[WatchDetail] = frozenset()
+    details: frozenset[WatchDetail] = frozenset()
     published_at: float = 0.0
     began_at: float = field(default_factory=time.monotonic)
     latest: bytes = b""
@@ -68,7 +67,7 @@ class _WatchedRun:
 
 @dataclass(slots=True)
 class LivePublisher:
-    """Publishes what executions tell of themselves under the name of their ``worker``."""
+    """Publishes snapshots and judgements of executions under the name of their ``worker``."""
 
     session: zenoh.Session
     worker: str
@@ -80,23 +79,23 @@ class LivePublisher:
         self._all = self._publisher(f"{LIVE}/{self.name}/{self.worker}")
 
     def _publisher(self, key: str) -> zenoh.Publisher:
-        # Telemetry, never the record. With BLOCK a frozen daemon stops this loop for 5 s, and then
-        # the transport is closed and everything on it lost.
+        # Telemetry only. With BLOCK a frozen daemon would stop this loop for 5 s, and then close
+        # the transport, with the loss of everything on it.
         drop = zenoh.CongestionControl.DROP
         return self.session.declare_publisher(key, congestion_control=drop)
 
     def publish(self, execution: Execution) -> None:
-        """Pass on what an execution last said of itself, to those who want it."""
+        """Publish the latest snapshot and judgement of an execution to its watchers."""
         live, execution.live = execution.live, b""
         judged, execution.judged = execution.judged, b""
         if not live and not judged:
             return
         watch = self._watch(execution)
         now = time.monotonic()
-        # Rather snapshots are left out than a judgement, of which there is one a second.
+        # A judgement has priority over snapshots, since there is only one a second.
         if (
             judged
-            and WatchDetail.JUDGEMENT in watch.wanted
+            and WatchDetail.JUDGEMENT in watch.details
             and watch.budget.allows(now, LINE_RATE / 2)
         ):
             watch.budget.spend(len(judged))
@@ -104,13 +103,13 @@ class LivePublisher:
         if not live:
             return
         watch.latest = live
-        if WatchDetail.DETAILS in watch.wanted and watch.budget.allows(now):
+        if WatchDetail.DETAILS in watch.details and watch.budget.allows(now):
             watch.budget.spend(len(live))
             watch.publishers[WatchDetail.DETAILS].put(live)
-        due = now - watch.published_at >= _LIVE_PERIOD and WatchDetail.MARGIN in watch.wanted
+        due = now - watch.published_at >= _LIVE_PERIOD and WatchDetail.MARGIN in watch.details
         if due and watch.budget.allows(now):
             watch.published_at = now
-            bare = _without_details(live) if WatchDetail.DETAILS in watch.wanted else live
+            bare = _without_details(live) if WatchDetail.DETAILS in watch.details else live
             watch.budget.spend(len(bare))
             self._all.put(bare)
 
@@ -123,42 +122,42 @@ class LivePublisher:
             keys = {WatchDetail.DETAILS: key, WatchDetail.JUDGEMENT: f"{key}/{JUDGED}"}
             publishers = {what: self._publisher(key) for what, key in keys.items()}
             watch = self._runs[run] = _WatchedRun(execution, publishers)
-        listened = {WatchDetail.MARGIN: self._all, **watch.publishers}
-        wanted = frozenset(what for what, where in listened.items() if _has_subscribers(where))
-        if wanted != watch.wanted:
-            watch.wanted = wanted
-            execution.watch(wanted)
+        publishers = {WatchDetail.MARGIN: self._all, **watch.publishers}
+        details = frozenset(one for one, where in publishers.items() if _has_subscribers(where))
+        if details != watch.details:
+            watch.details = details
+            execution.watch(details)
         return watch
 
     def progress(self) -> tuple[RunProgress, ...]:
-        """Return how far runs are, of the first :data:`MOST_PROGRESS`."""
+        """Return the progress of the first :data:`MOST_PROGRESS` runs."""
         now = time.monotonic()
-        found = []
+        reports = []
         for run, watch in islice(self._runs.items(), MOST_PROGRESS):
             with suppress(ValueError):  # written by the process of a run
                 simulated = codec.from_json(LiveSnapshot, watch.latest).snapshot.time
-                found.append(RunProgress(run, max(0.0, simulated), now - watch.began_at))
-        return tuple(found)
+                reports.append(RunProgress(run, max(0.0, simulated), now - watch.began_at))
+        return tuple(reports)
 
     def forget(self, run: str) -> None:
-        """Let go of a run that is over here."""
+        """Forget a run that has ended here."""
         if watch := self._runs.pop(run, None):
             for publisher in watch.publishers.values():
                 publisher.undeclare()  # type: ignore[no-untyped-call]
 
 
 def _without_details(live: bytes) -> bytes:
-    """Return a snapshot as those see it who watch all runs: of that one, others see the details."""
+    """Return a snapshot for watchers of all runs, without the details for watchers of one run."""
     try:
-        told = codec.from_json(LiveSnapshot, live)
-    except ValueError:  # written by the process of a run; who reads it leaves it out
+        value = codec.from_json(LiveSnapshot, live)
+    except ValueError:  # written by the process of a run; readers skip it
         return live
-    bare = replace(told.snapshot, spread=None, returns=(), plan=(), contacts=())
-    return codec.to_json(replace(told, snapshot=bare))
+    bare = replace(value.snapshot, spread=None, returns=(), plan=(), contacts=())
+    return codec.to_json(replace(value, snapshot=bare))
 
 
 def _has_subscribers(publisher: zenoh.Publisher) -> bool:
-    """Whether anybody subscribes.
+    """Return whether a publisher has subscribers.
 
     The status is declared as a bool but is an object, which is always true (zenoh 1.10.2).
     """

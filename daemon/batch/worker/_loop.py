@@ -1,20 +1,18 @@
-"""The worker's loop: leases runs, has them executed, publishes their live views, delivers results.
+"""The worker's loop: leases runs, executes them, publishes their live views, delivers results.
 
-One loop in one thread; what it asks of the daemon, threads carry there, except renewals. It never
-takes the daemon's word for granted: whatever was not acknowledged is asked, renewed or delivered
-again, across restarts of daemon and worker. A run is watched while somebody subscribes to its own
-key; whoever executes it hears of that, and makes the details then only.
+One loop in one thread; other threads send its requests, except renewals. It repeats every request,
+renewal and delivery without an acknowledgement, across restarts of daemon and worker. A run is
+watched while somebody subscribes to its own key; only then its process makes the details.
 
-What becomes of a lease here:
+States of a lease here:
 
     leased ──▶ executing ──▶ finished ──▶ delivered, forgotten
        │           ├───────▶ ended without a result: released, blamed or not
-       │           └───────▶ not wanted any more (cancelled, another was first): stopped, forgotten
+       │           └───────▶ abandoned (cancelled, another was first): stopped, forgotten
        └─ no disk, no process, no scene, or at work here already: released, not blamed
 
-While the daemon cannot be reached everything goes on; afterwards it says what is still wanted.
-Another ledger may answer in its place. Then what runs here ends and stays in the spool, and the
-worker begins anew with that ledger.
+Without the daemon everything goes on; the next renewal tells which runs to stop. If another ledger
+answers, runs here end and stay in the spool, and the worker begins anew with that ledger.
 """
 
 from __future__ import annotations
@@ -24,11 +22,14 @@ import time
 from collections import deque
 from collections.abc import Callable, Hashable
 from concurrent.futures import Future
-from dataclasses import replace
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing.connection import wait
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
+
+import psutil
 
 from daemon.batch.errors import DaemonError, OtherLedger, Refused, Unavailable, Unreachable
 from daemon.batch.worker._attempts import Attempt, AttemptEnd, Spool
@@ -38,10 +39,8 @@ from daemon.batch.worker._connection import (
     InputDamaged,
     WorkerPaths,
 )
-from daemon.batch.worker._deliveries import Deliveries
+from daemon.batch.worker._deliveries import Deliveries, WorkerTrouble
 from daemon.batch.worker._live import Execution, LivePublisher
-from daemon.batch.worker._trouble import WorkerTrouble
-from daemon.batch.worker._usage import UsageMeter
 from daemon.batch.worker._wakeups import BackgroundAsks, WorkerSignals
 from daemon.model.execution import RunLimits
 from daemon.model.messages import (
@@ -61,38 +60,40 @@ if TYPE_CHECKING:
     from daemon.batch.worker._zygotes import ZygotePool
 
 Backend: TypeAlias = "ZygotePool | DaskPool"
-"""Starts executions, ``slots`` at a time; ``trouble`` says what keeps it from that, if that lasts.
+"""Starts executions, ``slots`` at a time; ``trouble`` is a lasting reason why it cannot.
 
-A run that ``prepare`` returns ``False`` for is offered again. It and ``start`` raise
-:class:`daemon.batch.errors.DaemonError` or ``OSError`` when a run cannot start now, which is
-nothing to blame the run for.
+Call ``prepare`` again for a run while it returns ``False``. It and ``start`` raise
+:class:`daemon.batch.errors.DaemonError` or ``OSError`` when a run cannot start now, which is not
+the run's fault.
 """
 _POLL: Final = 1.0
-"""Seconds between two requests for work: hints that there is some are sent once, unconfirmed."""
+"""Period of requests for work [s]: the hints for new runs may be lost."""
 _RETRY_UNREACHABLE: Final = 0.5
-"""Seconds to the next try when nobody answers: Zenoh itself connects again within 0.1 to 2 s."""
+"""Pause after a request without an answer [s]: Zenoh reconnects within 0.1 to 2 s."""
 _LOOK_AT_DISK: Final = 3.0
-"""Seconds between two looks whether a full disk has room again: that costs nothing."""
+"""Period of checks of a full disk [s]."""
 _LOOK_AT_LEDGER: Final = 2.0
-"""Seconds between two looks whether the ledger has returned that granted what runs here."""
+"""Period of checks for the return of the ledger whose leases run here [s]."""
 _LAST_WORDS: Final = 3.0
-"""Seconds a worker that is ended takes to tell the daemon."""
+"""Time of an aborted worker for its last messages to the daemon [s]."""
 _END_LIMIT: Final = 40.0
-"""Seconds for runs that are ended with their worker: longer than it takes to give up the last."""
+"""Time for the end of an aborted worker's runs [s], enough to give up the last one."""
 _MOST_LEASED: Final = 1024
-"""Runs asked for at a time."""
+"""Most runs in one request."""
 _LEAVE_TIMEOUT: Final = 10.0
-"""Seconds a leaving worker waits for a daemon that takes its results; then the spool has them.
+"""Time for which a stopping worker waits for the acceptance of its results [s].
 
-Traces that are on their way go on.
+It begins anew with each part of a trace. Then the results stay in the spool.
 """
 _MOST_UPLOADS: Final = 8
-"""Traces under way at a time: each part must arrive in time over the line that they share."""
+"""Most uploads at a time: each part must arrive in time over the shared line."""
 _LEASING: Final = "lease"
+_USAGE_PERIOD: Final = 1.0
+"""Period of measurements of usage [s]: one costs about a millisecond for each process."""
 
 
 class WorkerLoop:
-    """A worker's loop; :meth:`run` returns when its signals say so and its work is done."""
+    """A worker's loop; :meth:`run` returns after a stop signal, when its work is done."""
 
     def __init__(
         self,
@@ -110,19 +111,19 @@ class WorkerLoop:
         self._daemon = daemon
         self._info = info
         self._paths = paths.state
-        # A renewal waits for the questions, and for no trace.
+        # A renewal waits for the requests, but not for traces.
         self._asks, self._uploads = BackgroundAsks(), BackgroundAsks(_MOST_UPLOADS)
-        # Of executing, and of delivering: each is over when that succeeds.
+        # Troubles of executing and of delivering: each ends with a success.
         self._trouble, undelivered = (WorkerTrouble(log, self._renew_soon) for _ in range(2))
         self._deliveries = Deliveries(
             daemon, paths, self._asks, self._uploads, spool, undelivered, info(0).id, log
         )
         self._inputs = InputCache(daemon, paths)
-        # One thread: runs of a campaign share what comes. A renewal waits for none of it.
+        # One thread: runs of a campaign share their inputs. Renewals do not wait for it.
         self._fetches = BackgroundAsks(threads=1)
         self._fetched: dict[Hashable, Future[Any]] = {}
-        # Leased, not started yet: scenes and files come, or kernels are compiled. Renewed like
-        # those that run.
+        # Leased but not started, while inputs arrive or kernels are compiled. Renewed like running
+        # ones.
         self._leased: deque[Lease] = deque()
         self._spool = spool
         self._backend = backend
@@ -131,11 +132,11 @@ class WorkerLoop:
         self._renew_period = renew
         self._log = log
         self._executions: list[Execution] = []
-        # Tokens of executions that are being ended because nobody wants them any more.
-        self._unwanted: set[int] = set()
+        # Tokens of executions that are being ended because the ledger has dropped their leases.
+        self._abandoned: set[int] = set()
         self._renew_at = 0.0
         self._lease_at = 0.0
-        self._wanted = 0
+        self._requested = 0
         self._silent_until = 0.0
         self._shortage = ""
         self._leave_by = 0.0
@@ -143,15 +144,15 @@ class WorkerLoop:
         self._refusal = ""
         self._elsewhere = False
         self._preparation: Preparation | None = None
-        # Kinds of systems under test that are not installed here: no run of them is leased again.
+        # Remedies by kind of system under test that is not installed here, and never leased again.
         self._missing_suts: dict[str, str] = {}
         self._meter = UsageMeter()
         self._live = LivePublisher(daemon.session, info(0).id, daemon.name)
 
     def run(self) -> bool:
-        """Work until told to leave, then finish or give back what is under way.
+        """Work until a stop signal, then finish or return the runs.
 
-        Returns whether it ended because another ledger answers instead, of which it has nothing.
+        Return whether it ended because another ledger answers.
         """
         try:
             while not self._signals.abort:
@@ -170,15 +171,15 @@ class WorkerLoop:
                 asks.close()
 
     def _may_leave(self) -> bool:
-        # Results that nobody takes do not keep a worker for ever: the spool keeps them. The limit
-        # begins anew whenever something of a trace arrives.
+        # A worker does not wait forever for the acceptance of results: the spool keeps them. The
+        # limit begins anew with each part of a trace.
         now = time.monotonic()
         if self._deliveries.moved != self._moved:
             self._moved, self._leave_by = self._deliveries.moved, 0.0
         self._leave_by = self._leave_by or now + _LEAVE_TIMEOUT
-        # An answer under way may grant runs: they are given back before it leaves.
-        owed = self._deliveries.pending or self._leased or len(self._asks)
-        return now > self._leave_by or not owed
+        # A pending answer may grant runs, which must be returned first.
+        has_work = self._deliveries.pending or self._leased or len(self._asks)
+        return now > self._leave_by or not has_work
 
     def _wait(self) -> None:
         now = time.monotonic()
@@ -187,7 +188,7 @@ class WorkerLoop:
         troubles = (self._trouble, self._deliveries.trouble)
         moments += [trouble.until for trouble in troubles if trouble.until > now]
         if len(self._asks) and self._renew_at <= now:
-            # The renewal waits for the answers under way, and those wake this loop.
+            # The renewal waits for pending answers, which wake this loop.
             moments = [moment for moment in moments if moment > now] or [now + _POLL]
         pause = max(0.0, min(moments) - now)
         asks = (self._asks, self._uploads, self._fetches)
@@ -197,7 +198,7 @@ class WorkerLoop:
             things += execution.waitables
         wait(things, max(pause, 0.001))  # 0 would spin while a deadline passes
         if self._signals.take_wakeups():
-            # Something came to the queue, or something that runs here is not wanted any more.
+            # There are new runs, or a run here was cancelled.
             self._lease_at = self._renew_at = 0.0
 
     def _collect_results(self) -> None:
@@ -216,12 +217,12 @@ class WorkerLoop:
         self._lease_at = 0.0
         self._live.forget(execution.attempt.lease.run)
         attempt, end = execution.attempt, execution.end or AttemptEnd()
-        unwanted = attempt.lease.token in self._unwanted
-        self._unwanted.discard(attempt.lease.token)
+        is_abandoned = attempt.lease.token in self._abandoned
+        self._abandoned.discard(attempt.lease.token)
         if attempt.finished:
             self._trouble.clear()
             self._deliveries.finished.append(attempt)
-        elif unwanted:
+        elif is_abandoned:
             self._spool.discard(attempt)
         elif end.sut_missing:
             self._give_back_missing_sut(attempt, end.why)
@@ -233,15 +234,15 @@ class WorkerLoop:
         execution.close()
 
     def _renew_soon(self) -> None:
-        """Tell the daemon what has changed about this worker."""
+        """Send the daemon a change of this worker soon."""
         self._renew_at = 0.0
 
     def _give_back_missing_sut(self, attempt: Attempt, why: str) -> None:
-        """Give a run back whose system under test is not installed here, and lease no such."""
+        """Return a run whose system under test is not installed here, and lease no more such."""
         kind, me = attempt.lease.spec.sut.kind, self._info(0)
-        remedy = f'install what brings the system under test "{kind}" for worker {me.id}'
-        self._missing_suts[kind] = f"{remedy} on {me.host}, and start it again"
-        words = f"{why}\n{remedy} on {me.host}, and start it again"
+        remedy = f'install the system under test "{kind}" for worker {me.id} on {me.host}'
+        self._missing_suts[kind] = f"{remedy}, and start it again"
+        words = f"{why}\n{self._missing_suts[kind]}"
         self._deliveries.give_back_attempt(attempt, words, blame=False)
 
     def _talk_to_daemon(self) -> None:
@@ -251,9 +252,9 @@ class WorkerLoop:
         self._deliveries.send_releases()
         try:
             if time.monotonic() >= self._renew_at:
-                # A renewal lists all that is held here: a run that is being granted meanwhile would
-                # not be on the list and taken back, one whose result is being taken would be on it
-                # and gone. So it goes alone, and nothing new is asked until it has gone.
+                # A renewal lists all leases here. A run granted in a pending answer would be absent
+                # and taken back; one whose result is being recorded would be listed and dropped. So
+                # a renewal waits for all answers, and blocks new requests.
                 self._deliveries.adopt(self._spool.adopt())
                 if len(self._asks) or self._deliveries.releases:
                     return
@@ -262,14 +263,14 @@ class WorkerLoop:
             self._leave_ledger(error)
             return
         except (Unavailable, Refused) as error:
-            # The daemon is there: it may take results all the same.
+            # The daemon is there: it may still accept results.
             self._log_refusal(error)
             self._renew_at = time.monotonic() + _POLL
             self._lease_at = max(self._lease_at, self._renew_at + _POLL)
         except Unreachable as error:
             self._not_answered(error)
             return
-        # In this order: leases that are old are renewed before new ones are asked for.
+        # In this order: renew old leases before asking for new ones.
         self._deliver()
         self._lease()
 
@@ -286,7 +287,7 @@ class WorkerLoop:
                 self._not_answered(error)
 
     def _leave_ledger(self, error: OtherLedger) -> None:
-        """Begin and deliver nothing more: another ledger answers."""
+        """Stop starting and delivering runs: another ledger answers."""
         self._log_refusal(error)
         self._elsewhere = True
         self._leased.clear()
@@ -299,12 +300,12 @@ class WorkerLoop:
         self._log_refusal(error)
         if isinstance(error, Unreachable) and not isinstance(error, Unavailable):
             self._silent_until = time.monotonic() + _RETRY_UNREACHABLE
-            self._renew_at = 0.0  # a new daemon hears first what runs here
+            self._renew_at = 0.0  # renew first: it may be a new daemon
             return
         self._silent_until = time.monotonic() + _POLL
 
     def _log_refusal(self, error: DaemonError) -> None:
-        if str(error) != self._refusal:  # it is asked again every second, and says the same
+        if str(error) != self._refusal:  # the same answer comes every second
             self._log(f"the daemon refused: {error}" if isinstance(error, Refused) else str(error))
         self._refusal = str(error)
 
@@ -313,13 +314,13 @@ class WorkerLoop:
             self._deliveries.send_results()
 
     def _busy(self) -> WorkerInfo:
-        # The backend's before that of the runs: it is their cause.
+        # The backend's trouble before that of the runs: it is their cause.
         causes = (self._shortage, self._backend.trouble)
         words = (*causes, self._trouble.words, self._deliveries.trouble.words)
         trouble = next(filter(None, (*words, *self._missing_suts.values())), "")
-        # A run that is leased and waits for machine code has a slot as well.
-        held = len(self._executions) + len(self._leased)
-        info = self._info(min(held, max(self._backend.slots, len(self._executions))))
+        # A leased run that waits for its kernels also takes a slot.
+        count = len(self._executions) + len(self._leased)
+        info = self._info(min(count, max(self._backend.slots, len(self._executions))))
         usage = self._meter.measure()
         return replace(
             info,
@@ -332,12 +333,12 @@ class WorkerLoop:
             progress=self._live.progress(),
         )
 
-    def _wanted_executions(self) -> list[Execution]:
-        """Executions that are not being ended because nobody wants them any more."""
-        return [one for one in self._executions if one.attempt.lease.token not in self._unwanted]
+    def _current_executions(self) -> list[Execution]:
+        """Return the executions that are not abandoned."""
+        return [one for one in self._executions if one.attempt.lease.token not in self._abandoned]
 
     def _renew(self) -> None:
-        running = [execution.attempt for execution in self._wanted_executions()]
+        running = [execution.attempt for execution in self._current_executions()]
         attempts = running + self._deliveries.finished
         leases = [*(attempt.lease for attempt in attempts), *self._leased]
         holds = tuple(LeaseRef(lease.run, lease.token) for lease in leases)
@@ -346,21 +347,21 @@ class WorkerLoop:
         if self._elsewhere:
             self._elsewhere = False
             self._deliveries.offer_again()
-        gone = {hold.token for hold in reply.gone}
-        self._leased = deque(lease for lease in self._leased if lease.token not in gone)
+        dropped = {hold.token for hold in reply.gone}
+        self._leased = deque(lease for lease in self._leased if lease.token not in dropped)
         for execution in self._executions:
             lease = execution.attempt.lease
-            # What has finished meanwhile is delivered: the daemon says what it thinks of it.
-            if lease.token in gone and not execution.attempt.finished:
+            # A run that has finished is delivered all the same: the daemon decides about it.
+            if lease.token in dropped and not execution.attempt.finished:
                 self._log(f"{lease.run}: no longer wanted here, stopped")
-                self._unwanted.add(lease.token)
+                self._abandoned.add(lease.token)
                 execution.kill()
 
     def _lease(self) -> None:
         slots = self._backend.slots
-        held = len(self._executions) + len(self._leased)
-        wanted = min(slots - held, _MOST_LEASED)
-        if slots <= 0 or wanted <= 0 or self._signals.drain or _LEASING in self._asks:
+        busy = len(self._executions) + len(self._leased)
+        count = min(slots - busy, _MOST_LEASED)
+        if slots <= 0 or count <= 0 or self._signals.drain or _LEASING in self._asks:
             return
         pauses = (self._trouble.until, self._deliveries.trouble.until)
         if time.monotonic() < max(self._lease_at, *pauses):
@@ -369,65 +370,65 @@ class WorkerLoop:
             self._lease_at = time.monotonic() + _LOOK_AT_DISK
             return
         if self._trouble.words or self._deliveries.trouble.words:
-            # One run tries whether it is over.
-            if held:
+            # Test with one run whether it is over.
+            if busy:
                 return
-            wanted = 1
-        request = LeaseRequest(self._busy(), wanted, tuple(self._missing_suts))
-        self._wanted = wanted
-        # Until a hint, or for a while, unless it brings as many as were wanted.
+            count = 1
+        request = LeaseRequest(self._busy(), count, tuple(self._missing_suts))
+        self._requested = count
+        # The next request waits for a hint or a while, unless this one is fully granted.
         self._lease_at = time.monotonic() + _POLL
         self._asks.start(_LEASING, partial(self._daemon.ask, LEASE, request))
 
     def _is_disk_short(self) -> bool:
-        before, self._shortage = self._shortage, self._paths.disk_shortage()
-        if self._shortage != before:
-            self._log(self._shortage or "the disk has room again")
+        previous, self._shortage = self._shortage, self._paths.disk_shortage()
+        if self._shortage != previous:
+            self._log(self._shortage or "the disk has space again")
             self._renew_soon()
         return bool(self._shortage)
 
     def _take_grants(self, reply: LeaseReply) -> None:
         self._refusal = ""
-        leases = [execution.attempt.lease for execution in self._wanted_executions()]
-        held = {lease.run for lease in (*leases, *self._leased)}
+        leases = [execution.attempt.lease for execution in self._current_executions()]
+        runs = {lease.run for lease in (*leases, *self._leased)}
         for lease in reply.grants:
-            if lease.run not in held:
+            if lease.run not in runs:
                 self._leased.append(lease)
                 continue
-            # The lease held here has lapsed unnoticed, in a suspended machine for example. Once
-            # this one is given back, a renewal takes the run up again under the old lease.
+            # The old lease has lapsed unnoticed, as in a suspended machine. After the return of the
+            # new one, a renewal restores the old one.
             self._deliveries.give_back(lease, "its worker is still at it")
             self._renew_soon()
-        if len(reply.grants) == self._wanted:
+        if len(reply.grants) == self._requested:
             self._lease_at = 0.0
-        # Before anybody is heard who wants this worker to leave: these count as running.
+        # Before the next stop signal is handled, so that these count as running.
         self._fill_slots()
 
     def _start_leased(self) -> None:
-        # A worker that leaves, or is in trouble, keeps no run from others that it has not begun.
-        troubled = self._trouble.words and len(self._leased) > 1
-        if self._leased and (self._signals.drain or troubled):
+        # A worker that stops or is in trouble returns runs that have not begun.
+        in_trouble = self._trouble.words and len(self._leased) > 1
+        if self._leased and (self._signals.drain or in_trouble):
             for lease in self._leased:
-                self._deliveries.give_back(lease, "" if troubled else "the worker was stopped")
+                self._deliveries.give_back(lease, "" if in_trouble else "the worker was stopped")
             self._leased.clear()
         self._fill_slots()
 
     def _fill_slots(self) -> None:
         slots = 0 if self._signals.abort else self._backend.slots
-        held = {lease.token for lease in self._leased}
-        self._fetched |= {token: answer for token, answer in self._fetches.take() if token in held}
+        tokens = {lease.token for lease in self._leased}
+        self._fetched |= {token: fetch for token, fetch in self._fetches.take() if token in tokens}
         for lease in tuple(self._leased):
             if len(self._executions) >= slots:
                 return
-            # One whose kernels are compiled, or whose files come, keeps no other from its slot:
-            # this loop is woken when they are there.
+            # A run that waits for kernels or files does not block others: their arrival wakes this
+            # loop.
             if self._begin(lease):
                 self._leased.remove(lease)
 
     def _has_inputs(self, lease: Lease) -> bool:
-        """Whether all that a run needs lies here; sees to it otherwise, and is asked again.
+        """Return whether all inputs of a run are here; otherwise fetch them.
 
-        Raises as :meth:`InputCache.provide` does.
+        Raises as :meth:`InputCache.provide`.
         """
         answer = self._fetched.pop(lease.token, None)
         if answer is not None:
@@ -440,7 +441,7 @@ class WorkerLoop:
         return False
 
     def _begin(self, lease: Lease) -> bool:
-        """Start a run, or give it back; returns ``False`` while something it needs is not ready."""
+        """Start a run, or return it after an error; return ``False`` while it is not ready."""
         attempt: Attempt | None = None
         try:
             if not self._has_inputs(lease):
@@ -451,7 +452,7 @@ class WorkerLoop:
             scene = self._inputs.provide(attempt)
             self._executions.append(self._backend.start(attempt, scene, self._limits))
         except (DaemonError, OSError, ValueError) as error:
-            # No disk, no process, no scene: nothing the run could help.
+            # No disk, no process, no scene: not the run's fault.
             if attempt is not None:
                 self._spool.discard(attempt)
             self._log(f"{lease.run}: not started, {error}")
@@ -469,9 +470,9 @@ class WorkerLoop:
             self._wait()
             self._collect_results()
         deadline = time.monotonic() + _LAST_WORDS
-        self._asks.wait(_LAST_WORDS)  # runs may be on their way here
+        self._asks.wait(_LAST_WORDS)  # a pending answer may grant runs
         self._take_answers()
-        self._start_leased()  # gives them back
+        self._start_leased()  # returns them
         self._silent_until = 0.0
         while self._deliveries.pending or _LEASING in self._asks:
             self._deliveries.send_releases()
@@ -480,5 +481,48 @@ class WorkerLoop:
             wait([self._asks.receiver, self._uploads.receiver], remaining)
             self._take_answers()
             if self._deliveries.trouble.words or self._silent_until or time.monotonic() > deadline:
-                self._log("left without telling the daemon all: results stay in the spool")
+                self._log("stopped with undelivered results, which stay in the spool")
                 return
+
+
+@dataclass(frozen=True, slots=True)
+class Usage:
+    """Usage of a worker and its children, as in :class:`daemon.model.status.WorkerRow`."""
+
+    cpu: float
+    memory: int
+    memory_total: int
+
+
+class UsageMeter:
+    """Measures this process and its descendants, at most once a second."""
+
+    def __init__(self) -> None:
+        self._process = psutil.Process()
+        self._cores = psutil.cpu_count() or 1
+        self._total = psutil.virtual_memory().total
+        self._measured_at = time.monotonic()
+        self._seconds, memory = self._look()
+        self._usage = Usage(0.0, memory, self._total)
+
+    def measure(self) -> Usage:
+        """Return the usage since the last measurement, or the last one if that is recent."""
+        passed = time.monotonic() - self._measured_at
+        if passed >= _USAGE_PERIOD:
+            seconds, memory = self._look()
+            cpu = (seconds - self._seconds) / (passed * self._cores)
+            self._usage = Usage(min(1.0, max(0.0, cpu)), memory, self._total)
+            self._measured_at += passed
+            self._seconds = seconds
+        return self._usage
+
+    def _look(self) -> tuple[float, int]:
+        """Return the processor time so far [s] and the memory [B]."""
+        seconds, memory = 0.0, 0
+        for process in (self._process, *self._process.children(recursive=True)):
+            with suppress(psutil.Error):  # it may just have ended
+                # Ended children count with the parent that has waited for them.
+                seconds += sum(process.cpu_times()[:4])
+                # Runs are forked from one process: resident sizes would count shared pages often.
+                memory += process.memory_full_info().pss
+        return seconds, memory

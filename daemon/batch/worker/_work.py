@@ -1,4 +1,4 @@
-"""A worker's life: get to know the daemon, warm up, work, leave."""
+"""The process of a worker: warm up, register with the daemon, work, stop."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from daemon.supervision.child import lower_session, when_stdin_ends
 from grammars.text.terminal_text import printable
 
 _ASK_AGAIN: Final = 1.0
-"""Seconds between two questions for work while no daemon answers any more."""
+"""Period of registrations while no daemon answers [s]."""
 
 
 def work(
@@ -48,29 +48,28 @@ def work(
     nice: int = 0,
     commands: bool | None = None,
 ) -> None:
-    """Execute runs of the daemon at ``connect`` until told to leave.
+    """Execute runs of the daemon at ``connect`` until a stop signal.
 
     ``slots`` runs at a time (``None``: one per core, or per thread of the Dask cluster at the
-    address ``dask`` that executes them). Where the daemon's state directory can be reached, under
-    the path it says or as ``state``, spool and traces lie there. Elsewhere the worker has a folder
-    of its own, in ``state`` or the user's state folder, and sends traces. ``executor``
-    (``module:function``) executes runs and is never taken from the network. When its standard input
-    closes, with ``tether``, the worker exits at once, or finishes and leaves. With ``nice`` the
-    session it leads steps back behind others, not only each run behind the worker. ``commands``:
-    whether runs may start commands that stand in SUT files; ``None``: only those of a daemon on
-    this machine. To be called from the main thread.
+    address ``dask`` that executes them). If the daemon's state directory is reachable, at its own
+    path or as ``state``, spool and traces are there. Otherwise the worker has a folder of its own,
+    in ``state`` or the user's state folder, and sends traces. ``executor`` (``module:function``)
+    executes runs and never comes from the network. With ``tether`` the worker exits at once, or
+    finishes, when its standard input closes. ``nice`` lowers the priority of the session it leads,
+    not only that of each run below the worker. ``commands``: whether runs may start commands of SUT
+    files; ``None``: only for a daemon on this machine. Call it from the main thread.
 
-    SIGTERM or SIGINT: finish what runs, then leave. A second one, or SIGQUIT: give it back.
+    SIGTERM or SIGINT: finish running runs, then stop. A second one, or SIGQUIT: return them.
 
     Raises :class:`daemon.batch.errors.Unreachable` when no daemon answers at the start and
     :class:`WorkerBroken` when runs cannot be executed here.
     """
-    # One sequence, in an order that matters, and half of the length is what it promises: not split.
+    # The order of these steps matters.
     if tether == "exit":
         when_stdin_ends(lambda: os._exit(1))
     if nice:
         lower_session(nice)
-    # Before anything is forked that inherits it.
+    # Before the first fork, which inherits it.
     decide_on_commands(commands, is_remote=is_encrypted(connect))
     with ExitStack() as stack:
         signals = WorkerSignals()
@@ -78,8 +77,8 @@ def work(
         if tether == "finish":
             when_stdin_ends(signals.leave)
         stack.enter_context(signals.handled())
-        # Before the session is opened: what is forked from here on never sees Zenoh. And a worker
-        # that cannot execute runs shall not have leased any.
+        # Before the session opens, so that its processes do not inherit Zenoh, and a worker that
+        # cannot execute runs has not leased any.
         backend = _open_backend(slots, executor, dask, stack)
         holder = find_credentials(Role.WORKER, keys) if is_encrypted(connect) else None
         session = stack.enter_context(bus.open_client(connect, holder))
@@ -97,14 +96,14 @@ def _serve(
     signals: WorkerSignals,
     limits: RunLimits | None,
 ) -> bool:
-    """Execute runs of one ledger; returns whether another ledger answers now."""
-    # Of another name for each ledger: its part of the spool is nobody's when it has ended.
+    """Execute runs of one ledger; return whether another ledger answers now."""
+    # A new id for each ledger, so that the old part of the spool has no owner after its end.
     me = replace(describe_worker(), era=welcome.era)
     with ExitStack() as stack:
         paths = choose_paths(state, welcome)
         spool = _open_spool(paths.state, me.id)
         stack.callback(spool.close)
-        # Present only once it can take runs; the token goes with the session, however it ends.
+        # Register the token when the worker can take runs; it ends with the session.
         session = daemon.session
         stack.enter_context(session.liveliness().declare_token(f"{ALIVE}/{daemon.name}/{me.id}"))
         stack.enter_context(session.declare_subscriber(WORK, lambda _: signals.wake()))
@@ -122,13 +121,13 @@ def _serve(
         _log(
             f"{me.id} works for {daemon.endpoint} with {backend.slots} slots in {paths.state.state}"
         )
-        elsewhere = loop.run()
-        _log(f"{me.id} leaves")
-    return elsewhere
+        has_other_ledger = loop.run()
+        _log(f"{me.id} stops")
+    return has_other_ledger
 
 
 def _ask_again(daemon: DaemonConnection, signals: WorkerSignals) -> WelcomeReply | None:
-    """Ask whichever daemon answers for work, until told to leave."""
+    """Register with any daemon that answers, until a stop signal."""
     while not signals.drain:
         try:
             return daemon.ask_welcome(describe_worker())
@@ -143,11 +142,11 @@ def _open_spool(paths: StatePaths, worker: str) -> Spool:
     try:
         return Spool(paths, worker, _log)
     except OSError as error:
-        raise WorkerBroken(f"this worker cannot keep results: {error}") from error
+        raise WorkerBroken(f"this worker cannot store results: {error}") from error
 
 
 def _open_backend(slots: int | None, executor: str, dask: str, stack: ExitStack) -> Backend:
-    """What executes runs, proven to; raises :class:`WorkerBroken`."""
+    """Open and test the backend that executes runs; raises :class:`WorkerBroken`."""
     if not dask:
         pool = ZygotePool(available_cores() if slots is None else slots, executor)
         stack.callback(pool.close)
@@ -167,6 +166,6 @@ def _open_backend(slots: int | None, executor: str, dask: str, stack: ExitStack)
 
 def _log(message: str) -> None:
     now = datetime.now().astimezone().isoformat(timespec="milliseconds")
-    # A full disk must not end a worker whose log lies there.
+    # A full disk must not end a worker whose log is on it.
     with suppress(OSError):
         print(now, printable(message), file=sys.stderr, flush=True)

@@ -1,7 +1,6 @@
 """Runs as processes of this machine: forked from zygotes, one for each kind of system.
 
-Nothing here waits for a process without a limit. One that is silent is killed, and the worker goes
-on: runs that are lost with it are given back.
+Every wait for a process has a limit. A silent process is killed, and its runs are returned.
 """
 
 from __future__ import annotations
@@ -31,20 +30,20 @@ from daemon.model.status import Preparation, PreparationPhase
 from grammars.text import codec
 
 _LONGEST_REASON: Final = 4000
-# Seconds until a zygote that says nothing is replaced: while it loads or compiles, which an
-# executor that plugs in may do for long; and when it was asked for a process.
+# Seconds of silence after which a zygote is replaced: while it loads or compiles, which may take
+# long in an executor that is a plug-in; and after a request for a process.
 _PREPARING_LIMIT: Final = 600.0
 _START_LIMIT: Final = 60.0
 _KILL_PATIENCE: Final = 30.0
-"""Seconds from the wish that a run ends to the end of its zygote, which kills for less time."""
+"""Time from the kill of a run to that of its zygote [s], longer than the zygote's own limit."""
 _LAST_PATIENCE: Final = 5.0
-"""Seconds until a run is given up that goes on without its zygote; and one is waited for."""
+"""Time for the end of a killed zygote, and of a run without its zygote [s]."""
 
 
 class ZygoteProcess:
-    """A zygote, as its worker sees it; ``ready`` are the lists of kernels that it has loaded.
+    """A zygote for its worker; ``ready`` are the lists of kernels that it has loaded.
 
-    ``failure`` says why it has ended, ``compiled`` how many kernels it has compiled while it does.
+    ``failure`` is the reason of its end, ``compiled`` the number of kernels during compilation.
     """
 
     def __init__(self, executor: str) -> None:
@@ -62,12 +61,12 @@ class ZygoteProcess:
         self.ready: set[str] = set()
         self.failure = ""
         self.compiled: int | None = None
-        # Lists it was asked for, and none: its own start.
+        # Requested lists; the empty name is its own start.
         self._awaited = {""}
         self._answer_by = time.monotonic() + _PREPARING_LIMIT
 
     def prepare(self, spec: RunSpec, scene: Path, niceness: int) -> bool:
-        """Whether the kernels of a run are loaded; has them loaded or compiled otherwise."""
+        """Return whether the kernels of a run are loaded; otherwise request them."""
         name = kernel_list(spec)
         if name in self.ready or name in self._awaited:
             return name in self.ready
@@ -75,14 +74,14 @@ class ZygoteProcess:
         self._answer_by = time.monotonic() + _PREPARING_LIMIT
         order = run_process.PREPARE + codec.to_json(KernelTask(name, scene, niceness))
         with tempfile.TemporaryFile() as file, suppress(OSError):
-            # Where it has ended, that is noticed when it is listened to.
+            # ``listen`` notices if the zygote has ended.
             file.write(codec.to_json(spec))
             file.seek(0)
             socket.send_fds(self.wire, [order], [file.fileno()])
         return False
 
     def listen(self) -> None:
-        """Take in what it has sent; end it when it has been silent for too long."""
+        """Read its messages; end it after too long a silence."""
         if self.failure:
             return
         try:
@@ -102,7 +101,7 @@ class ZygoteProcess:
             self.end(f"the process that starts runs was silent for {_PREPARING_LIMIT:g} s")
 
     def start(self, task: RunTask) -> socket.socket:
-        """Ask for the process of a run; returns the socket to it. Raises ``OSError``."""
+        """Request the process of a run; return the socket to it. Raises ``OSError``."""
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         ours.setblocking(False)
         theirs.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, LARGEST_MESSAGE)
@@ -127,10 +126,10 @@ class ZygoteProcess:
 
 @dataclass(slots=True)
 class ForkedExecution:
-    """A running attempt; ``live`` and ``judged`` are what it last said of itself.
+    """A running attempt; ``live`` and ``judged`` are its latest snapshot and judgement.
 
-    Its end counts against the run unless it failed for want of a process, of space on the disk, or
-    of the system under test.
+    Its end counts against the run unless a process, space on the disk, or the system under test was
+    missing.
     """
 
     attempt: Attempt
@@ -148,11 +147,11 @@ class ForkedExecution:
 
     @property
     def waitables(self) -> tuple[Waitable, ...]:
-        """What the run and its zygote send."""
+        """The socket of the run, until its end."""
         return (self.wire,) if self._code is None else ()
 
     def listen(self) -> None:
-        """Take in what was sent, keep the newest; end the run when its time is up."""
+        """Read the messages, keep the newest; end the run when its time is up."""
         if self._code is not None:
             return
         try:
@@ -170,8 +169,8 @@ class ForkedExecution:
         elif kind == run_process.JUDGEMENT:
             self.judged = content
         elif kind == run_process.STARTED and not self._killed:
-            # The run ends itself at its limit, and has a trace and a result that say so. Only what
-            # cannot be interrupted is ended from here.
+            # The run ends itself at its limit, with a trace and a result. Only uninterruptible code
+            # is ended from here.
             self._started = True
             self.deadline = time.monotonic() + self.limit + spare_time(self.limit)
         elif kind in run_process.FAILURES and not self._killed:
@@ -190,7 +189,7 @@ class ForkedExecution:
             self.kill(stopped_after(self.limit))
 
     def _lose(self, why: str) -> None:
-        """Give the process up: nobody is left who would say how it ends."""
+        """Give up the process: its zygote cannot report its end any more."""
         self._code = 1
         self._reason = self._reason or why
         if not self._started:
@@ -198,7 +197,7 @@ class ForkedExecution:
 
     @property
     def end(self) -> AttemptEnd | None:
-        """Why there is no result, if so: what was printed, and last what ended the process."""
+        """The end of the attempt; without a result its output and the reason."""
         if self._code is None:
             return None
         if self.attempt.finished:
@@ -210,35 +209,35 @@ class ForkedExecution:
             sut_missing=self._failure == run_process.SUT_MISSING,
         )
 
-    def watch(self, wanted: frozenset[run_process.WatchDetail]) -> None:
-        """Tell the run what those who watch it want; a run that is over does not hear it."""
+    def watch(self, details: frozenset[run_process.WatchDetail]) -> None:
+        """Forward the watchers' requests to the run, unless it is over."""
         with suppress(OSError):
-            self.wire.send(run_process.WATCH + " ".join(wanted).encode())
+            self.wire.send(run_process.WATCH + " ".join(details).encode())
 
     def kill(self, why: str = "") -> None:
-        """Have the run ended, with all it has started: its end comes within a limit."""
+        """End the run with all its processes, within a limit."""
         if self._killed or self._code is not None:
             return
         self._killed = True
         self._reason = why
         self.deadline = time.monotonic() + _KILL_PATIENCE
-        with suppress(OSError):  # ended in that very moment
+        with suppress(OSError):  # it may just have ended
             self.wire.shutdown(socket.SHUT_WR)
 
     def close(self) -> None:
-        """Free what belongs to the ended process."""
+        """Free the socket of the ended process."""
         self.wire.close()
 
 
 def _messages(wire: socket.socket) -> Iterator[tuple[bytes, bytes]]:
-    """Yield what has come, kind and content; raises ``EOFError`` when the other end is gone."""
+    """Yield kind and content of messages; raises ``EOFError`` when the other end is gone."""
     while True:
         try:
             message = wire.recv(LARGEST_MESSAGE)
         except BlockingIOError:
             return
         except ConnectionResetError:
-            continue  # it has not read all of ours; what it has sent is still to be read
+            continue  # it has not read all our messages; its own are still to be read
         if not message:
             raise EOFError
         yield message[:1], message[1:]
@@ -255,36 +254,36 @@ class ZygotePool:
     """Starts runs, ``slots`` at a time, each from the zygote of its kind."""
 
     trouble = ""
-    """Its processes are children of the worker: what is wrong shows at the start."""
+    """Always empty: its processes are children of the worker, so troubles appear at a start."""
 
     def __init__(self, slots: int, executor: str = DEFAULT_EXECUTOR) -> None:
         self.slots = slots
         self._executor = executor
-        # By the kind of system; the first one is of none yet.
+        # By the kind of system; a new one has no kind yet.
         self._zygotes: dict[str, ZygoteProcess] = {}
 
     @property
     def waitables(self) -> tuple[Waitable, ...]:
-        """What zygotes send; runs have their own."""
+        """The sockets of the zygotes; runs have their own."""
         return tuple(one.wire for one in self._zygotes.values() if not one.failure)
 
     @property
     def preparation(self) -> Preparation | None:
-        """How far compiling is, while something is compiled."""
+        """Progress of compilation, if any."""
         counts = [one.compiled for one in self._zygotes.values() if one.compiled is not None]
         return Preparation(PreparationPhase.COMPILING, sum(counts)) if counts else None
 
     def listen(self) -> None:
-        """Listen to the zygotes; runs are listened to one by one."""
+        """Read the messages of the zygotes; runs have their own."""
         for kind, zygote in tuple(self._zygotes.items()):
             zygote.listen()
             if zygote.ready and zygote.failure:
-                del self._zygotes[kind]  # the next run has another one started
+                del self._zygotes[kind]  # the next run starts another one
 
     def warm_up(self) -> None:
-        """Start a zygote and wait until it is there, without a kernel yet.
+        """Start a zygote and wait until it is ready, without kernels.
 
-        Raises :class:`WorkerBroken` with the reason when it cannot execute runs.
+        Raises :class:`WorkerBroken` with the reason if it cannot execute runs.
         """
         try:
             zygote = self._zygotes[""] = ZygoteProcess(self._executor)
@@ -298,10 +297,10 @@ class ZygotePool:
                 raise WorkerBroken(f"this worker cannot execute runs:\n{zygote.failure}")
 
     def prepare(self, spec: RunSpec, scene: Path, limits: RunLimits) -> bool:
-        """Whether a run in the scene of this file can start with its kernels loaded.
+        """Return whether a run in the scene of this file can start with its kernels loaded.
 
-        Sees to it otherwise. Raises ``OSError`` when there is no process to be had, and
-        :class:`WorkerBroken` when the one that starts runs has ended.
+        Otherwise request them. Raises ``OSError`` when no process can be started, and
+        :class:`WorkerBroken` when the zygote has ended.
         """
         kind = self._kind(spec)
         zygote = self._zygotes.get(kind)
@@ -313,14 +312,11 @@ class ZygotePool:
             del self._zygotes[kind]
             raise WorkerBroken(f"this worker cannot start runs:\n{zygote.failure}")
         if self._executor != DEFAULT_EXECUTOR:
-            return "" in zygote.ready  # it loads what it needs by itself
+            return "" in zygote.ready  # the executor loads its modules itself
         return zygote.prepare(spec, scene, limits.nice)
 
     def start(self, attempt: Attempt, scene: Path, limits: RunLimits) -> ForkedExecution:
-        """Start the process of an attempt that was prepared for.
-
-        Raises ``OSError`` when there is none to be had.
-        """
+        """Start the process of a prepared attempt; raises ``OSError``."""
         spec = attempt.lease.spec
         zygote = self._zygotes[self._kind(spec)]
         limit = limits.wall_of(spec.limit)
@@ -332,14 +328,14 @@ class ZygotePool:
     def _kind(self, spec: RunSpec) -> str:
         if self._executor != DEFAULT_EXECUTOR:
             return ""
-        # Systems that plug in are served by one: they have no kernels of ours.
+        # One zygote serves all plug-in systems: they have no kernels of ours.
         return spec.sut.kind if spec.sut.kind in WITH_KERNELS else "idle"
 
     def _likeness(self, spec: RunSpec) -> str:
-        """Return what runs have in common that begin alike, of systems that ship here.
+        """Return the common properties of runs that begin alike, or an empty text.
 
-        What others do is for processes of their own, and files are within the reach of their run
-        alone.
+        Only for our own systems without files: plug-ins run only in processes of their own, and
+        files are only reachable in their run.
         """
         is_ours = self._executor == DEFAULT_EXECUTOR and spec.sut.kind in WITH_KERNELS
         if not is_ours or spec.files:

@@ -15,7 +15,7 @@ import psutil
 import pytest
 
 from daemon.batch.worker import _usage
-from daemon.batch.worker._usage import UsageMeter
+from daemon.batch.worker._loop import UsageMeter
 from daemon.model.run_state import RunState
 from daemon.supervision.child import when_stdin_ends
 from daemon.supervision.guardian import end_guarded, guard

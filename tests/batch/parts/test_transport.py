@@ -137,11 +137,11 @@ def test_what_arrives_damaged_is_never_a_trace(client, tmp_path):
     trace = trace_reference(client.run("c.3").row)
     noise = Source(client, lambda part: FilePart(part.size, b"AAAA" + part.data[4:]))
     silence = Source(client, lambda part: FilePart(part.size, b""))
-    for source, problem in ((noise, "not what was recorded"), (silence, "only 0 of")):
+    for source, problem in ((noise, "differs from the recorded trace"), (silence, "only 0 of")):
         with pytest.raises(TraceUnavailable, match=problem):
             copy_trace(trace, source, tmp_path / "t.mcap")
     (tmp_path / f".{trace.sha256}.part").write_bytes(b"x" * 1000)
-    with pytest.raises(TraceUnavailable, match="not what was recorded"):
+    with pytest.raises(TraceUnavailable, match="differs from the recorded trace"):
         copy_trace(trace, client, tmp_path / "t.mcap")
     assert not (tmp_path / "t.mcap").exists()
     copy_trace(trace, client, tmp_path / "t.mcap")

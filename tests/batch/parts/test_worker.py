@@ -136,7 +136,7 @@ def test_a_run_whose_system_is_not_installed_waits_for_another_worker(client, sh
     rows = client.runs("absent").rows
     assert [row.state for row in rows] == [RunState.QUEUED] * 3 + [RunState.DONE] * 4
     assert max(row.attempt for row in rows[:3]) == 1  # what was leased ahead, and then no more
-    assert 'install what brings the system under test "absent" for worker' in rows[0].reason
+    assert 'install the system under test "absent" for worker' in rows[0].reason
     assert recorded(shared, "SELECT max(strikes) FROM run WHERE kind = 'absent'") == [(0,)]
     assert client.cancel("absent") == 3
 
