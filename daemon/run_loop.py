@@ -140,7 +140,9 @@ class RunLoop:
         try:
             self.begin()
             finished = self.advance(round(self._spec.limit * TICK_RATE))
-            self._finish_sut()
+            if self._external is not None:
+                with sut_call("finish()"):
+                    self._external.finish()
         except SutError as error:
             self._record_events(world.time, error.events)
             trace.event(world.time, "sut", error.note, level="error")
@@ -202,11 +204,6 @@ class RunLoop:
             self._waiting = _one_line(waiting)
             self._publish_snapshot(first.time)
         self._waiting = ""
-
-    def _finish_sut(self) -> None:
-        if self._external is not None:
-            with sut_call("finish()"):
-                self._external.finish()
 
     def close(self) -> Mapping[str, bytes]:
         """End the world and an external system; return the system's outputs by name."""

@@ -88,7 +88,9 @@ def open_router(listen: Sequence[str], keys: DaemonCredentials | None = None) ->
         return zenoh.open(_config("router", settings))
     except zenoh.ZError as error:
         where = " and ".join(map(endpoint_text, listen))
-        raise PlaceUnusable(f"cannot listen at {where}: {_last_words(error)}") from error
+        # After the reason Zenoh names one of its source files.
+        reason = str(error).split(" at /")[0].strip()
+        raise PlaceUnusable(f"cannot listen at {where}: {reason}") from error
 
 
 def open_client(endpoint: str, credentials: Credentials | None = None) -> zenoh.Session:
@@ -163,11 +165,6 @@ def _config(mode: str, settings: dict[str, object]) -> zenoh.Config:
     for key, value in (common | settings).items():
         config.insert_json5(key, json.dumps(value))
     return config
-
-
-def _last_words(error: zenoh.ZError) -> str:
-    # After the reason Zenoh names one of its source files.
-    return str(error).split(" at /")[0].strip()
 
 
 @functools.cache

@@ -55,11 +55,6 @@ def read_snapshot(payload: bytes) -> LiveSnapshot:
     return codec.from_json(LiveSnapshot, strip_control_characters(payload))
 
 
-def _read_judgement(payload: bytes) -> LiveJudgement:
-    # Clean it: judgements do not pass through the daemon.
-    return unpack_judgement(payload, strip_control_characters)
-
-
 def _of_run(run: str, read: Callable[[bytes], L]) -> Callable[[bytes], L]:
     """Return a reader that raises ``ValueError`` for data of another run."""
 
@@ -211,7 +206,9 @@ class Client(DaemonClient):
         key, read = f"{LIVE}/*/*/{run}", _of_run(run, read_snapshot)
         feeds: list[_Feed[Any]] = [_Feed(self._session, key, _WATCHED_KEPT, read, on_live)]
         if on_judged is not None:
-            judgement = _of_run(run, _read_judgement)
+            # Clean judgements, which do not pass through the daemon.
+            unpack = partial(unpack_judgement, clean=strip_control_characters)
+            judgement = _of_run(run, unpack)
             feed = _Feed(self._session, f"{key}/{JUDGED}", _JUDGED_KEPT, judgement, on_judged)
             feeds.append(feed)
         return self._subscription(feeds)

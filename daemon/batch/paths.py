@@ -133,7 +133,7 @@ class StatePaths:
         """The daemon's socket for its owner's clients and workers on this machine.
 
         Its folder is for its owner alone, so the file system decides who may connect. Systems limit
-        the length of its path; for a long one the folder lies with the temporary files.
+        the length of its path; a long one moves to the folder of temporary files.
         """
         path = self.state / "socket" / "daemon.sock"
         if len(os.fsencode(path)) <= _LONGEST_SOCKET and _SOCKET_PATH.match(str(path)):

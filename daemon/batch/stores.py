@@ -239,7 +239,7 @@ def _bring(
         progress(trace.size)
     elif source is None:
         raise TraceUnavailable(
-            f"the trace of {trace.run} lies on another machine or is gone ({trace.location}): "
+            f"the trace of {trace.run} is on another machine or is gone ({trace.location}): "
             "name its daemon with --connect"
         )
     else:
@@ -276,17 +276,14 @@ def copy_between(source: str, target: str) -> None:
         with fsspec.open(source) as reader, fsspec.open(target, "wb") as writer:
             shutil.copyfileobj(reader, writer)
         if target.startswith("file://"):
-            _sync(Path(target.removeprefix("file://")))
+            path = Path(target.removeprefix("file://"))
+            with path.open("rb") as file:
+                os.fsync(file.fileno())
+            sync_directory(path.parent)
     except Exception as error:  # the library behind a URL may raise anything
         url = source if is_url(source) else target
         why = getattr(error, "strerror", "") or repr(error)
         raise OSError(f"{url} cannot be used from here: {why}") from error
-
-
-def _sync(path: Path) -> None:
-    with path.open("rb") as file:
-        os.fsync(file.fileno())
-    sync_directory(path.parent)
 
 
 @dataclass(frozen=True, slots=True)

@@ -37,8 +37,7 @@ Script: TypeAlias = tuple[Behaviour, ...]
 """The behaviours of all doors and people in a run."""
 
 ENGINE_VERSION: Final = "6"
-"""Version of the engine; raise it with every change that alters traces of the same specification.
-"""
+"""Version of the engine; raise it with every change to traces of the same specification."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -270,8 +269,7 @@ class RunResult:
 
 
 LARGEST_RESULT: Final = 256 * 2**10
-"""Most bytes of a result in JSON: a hundred times those of three oracles. The trace has the rest.
-"""
+"""Largest result in JSON [B], a hundred times one of three oracles; the trace has the rest."""
 _LONGEST_NOTE: Final = 2000
 
 

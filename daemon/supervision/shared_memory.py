@@ -1,8 +1,8 @@
 """Shared memory that killed processes of Fast DDS leave behind, half a MiB each.
 
 A participant has a segment ``fastdds_<id>``, or ``fastrtps_<id>`` in older releases, and ports
-``fastdds_port<number>`` with a semaphore each. Next to one in use lies a file ``..._el`` or
-``..._sl`` that its user has locked with flock(2). Observed with the releases of Jazzy and Kilted.
+``fastdds_port<number>`` with a semaphore each. One in use has a file ``..._el`` or ``..._sl`` that
+its user has locked with flock(2). Observed with the releases of Jazzy and Kilted.
 """
 
 from __future__ import annotations

@@ -62,7 +62,9 @@ class Supervisor(EventLoop):
         self._held = True
         alarms = [alarm.encode() for alarm in plan.alarms]
         self._outputs = {
-            STACK_OUTPUT: _WatchedOutput(self._folder / STACK_OUTPUT, alarms, self._report_alarm),
+            STACK_OUTPUT: _WatchedOutput(
+                self._folder / STACK_OUTPUT, alarms, lambda line: self._say({"alarm": line})
+            ),
             RELAY_OUTPUT: OutputFile(self._folder / RELAY_OUTPUT),
         }
         self._children: dict[int, str] = {}
@@ -175,9 +177,6 @@ class Supervisor(EventLoop):
     def _report_end(self, role: str, code: int) -> None:
         self.drain()
         self._say({"ended": role, "code": code})
-
-    def _report_alarm(self, line: str) -> None:
-        self._say({"alarm": line})
 
     def _next_deadline(self) -> float | None:
         until = self._setup_until

@@ -108,7 +108,8 @@ class RunUpdates:
             values = (getattr(after, name) for name in _FIELDS)
             self._db.execute(_WRITE_STATE, (*values, run))
         if after.state is not before.state:
-            campaign = self._campaign_of(run)
+            query = "SELECT campaign FROM run WHERE id = ?"
+            (campaign,) = self._db.execute(query, (run,)).fetchone()
             # The end of the attempt before has already recorded this reason.
             stale = after.state is RunState.RUNNING and after.reason == before.reason
             note = "" if stale else after.reason
@@ -116,10 +117,6 @@ class RunUpdates:
             if after.state not in (RunState.QUEUED, RunState.RUNNING):
                 self._close_if_finished(campaign, now)
         return change
-
-    def _campaign_of(self, run: str) -> str:
-        row = self._db.execute("SELECT campaign FROM run WHERE id = ?", (run,)).fetchone()
-        return str(row[0])
 
     def _close_if_finished(self, campaign: str, now: float) -> None:
         """Close a campaign without unfinished runs, unless cells need repeats of the reserve.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Sequence
 from typing import Final
 
 from daemon.batch.errors import OtherLedger, Refused, Rejected
@@ -185,7 +184,7 @@ def queue_reserve(db: sqlite3.Connection, campaign: str) -> int:
     queued = 0
     for scenario, sut in undecided_cells(declared, records):
         so_far = sum((r.scenario, r.sut) == (scenario, sut) for r in records)
-        upto = _next_look(declared.policy.looks, so_far)
+        upto = next((look for look in declared.policy.looks if look > so_far), so_far)
         queued += db.execute(
             "UPDATE run SET state = 'queued' WHERE campaign = ? AND state = ? AND scenario = ?"
             " AND sut = ? AND repeat < ?",
@@ -199,7 +198,3 @@ def _read_runs(db: sqlite3.Connection, campaign: str) -> tuple[RunRow, ...]:
     where = "WHERE campaign = ? AND state <> ? ORDER BY position"
     rows = select_runs(db, where, (campaign, RESERVE), results=True)
     return tuple(run_row(db, row) for row in rows)
-
-
-def _next_look(looks: Sequence[int], so_far: int) -> int:
-    return next((look for look in looks if look > so_far), so_far)

@@ -7,6 +7,7 @@ import socket
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Final, TypeAlias
 
@@ -16,7 +17,7 @@ from daemon.batch.paths import StatePaths
 from daemon.batch.server._dispatcher import VerbHandler, read_request
 from daemon.batch.server._housekeeping import Housekeeping
 from daemon.batch.server._runtime import DaemonSettings, EventLog
-from daemon.batch.server._search_handlers import SearchClients, SearchHandlers
+from daemon.batch.server._search_handlers import SearchClients, SearchHandlers, read_extension
 from daemon.batch.server._submissions import read_submission
 from daemon.batch.server._uploads import InputStore, Uploads
 from daemon.batch.server._workers import LeaseDeadlines, WorkerRegistry
@@ -105,8 +106,9 @@ class Handlers(SearchHandlers):
         self.clients = SearchClients()
         self.by_verb = {verb: VerbHandler(getattr(self, verb.name)) for verb in VERBS.values()}
         # Not in the writer's thread: checking 100,000 runs takes seconds, and leases would wait.
-        self.by_verb[SUBMIT] = VerbHandler(self.submit, prepare=self._admit)
-        self.by_verb[EXTEND] = VerbHandler(self.extend, prepare=self._admit_extension)
+        for verb, read in ((SUBMIT, read_submission), (EXTEND, read_extension)):
+            prepare = partial(read, paths=self.paths)
+            self.by_verb[verb] = replace(self.by_verb[verb], prepare=prepare)
         self.by_verb[DELETE] = VerbHandler(self.delete, prepare=self._measure)
 
     # Read requests, each answered from one snapshot of the ledger
@@ -234,9 +236,6 @@ class Handlers(SearchHandlers):
         return self._uploads.put(ledger, request)
 
     # Changes of the ledger; each is answered after its commit
-
-    def _admit(self, payload: bytes) -> Submission:
-        return read_submission(payload, self.paths)
 
     def submit(self, ledger: LedgerWriter, submission: Submission) -> SubmissionReceipt:
         ledger.end_holds(self._inputs.has, time.time())

@@ -92,7 +92,6 @@ def _extension_problems(request: ExtendRequest) -> Iterator[str]:
 class SearchHandlers:
     """Handlers of the verbs of searches, as in :class:`Handlers`."""
 
-    paths: StatePaths
     log: EventLog
     clients: SearchClients
 
@@ -117,9 +116,6 @@ class SearchHandlers:
         if request.client and self.clients.claim(campaign, request.client):
             self.log.write("search", campaign=campaign, client=request.client)
         return Empty()
-
-    def _admit_extension(self, payload: bytes) -> ExtendRequest:
-        return read_extension(payload, self.paths)
 
     def extend(self, ledger: LedgerWriter, request: ExtendRequest) -> Count:
         self.clients.require(request.runs.campaign, request.client)

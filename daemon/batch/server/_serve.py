@@ -96,7 +96,7 @@ def serve(
         stop = StopRequest()
         stack.enter_context(stop.signals())
         if tether:
-            stop.watch_tether()
+            when_stdin_ends(stop.cut_tether)
         try:
             ledger, marker = open_state(stack, paths, settings, log)
         except DaemonError as error:
@@ -161,11 +161,8 @@ class StopRequest:
             for number, handler in previous.items():
                 signal.signal(number, handler)
 
-    def watch_tether(self) -> None:
-        """Request a stop when standard input closes."""
-        when_stdin_ends(self._cut_tether)
-
-    def _cut_tether(self) -> None:
+    def cut_tether(self) -> None:
+        """Request a stop, since the parent has ended."""
         self.tether_cut = True
         self()
 

@@ -181,7 +181,7 @@ class Spool:
         return [folder for folder in folders if folder != self._folder and is_id(folder.name)]
 
     def _adopt_folder(self, folder: Path, finished: list[Attempt], unfinished: list[Lease]) -> bool:
-        """Add the work of a dead owner of ``folder``; return false if the folder could not go.
+        """Add the work of a dead owner of ``folder``; return false if the folder had to stay.
 
         Raises ``OSError``.
         """

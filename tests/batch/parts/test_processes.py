@@ -14,7 +14,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from daemon.batch.worker import _usage
+from daemon.batch.worker import _loop
 from daemon.batch.worker._loop import UsageMeter
 from daemon.model.run_state import RunState
 from daemon.supervision.child import when_stdin_ends
@@ -216,7 +216,7 @@ input()
 
 
 def test_memory_and_processor_time_of_children_count(monkeypatch):
-    monkeypatch.setattr(_usage, "_PERIOD", 0.0)
+    monkeypatch.setattr(_loop, "_USAGE_PERIOD", 0.0)
     meter = UsageMeter()
     before = meter.measure()
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
@@ -229,5 +229,5 @@ def test_memory_and_processor_time_of_children_count(monkeypatch):
     assert before.memory_total == psutil.virtual_memory().total
     assert meter.measure().memory < during.memory - 0.9 * ALLOCATED
     # They are looked at once in a period at most.
-    monkeypatch.setattr(_usage, "_PERIOD", 3600.0)
+    monkeypatch.setattr(_loop, "_USAGE_PERIOD", 3600.0)
     assert meter.measure() is meter.measure()
