@@ -5,7 +5,7 @@ from pathlib import Path
 import psutil
 
 from grammars.text.files import matching_paths
-from tests.batch.parts.test_survival import away, recorded
+from tests.batch.parts.test_survival import ENDINGS, away
 from tests.chaos.links import relay
 from tests.make import make_submission
 from tests.parts import (
@@ -14,6 +14,7 @@ from tests.parts import (
     eventually,
     executions,
     finished,
+    recorded,
     worker_for,
 )
 from tests.turned_clock import TURNED, end_leases
@@ -46,7 +47,7 @@ def test_work_goes_on_beside_another_worker_and_the_first_result_counts(tmp_path
             eventually(lambda: not alive([second]))
         trace = Path(client.run("c.0").row.trace)
         assert trace.stat().st_size > 300_000
-        assert (recorded(daemon), len(executions(log))) == ([(1, 0)], 2)
+        assert (recorded(daemon, ENDINGS), len(executions(log))) == ([(1, 0)], 2)
         (received,) = daemon.noted("trace received")
         assert received["name"].startswith("c.0.")
         assert not list(matching_paths(tmp_path / "elsewhere", "work/*/spool/*/*/attempt-*"))
