@@ -30,7 +30,7 @@ def graph():
     return grimp.build_graph(*FLOORS, include_external_packages=True, cache_dir=None)
 
 
-@pytest.mark.parametrize("name", ["README.md", "CONTRIBUTING.md", "docs/how-it-works.md"])
+@pytest.mark.parametrize("name", ["CONTRIBUTING.md", "docs/how-it-works.md"])
 def test_files_that_guides_name_are_there(name):
     named = _FILES.findall((ROOT / name).read_text("utf-8"))
     assert len(named) > 3
