@@ -268,6 +268,6 @@ class SearchText(StrictModel):
     """Steps after a failure. nearest: find the smallest change of the scenario that still fails;
     shrink: remove every part that the nearest failure does not need."""
     window: int = Field(default=WINDOW, ge=1, le=MOST_WINDOW)
-    """Most runs in progress at a time: the search is the same on any number of cores."""
+    """Most runs at a time: the search is the same on any number of cores."""
     seed: int | None = Field(default=None, ge=0, lt=2**63)
     """Seed of the proposals; by default that of the campaign."""

@@ -269,7 +269,7 @@ def _ending(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
     if words := ending_words(task, answer.ended):
         more = answer.failed - task.failures
         if answer.ended == "failures" and more > 0:
-            words += f"; {count_noun(more, 'other')} came from runs in progress"
+            words += f"; {count_noun(more, 'other')} came from runs already running"
         yield words
 
 
