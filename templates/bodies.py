@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from grammars.model.geometry import Point2, Pose2, Ring
+from grammars.model.geometry import Pose2, Ring
 from grammars.model.kinematics import WORLD, driven_joints, link_poses
 from grammars.model.scene import Joint, Link, SceneObject
 
@@ -73,10 +73,6 @@ class Body:
     joints: tuple[BodyJoint, ...]
     static: bool
 
-    def joint_name(self, scene_name: str) -> str:
-        """Return the name in this body of a joint of the scene's object."""
-        return next(joint.name for joint in self.joints if joint.of == scene_name)
-
 
 def body_of(thing: SceneObject) -> Body:
     """Return ``thing`` as a body with joints at zero; a frozen one in its pose, without joints.
@@ -104,13 +100,11 @@ def body_of(thing: SceneObject) -> Body:
     children = {joint.child for joint in moving}
     # In Gazebo, a link without a joint falls.
     resting = [link.name for link in solid if link.name not in children]
-    fixed = [_fixed(name, _bearer(above.get(name), names), names, used) for name in resting]
+    fixed = [
+        _fixed(name, names.get(above[name].parent, WORLD) if name in above else WORLD, names, used)
+        for name in resting
+    ]
     return Body(links, (*fixed, *joints), False)
-
-
-def _bearer(joint: Joint | None, names: dict[str, str]) -> str:
-    """Return the name of the link or world to which a resting link is fixed."""
-    return names.get(joint.parent, WORLD) if joint else WORLD
 
 
 def _link_names(links: Sequence[Link]) -> dict[str, str]:
@@ -214,11 +208,8 @@ def _box(ring: Ring, height: float) -> Box | None:
     turns = round(yaw / (math.pi / 2.0))
     yaw -= turns * math.pi / 2.0
     size = (size[1], size[0], height) if turns % 2 else size
-    return Box(((ax + cx) / 2.0, (ay + cy) / 2.0, 0.0, 0.0, 0.0, _clean(yaw)), size)
-
-
-def _clean(angle: float) -> float:
-    return 0.0 if abs(angle) < 1e-12 else angle
+    yaw = 0.0 if abs(yaw) < 1e-12 else yaw
+    return Box(((ax + cx) / 2.0, (ay + cy) / 2.0, 0.0, 0.0, 0.0, yaw), size)
 
 
 def _joint(
@@ -248,12 +239,8 @@ def _joint(
         joint.damping,
         joint.stiffness,
         joint.rest,
-        child.inertia[2] + child.mass * _squared((x, y)) if turns else child.mass,
+        child.inertia[2] + child.mass * (x**2 + y**2) if turns else child.mass,
     )
-
-
-def _squared(arm: Point2) -> float:
-    return arm[0] ** 2 + arm[1] ** 2
 
 
 def _fixed(name: str, bearer: str, names: dict[str, str], used: set[str]) -> BodyJoint:

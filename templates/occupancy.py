@@ -65,10 +65,10 @@ def occupancy_grid(
 ) -> OccupancyGrid:
     """Return the map of ``scene`` at the height of a laser, ``laser_height`` [m].
 
-    ``resolution`` is the size of a cell [m], ``margin`` the border around the spaces [m]. The map
-    grows by whole cells for solids beyond the margin. Without ``joints`` it omits objects.
-    Otherwise ``joints`` are positions by scene-wide name [rad or m]; other joints are at their
-    start. Movers are never drawn.
+    ``resolution`` is the size of a cell [m], ``margin`` the border around the spaces [m]. The
+    origin is their lowest corner minus the margin. The map grows by whole cells for solids beyond
+    the margin. Without ``joints`` it omits objects. Otherwise ``joints`` are positions by
+    scene-wide name [rad or m]; other joints are at their start. Movers are never drawn.
 
     Raises :class:`ValueError` for an empty scene, sizes that are not positive and unknown joints.
     """

@@ -29,7 +29,8 @@ def _environment() -> jinja2.Environment:
         autoescape=lambda name: bool(name and name.endswith(_XML)),
         keep_trailing_newline=True,
     )
-    environment.filters.update(number=number, numbers=numbers, json=_json)
+    as_json = functools.partial(json.dumps, ensure_ascii=False, allow_nan=False)
+    environment.filters.update(number=number, numbers=numbers, json=as_json)
     return environment
 
 
@@ -61,7 +62,3 @@ def number(value: float, digits: int = 9) -> str:
 def numbers(values: Any, digits: int = 9) -> str:
     """Return numbers separated by blanks."""
     return " ".join(number(value, digits) for value in values)
-
-
-def _json(value: Any) -> str:
-    return json.dumps(value, ensure_ascii=False, allow_nan=False)

@@ -50,7 +50,7 @@ def oracle_schema(title: str) -> dict[str, Any]:
     return {
         "$schema": DIALECT,
         "title": title,
-        "description": "Oracles by name: what must hold for a run, one line each, with units. "
+        "description": "Oracles by name: conditions of a run, one line each, with units. "
         "A line without a limit is a measure: reported, never red.",
         "type": "object",
         "minProperties": 1,
@@ -59,7 +59,7 @@ def oracle_schema(title: str) -> dict[str, Any]:
         "$defs": {
             "oracle": {
                 "type": "string",
-                "description": "What must hold, and optionally when it is judged.\n\nSignals:\n"
+                "description": "Condition, and optionally when it is judged.\n\nSignals:\n"
                 + "\n".join(signals),
                 "pattern": rf"^\s*(?:{'|'.join(operators)})(?![A-Za-z0-9_])[^(]*\(.*\)",
                 "errorMessage": f"an oracle begins with one of: {', '.join(operators)}",

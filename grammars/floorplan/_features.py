@@ -67,7 +67,7 @@ def _reference_space(
         return owner
     # A space may be called world; then the reference means this space.
     if reference.name == "world" and "world" not in spaces:
-        reader.error(reference, "features stand in a space, not in the world", 'write "wrt: hall"')
+        reader.error(reference, "features belong in a space, not in the world", 'write "wrt: hall"')
         return None
     return find_space(reference, spaces, reader)
 

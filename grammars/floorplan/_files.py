@@ -54,7 +54,7 @@ _HINTS: Final = {
     "shape": "every element starts with its shape, written once",
     "location": "the location follows the shape (and the height of a column or divider)",
     "wall": 'the wall dimensions of a space are written "walls:"',
-    "Default": 'wall defaults are written "Defaults:" and stand right after the plan\'s name',
+    "Default": 'wall defaults are written "Defaults:" and come right after the plan\'s name',
     "from": 'the frame to place against is written "wrt:"',
     "aligned": 'walls face each other unless you write "not aligned"',
     "thickness": 'thickness is written inside "walls:" of a space or of Defaults',

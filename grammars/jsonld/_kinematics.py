@@ -153,7 +153,7 @@ class Positions:
                 self._points[point] = (x, y, z)
 
     def outline(self, points: Iterable[str]) -> tuple[str, tuple[Point3, ...]] | None:
-        """Return the frame that sees all ``points`` and their coordinates, if there is only one."""
+        """Return the common frame of ``points`` and their coordinates, or ``None``."""
         names = list(points)
         frames = {self._frames.get(name) for name in names}
         if len(frames) != 1 or None in frames:

@@ -134,9 +134,7 @@ class _LayerReader:
             is_on_floor = _OPENING.fullmatch(local_name(id)) is None
             if abs(view.tilt) > _ON_FLOOR or (abs(view.z) > _ON_FLOOR and is_on_floor):
                 message = f"instance {local_name(node.id)} is lifted or tilted"
-                self._nodes.add_warning(
-                    node.id, message, "it is taken to stand upright on the floor"
-                )
+                self._nodes.add_warning(node.id, message, "it is placed upright on the floor")
             edge = view.edge
             pose = view.pose.inverse()
             if edge is not None and edge.of == frame:

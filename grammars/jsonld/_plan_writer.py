@@ -125,7 +125,7 @@ class PlanWriter:
     @property
     def base(self) -> str:
         """Base IRI of the plan's identifiers."""
-        return plan_base(self.plan.name)
+        return f"{PLANS}{self.plan.name}/"
 
     def frame(self, published: str) -> str:
         """Return the identifier of a frame in these files."""
@@ -289,11 +289,6 @@ class PlanWriter:
         if not opening.walls:
             node["@type"] = [node["@type"], SCN["Gap"]]
         return self._named(node, opening.name)
-
-
-def plan_base(name: str) -> str:
-    """Return the base IRI of a plan's identifiers."""
-    return f"{PLANS}{name}/"
 
 
 def plan_documents(plan: FloorPlan) -> dict[str, Json]:

@@ -46,7 +46,7 @@ _WIDEST: Final = 50.0
 _SMALLEST: Final = 1e-6
 """Area of the smallest outline [m²]."""
 _SWALLOWED: Final = 0.9
-"""Share of a space that walls may stand on."""
+"""Largest share of a space that walls may cover."""
 _JAMB: Final = 0.25
 """Largest distance of a jamb from the nearest wall [m]: on maps, walls end a few cells early."""
 _BESIDE: Final = 0.2

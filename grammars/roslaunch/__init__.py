@@ -19,7 +19,7 @@ from grammars.roslaunch._model import (
     NodeType,
 )
 from grammars.roslaunch._names import absolute_name, resolve_for_node, split_name
-from grammars.roslaunch._packages import Packages, files_near, is_file
+from grammars.roslaunch._packages import Packages, is_file, similar_name
 from grammars.roslaunch._parameters import ParameterServer
 from grammars.roslaunch._reader import LaunchReader
 from grammars.text.diagnostics import Finding, InputError, Severity, Where, did_you_mean
@@ -92,7 +92,7 @@ def load_launch(
 def _check_file(path: Path, where: Where) -> list[Finding]:
     """Report a path that cannot be a launch file of ROS 1."""
     if not is_file(path, where):
-        return [Finding(where, f"no file {path}", files_near(path))]
+        return [Finding(where, f"no file {path}", similar_name(path))]
     if path.suffix in _NOT_XML:
         message = f"{path.name} is not a launch file of ROS 1, which is XML"
         return [Finding(where, message, 'use "kind: ros2" for a launch file of ROS 2')]

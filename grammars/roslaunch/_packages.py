@@ -36,7 +36,8 @@ class Packages:
         ``where`` names the folder. Raises :class:`InputError` if there is no package.
         """
         if not folder.is_dir():
-            raise InputError.at(where, f"packages: no folder {folder}", _folders_near(folder))
+            hint = similar_name(folder, folders=True)
+            raise InputError.at(where, f"packages: no folder {folder}", hint)
         packages = list(_packages_below(folder))
         if not packages:
             message = f"packages: no package.xml in {folder} or below it"
@@ -142,12 +143,6 @@ def _package_name(folder: Path) -> str:
     return match[1] if match else folder.absolute().name
 
 
-def _folders_near(folder: Path) -> str:
-    if not is_folder(folder.parent):
-        return f"there is no folder {folder.parent}"
-    return did_you_mean(folder.name, names_in(folder.parent, is_folder))
-
-
 def follow_links(path: Path, warnings: list[Finding]) -> Path:
     """Return the target of ``path`` if it is a symbolic link checked out as text.
 
@@ -181,8 +176,9 @@ def is_file(path: Path, where: Where) -> bool:
         raise InputError.at(where, f"{str(path)[:200]}: {error.strerror}") from error
 
 
-def files_near(path: Path) -> str:
-    """Return a hint with a similar name for a missing file."""
+def similar_name(path: Path, *, folders: bool = False) -> str:
+    """Return a hint with a similar name for a missing file or folder."""
     if not is_folder(path.parent):
         return f"there is no folder {path.parent}"
-    return did_you_mean(path.name, names_in(path.parent))
+    names = names_in(path.parent, is_folder) if folders else names_in(path.parent)
+    return did_you_mean(path.name, names)

@@ -19,7 +19,7 @@ from grammars.roslaunch._names import (
     split_name,
     to_bool,
 )
-from grammars.roslaunch._packages import PackageError, Packages, files_near, follow_links, is_file
+from grammars.roslaunch._packages import PackageError, Packages, follow_links, is_file, similar_name
 from grammars.roslaunch._parameters import (
     SOURCES,
     ParameterUpload,
@@ -407,4 +407,4 @@ class LaunchReader:
 def _remedies(path: Path) -> str:
     """Return a hint about a missing file."""
     skip = f'if it is not needed, write "{path.name}" under "skip"'
-    return "; ".join(filter(None, (files_near(path), skip)))
+    return "; ".join(filter(None, (similar_name(path), skip)))

@@ -85,7 +85,7 @@ def robot(mission: Mission, machine: Robot | None, page: Page) -> list[DrawingIt
 def start_label(
     mission: Mission, machine: Robot | None, page: Page, labels: Labels
 ) -> list[DrawingItem]:
-    """Return the name of the robot, beside where it starts."""
+    """Return the name of the robot, placed beside its start."""
     x, y = page.point((mission.start.x, mission.start.y))
     text = f"start, {machine.name}" if machine else "start"
     corners = machine.footprint if machine else ((0.35, 0.35),)

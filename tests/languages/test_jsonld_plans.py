@@ -158,7 +158,7 @@ def test_a_folder_names_a_plan_and_what_stands_beside_it(earlier):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ('"M", "degrees"', '"feet", "degrees"', "the unit is none of .*, found feet"),
+        ('"M", "degrees"', '"feet", "degrees"', "the unit is not .*, found feet"),
         ('"theta": 0.0, "x": 0.0, "y": 0.0', '"z": null', "have none of x, y, z and alpha"),
         ("metamodels/qudt.json", "metamodels/qdut.json", 'did you mean "qudt.json"'),
         ('"as-seen-by": "geom:frame-hall-wall-0"', '"as-seen-by": "geom:frame-kitchen-wall-0"',

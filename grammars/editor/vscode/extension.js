@@ -1,5 +1,5 @@
-// Shows what `scenario check FILE --json` finds, when a file is opened and saved, and offers the
-// same as a task. Plain JavaScript: no build step, no dependencies.
+// Shows the problems of `scenario check FILE --json` when a file is opened and saved, and offers
+// the check as a task. Plain JavaScript: no build step, no dependencies.
 "use strict";
 
 const { execFile } = require("node:child_process");
@@ -11,7 +11,7 @@ const FILE_NAMES = /(^|\.)(campaign|mission|oracles|walls)\.ya?ml$/;
 const MODELINE = /^#\s*yaml-language-server:.*\b(campaign|mission|robot|sut|oracles|walls)\.schema\.json/m;
 const TIME_LIMIT = 60_000; // milliseconds
 
-/** Tell whether a document is one that `scenario check` knows. */
+/** Return whether `scenario check` can check a document. */
 function isOurs(document) {
   if (document.uri.scheme !== "file") return false;
   if (LANGUAGES.has(document.languageId)) return true;
@@ -33,25 +33,25 @@ function commandFor(uri) {
 function problemsOf(report, folder) {
   return Object.values(report.files ?? {})
     .flat()
-    .map((found) => {
-      const line = Math.max(found.where.line - 1, 0);
-      const column = Math.max(found.where.column - 1, 0);
+    .map((finding) => {
+      const line = Math.max(finding.where.line - 1, 0);
+      const column = Math.max(finding.where.column - 1, 0);
       // An empty range is drawn below the word it stands in.
       const range = new vscode.Range(line, column, line, column);
-      const message = found.hint ? `${found.message}\n${found.hint}` : found.message;
-      const severity = vscode.DiagnosticSeverity[found.severity === "warning" ? "Warning" : "Error"];
+      const message = finding.hint ? `${finding.message}\n${finding.hint}` : finding.message;
+      const severity = vscode.DiagnosticSeverity[finding.severity === "warning" ? "Warning" : "Error"];
       const diagnostic = new vscode.Diagnostic(range, message, severity);
       diagnostic.source = "scenario";
-      return [path.resolve(folder, found.where.file), diagnostic];
+      return [path.resolve(folder, finding.where.file), diagnostic];
     });
 }
 
-/** Checks documents and shows what was found; a campaign also finds problems of its layers. */
+/** Checker of documents that shows the problems; a campaign includes those of its layers. */
 class Checker {
   constructor(collection, log) {
     this.collection = collection;
     this.log = log;
-    this.found = new Map(); // checked file -> [file, diagnostic] pairs
+    this.problems = new Map(); // checked file -> [file, diagnostic] pairs
     this.running = new Map(); // checked file -> child process
   }
 
@@ -65,7 +65,7 @@ class Checker {
         ["check", "--json", file],
         { cwd: folder, timeout: TIME_LIMIT, maxBuffer: 16 * 1024 * 1024 },
         (error, stdout, stderr) => {
-          // A later check of the same file has taken over; what this one found is out of date.
+          // A later check of the same file has replaced this one.
           if (this.running.get(file) === child) {
             this.running.delete(file);
             this.take(file, folder, error, stdout, stderr);
@@ -96,20 +96,20 @@ class Checker {
       }
       return;
     }
-    this.found.set(file, problemsOf(report, folder));
+    this.problems.set(file, problemsOf(report, folder));
     this.publish();
   }
 
   forget(document) {
     this.stop(document.uri.fsPath);
     this.running.delete(document.uri.fsPath);
-    if (this.found.delete(document.uri.fsPath)) this.publish();
+    if (this.problems.delete(document.uri.fsPath)) this.publish();
   }
 
   /** Show each problem once, also when a campaign and an open layer both report it. */
   publish() {
     const byFile = new Map();
-    for (const [file, diagnostic] of [...this.found.values()].flat()) {
+    for (const [file, diagnostic] of [...this.problems.values()].flat()) {
       const key = `${diagnostic.range.start.line}:${diagnostic.range.start.character}:${diagnostic.message}`;
       if (!byFile.has(file)) byFile.set(file, new Map());
       byFile.get(file).set(key, diagnostic);

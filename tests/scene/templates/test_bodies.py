@@ -71,4 +71,4 @@ def test_a_link_and_a_joint_have_different_names():
     turn = Joint("part", "revolute", "world", "part", (0.0, 0.0), (1.0, 0.0), 0.0, 1.0)
     body = body_of(SceneObject("x", "x", HERE, (same,), (turn,), (0.0,)))
     assert body.links[0].name != body.joints[0].name
-    assert body.joint_name("part") == body.joints[0].name
+    assert body.joints[0].of == "part"
