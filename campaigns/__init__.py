@@ -1,1 +1,1 @@
-"""Campaigns and layers that ship with the project: data only, found through importlib.resources."""
+"""Campaigns and layers that ship with the project: data for importlib.resources, and studies."""

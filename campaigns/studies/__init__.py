@@ -1,1 +1,1 @@
-"""Studies: how the tables and pictures of the documentation were made, to make them again."""
+"""Studies: programs that make the tables and pictures of the documentation."""

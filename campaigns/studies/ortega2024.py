@@ -1,12 +1,12 @@
 """The tables of ``docs/ortega2024.md``, made from a finished campaign.
 
-``python -m campaigns.studies.ortega2024 RESULTS`` prints them; with ``--write`` they replace those
-in the page, between its markers, and its two pictures are drawn again. RESULTS is a folder as
-`scenario run` leaves it, or a campaign of the state directory (``--state``) by its name; several
-are one campaign with the runs of all of them.
+``python -m campaigns.studies.ortega2024 RESULTS`` prints them. With ``--write`` they replace those
+in the page, between its markers, and its two pictures are drawn again. RESULTS is a folder of
+`scenario run`, or the name of a campaign of the state directory (``--state``). Several RESULTS are
+one campaign with all their runs.
 
-Intervals are 95 %: exact (Clopper, Pearson) of counts, Student's t of means. A run counts as
-finished when the robot says so and has been where it was to go; times are of those.
+Intervals are 95 %: exact (Clopper, Pearson) for counts, Student's t for means. A run counts as
+finished if the robot reports it and has reached its waypoints; times are of finished runs.
 """
 
 import argparse
@@ -14,10 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from campaigns.studies.pages import NOTHING, count_text, mean_text, number, write_tables
-from daemon.analysis.report import (
-    ReportRun,
-    read_report_data,
-)
+from daemon.analysis.report import ReportRun, read_report_data
 from daemon.analysis.report.run_maps import draw_run
 from daemon.analysis.results import read_results
 from daemon.judging.assessment import assess, mission_completed, reference_comparisons
@@ -31,7 +28,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "ortega2024.md"
 DANCE = PAGE.with_name("dance.svg")
 ABORT = PAGE.with_name("abort.svg")
 _INTO_DANCE, _DANCE_SHOWN, _ABORT_SHOWN = 60.0, 12.0, 30.0
-"""Seconds after the robot came to its goal, of the dance, and before an abort."""
+"""Times in the pictures [s]: from the arrival at the goal, of the dance, and before an abort."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +41,7 @@ class Cell:
 
     @property
     def finished(self):
-        """Return the runs that ended their mission."""
+        """The runs that ended their mission."""
         return tuple(run for run in self.runs if mission_completed(run.record))
 
     def measured(self, name, *, finished=False):
@@ -54,7 +51,7 @@ class Cell:
 
 
 def read_cells(results, state):
-    """Return the cells of one campaign, in the order of its file, and what it comes to."""
+    """Return the cells of a campaign by scenario, their assessment, and the campaign itself."""
     inputs = [_read_input(name, state) for name in results]
     whole = replace(inputs[0][0], rows=tuple(r for each, _ in inputs for r in each.rows))
     data = read_report_data(whole, [spec for _, specs in inputs for spec in specs])
@@ -111,48 +108,49 @@ def cell_table(cells):
 
 
 def reference_table(compared):
-    """Yield what the paper says beside what was found here; counts of many cells are one."""
+    """Yield the values of the paper beside ours; the counts of several cells are summed up."""
     yield "| | | paper | here | difference |"
     yield "|---|---|---|---|---|"
     groups = {}
-    for found in compared:
-        groups.setdefault(found.reference, []).append(found)
+    for one in compared:
+        groups.setdefault(one.reference, []).append(one)
     for reference, group in groups.items():
-        said = reference.text.replace("-", "−")
-        said = f"{said} ({reference.note})" if reference.note else said
+        text = reference.text.replace("-", "−")
+        text = f"{text} ({reference.note})" if reference.note else text
         statistic = "" if reference.statistic in ("mean", "rate") else f", {reference.statistic}"
         quantity = f"{reference.oracle}{statistic}"
         if reference.statistic == "rate" and len(group) > 1:
-            passed = sum(round((found.value or 0.0) * found.n) for found in group)
-            here = count_text(passed, sum(found.n for found in group))
+            passed = sum(round((one.value or 0.0) * one.n) for one in group)
+            here = count_text(passed, sum(one.n for one in group))
             where = f"{reference.scenario} {', '.join(reference.suts)}".strip()
-            yield f"| {where}, {len(group)} cells | {quantity} | {said} | {here} | |"
+            yield f"| {where}, {len(group)} cells | {quantity} | {text} | {here} | |"
             continue
-        for found in group:
-            here, difference = _beside(found)
-            where = f"{found.scenario} {found.sut}".strip()
-            yield f"| {where} | {quantity} | {said} | {here} | {difference} |"
+        for one in group:
+            here, difference = _value_and_difference(one)
+            where = f"{one.scenario} {one.sut}".strip()
+            yield f"| {where} | {quantity} | {text} | {here} | {difference} |"
 
 
-def _beside(found):
-    reference = found.reference
-    if found.value is None or found.n == 0:
+def _value_and_difference(compared):
+    reference = compared.reference
+    if compared.value is None or compared.n == 0:
         return NOTHING, NOTHING
     if reference.statistic == "rate":
-        return count_text(round(found.value * found.n), found.n), ""
+        return count_text(round(compared.value * compared.n), compared.n), ""
     percent = reference.unit == "1"
     factor, unit = (100.0, "%") if percent else (1.0, reference.unit)
     digits = 3 if reference.unit == "m" else 1
-    text = number(factor * found.value, digits)
-    if found.low is not None and found.high is not None:
-        text += f" ({number(factor * found.low, digits)} to {number(factor * found.high, digits)})"
-    more = factor * (found.difference or 0.0)
+    text = number(factor * compared.value, digits)
+    if compared.low is not None and compared.high is not None:
+        low, high = (number(factor * bound, digits) for bound in (compared.low, compared.high))
+        text += f" ({low} to {high})"
+    more = factor * (compared.difference or 0.0)
     sign = "+" if more > 0.0 else ""
-    return f"{text} {unit}, n={found.n}", f"{sign}{number(more, digits)} {unit}"
+    return f"{text} {unit}, n={compared.n}", f"{sign}{number(more, digits)} {unit}"
 
 
 def detour_table(cells, pairs):
-    """Yield how much longer the way is where a door has shut, and how much longer it takes."""
+    """Yield how much longer the way is after a door has shut, and how much longer it takes."""
     by_name = {(cell.scenario, cell.sut): cell for cell in cells}
     yield (
         "| | way [m] | way, door open [m] | longer by [m] | mean speed [m/s] | "
@@ -183,21 +181,21 @@ def _delay_text(shut, still):
         for side in (shut, still)
     )
     # Two bounds of 97.5 % each are a two-sided interval of 95 %.
-    found = mean_difference(left, right, 0.975)
-    if found is None:
+    difference = mean_difference(left, right, 0.975)
+    if difference is None:
         return NOTHING
-    low, high = (number(bound, 1) for bound in (found.low, found.high))
-    return f"{number(found.mean, 1)} ({low} to {high}), n={found.n}"
+    low, high = (number(bound, 1) for bound in (difference.low, difference.high))
+    return f"{number(difference.mean, 1)} ({low} to {high}), n={difference.n}"
 
 
-def page_tables(cells, assessment, chosen):
+def page_tables(cells, assessment, results):
     """Return the tables of the page by name."""
-    compared = reference_comparisons(chosen.declared.references, assessment)
-    of_s1 = [found for found in compared if found.scenario == "S1"]
-    pairs = [(c.name, c.left, c.right) for c in chosen.declared.comparisons]
+    compared = reference_comparisons(results.declared.references, assessment)
+    of_s1 = [one for one in compared if one.scenario == "S1"]
+    pairs = [(c.name, c.left, c.right) for c in results.declared.comparisons]
     tables = {
         "functional": reference_table(of_s1),
-        "references": reference_table(found for found in compared if found not in of_s1),
+        "references": reference_table(one for one in compared if one not in of_s1),
         "detour": detour_table(cells, pairs),
         "cells": cell_table(cells),
         "unexpected": unexpected_table(assessment),
@@ -206,7 +204,7 @@ def page_tables(cells, assessment, chosen):
 
 
 def unexpected_table(assessment):
-    """Yield what does not come out as the campaign expects, for whoever writes ``expect:``."""
+    """Yield unexpected results, for the author of ``expect:``."""
     yield "| not as expected | exit code |"
     yield "|---|---|"
     for surprise in assessment.surprises:
@@ -215,11 +213,11 @@ def unexpected_table(assessment):
 
 
 def draw_pictures(cells):
-    """Draw the longest dance at a goal and the first abort of S3.6; say what was drawn."""
+    """Draw the longest dance at a goal and the first abort of S3.6; yield a line about each."""
     records = [run.record for cell in cells for run in cell.runs if run.record.trace is not None]
     dances = [(v.evidence.value or 0.0, r, v) for r in records if (v := _failed(r, "settled"))]
     if dances:
-        lasted, record, verdict = max(dances, key=lambda found: found[0])
+        lasted, record, verdict = max(dances, key=lambda dance: dance[0])
         since = (verdict.evidence.time or 0.0) + _INTO_DANCE
         draw_run(Path(str(record.trace)), DANCE, since=since, until=since + _DANCE_SHOWN)
         yield f"{DANCE.name}: {record.scenario} {record.sut} {record.repeat}, {lasted:.0f} s"
@@ -229,7 +227,7 @@ def draw_pictures(cells):
             trace = read_trace(Path(str(record.trace)))
             aborts.append((trace.valid_until, record, trace.progress[-2:][0].time))
     if aborts:
-        end, record, leg = min(aborts, key=lambda found: found[0])
+        end, record, leg = min(aborts, key=lambda abort: abort[0])
         draw_run(Path(str(record.trace)), ABORT, since=max(leg, end - _ABORT_SHOWN))
         yield f"{ABORT.name}: {record.scenario} {record.sut} {record.repeat}, at {end:.0f} s"
 
@@ -246,14 +244,14 @@ def main():
     parser.add_argument("--state", type=Path, default=None, help="state directory of a campaign")
     parser.add_argument("--write", action="store_true", help="write them and the pictures")
     options = parser.parse_args()
-    cells, assessment, chosen = read_cells(options.results, options.state)
-    tables = page_tables(cells, assessment, chosen)
+    cells, assessment, results = read_cells(options.results, options.state)
+    tables = page_tables(cells, assessment, results)
     for name, text in tables.items():
         print(f"{name}:\n\n{text}")
     if options.write:
         write_tables(PAGE, tables)
-        for drawn in draw_pictures(cells):
-            print(drawn)
+        for line in draw_pictures(cells):
+            print(line)
 
 
 if __name__ == "__main__":

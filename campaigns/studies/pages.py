@@ -1,4 +1,4 @@
-"""Numbers with their intervals, and the places of tables in pages of the documentation."""
+"""Numbers with their intervals, and tables in pages of the documentation."""
 
 import re
 
@@ -11,7 +11,7 @@ _BLOCK = re.compile(
 
 
 def number(value, digits):
-    """Return a number with so many decimals and a true minus."""
+    """Return a number with this many decimals and a true minus."""
     return f"{round(value, digits) + 0.0:.{digits}f}".replace("-", "−")
 
 
@@ -19,11 +19,11 @@ def mean_text(values, digits):
     """Return a mean with its 95 % t interval: ``691.2 (688.0 to 694.4)``."""
     if not values:
         return NOTHING
-    found = mean_interval(values)
-    text = number(found.mean, digits)
-    if found.low is None or found.high is None:
+    interval = mean_interval(values)
+    text = number(interval.mean, digits)
+    if interval.low is None or interval.high is None:
         return text
-    return f"{text} ({number(found.low, digits)} to {number(found.high, digits)})"
+    return f"{text} ({number(interval.low, digits)} to {number(interval.high, digits)})"
 
 
 def count_text(passed, n):

@@ -2,11 +2,11 @@
 
 ``python -m campaigns.studies.published_models [--write]``
 
-Models are looked for in the folder that ``SCENARIO_REFERENCE_DATA`` names, and in those given by
-``--more FOLDER``, checkouts of the published repositories. ``--write`` writes the table into
-``docs/published-models.md``, otherwise it is printed. A model *loads* when its language takes it,
-*runs* when the pilot is driven to a waypoint in it without an error, and *comes back* when it is
-the same after it was written by this program and read again.
+It looks for models in the folder ``SCENARIO_REFERENCE_DATA``, and in each ``--more FOLDER``, a
+checkout of a published repository. ``--write`` writes the table into ``docs/published-models.md``;
+otherwise it is printed. A model *loads* if its language accepts it. It *runs* if the pilot drives
+to a waypoint in it without an error. It *comes back* if it is the same after this program has
+written and read it.
 """
 
 import argparse
@@ -46,9 +46,9 @@ from templates.world import ArtefactWorld
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "published-models.md"
 _NOT_PUBLISHED = {"goldens", "acceptance", "reports"}
-"""Folders of the reference data that hold inputs made for tests."""
+"""Folders of the reference data with inputs made for tests."""
 _NEAR = 1e-6
-"""What comes back lies this near to where it was [m]."""
+"""Largest distance of corners that come back from their originals [m]."""
 
 CAMPAIGN = """\
 campaign: published
@@ -65,7 +65,7 @@ scenarios:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One model: what kind it is, and of each trial ``yes``, ``-`` or why not."""
+    """One model: its kind, and the result of each trial: ``yes``, ``-`` or why not."""
 
     kind: str
     name: str
@@ -89,7 +89,7 @@ def findings(folder):
 
 
 def _trial(path):
-    """Return what a file or folder is, and how it is tried; ``None`` for what is no model."""
+    """Return the kind of a file or folder, and its trial; ``None`` if it is not a model."""
     if path.is_dir():
         if _is_plan_folder(path):
             return "JSON-LD plan", _plan_folder
@@ -119,54 +119,54 @@ def _is_plan_folder(folder):
 def _keys(path):
     text = path.read_text(encoding="utf-8", errors="replace")
     try:
-        told = json.loads(text) if path.suffix in (".json", ".jsonld") else yaml.safe_load(text)
+        tree = json.loads(text) if path.suffix in (".json", ".jsonld") else yaml.safe_load(text)
     except (ValueError, yaml.YAMLError):
         return set()
-    return set(told) if isinstance(told, dict) else set()
+    return set(tree) if isinstance(tree, dict) else set()
 
 
-def tried(attempt):
-    """Return ``yes``, or the first thing that is wrong in a few words."""
+def outcome_of(attempt):
+    """Return ``yes``, or the first problem in a few words."""
     try:
-        found = attempt()
+        result = attempt()
     except InputError as error:
         return error.findings[0].message.split("\n")[0]
     except ValueError as error:
         return str(error).split("\n")[0]
-    return found if isinstance(found, str) else "yes"
+    return result if isinstance(result, str) else "yes"
 
 
 def _plan(path, scratch):
-    loads = tried(lambda: load_floorplan(path))
+    loads = outcome_of(lambda: load_floorplan(path))
     if loads != "yes":
         return loads, "-", "-"
     plan = load_floorplan(path)
     return (
         loads,
-        tried(lambda: run_in(plan, path, scratch)),
-        tried(lambda: _returned(plan, scratch)),
+        outcome_of(lambda: run_in(plan, path, scratch)),
+        outcome_of(lambda: _returned(plan, scratch)),
     )
 
 
 def _plan_folder(folder, scratch):
-    loads = tried(lambda: load_floorplan_jsonld(folder))
+    loads = outcome_of(lambda: load_floorplan_jsonld(folder))
     if loads != "yes":
         return loads, "-", "-"
     plan = load_floorplan_jsonld(folder)
-    runs = tried(lambda: run_in(plan, folder, scratch))
-    return loads, runs, tried(lambda: _returned(plan, scratch))
+    runs = outcome_of(lambda: run_in(plan, folder, scratch))
+    return loads, runs, outcome_of(lambda: _returned(plan, scratch))
 
 
 def _returned(plan, scratch):
     """Write a plan as JSON-LD, read it, and compare the scenes."""
     scene = compile_scene(plan)
-    written = write_jsonld(ArtefactWorld(plan.name, scene, plan, layers=()), scratch / "jsonld")
-    again = load_floorplan_jsonld(next(p for p in written if p.suffix == ".jsonld"))
+    files = write_jsonld(ArtefactWorld(plan.name, scene, plan, layers=()), scratch / "jsonld")
+    again = load_floorplan_jsonld(next(file for file in files if file.suffix == ".jsonld"))
     return "yes" if alike(scene, compile_scene(again)) else "another scene"
 
 
 def alike(one, other):
-    """Whether what stands in two scenes, and where one can go, is the same within a micrometre."""
+    """Return whether solids, spaces and doorways of two scenes are the same to a micrometre."""
 
     def corners(scene):
         rings = [*(s.polygon for s in scene.solids), *(r.outline for r in scene.regions)]
@@ -181,7 +181,7 @@ def alike(one, other):
 
 
 def run_in(plan, source, scratch):
-    """Drive the pilot from one corner of the widest space to the next; say how it ended."""
+    """Drive the pilot from one corner of the widest space to the next; return the outcome."""
     regions = sorted(compile_scene(plan).regions, key=lambda r: -_span(r.outline))
     routes = (contour_route(inset_contour(region, 0.7)) for region in regions)
     stops = next((route for route in routes if len(route) > 1), None)
@@ -207,39 +207,39 @@ def _span(ring):
 
 
 def _variation(path, scratch):
-    loads = tried(lambda: load_variation(path))
+    loads = outcome_of(lambda: load_variation(path))
     if loads != "yes":
         return loads, "-", "-"
     files = []
 
     def variants():
-        drawn = sample(load_variation(path), 2, seed=1)
-        files.extend(v.path for v in write_variants(drawn, scratch / "variants"))
+        samples = sample(load_variation(path), 2, seed=1)
+        files.extend(v.path for v in write_variants(samples, scratch / "variants"))
         for file in files:
             load_floorplan(file)
 
-    returns = tried(variants)
+    returns = outcome_of(variants)
     if not files:
         return loads, "-", returns
-    return loads, tried(lambda: run_in(load_floorplan(files[0]), files[0], scratch)), returns
+    return loads, outcome_of(lambda: run_in(load_floorplan(files[0]), files[0], scratch)), returns
 
 
 def _objects(path, scratch):
-    return tried(lambda: load_scenery_jsonld(path)), "-", "-"
+    return outcome_of(lambda: load_scenery_jsonld(path)), "-", "-"
 
 
 def _map(path, scratch):
     file = scratch / path.name
     shutil.copy(path, file)
     name = Path(yaml.safe_load(path.read_text(encoding="utf-8"))["image"]).name
-    # Some were renamed where they are kept, large ones are gzipped there.
+    # The reference data has renamed some images and gzipped large ones.
     images = [path.with_name(name), path.with_suffix(".pgm"), path.with_suffix(".pgm.gz")]
     image = next((image for image in images if image.is_file()), None)
     if image is None:
-        return "its image is not at hand", "-", "-"
+        return "its image is missing", "-", "-"
     data = image.read_bytes()
     (scratch / name).write_bytes(gzip.decompress(data) if image.suffix == ".gz" else data)
-    loads = tried(lambda: read_map(file))
+    loads = outcome_of(lambda: read_map(file))
     if loads != "yes":
         return loads, "-", "-"
 
@@ -250,19 +250,19 @@ def _map(path, scratch):
         same = (grid.x, grid.y, grid.resolution) == (again.x, again.y, again.resolution)
         return "yes" if same and np.array_equal(grid.cells, again.cells) else "another map"
 
-    return loads, tried(lambda: _imported(file, scratch)), tried(returned)
+    return loads, outcome_of(lambda: _imported(file, scratch)), outcome_of(returned)
 
 
 def _imported(file, scratch):
-    """Run in the building that is made of a map."""
+    """Run in the building made from a map."""
     walls = scratch / "imported.walls.yaml"
     walls.write_text(walls_text(vectorise(read_map(file).grid).building), encoding="utf-8")
     return run_in(load_walls(walls), walls, scratch)
 
 
 def _key_frames(path, scratch):
-    told = json.loads(path.read_text(encoding="utf-8"))["keyframes"]
-    frames = [(frame["time"], frame.get("pose", frame.get("position"))) for frame in told]
+    entries = json.loads(path.read_text(encoding="utf-8"))["keyframes"]
+    frames = [(frame["time"], frame.get("pose", frame.get("position"))) for frame in entries]
     moves = ", ".join(f"to {position} rad at {time} s" for time, position in frames)
     layer = scratch / "frames.scenery"
     layer.write_text(f"bedroom_door moves {moves}, as listed, by jump\n")
@@ -272,50 +272,50 @@ def _key_frames(path, scratch):
 
     def act():
         layers = (doors, load_scenery(layer))
-        (found,) = resolve_behaviours(
+        (behaviour,) = resolve_behaviours(
             scene, layers, seed=np.random.SeedSequence(1), limit=3600.0
         ).behaviours
-        assert isinstance(found, KeyFrames)
-        return found
+        assert isinstance(behaviour, KeyFrames)
+        return behaviour
 
     def returned():
         again = json.loads(frames_text(act(), "pose"))["keyframes"]
         same = [(f["time"], abs(f["pose"])) for f in again] == [(t, abs(p)) for t, p in frames]
         return "yes" if same else "other frames"
 
-    loads = tried(act)
-    return loads, "-", tried(returned) if loads == "yes" else "-"
+    loads = outcome_of(act)
+    return loads, "-", outcome_of(returned) if loads == "yes" else "-"
 
 
 def _task(path, scratch):
-    told = yaml.safe_load(path.read_text(encoding="utf-8"))["waypoints"]
+    waypoints = yaml.safe_load(path.read_text(encoding="utf-8"))["waypoints"]
     lines = [
         f"  - {{id: {json.dumps(str(w['id']))}, x: {w['x']}, y: {w['y']}, yaw: {w['yaw']}}}\n"
-        for w in told
+        for w in waypoints
     ]
     file = scratch / "task.mission.yaml"
-    # Where the robot starts is not said in a task.
-    first = f"start: {{x: {told[0]['x']}, y: {told[0]['y']}, yaw: 0}}\n"
+    # A task has no start.
+    first = f"start: {{x: {waypoints[0]['x']}, y: {waypoints[0]['y']}, yaw: 0}}\n"
     file.write_text(f"mission: task\n{first}waypoints:\n{''.join(lines)}")
 
     def returned():
         mission, _ = load_mission(file)
-        found = [(w.id, w.x, w.y, w.yaw) for w in mission.waypoints]
-        wanted = [(str(w["id"]), w["x"], w["y"], w["yaw"]) for w in told]
-        return "yes" if found == wanted else "other waypoints"
+        actual = [(w.id, w.x, w.y, w.yaw) for w in mission.waypoints]
+        expected = [(str(w["id"]), w["x"], w["y"], w["yaw"]) for w in waypoints]
+        return "yes" if actual == expected else "other waypoints"
 
-    loads = tried(lambda: load_mission(file))
-    return loads, "-", tried(returned) if loads == "yes" else "-"
+    loads = outcome_of(lambda: load_mission(file))
+    return loads, "-", outcome_of(returned) if loads == "yes" else "-"
 
 
 def _world(path, scratch):
     return "written, never read", "-", "-"
 
 
-def table(found):
-    """Return the findings as a table in Markdown."""
+def table(models):
+    """Return findings as a table in Markdown."""
     rows = ["| kind | model | loads | runs | comes back |", "|---|---|---|---|---|"]
-    for f in sorted(found, key=lambda f: (f.kind, f.name)):
+    for f in sorted(models, key=lambda f: (f.kind, f.name)):
         cells = (f.kind, f"`{f.name}`", f.loads, f.runs, f.returns)
         rows.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
     return "\n".join(rows)
@@ -326,16 +326,16 @@ def main(arguments):
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--write", action="store_true", help=f"into {PAGE.name}")
     parser.add_argument("--more", action="append", default=[], type=Path, metavar="FOLDER")
-    chosen = parser.parse_args(arguments)
-    folders = [Path(f) for f in (os.environ.get("SCENARIO_REFERENCE_DATA"),) if f] + chosen.more
+    options = parser.parse_args(arguments)
+    folders = [Path(f) for f in (os.environ.get("SCENARIO_REFERENCE_DATA"),) if f] + options.more
     if not folders:
         print("SCENARIO_REFERENCE_DATA names no folder, and there is no --more", file=sys.stderr)
         return 2
-    made = table([finding for folder in folders for finding in findings(folder)])
-    if not chosen.write:
-        print(made)
+    text = table([finding for folder in folders for finding in findings(folder)])
+    if not options.write:
+        print(text)
         return 0
-    write_tables(PAGE, {"models": made + "\n"})
+    write_tables(PAGE, {"models": text + "\n"})
     return 0
 
 

@@ -2,9 +2,9 @@
 
 ``python -m campaigns.studies.published_worlds``
 
-The meshes are looked for in ``worlds/`` of the folder that ``SCENARIO_REFERENCE_DATA`` names. Both
-the mesh and the plan are cut at the height of the laser. Compared are the edges that can be seen
-from where the robot can be, in both directions: how much of one lies within 2 cm of the other.
+The meshes are in ``worlds/`` of the folder ``SCENARIO_REFERENCE_DATA``. Both the mesh and the plan
+are cut at the height of the laser. The program compares the edges that a robot can see from its
+possible places, in both directions: the share of one that lies within 2 cm of the other.
 """
 
 import gzip
@@ -25,16 +25,16 @@ Floats = npt.NDArray[np.float64]
 
 LASER_HEIGHT = 0.3
 HALL = (0.0, 0.0)
-"""A place in the middle of the building, from which all corridors are seen."""
+"""A place in the middle of the building with a view of all corridors."""
 NEAR = 0.02
-"""How far an edge may be from its counterpart [m]."""
+"""Largest distance of an edge from its counterpart [m]."""
 _CRACK = 2e-3
-"""Gaps in which two faces of a mesh are one wall [m]."""
+"""Largest gap between two faces of a mesh that are one wall [m]."""
 _SLIT = 0.15
-"""Gaps through which a robot does not leave the building [m]; the published walls have some."""
+"""Largest gap that a robot cannot leave the building through [m]; the published walls have some."""
 
 MESHES = {"S1": "brsu_building_c_static", "S3.4": "brsu_building_c_door_events"}
-"""A scenario in each published world, with the mesh it was simulated in."""
+"""A scenario in each published world, with its mesh."""
 
 _MITRE = {"join_style": "mitre", "mitre_limit": 10.0}
 _FACET = np.dtype(
@@ -44,7 +44,7 @@ _FACET = np.dtype(
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """Lengths of seen edges [m], and how much of them lies near those of the other."""
+    """Lengths of visible edges [m], and of their parts near the other edges."""
 
     published: float
     published_near: float
@@ -53,7 +53,7 @@ class Fit:
 
     @property
     def shares(self):
-        """Return the part of the published edges that ours has, and the other way round."""
+        """The share of published edges near ours, and of ours near the published ones."""
         return self.published_near / self.published, self.ours_near / self.ours
 
 
@@ -64,7 +64,7 @@ def read_mesh(path):
 
 
 def mesh_section(facets, height):
-    """Return what a horizontal plane at ``height`` [m] cuts out of a mesh.
+    """Return the section of a mesh at ``height`` [m].
 
     The published walls and pillars overlap and do not all face outwards, so each is cut alone.
     """
@@ -73,18 +73,18 @@ def mesh_section(facets, height):
 
 
 def _bodies(facets):
-    """Return the facets by body: those that share corners, directly or through others."""
+    """Return the facets by body: facets that share corners, directly or through others."""
     corners = facets.reshape(-1, 3).round(4)
     _, ids = np.unique(corners, axis=0, return_inverse=True)
     triples = ids.reshape(-1, 3)
     root = np.arange(ids.max() + 1)
     while True:
         lowest = root[triples].min(axis=1)
-        before = root.copy()
+        previous = root.copy()
         for column in triples.T:
             np.minimum.at(root, column, lowest)
         root = root[root]
-        if np.array_equal(root, before):
+        if np.array_equal(root, previous):
             break
     labels = root[triples[:, 0]]
     return [facets[labels == label] for label in np.unique(labels)]
@@ -108,7 +108,7 @@ def _cut(facets, height):
 
 
 def _filled(segments):
-    """Return the area that directed segments run around, as often as they do and either way."""
+    """Return the area that directed segments enclose: its winding number is not 0."""
     lines = shapely.linestrings(segments.round(5))
     net = shapely.node(shapely.multilinestrings(lines[shapely.length(lines) > 1e-5]))
     faces = shapely.get_parts(shapely.polygonize(shapely.get_parts(net)))
@@ -116,8 +116,8 @@ def _filled(segments):
     inside = []
     for face in faces:
         x, y = shapely.point_on_surface(face).coords[0]
-        met = (start[:, 1] <= y) != (end[:, 1] <= y)
-        a, b = start[met], end[met]
+        is_crossed = (start[:, 1] <= y) != (end[:, 1] <= y)
+        a, b = start[is_crossed], end[is_crossed]
         crossing = a[:, 0] + (y - a[:, 1]) * (b[:, 0] - a[:, 0]) / (b[:, 1] - a[:, 1])
         if np.sign(b[:, 1] - a[:, 1])[crossing > x].sum() != 0:
             inside.append(face)
@@ -125,7 +125,7 @@ def _filled(segments):
 
 
 def scene_section(scene, height):
-    """Return what a horizontal plane cuts out of a scene's walls and of what stands fixed in it."""
+    """Return the section of a scene's walls and fixed objects at ``height`` [m]."""
     cut = [s.polygon for s in scene.solids if s.z_min <= height <= s.z_max]
     for thing in scene.objects:
         if not thing.joints:
@@ -139,10 +139,10 @@ def _closed(area):
 
 
 def compare(published, ours, leaves, places):
-    """Compare the edges seen from ``places``, with all doorways that have a door shut."""
+    """Compare the edges visible from ``places``, with all doors shut."""
     points = [shapely.Point(place) for place in places]
 
-    def seen(area):
+    def visible(area):
         around = shapely.box(*shapely.buffer(area, 5.0).bounds)
         floor = shapely.difference(around, shapely.union(area, leaves))
         halls = shapely.get_parts(shapely.buffer(floor, -_SLIT / 2, **_MITRE))
@@ -155,12 +155,12 @@ def compare(published, ours, leaves, places):
             shapely.intersection(edges, shapely.buffer(shapely.boundary(other), NEAR)).length
         )
 
-    theirs, own = seen(published), seen(ours)
+    theirs, own = visible(published), visible(ours)
     return Fit(theirs.length, near(theirs, ours), own.length, near(own, published))
 
 
 def shut_leaves(scene, joints):
-    """Return the leaves of all doors as they close their doorways, a little wider than they are."""
+    """Return the shut leaves of all doors, a little widened."""
     rings = [
         ring
         for thing in scene.objects
@@ -172,17 +172,18 @@ def shut_leaves(scene, joints):
 
 
 def fits(data, campaigns):
-    """Return how the worlds of the campaign fit the published meshes, by scenario."""
+    """Return the fit of the campaign's worlds to the published meshes, by scenario."""
     campaign = load_campaign(campaigns / "ortega2024" / "campaign.yaml")
-    found = {}
+    by_scenario = {}
     for name, mesh in MESHES.items():
         cell = next(cell for cell in campaign.cells if cell.name == name)
         published = mesh_section(read_mesh(data / "worlds" / f"{mesh}.stl.gz"), LASER_HEIGHT)
         start = cell.mission.start
         places = [HALL, (start.x, start.y), *((w.x, w.y) for w in cell.mission.waypoints)]
         leaves = shut_leaves(cell.scene, dict.fromkeys(cell.scene.joint_names, 0.0))
-        found[name] = compare(published, scene_section(cell.scene, LASER_HEIGHT), leaves, places)
-    return found
+        ours = scene_section(cell.scene, LASER_HEIGHT)
+        by_scenario[name] = compare(published, ours, leaves, places)
+    return by_scenario
 
 
 def main():

@@ -1,13 +1,13 @@
 """The tables and the figure of ``docs/safe-region.md``, made from finished searches.
 
-``python -m campaigns.studies.safe_region RESULTS`` prints the tables; with ``--write`` they replace
-those in the page, between its markers, and its figure is drawn again. RESULTS is a folder with
-what ``scenario search SEARCH --json`` writes of each search of
-``campaigns/ortega2024/safe_region.yaml`` as NAME.json; beside it NAME.seconds may have two numbers:
-by the clock on the wall, how long it explored, and when its answer was there.
+``python -m campaigns.studies.safe_region RESULTS`` prints the tables. With ``--write`` they replace
+those in the page, between its markers, and its figure is drawn again. RESULTS is a folder with the
+output of ``scenario search SEARCH --json`` as NAME.json, for each search of
+``campaigns/ortega2024/safe_region.yaml``. NAME.seconds beside it may contain two wall clock times:
+of the exploration, and until the answer.
 
-How large a region is, is estimated from runs alone that were drawn without looking at results. The
-intervals are 95 % (Clopper, Pearson).
+The size of a region is estimated from unguided runs alone. The intervals are 95 % (Clopper,
+Pearson).
 """
 
 import argparse
@@ -40,26 +40,26 @@ CRITERIA = {
     "mission done": ("visited",),
     "touches nothing, mission done": ("no-contact", "visited"),
 }
-"""What a point may do well, by the oracles that have to pass."""
+"""Criteria for points, by the oracles that have to pass."""
 SAFE, DONE = "touches nothing", "touches nothing, mission done"
 ENDINGS = {
     "all well": ("circle", "#000000", 8), "not done": ("circle", "#b8860b", 20),
     "touches": ("cross", "#000000", 40), "as published": ("diamond", "#7b2d8b", 60),
 }  # fmt: skip
-"""How the runs of a search end, and the mark of each in the figure: shape, colour, area [px²]."""
+"""Endings of runs, and the mark of each in the figure: shape, colour, area [px²]."""
 
 
 @dataclass(frozen=True, slots=True)
 class RecordedSearch:
-    """A search with its runs in order; ``seconds`` of wall clock for exploring, and for it all."""
+    """A search with its runs in order; ``seconds`` of wall clock for exploration, and in all."""
 
     row: SearchRow
     rows: tuple[RunRow, ...]
     seconds: tuple[float, ...] = ()
 
     @property
-    def drawn(self):
-        """Return the runs that fill the space; the scenario as written was not drawn."""
+    def unguided(self):
+        """The runs that fill the space, without the scenario as written."""
         return tuple(
             r
             for r in self.rows
@@ -67,49 +67,49 @@ class RecordedSearch:
         )
 
     def passed(self, criterion):
-        """Return how many of the drawn runs do well."""
-        return sum(does_well(row, criterion) for row in self.drawn)
+        """Return the number of unguided runs that do well."""
+        return sum(does_well(row, criterion) for row in self.unguided)
 
 
 def read_searches(folder):
     """Return the searches of a folder by name."""
-    found = {}
+    searches = {}
     for path in sorted(folder.glob("*.json")):
-        written = json.loads(path.read_text("utf-8"))
-        row = TypeAdapter(SearchRow).validate_python(written["search"])
-        rows = TypeAdapter(tuple[RunRow, ...]).validate_python(written["proposals"])
+        body = json.loads(path.read_text("utf-8"))
+        row = TypeAdapter(SearchRow).validate_python(body["search"])
+        rows = TypeAdapter(tuple[RunRow, ...]).validate_python(body["proposals"])
         clock = path.with_suffix(".seconds")
         seconds = tuple(map(float, clock.read_text("utf-8").split())) if clock.exists() else ()
-        found[row.task.name] = RecordedSearch(row, rows, seconds)
-    return found
+        searches[row.task.name] = RecordedSearch(row, rows, seconds)
+    return searches
 
 
 def does_well(row, criterion):
-    """Whether all oracles of a criterion pass in a run; raises ``ValueError`` without a verdict."""
-    outcomes = {verdict.oracle: verdict.outcome for verdict in row.verdicts}
-    found = [outcomes.get(oracle) for oracle in CRITERIA[criterion]]
-    if not set(found) <= {Outcome.PASS, Outcome.FAIL}:
+    """Return whether a run passes all oracles of a criterion; ``ValueError`` without verdicts."""
+    by_oracle = {verdict.oracle: verdict.outcome for verdict in row.verdicts}
+    outcomes = [by_oracle.get(oracle) for oracle in CRITERIA[criterion]]
+    if not set(outcomes) <= {Outcome.PASS, Outcome.FAIL}:
         raise ValueError(f"{row.id} has no verdict of {' and '.join(CRITERIA[criterion])}")
-    return all(outcome is Outcome.PASS for outcome in found)
+    return all(outcome is Outcome.PASS for outcome in outcomes)
 
 
 def region_table(searches):
-    """Yield how much of each space goes well, by system."""
+    """Yield the share of each space that does well, by system."""
     yield f"| | runs | {' | '.join(CRITERIA)} |"
     yield f"|---|---|{'---|' * len(CRITERIA)}"
     for space, system, search in _pairs(searches):
-        n = len(search.drawn)
+        n = len(search.unguided)
         parts = [count_text(search.passed(criterion), n) for criterion in CRITERIA]
         yield f"| {SPACES[space]}, {system} | {n} | {' | '.join(parts)} |"
 
 
 def paired_table(searches):
-    """Yield at how many of the same points one system does well and the other does not.
+    """Yield the number of shared points at which only one system does well.
 
-    The last column is the exact probability of such a split, or one that is less even, if both
-    were equally likely to be the better one (McNemar).
+    The last column is the exact probability of this split, or a less even one, if both were
+    equally likely to be the better one (McNemar).
     """
-    # Here, for every test process reads this file.
+    # Imported here, because every test process reads this file.
     from scipy.stats import binomtest
 
     first, second = SYSTEMS
@@ -134,18 +134,19 @@ def _probability(p):
 
 def _same_points(searches, space, criterion):
     sides = [searches.get(f"{space}-{system}") for system in SYSTEMS]
-    found = [
-        {row.proposal.values: does_well(row, criterion) for row in side.drawn}
+    results = [
+        {row.proposal.values: does_well(row, criterion) for row in side.unguided}
         for side in sides
         if side is not None
     ]
-    if len(found) < len(SYSTEMS):
+    if len(results) < len(SYSTEMS):
         return []
-    return [(found[0][point], found[1][point]) for point in found[0] if point in found[1]]
+    first, second = results
+    return [(first[point], second[point]) for point in first if point in second]
 
 
 def band_table(searches):
-    """Yield between which values of each parameter of the springs runs touch something."""
+    """Yield the values of each spring parameter between which runs touch something."""
     yield (
         "| | touches with | mission not done, nothing touched, with | smallest margin [m] | "
         "median clearance, nothing touched, mission done [m] |"
@@ -154,28 +155,28 @@ def band_table(searches):
     for space, system, search in _pairs(searches):
         if space not in DRAWN:
             continue
-        touching = [r for r in search.drawn if not does_well(r, SAFE)]
-        stuck = [r for r in search.drawn if does_well(r, SAFE) and not does_well(r, DONE)]
-        margins = [m for r in search.drawn if (m := _margin(r)) is not None]
-        clear = [m for r in search.drawn if does_well(r, DONE) and (m := _margin(r)) is not None]
-        columns = [_ranges(search, touching), _ranges(search, stuck), number(min(margins), 4),
+        touching = [r for r in search.unguided if not does_well(r, SAFE)]
+        unfinished = [r for r in search.unguided if does_well(r, SAFE) and not does_well(r, DONE)]
+        margins = [m for r in search.unguided if (m := _margin(r)) is not None]
+        clear = [m for r in search.unguided if does_well(r, DONE) and (m := _margin(r)) is not None]
+        columns = [_ranges(search, touching), _ranges(search, unfinished), number(min(margins), 4),
                    number(median(clear), 3) if clear else NOTHING]  # fmt: skip
         yield f"| {SPACES[space]}, {system} | {' | '.join(columns)} |"
 
 
 def ending_table(searches):
-    """Yield how runs end in which the mission is not done, and what they were on the way to."""
+    """Yield the endings of runs with an unfinished mission, and their next waypoints."""
     yield "| | mission not done | the robot gave up | after [s] | time was up | on the way to |"
     yield "|---|---|---|---|---|---|"
     for space, system, search in _pairs(searches):
-        rows = [row for row in search.drawn if not does_well(row, "mission done")]
+        rows = [row for row in search.unguided if not does_well(row, "mission done")]
         own = [row.simulated for row in rows if row.ended == "finished"]
         limit = sum(row.ended == "limit" for row in rows)
         ahead = Counter(
             lead.waypoint for row in rows for lead in row.leads if lead.oracle == "visited"
         )
         columns = (
-            f"{len(rows)} of {len(search.drawn)}", str(len(own)),
+            f"{len(rows)} of {len(search.unguided)}", str(len(own)),
             f"{min(own):.0f} to {max(own):.0f}" if own else NOTHING, str(limit),
             ", ".join(f"{name} {count}" for name, count in ahead.most_common()) or NOTHING,
         )  # fmt: skip
@@ -213,7 +214,7 @@ def finding_table(searches):
 
 
 def nearest_table(searches):
-    """Yield the sentence of the nearest failure of every search, and how often it is repeated."""
+    """Yield the sentence of the nearest failure of every search, and the results of its repeats."""
     yield "| search | nearest failure | runs for it | fails with other noise |"
     yield "|---|---|---|---|"
     for name, search in _in_order(searches):
@@ -223,12 +224,12 @@ def nearest_table(searches):
             continue
         repeated = nearest.confirmed
         often = count_text(repeated.failed, repeated.runs) if repeated is not None else NOTHING
-        spent = str(nearest.runs) if nearest.complete else f"{nearest.runs}, all there were"
-        yield f"| {name} | {headline(search.row)} | {spent} | {often} |"
+        runs = str(nearest.runs) if nearest.complete else f"{nearest.runs}, all there were"
+        yield f"| {name} | {headline(search.row)} | {runs} | {often} |"
 
 
 def cost_table(searches):
-    """Yield what every search did and what it took."""
+    """Yield the runs and the cost of every search."""
     yield (
         "| search | method | explored | fail | of those drawn | all runs | CPU [s] | "
         "CPU a run [s] | simulated [h] | explored after, answer after [min] |"
@@ -237,30 +238,36 @@ def cost_table(searches):
     for name, search in _in_order(searches):
         explored = [row for row in search.rows if row.proposal.phase == "explore"]
         failed = sum(not does_well(row, SAFE) for row in explored)
-        drawn = len(search.drawn)
+        unguided = len(search.unguided)
         times = [row.result.timing for row in search.rows if row.result is not None]
-        spent, simulated = (sum(getattr(t, k) for t in times) for k in ("cpu", "simulated"))
+        cpu, simulated = (sum(getattr(t, k) for t in times) for k in ("cpu", "simulated"))
         wall = ", ".join(number(seconds / 60.0, 1) for seconds in search.seconds) or NOTHING
         yield (
             f"| {name} | {search.row.task.method} | {len(explored)} | {failed} "
-            f"| {drawn - search.passed(SAFE)} of {drawn} | {len(search.rows)} | {spent:.0f} "
-            f"| {spent / len(search.rows):.1f} | {simulated / 3600.0:.1f} | {wall} |"
+            f"| {unguided - search.passed(SAFE)} of {unguided} | {len(search.rows)} | {cpu:.0f} "
+            f"| {cpu / len(search.rows):.1f} | {simulated / 3600.0:.1f} | {wall} |"
         )
 
 
 def influence_table(searches):
-    """Yield the rank correlation of the door times with the margin, those of both systems."""
+    """Yield the rank correlations of the door times with the margin, for both systems."""
     sides = [searches.get(f"times-{system}") for system in SYSTEMS]
-    found = [
+    influences = [
         {one.parameter: one for one in side.row.answer.influence}
         for side in sides
         if side is not None and side.row.answer is not None
     ]
     yield f"| door time | {' | '.join(SYSTEMS)} |"
     yield f"|---|{'---|' * len(SYSTEMS)}"
-    names = dict.fromkeys(name for side in found for name in side)
-    for name in sorted(names, key=lambda n: -max(abs(s[n].correlation) for s in found if n in s)):
-        values = [f"{number(s[name].correlation, 2)}" if name in s else NOTHING for s in found]
+    names = dict.fromkeys(name for side in influences for name in side)
+
+    def strength(name):
+        return max(abs(side[name].correlation) for side in influences if name in side)
+
+    for name in sorted(names, key=strength, reverse=True):
+        values = [
+            number(side[name].correlation, 2) if name in side else NOTHING for side in influences
+        ]
         yield f"| {name.rpartition('.')[2]} | {' | '.join(values)} |"
 
 
@@ -296,12 +303,12 @@ def draw_regions(searches):
         for space in DRAWN
         if all(f"{space}-{system}" in searches for system in SYSTEMS)
     ]  # fmt: skip
-    (drawn,) = draw_charts([{"vconcat": rows, "background": "#ffffff"}], processes=1)
-    return standalone_svg(drawn)
+    (svg,) = draw_charts([{"vconcat": rows, "background": "#ffffff"}], processes=1)
+    return standalone_svg(svg)
 
 
 def _region_chart(search, space, system):
-    """Return what the runs of a search over two ranges did, and the point as published."""
+    """Return a chart of the runs of a search over two ranges, with the published point."""
     x, y = search.row.task.parameters
     marks = [
         (*row.proposal.values, _ending(row))

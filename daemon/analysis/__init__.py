@@ -1,1 +1,1 @@
-"""Analysis of recorded runs: judged again, reported, their coverage, the causes of failures."""
+"""Analysis of recorded runs: new judgements, reports, coverage, causes of failures."""

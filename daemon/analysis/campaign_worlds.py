@@ -27,9 +27,9 @@ def worlds_of_campaign(
 ) -> tuple[tuple[ArtefactWorld, ...], tuple[Finding, ...]]:
     """Return the worlds of a campaign, and the warnings about its layers.
 
-    Scenarios that differ only in things that artefacts do not show, oracles or systems under test,
-    are one world, under the name of the first; every variant of a floor plan is a world of its
-    own. ``repeats`` limits whose behaviours are drawn.
+    Scenarios that differ only in oracles or systems under test, which artefacts do not show, are
+    one world, under the name of the first. Every variant of a floor plan is a world of its own.
+    ``repeats`` limits the repeats whose behaviours are drawn.
     """
     campaign = load_campaign(path)
     worlds: list[ArtefactWorld] = []
@@ -45,7 +45,7 @@ def worlds_of_campaign(
 def world_of_cell(
     campaign: Campaign, cell: CampaignCell, repeats: int | None = None
 ) -> ArtefactWorld:
-    """Return the world of one cell; ``repeats`` limits whose behaviours are drawn."""
+    """Return the world of one cell; ``repeats`` limits the repeats whose behaviours are drawn."""
     return ArtefactWorld(
         cell.name,
         cell.scene,
@@ -66,7 +66,7 @@ def world_of_cell(
 def _draws(cell: CampaignCell, repeats: int | None) -> tuple[BehaviourDraw, ...]:
     """Return the behaviours that differ, each under the number of its first repeat."""
     first: dict[object, int] = {}
-    # Only what is drawn differs from repeat to repeat; of equal draws the first gives the number.
+    # Only random draws differ between repeats; the first of equal draws gives the number.
     for repeat, behaviours in enumerate(cell.behaviours[:repeats]):
         first.setdefault(behaviours, repeat)
     several = len(first) > 1
@@ -77,13 +77,13 @@ def _draws(cell: CampaignCell, repeats: int | None) -> tuple[BehaviourDraw, ...]
 
 
 def _sources(campaign: Campaign, cell: CampaignCell) -> tuple[Path, ...]:
-    """Return the files the cell was written in, the campaign first."""
+    """Return the files of a cell, the campaign first."""
     scenario, folder = cell.scenario, Path(campaign.file).parent
-    named = [
+    references = [
         (scenario.vary.floorplan, VARIATION) if scenario.vary else (scenario.floorplan, FLOORPLAN),
         *((reference, SCENERY) for reference in (*scenario.objects, *scenario.behaviours)),
         (scenario.mission, MISSION),
         (scenario.robot, ROBOT),
     ]
-    layers = [find_layer(folder, reference, kind) for reference, kind in named if reference]
+    layers = [find_layer(folder, reference, kind) for reference, kind in references if reference]
     return (Path(campaign.file), *(file for path in layers for file in model_files(path)))

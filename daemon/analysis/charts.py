@@ -1,8 +1,8 @@
-"""Charts: Vega-Lite specifications as plain dicts, drawn as SVG and shown alive by a page.
+"""Charts: Vega-Lite specifications as plain dicts, drawn as SVG, interactive on a page.
 
 A chart names the colours of the page, ``var(--line)``, so it follows the theme of the reader. Its
-layers called :data:`HOVER` are for the live chart only. A drawing without scripts, as on paper,
-leaves them out.
+layers called :data:`HOVER` are for the interactive chart only. A drawing without scripts, as on
+paper, leaves them out.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ Table: TypeAlias = Mapping[str, Sequence[Any]]
 """Columns (n,) each by name."""
 
 HOVER: Final = "hover"
-"""Beginning of the names of layers that show their marks under the pointer only."""
+"""Beginning of the names of layers that show marks only under the pointer."""
 SERIES: Final = tuple(f"var(--s{number})" for number in range(8))
 """Colours of scenarios or systems under test side by side, in this order."""
 _FOR_ANOTHER: Final = 10
-"""Charts for which one more process is started: it starts Vega as long as it draws ten."""
+"""Charts per process: the start of Vega takes as long as ten charts."""
 WIDTH: Final = 290
 """Width of the plot of a chart that stands beside others [px]."""
 AXIS: Final = {"minExtent": 28, "tickCount": 3}
-"""Axis of values: panels above each other begin at one line, unless a number is long."""
+"""Axis of values, so wide that stacked panels begin at one line, unless a number is long."""
 INK, SOFT, LINE, SECOND = "var(--ink)", "var(--soft)", "var(--line)", "var(--second)"
 BAD, NEAR, BODY = "var(--bad)", "var(--near)", "var(--body)"
 DASHED: Final = [4, 3]
@@ -99,9 +99,9 @@ _NAMESPACE: Final = ' xmlns="http://www.w3.org/2000/svg"'
 
 
 def table(columns: Mapping[str, Sequence[Any]], digits: int = 4) -> dict[str, Any]:
-    """Return columns (n,) each as the ``data`` of a chart, more compact than rows.
+    """Return columns, (n,) each, as the ``data`` of a chart, more compact than rows.
 
-    Numbers keep ``digits`` significant digits; None and what is no number become null.
+    Numbers keep ``digits`` significant digits; None, NaN and infinity become null.
     """
     return {"values": {name: [_cell(v, digits) for v in c] for name, c in columns.items()}}
 
@@ -125,8 +125,8 @@ def layer(
 ) -> Chart:
     """Return a layer of marks of one ``kind`` and ``look``.
 
-    It shows the rows of ``columns``, and with ``None`` those of the whole chart. Without columns it
-    shows once what ``encoding`` says.
+    It shows the rows of ``columns``, or with ``None`` those of the whole chart. With empty columns
+    it shows ``encoding`` once.
     """
     part: Chart = {"name": name} if name else {}
     if columns is not None:
@@ -135,7 +135,7 @@ def layer(
 
 
 def quantity(field: str, title: str = "", *, domain: Any = None, **options: Any) -> Chart:
-    """Return the encoding of a number, on an axis that shows ``domain`` and no more."""
+    """Return the encoding of a number, on an axis that shows exactly ``domain``."""
     if domain is not None:
         options["scale"] = {"domain": domain, "nice": False, "zero": False}
     return {"field": field, "type": "quantitative", "title": title or None, **options}
@@ -144,9 +144,9 @@ def quantity(field: str, title: str = "", *, domain: Any = None, **options: Any)
 def colours_of(
     field: str, names: Sequence[str], colours: Sequence[str], width: int = WIDTH
 ) -> Chart:
-    """Return the encoding of ``names`` by ``colours``, which begin anew when they are used up.
+    """Return the encoding of ``names`` by ``colours``, which repeat after the last one.
 
-    The legend has as many entries beside each other as their words leave room for in ``width``.
+    The legend has as many columns as fit into ``width``.
     """
     scale = {"domain": names, "range": [colours[n % len(colours)] for n in range(len(names))]}
     columns = max(width // (5 * max(map(len, names)) + 28), 1)
@@ -154,7 +154,7 @@ def colours_of(
 
 
 def legend(field: str, *views: str) -> list[Chart]:
-    """Return the parameter by which a click on an entry of the legend shows it alone."""
+    """Return the parameter for clicks on the legend, which show one entry alone."""
     select = {"type": "point", "fields": [field]}
     return [{"name": "legend", "select": select, "bind": "legend", "views": views}]
 
@@ -165,14 +165,14 @@ def legend_opacity(opacity: float, other: float = 0.05) -> Chart:
 
 
 def tooltip(about: Mapping[str, str]) -> list[Chart]:
-    """Return the encoding of a tooltip with these fields, called by their titles."""
+    """Return the encoding of a tooltip with fields and their titles."""
     return [{"field": field, "title": title} for field, title in about.items()]
 
 
 def hover_layer(
     title: str, place: Chart, about: Mapping[str, str], fields: Sequence[str], *, clip: bool = False
 ) -> Chart:
-    """Return points of which the one nearest to the pointer is shown, with a tooltip."""
+    """Return a layer that shows the point nearest to the pointer, with a tooltip."""
     near = {"type": "point", "on": "pointerover", "clear": "pointerout", "nearest": True}
     opacity = {"condition": {"param": "near", "empty": False, "value": 1}, "value": 0}
     encoding = {**place, "opacity": opacity, "tooltip": tooltip(about)}
@@ -183,8 +183,8 @@ def hover_layer(
 def draw_charts(charts: Sequence[Chart], *, processes: int | None = None) -> list[str]:
     """Return each chart as an ``<svg>`` element, in order; draw all charts of a page at once.
 
-    They are drawn in child processes, never in this one: Vega runs in threads, and a process with
-    these could not be forked any more.
+    Child processes draw them, never this one: Vega runs in threads, after which a process can no
+    longer be forked.
     """
     doing = "that draws charts"
     numbered = list(enumerate(charts))
@@ -205,7 +205,7 @@ def page_script() -> str:
         script = cached.read_text(encoding="utf-8")
     except OSError:
         (script,) = parallel_map(_bundle, ("",), doing="that bundles Vega", always_forked=True)
-        # Without a cache that can be written it is bundled again for the next page.
+        # If the cache is not writable, the next page bundles it again.
         with suppress(OSError):
             cached.parent.mkdir(parents=True, exist_ok=True)
             write_atomically(cached, script.encode(), durable=False)
@@ -229,12 +229,12 @@ def svg_pdf(svg: str) -> bytes:
 
 
 def chart_figure(chart: Chart, svg: str, label: str, *, cell: str = "") -> Markup:
-    """Return a drawn chart with its specification, which scripts of the page bring to life.
+    """Return a drawn chart with its specification, which scripts of the page make interactive.
 
-    ``label`` is read out where pictures are not seen. Charts and maps of one ``cell`` show together
-    what a reader brushes or points at.
+    ``label`` is for screen readers. Charts and maps of one ``cell`` react together to the pointer
+    and to brushing.
     """
-    # Within a script element only its own end, and what looks like a comment, would be read.
+    # Within a script element only its end tag and a comment would be read as markup.
     text = xml_text(json.dumps(chart, ensure_ascii=False, separators=(",", ":")))
     text = text.replace("<", "\\u003c")
     label, cell = escape(xml_text(label)), escape(xml_text(cell))
@@ -250,9 +250,9 @@ def _draw(numbered: tuple[int, Chart]) -> str:
     themed = {**_static(chart), "config": THEME}
     svg = vl_convert.vegalite_to_svg(themed, vl_version=_VERSION)
     svg = _PLACE.sub(lambda place: _LONG_DECIMAL.sub(_one_digit, place[0]), svg)
-    # Drawings are the larger part of a page: leave out what nobody sees, the font is the page's.
+    # Drawings are the larger part of a page: leave out invisible parts and the page's own font.
     svg = _INVISIBLE.sub("", _UNUSED.sub("", svg))
-    # A name of a clip holds in the whole page, and its number depends on what was drawn before.
+    # Names of clips hold in the whole page, and their numbers depend on earlier drawings.
     names = list(dict.fromkeys(clip[2] for clip in _CLIP.finditer(svg)))
     return _CLIP.sub(lambda clip: f"{clip[1]}c{number}-{names.index(clip[2])}", svg)
 
@@ -269,7 +269,7 @@ def _bundle(_: str) -> str:
 
 
 def _static(chart: Any) -> Any:
-    """Return a chart, or a part of it, for Vega: rows for columns, no layers for a pointer."""
+    """Return a chart, or a part of it, for Vega: rows instead of columns, no hover layers."""
     if isinstance(chart, dict):
         return {
             key: _static(_rows(value) if key == "values" else value) for key, value in chart.items()
@@ -280,12 +280,12 @@ def _static(chart: Any) -> Any:
             for part in chart
             if not (isinstance(part, dict) and str(part.get("name", "")).startswith(HOVER))
         ]
-    # Vega itself would die of a character that no SVG can hold.
+    # Vega itself would crash on a character that SVG cannot contain.
     return xml_text(chart) if isinstance(chart, str) else chart
 
 
 def _rows(values: Any) -> Any:
-    """Return the rows of what :func:`table` has; rows stay as they are."""
+    """Return the rows of columns from :func:`table`; rows stay unchanged."""
     if not isinstance(values, dict):
         return values
     return [dict(zip(values, row, strict=True)) for row in zip(*values.values(), strict=True)]

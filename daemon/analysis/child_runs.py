@@ -1,7 +1,7 @@
-"""Runs executed here, each in a forked process, for verification and the search for causes.
+"""Local execution of runs in forked processes, for verification and the search for causes.
 
-Forked from this process and not from a worker's zygote: it is warm already, has no session of
-Zenoh, and a run need not be written to a file and read again.
+They are forked from this process instead of a worker's zygote: it has loaded everything, has no
+session of Zenoh, and runs need not pass through files.
 """
 
 from __future__ import annotations
@@ -60,12 +60,12 @@ def run_in_children(
 ) -> list[EndedRun]:
     """Execute runs at the same time, each in a forked process, and return how each ended.
 
-    A run has ``wall`` seconds of wall clock, 0 stands for as many as always. One that the clock
-    stops has no result, since it ends differently every time. Whatever is raised here, Ctrl-C
-    included, no process survives it, and none that a run has started.
+    A run has ``wall`` seconds of wall clock, 0 for the usual limit. A run stopped by the clock has
+    no result, since it ends differently every time. No process, nor any started by a run, survives
+    an exception here, Ctrl-C included.
     """
     for spec, scene in runs:
-        # What keeps a run from being executed, a missing map say, its own process reports.
+        # The process of a run reports errors, such as a missing map, itself.
         with suppress(Exception):
             load_kernels(spec, scene)
     limits = [RunLimits(wall=wall).wall_of(spec.limit) for spec, _ in runs]
@@ -102,7 +102,7 @@ def run_in_children(
 
 
 def _run(spec: RunSpec, scene: Scene, limit: float, trace: Path, execute_run: ExecuteRun) -> None:
-    """Execute a run and write how it ended beside its trace; in the child."""
+    """Execute a run in the child and write its ending beside its trace."""
     _prepare_child()
     trace.parent.mkdir(parents=True)
     try:
@@ -115,13 +115,13 @@ def _run(spec: RunSpec, scene: Scene, limit: float, trace: Path, execute_run: Ex
 
 
 def _prepare_child() -> None:
-    """Make this child a place for one run: guarded, in the background, silent, its own chance."""
+    """Prepare this child for one run: guarded, in the background, silent, newly seeded."""
     os.setsid()
     lower_session(_NICENESS)
     guard()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent tells when to end
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends it
     os.setpriority(os.PRIO_PROCESS, 0, max(_NICENESS, os.getpriority(os.PRIO_PROCESS, 0)))
-    # By descriptors too: processes of a system under test print to those.
+    # Redirect descriptors too: processes of a system under test print to them.
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for descriptor in (1, 2):
         os.dup2(nowhere, descriptor)
@@ -129,5 +129,5 @@ def _prepare_child() -> None:
     # Python seeds its own generator anew in a child. numpy does not: two children would draw the
     # same numbers from an unseeded generator, and look deterministic.
     np.random.seed()
-    # A run collects garbage when it ends: only its own, not through all that the parent has loaded.
+    # A run collects garbage at its end: skip everything that the parent has loaded.
     gc.freeze()

@@ -1,4 +1,4 @@
-"""Marks of verdicts on a map: the object that decides, and its distance to the robot then.
+"""Marks of verdicts on a map: the deciding object and its distance to the robot at that moment.
 
 Pictures, reports and the dashboard show them.
 """
@@ -23,20 +23,20 @@ from grammars.text.words import format_quantity
 from templates.plan_shapes import MeasuredMark
 
 _REACHED: Final = 0.25
-"""Radius [m] of a waypoint that no oracle gives another one."""
+"""Default radius [m] of a waypoint, if no oracle gives another one."""
 
 
 def deciding_mark(sampler: SignalSampler, verdict: Verdict) -> MeasuredMark | None:
     """Return the object that decides a verdict, and its distance to the robot at that moment.
 
-    ``None`` if the verdict is about nothing that has a place.
+    ``None`` if the verdict has no object with a place.
     """
     mark = _find_mark(sampler, verdict)
     return mark and replace(mark, fails=verdict.outcome is Outcome.FAIL)
 
 
 def robot_mark(sampler: SignalSampler, verdict: Verdict) -> MeasuredMark:
-    """Return the robot at the moment that decides a verdict, with a margin that has a unit."""
+    """Return the robot at the deciding moment of a verdict, with a margin that has a unit."""
     trace = sampler.trace
     pose = pose_at(trace.ground_truth, deciding_time(sampler, verdict))
     place, outline = (pose.x, pose.y), pose.apply_ring(trace.spec.robot.footprint)
@@ -50,7 +50,7 @@ def _find_mark(sampler: SignalSampler, verdict: Verdict) -> MeasuredMark | None:
     trace, time = sampler.trace, deciding_time(sampler, verdict)
     pose = pose_at(trace.ground_truth, time)
     oracle = written_oracle(OracleText(verdict.oracle, verdict.text))
-    # One that cannot be read was judged by another version of the language.
+    # An unreadable oracle was judged by another version of the language.
     signals = [signal.name for signal in oracle.signals()] if oracle else []
     moved = object_signals(trace.scene)
     about = verdict.evidence.object
@@ -82,13 +82,13 @@ def _waypoint_mark(trace: Trace, verdict: Verdict, pose: Pose2, number: int) -> 
 
 
 def deciding_time(sampler: SignalSampler, verdict: Verdict) -> float:
-    """Return the moment [s] that decides; the end for what never happened."""
+    """Return the deciding moment [s]; the end for something that never happened."""
     time = verdict.evidence.time
     return float(sampler.time_base.time[-1]) if time is None else time
 
 
 def joint_positions(trace: Trace, time: float) -> dict[str, float]:
-    """Return where joints are [rad or m] at a moment, by scene-wide name."""
+    """Return the positions of joints [rad or m] at a moment, by scene-wide name."""
     joints = trace.joints
     return {
         name: float(np.interp(time, joints.time, joints.position[:, index]))
@@ -98,7 +98,7 @@ def joint_positions(trace: Trace, time: float) -> dict[str, float]:
 
 
 def current_waypoint(trace: Trace, time: float) -> int | None:
-    """Return the number, from one, of the waypoint that the robot drives to at a moment."""
+    """Return the number, from 1, of the waypoint that the robot drives to at a moment."""
     current = [record.current for record in trace.progress if record.time <= time]
     if not current or not 0 <= current[-1] < len(trace.spec.mission.waypoints):
         return None

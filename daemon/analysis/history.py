@@ -1,6 +1,6 @@
-"""The history of a campaign: its submissions side by side, and what changed between them.
+"""The history of a campaign: its submissions side by side, and the changes between them.
 
-All of it is of the ledger: results, specifications, declarations. No trace is read.
+Everything comes from the ledger: results, specifications, declarations. No trace is read.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from grammars.text import codec
 from grammars.text.words import count_noun, enumerate_words, format_quantity
 
 _LONGEST: Final = 60
-"""Characters of a value that is told as it was and as it is; of a longer one, that it changed."""
+"""Most characters of a value that is shown before and after; a longer one only "changed"."""
 _MOST_NAMED: Final = 2
 _SHOWN_OF_HASH: Final = 12
 
 Setup: TypeAlias = Mapping[str, Mapping[str, str]]
-"""What a submission was made of: aspects and their values, by subject (``system pilot``)."""
+"""Inputs of a submission: aspects and their values, by subject (``system pilot``)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ class OracleRecord:
     """An oracle of a scenario with a system in one submission.
 
     ``passed`` of ``n`` repeats pass, ``low`` to ``high`` is the exact 95 % interval of the rate.
-    ``worst`` and ``median`` are margins [``unit``] of repeats that pass or fail, ``None`` where no
+    ``worst`` and ``median`` are margins [``unit``] of repeats that pass or fail, ``None`` if no
     repeat has one. ``simulated`` and ``cpu`` are medians of the times of a run [s].
     """
 
@@ -68,11 +68,11 @@ class OracleRecord:
 
 @dataclass(frozen=True, slots=True)
 class SubmissionRecord:
-    """A submission of a campaign, and what is different from the one before.
+    """A submission of a campaign, and its differences from the previous one.
 
-    ``cpu`` [s] is what its runs took, without results that were there already. ``changes`` are of
-    what it was made of, ``verdicts`` of what came out. ``quantities`` are margins, measures and
-    durations that differ by more than chance.
+    ``cpu`` [s] is the time of its runs, without reused results. ``changes`` are changes of its
+    inputs, ``verdicts`` changes of its verdicts. ``quantities`` are margins, measures and durations
+    that differ by more than chance.
     """
 
     id: str
@@ -100,7 +100,7 @@ class CampaignHistory:
 
     @property
     def headline(self) -> str:
-        """One sentence about the newest submission: what is new since the one before."""
+        """One sentence about the newest submission and its changes since the previous one."""
         newest = self.submissions[-1]
         if len(self.submissions) == 1:
             return f"{newest.id} is the only submission of {self.name}: nothing to compare yet"
@@ -114,14 +114,14 @@ class CampaignHistory:
 
     @property
     def cells(self) -> tuple[tuple[str, str], ...]:
-        """The scenarios with their systems that some submission has, the newest ones first."""
+        """The scenarios with their systems in any submission, the newest ones first."""
         newest_first = reversed(self.submissions)
         return tuple(dict.fromkeys(one.cell for each in newest_first for one in each.oracles))
 
 
 @dataclass(frozen=True, slots=True)
 class WrittenHistory:
-    """The history of a campaign, and the page that was written about it."""
+    """The history of a campaign, and the files written about it."""
 
     answer: str
     history: CampaignHistory
@@ -144,10 +144,10 @@ def quantity_words(change: QuantityChange) -> str:
 
 
 def read_history(source: CampaignSource, name: str) -> CampaignHistory:
-    """Return the history of the campaigns of a name; searches of that name are none.
+    """Return the history of the campaigns of a name, without searches.
 
-    Raises :class:`daemon.batch.errors.DaemonError` for a name of searches alone, and where a ledger
-    or daemon cannot be asked.
+    Raises :class:`daemon.batch.errors.DaemonError` if only searches have that name, and if a ledger
+    or daemon cannot be read.
     """
     rows = [row for row in source.campaign_page(name=name) if not row.search]
     if not rows:
@@ -157,7 +157,7 @@ def read_history(source: CampaignSource, name: str) -> CampaignHistory:
     for row in sorted(rows, key=lambda row: row.submitted_at):
         records = source.all_runs(row.id, results=True)
         judged = JudgedCampaign(row.id, source.declared(row.id), records)
-        # Repeats of a cell differ by their seeds alone: the first of each stands for all.
+        # Repeats of a cell differ only in their seeds, so the first stands for all.
         firsts = {(one.scenario, one.sut): one.id for one in reversed(records)}
         specs = [source.run(run).spec for run in reversed(firsts.values())]
         origin = source.origin(row.id)
@@ -204,7 +204,7 @@ def _oracles(cell: CellAssessment, records: Iterable[RunRow]) -> Iterator[Oracle
     for oracle in cell.oracles:
         verdicts = [one.verdict(oracle.oracle) for one in runs if one.ended != "crashed"]
         judged = [one for one in verdicts if one and one.outcome in (Outcome.PASS, Outcome.FAIL)]
-        # Margins without a unit only say true or false.
+        # Margins without a unit only mean true or false.
         margins = [one.margin for one in judged if one.margin is not None and one.unit]
         yield OracleRecord(
             scenario=cell.scenario,
@@ -266,7 +266,7 @@ def _setup(judged: JudgedCampaign, origin: CampaignOrigin, specs: Sequence[RunSp
 
 
 def _changes(before: Setup, after: Setup) -> Iterator[str]:
-    """Yield what came, went or changed; the same change of several subjects is told once."""
+    """Yield additions, removals and changes; a change shared by several subjects comes once."""
     subjects: dict[str, list[str]] = {}
     for subject in dict.fromkeys((*before, *after)):
         if subject not in before or subject not in after:
@@ -292,8 +292,8 @@ def _change_words(aspect: str, old: str, new: str) -> str:
         return ""
     if not old or not new:
         value = old or new
-        shown = f" ({value})" if len(value) < _LONGEST else ""
-        return f"{aspect} {'came' if new else 'went'}{shown}"
+        in_brackets = f" ({value})" if len(value) < _LONGEST else ""
+        return f"{aspect} {'came' if new else 'went'}{in_brackets}"
     if max(len(old), len(new)) > _LONGEST:
         return f"{aspect} changed"
     return f"{aspect} {old} → {new}"

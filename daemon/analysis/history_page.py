@@ -1,4 +1,4 @@
-"""The page of a campaign's history: what is new, its submissions, and each cell over them."""
+"""The page of a campaign's history: its news, its submissions, and each cell over them."""
 
 from __future__ import annotations
 
@@ -39,11 +39,13 @@ _WIDTH: Final = 620
 
 
 def history_page(history: CampaignHistory) -> str:
-    """Return the history of a campaign as HTML that needs nothing else."""
+    """Return the history of a campaign as self-contained HTML."""
     charts = [_cell_chart(history, cell) for cell in history.cells]
     names = [f"{scenario} with {sut}" for scenario, sut in history.cells]
-    drawn = zip(names, charts, draw_charts(charts), strict=True)
-    figures = [(name, chart_figure(chart, svg, f"{name} over time")) for name, chart, svg in drawn]
+    figures = [
+        (name, chart_figure(chart, svg, f"{name} over time"))
+        for name, chart, svg in zip(names, charts, draw_charts(charts), strict=True)
+    ]
     return render_report(
         {
             "quantity": format_quantity,
@@ -80,7 +82,7 @@ def _cell_chart(history: CampaignHistory, cell: tuple[str, str]) -> Chart:
         "passed": [f"{one.passed} of {one.n}" for _, one in rows],
         "margins": [_margins_text(one) for _, one in rows],
         "times": [_times_text(one) for _, one in rows],
-        # All oracles of a cell have the same runs: the first of a submission tells their times.
+        # All oracles of a cell have the same runs, so the first of a submission gives their times.
         "first": [not n or rows[n - 1][0] != name for n, (name, _) in enumerate(rows)],
     }
     oracles = list(dict.fromkeys(columns["oracle"]))
@@ -106,7 +108,7 @@ def _cell_chart(history: CampaignHistory, cell: tuple[str, str]) -> Chart:
         panel["encoding"]["x"] = {**x, "axis": axis}
     return {
         "data": table(columns),
-        # An entry that is clicked is shown alone, in all panels.
+        # A click on an entry shows it alone in all panels.
         "params": legend("oracle", "pass rate"),
         "vconcat": panels,
         "spacing": 8,

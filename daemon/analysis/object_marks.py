@@ -1,6 +1,6 @@
 """Objects that decide verdicts, as marks on a map.
 
-Also for a dashboard: nothing here loads the oracles.
+The dashboard uses this module too, so it does not load the oracles.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from grammars.model.scene import Link, Scene, Solid
 from templates.plan_shapes import MeasuredMark
 
 _TOUCHING: Final = 0.002
-"""Distance [m] from which on something touches: contacts are recorded a little apart."""
+"""Distance [m] below which two things touch: contacts are recorded a little apart."""
 
 
 def object_mark(
     scene: Scene, robot: Robot, verdict: Verdict, pose: Pose2,
     positions: Mapping[str, float], about: str,
 ) -> MeasuredMark | None:  # fmt: skip
-    """Return the obstacle or place called ``about``, without a name the nearest obstacle.
+    """Return the obstacle or place called ``about``, or the nearest obstacle without a name.
 
     The robot stands at ``pose``, the joints at ``positions`` [rad or m], by scene-wide name.
     """
@@ -39,7 +39,7 @@ def object_mark(
     if not parts and not place:
         return None
     body = Polygon(pose.apply_ring(robot.footprint))
-    # Of a wall in several pieces, or of an object in several links, the nearest one.
+    # Choose the nearest piece of a wall, or the nearest link of an object.
     shapes = [MultiPolygon([(ring, ()) for ring in rings]) for rings in parts or [(place,)]]
     index = int(np.argmin(shapely.distance(body, shapes)))
     start, end = outline_points(shapely.shortest_line(body, shapes[index]))
@@ -54,9 +54,9 @@ def object_mark(
 def _obstacle_parts(
     scene: Scene, height: float, positions: Mapping[str, float], name: str
 ) -> Iterator[tuple[str, tuple[Ring, ...]]]:
-    """Yield owner and outlines of each solid and link below a ``height`` [m] of ``name``.
+    """Yield owner and outlines of each solid and link below a ``height`` [m].
 
-    Of all of them without a name.
+    ``name`` limits them to one thing, unless it is empty.
     """
     parts: list[tuple[str, Solid | Link, tuple[Ring, ...]]] = [
         (solid.owner, solid, (solid.polygon,)) for solid in scene.solids
@@ -76,7 +76,7 @@ def outline_points(geometry: Any) -> tuple[Point2, ...]:
 
 
 def measure_text(verdict: Verdict, distance: float) -> str:
-    """Return what was judged with its limit if it is a length, otherwise a distance [m]."""
+    """Return the judged value with its limit if it is a length, otherwise a distance [m]."""
     value, limit = verdict.evidence.value, verdict.evidence.limit
     if verdict.unit != "m" or value is None:
         return metres_text(distance)
@@ -84,6 +84,6 @@ def measure_text(verdict: Verdict, distance: float) -> str:
 
 
 def metres_text(value: float) -> str:
-    """Return a length in millimetres of resolution, ten metres and more in decimetres."""
+    """Return a length to the millimetre, from ten metres on to the decimetre."""
     digits = 3 if abs(value) < 10.0 else 1
     return f"{value:.{digits}f} m".replace("-", "−")

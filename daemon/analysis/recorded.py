@@ -1,7 +1,7 @@
-"""A campaign that no daemon knows: a folder of traces, one trace, or a file of results.
+"""A campaign outside any daemon: a folder of traces, one trace, or a file of results.
 
-It answers the questions that a daemon answers about its own campaigns. The campaign's id is the
-path that people typed. A run's id is the path of its trace. Both can be typed again.
+It answers the same questions as a daemon. The campaign's id is the path that people typed, a run's
+id is the path of its trace. Both can be typed again.
 """
 
 from __future__ import annotations
@@ -49,14 +49,15 @@ RESULTS_SCHEMA: Final = "scenario/results/1"
 Progress: TypeAlias = Callable[
     [str, int, Literal["traces", "bytes"]], AbstractContextManager[Callable[[int], None]]
 ]
-"""Shows a work, so much of a unit in all; what it yields is called with each further amount."""
+"""Shows the progress of a task with a total amount of a unit; the function that it yields is called
+with each further amount."""
 
 
 @dataclass(slots=True)
 class RecordedCampaign(CampaignSource):
     """One campaign in memory; ``specs`` are those of its runs, by id.
 
-    With ``progress`` runs without a result are judged from their traces when they are asked for.
+    With ``progress``, requested runs without a result are judged from their traces.
     """
 
     row: CampaignRow
@@ -69,7 +70,7 @@ class RecordedCampaign(CampaignSource):
     progress: Progress | None = None
 
     def ask(self, verb: Verb[..., A], request: object) -> A:
-        """Answer one of the questions that a :class:`CampaignSource` is asked."""
+        """Answer a question to a :class:`CampaignSource`."""
         answers: dict[AnyVerb, Callable[[Any], Any]] = {
             CAMPAIGNS: self._campaigns,
             RUNS: self._runs,
@@ -116,7 +117,7 @@ class RecordedCampaign(CampaignSource):
         return RunDetail(row, self.specs[row.id])
 
     def _judge(self, rows: Sequence[RunRow]) -> None:
-        """Judge those runs that were not judged yet, by the oracles in their traces."""
+        """Judge runs without a result by the oracles in their traces."""
         waiting = [row for row in rows if row.outcome is None and row.trace]
         if self.progress is None or not waiting:
             return
@@ -139,7 +140,7 @@ def _sort_key(name: str, row: RunRow) -> tuple[bool, Any]:
 
 
 def _judged_file(row: RunRow, machine: str) -> RunRow:
-    """Return a run with the verdicts of its trace; an error when it cannot be read."""
+    """Return a run with the verdicts of its trace; an error for an unreadable one."""
     from daemon.trace import TraceError, read_trace
 
     try:
@@ -152,7 +153,7 @@ def _judged_file(row: RunRow, machine: str) -> RunRow:
 def judge_row(
     row: RunRow, trace: Trace, machine: str, sampler: SignalSampler | None = None
 ) -> RunRow:
-    """Return a run judged by the oracles inside of its ``trace``; ``machine`` executed it.
+    """Return a run judged by the oracles in its ``trace``; ``machine`` executed it.
 
     A ``sampler`` of that trace spares computing the signals again.
     """
@@ -176,8 +177,8 @@ def judge_row(
 def read_traces(name: str, *, progress: Progress | None = None) -> RecordedCampaign:
     """Return the traces below the folder ``name``, in the order of names, or the trace of a file.
 
-    They are judged when they are asked for, if there is a ``progress`` to show that. Raises
-    :class:`daemon.batch.errors.Refused` when there are none, or none that can be read.
+    With a ``progress`` they are judged on demand. Raises :class:`daemon.batch.errors.Refused` if no
+    trace is readable.
     """
     from daemon.trace import TraceError, read_spec
 
@@ -214,7 +215,7 @@ def read_traces(name: str, *, progress: Progress | None = None) -> RecordedCampa
         )
     if not rows:
         why = f": {unread[0][0]}: {unread[0][1]}" if unread else " (.mcap files)"
-        raise Refused(f"{name} holds no traces that can be read{why}")
+        raise Refused(f"{name} has no readable traces{why}")
     campaigns = dict.fromkeys(spec.campaign for spec in specs.values())
     note = read_campaign_note(folder, ", ".join(campaigns))
     row = CampaignRow(
@@ -222,7 +223,7 @@ def read_traces(name: str, *, progress: Progress | None = None) -> RecordedCampa
         id=name,
         name=note.name,
         about=note.about,
-        submitted_at=note.submitted_at or 0.0,  # not known
+        submitted_at=note.submitted_at or 0.0,  # unknown
         finished_at=None,
         total=len(rows),
     )
@@ -232,9 +233,9 @@ def read_traces(name: str, *, progress: Progress | None = None) -> RecordedCampa
 
 
 def read_results_file(name: str) -> RecordedCampaign:
-    """Return what `scenario results --json` wrote into a file.
+    """Return the campaign in a file of `scenario results --json`.
 
-    Raises :class:`grammars.text.diagnostics.InputError` for anything else.
+    Raises :class:`grammars.text.diagnostics.InputError` for any other file.
     """
     where = Where(name)
     try:
@@ -244,22 +245,22 @@ def read_results_file(name: str) -> RecordedCampaign:
         declared = codec.from_plain(AssessmentRules, body["declared"])
         rows = codec.from_plain(tuple[RunRow, ...], body["runs"])
         row = codec.from_plain(CampaignRow, body["campaign"])
-        # Files of earlier versions do not say where their campaign was written.
+        # Files of earlier versions do not have an origin.
         origin = codec.from_plain(CampaignOrigin, body.get("origin") or {})
     except OSError as error:
         message = f"cannot be read: {error.strerror}"
         raise InputError(Finding(where, message)) from None
     except (ValueError, KeyError, TypeError):
         hint = "write one with: scenario results CAMPAIGN --json"
-        raise InputError(Finding(where, "is no file of results", hint)) from None
+        raise InputError(Finding(where, "is not a file of results", hint)) from None
     note = CampaignNote(row.name, row.about, declared, origin, row.submitted_at)
     return RecordedCampaign(replace(row, id=name), rows, note, name)
 
 
 def read_marks(source: CampaignSource, row: RunRow) -> Expectations | None:
-    """Return what marks a run among the repeats of its cell.
+    """Return the marks of a run among the repeats of its cell.
 
-    ``None`` where nothing says what its campaign expects, as for a run of a search.
+    ``None`` if the expectations of its campaign are unknown, as for a run of a search.
     """
     note = source.note if isinstance(source, RecordedCampaign) else None
     if (note and note.declared is None) or source.search_row(row.campaign) is not None:
@@ -268,6 +269,6 @@ def read_marks(source: CampaignSource, row: RunRow) -> Expectations | None:
     if note is None:
         rows = source.all_runs(row.campaign, scenario=row.scenario, sut=row.sut, results=True)
     else:
-        # Of the repeats of a trace nothing is known: they may be what an expectation asks for.
+        # The other repeats of a trace are unknown, and may be the expected ones.
         rows = (row, replace(row, id="", state=RunState.QUEUED, outcome=None, result=None))
     return find_marks(declared, assess(declared, rows), (row,))

@@ -1,7 +1,7 @@
-"""Judging recorded runs again: other oracles, or the same ones, on old traces.
+"""New judgement of recorded runs, by other oracles or the same ones.
 
-A trace is read and never written. Its verdicts are compared with those in the ledger if it is one
-of a state directory's, otherwise with those of the oracles inside of the trace itself.
+A trace is read and never written. If it belongs to a state directory, its verdicts are compared
+with those in the ledger, otherwise with those of the oracles in the trace itself.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ VerdictOrigin = Literal["ledger", "trace"]
 
 @dataclass(frozen=True, slots=True)
 class RejudgedTrace:
-    """A trace judged again: ``before`` are the verdicts it had, as the ``origin`` tells.
+    """A trace judged again: ``before`` are its earlier verdicts, from ``origin``.
 
-    ``problem`` says why nothing could be judged; everything else is empty then.
+    ``problem`` says why it could not be judged; everything else is empty then.
     """
 
     trace: str
@@ -46,7 +46,7 @@ class RejudgedTrace:
     @computed_field  # type: ignore[prop-decorator]
     @property
     def changes(self) -> tuple[OracleChange, ...]:
-        """Oracles that judge otherwise now, in their order; new and dropped ones at the end."""
+        """Oracles with another verdict now, in their order; new and dropped ones at the end."""
         now, then = ({v.oracle: v for v in side} for side in (self.verdicts, self.before))
         names = (*now, *(name for name in then if name not in now))
         pairs = (OracleChange(name, then.get(name), now.get(name)) for name in names)
@@ -55,7 +55,7 @@ class RejudgedTrace:
 
 @dataclass(frozen=True, slots=True)
 class OracleChange:
-    """One oracle's verdict before and now; ``None`` where it was, or is, not judged."""
+    """One oracle's verdict before and now; ``None`` if it was, or is, not judged."""
 
     oracle: str
     before: Verdict | None
@@ -84,7 +84,7 @@ class OracleChange:
 
 @dataclass(frozen=True, slots=True)
 class Rejudgement:
-    """Traces judged by a layer of ``oracles``, by their own without one."""
+    """Traces judged by a layer of ``oracles``, otherwise by their own."""
 
     oracles: str
     traces: tuple[RejudgedTrace, ...]
@@ -99,8 +99,8 @@ def rejudge(
 ) -> Iterator[RejudgedTrace]:
     """Judge ``traces`` by the oracles of a ``layer`` (``None``: those in each trace), in order.
 
-    Spreads over ``processes`` (default: one per core). A trace that cannot be read gives a
-    :class:`RejudgedTrace` with its ``problem``. Raises :class:`DaemonError` when a judging process
+    The work is spread over ``processes`` (default: one per core). An unreadable trace gives a
+    :class:`RejudgedTrace` with its ``problem``. Raises :class:`DaemonError` if a judging process
     dies.
     """
     oracles.warm_up()
@@ -111,13 +111,13 @@ def rejudge(
 
 
 def _judge_file(layer: tuple[OracleText, ...] | None, path: Path) -> RejudgedTrace:
-    """Judge one file by these oracles and by its own; the signals are computed once."""
+    """Judge one file by a layer and by its own oracles; the signals are computed once."""
     try:
         trace = read_trace(path)
     except TraceError as error:
         return RejudgedTrace(str(path), problem=error.findings[0].message)
     own = trace.spec.oracles
-    # Its own too, and not what a ledger says only: a trace may be of another machine's.
+    # Judge by its own oracles too: a trace of another machine is in no ledger here.
     judged = oracles.judge(trace, (*(layer or ()), *own))
     before = judged[len(layer or ()) :]
     verdicts = before if layer is None else judged[: len(layer)]
@@ -145,10 +145,9 @@ def _recorded_result(places: StatePaths, path: Path) -> RunResult | None:
     if not places.ledger.is_file() or not trace.is_relative_to(folder):
         return None
     try:
-        # Opened for each trace: no connection is there when processes that judge are forked,
-        # SQLite's do not survive that.
+        # Open it for each trace: SQLite connections do not survive the fork of judging processes.
         with LedgerReader.open(places) as ledger:
             return ledger.result_of_trace(trace.relative_to(folder).as_posix())
     except (DaemonError, ValueError):
-        # A ledger of another version says nothing; the trace itself still does.
+        # A ledger of another version is unreadable; the trace itself still has its oracles.
         return None

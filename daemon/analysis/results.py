@@ -1,6 +1,6 @@
-"""Results of a campaign, from whatever recorded it: a daemon, its ledger, a folder, a file.
+"""Results of a campaign, from a daemon, its ledger, a folder or a file.
 
-Commands load this that never draw: nothing here may import numpy or the oracles.
+Commands that never draw load this module, so it must not import numpy or the oracles.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ class CampaignResults:
     """Everything known about a campaign; ``rows`` are its runs with their results, in order.
 
     ``where`` is the folder, the state directory or the endpoint of the daemon that has them.
-    ``unread`` are files that are no usable traces, with the reason. ``machine`` executed the runs
-    that have no result yet. ``expectations`` mark news and known failures.
+    ``unread`` are unusable traces, with the reason. ``machine`` executed the runs that have no
+    result yet. ``expectations`` mark news and known failures.
     """
 
     row: CampaignRow
@@ -65,12 +65,12 @@ class CampaignResults:
 
     @property
     def judged(self) -> JudgedCampaign:
-        """The campaign as others are compared with it."""
+        """The campaign for comparisons."""
         return JudgedCampaign(self.row.id, self.declared, self.rows)
 
     @property
     def not_repeatable(self) -> tuple[str, ...]:
-        """Systems under test of which the same run gives something else each time."""
+        """Systems under test whose runs are not repeatable."""
         return tuple(dict.fromkeys(row.sut for row in self.rows if not row.repeatable))
 
     def runs_of(self, cell: CellAssessment) -> tuple[RunRow, ...]:
@@ -89,18 +89,18 @@ class CampaignResults:
 
     @property
     def lost_runs(self) -> tuple[RunRow, ...]:
-        """Runs that were given up or broke before anything could be judged."""
+        """Runs that were given up or broke before a judgement."""
         return tuple(row for row in self.rows if row.state is RunState.LOST)
 
     @property
     def nondeterministic_runs(self) -> tuple[RunRow, ...]:
-        """Runs that came out differently when the same was executed before."""
+        """Runs with a different result than an earlier execution of the same run."""
         return tuple(row for row in self.rows if row.nondeterministic)
 
 
 @dataclass(frozen=True, slots=True)
 class ComparedResults:
-    """Everything about a campaign, with its baseline if any; ``runs`` may be some of it."""
+    """Everything about a campaign, compared with its baseline, if any; ``runs`` may be a subset."""
 
     campaign: CampaignRow
     declared: AssessmentRules
@@ -113,24 +113,24 @@ class ComparedResults:
     def of(
         cls, results: CampaignResults, comparison: CampaignDifference | None = None
     ) -> ComparedResults:
-        """Return results with what they were compared with."""
+        """Return results with their comparison, if any."""
         declared, assessment = results.declared, results.assessment
         return cls(results.row, declared, assessment, results.rows, results.origin, comparison)
 
     @property
     def exit_code(self) -> int:
-        """Exit code of the assessment; 1, that of a finding, when the results got worse."""
-        # A regression is a finding also where everything still is as the campaign expects.
+        """Exit code of the assessment; 1, that of a finding, if the results got worse."""
+        # A regression is a finding even if everything is still as expected.
         is_worse = self.comparison is not None and self.comparison.regressed
         return 1 if is_worse else self.assessment.exit_code
 
 
 def read_results(source: CampaignSource, row: CampaignRow) -> CampaignResults:
-    """Ask for everything about a campaign and assess it."""
+    """Read everything about a campaign and assess it."""
     rows, declared = source.all_runs(row.id, results=True), source.declared(row.id)
     counts = count_runs((run.state, str(run.outcome or ""), 1) for run in rows)
     return CampaignResults(
-        # Counted anew: runs may have been judged or have ended since.
+        # Count again: runs may have been judged or have ended since.
         replace(row, total=len(rows), **counts),
         rows,
         declared,
@@ -143,9 +143,9 @@ def read_results(source: CampaignSource, row: CampaignRow) -> CampaignResults:
 
 
 def traces_below(folder: Path) -> list[Path]:
-    """Return the traces below a folder, those in hidden folders if there are no others."""
-    # A run that goes on has its traces in a hidden folder: beside those of an earlier run of the
-    # campaign they would be counted twice.
+    """Return the traces below a folder; those in hidden folders only if there are no others."""
+    # An unfinished `scenario run` has its traces in a hidden folder; together with those of an
+    # earlier one they would count twice.
     traces = sorted(folder.rglob("*.mcap"))
     visible = [one for one in traces if "/." not in f"/{one.relative_to(folder).as_posix()}"]
     return visible or traces
@@ -153,9 +153,9 @@ def traces_below(folder: Path) -> list[Path]:
 
 @dataclass(frozen=True, slots=True)
 class CampaignNote:
-    """A campaign beside its traces: its name, what it declares, where it was written.
+    """A campaign beside its traces: its name, its declarations, its origin.
 
-    Also when and on what ``machine`` it was executed. ``declared`` is ``None`` where nothing says.
+    Also the time and the ``machine`` of its execution. ``declared`` is ``None`` if unknown.
     """
 
     name: str
@@ -169,9 +169,9 @@ class CampaignNote:
 def write_campaign_note(
     folder: Path, submission: Submission, *, at: float | None = None, machine: str = ""
 ) -> None:
-    """Write into a folder of traces what their campaign declares, for reports about them.
+    """Write the declarations of a campaign into its folder of traces, for reports.
 
-    ``at`` is when its runs are executed [s since the epoch], ``machine`` what executes them.
+    ``at`` is the time of execution [s since the epoch], ``machine`` executes the runs.
     """
     note = CampaignNote(
         submission.name, submission.about, submission.declared, submission.origin, at, machine
@@ -180,10 +180,10 @@ def write_campaign_note(
 
 
 def read_campaign_note(folder: Path, otherwise: str = "") -> CampaignNote:
-    """Read what :func:`write_campaign_note` wrote, or what the ledger that keeps the traces says.
+    """Read the note of :func:`write_campaign_note`, or make one from the ledger of the traces.
 
-    Without either it is a note with a name alone. Raises :class:`daemon.batch.errors.Refused` for
-    nonsense.
+    Without either the note has only a name. Raises :class:`daemon.batch.errors.Refused` for an
+    unreadable note.
     """
     path = folder / NOTE
     if not path.is_file():
@@ -192,7 +192,7 @@ def read_campaign_note(folder: Path, otherwise: str = "") -> CampaignNote:
         return codec.from_json(CampaignNote, path.read_bytes())
     except ValueError as error:
         raise Refused(
-            f"{path} is not what `scenario run` leaves: delete it ({codec.reading_error(error)})"
+            f"{path} is not a note of `scenario run`: delete it ({codec.reading_error(error)})"
         ) from error
 
 
@@ -203,7 +203,7 @@ def _note_of_ledger(folder: Path) -> CampaignNote | None:
     paths = StatePaths(folder.parent.parent)
     if folder.parent != paths.traces or not paths.ledger.is_file():
         return None
-    # Of a ledger of another version nothing is known; the traces can be read all the same.
+    # A ledger of another version is unreadable, but the traces are not.
     with suppress(DaemonError), LedgerReader.open(paths) as ledger:
         row = ledger.campaign(folder.name)
         if row is not None:

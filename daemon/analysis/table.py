@@ -42,14 +42,14 @@ COLUMNS: Final = (
     Field("margin_upper", "float64", "see unit", "upper bound, null for an unbounded margin"),
     Field("unit", "string", "", "unit of margin, value and threshold"),
     Field("value", "float64", "see unit", "the value that decides, the number of a measure"),
-    Field("threshold", "float64", "see unit", "limit that the value is held against"),
+    Field("threshold", "float64", "see unit", "limit for the value"),
     Field("moment", "float64", "s", "simulated time of that value"),
     Field("about", "string", "", "object that decides, `kitchen_door.leaf` for example"),
     Field("note", "string", "", "remark of the oracle"),
     Field("expected", "string", "", "verdict that the campaign expects of this scenario, system "
            "and oracle: `pass`, `fail`, `mixed` or `any`; null for a measure"),
-    Field("as_expected", "bool", "", "whether all their repeats together are so, null while open"),
-    Field("why", "string", "", "reason that the campaign gives for another verdict than `pass`"),
+    Field("as_expected", "bool", "", "whether all repeats together are as expected, null if open"),
+    Field("why", "string", "", "reason in the campaign for an expected verdict other than `pass`"),
     Field("state", "string", "", "`queued`, `running`, `done`, `lost` or `cancelled`"),
     Field("outcome", "string", "", "verdict of the run as a whole"),
     Field("ended", "string", "", "`finished`, `limit` or `crashed`"),
@@ -57,13 +57,13 @@ COLUMNS: Final = (
     Field("wall", "float64", "s", "wall time that the run took"),
     Field("started", "timestamp", "UTC", "when the run started, by the clock of its machine"),
     Field("seed", "uint64", "", "root of everything random in the run"),
-    Field("digest", "string", "", "digest of what the run was specified by"),
+    Field("digest", "string", "", "digest of the specification of the run"),
     Field("trace", "string", "", "path of the trace on the machine that keeps it"),
 )  # fmt: skip
 """Columns in order. Their names need no quotes in SQL."""
 
 _FORMULA: Final = "^[=+\\-@\t\r\n＝＋－＠]"
-"""First characters by which spreadsheets take a cell for a formula, as OWASP lists them."""
+"""First characters of cells that spreadsheets read as formulas, from OWASP's list."""
 _NUMBER: Final = r"^[+-]?\d+(\.\d*)?([eE][+-]?\d+)?$"
 
 
@@ -160,7 +160,7 @@ def write_table(table: pa.Table, path: Path) -> None:
 
 
 def table_writer(path: Path) -> Callable[[pa.Table, Path], None]:
-    """Return what writes a table to ``path``; raises :class:`InputError` for unknown endings."""
+    """Return the writer for the ending of ``path``; raises :class:`InputError` for unknown ones."""
     if path.suffix in _WRITERS:
         return _WRITERS[path.suffix]
     message = f"a table ends with {', '.join(_WRITERS)}, not with {path.suffix or 'nothing'}"
@@ -174,7 +174,7 @@ def _write_parquet(table: pa.Table, path: Path) -> None:
 
 
 def _write_csv(table: pa.Table, path: Path) -> None:
-    """Write CSV in UTF-8. Texts that a spreadsheet would calculate get an apostrophe in front."""
+    """Write CSV in UTF-8, with an apostrophe before texts that a spreadsheet would calculate."""
     import pyarrow as pa
     import pyarrow.csv
 
@@ -185,7 +185,7 @@ def _write_csv(table: pa.Table, path: Path) -> None:
 
 
 def _plain_cells(texts: Any) -> Any:
-    """Return texts that spreadsheets show and do not calculate (CWE-1236)."""
+    """Return texts that spreadsheets show instead of calculating them (CWE-1236)."""
     import pyarrow.compute as pc
 
     formula = pc.match_substring_regex(texts, _FORMULA)

@@ -1,7 +1,7 @@
-"""Running a recorded specification again: the same bytes, or how far the outcomes spread.
+"""Repeated execution of a recorded specification: equal bytes, or the spread of outcomes.
 
-A trace holds its specification and its scene, so they are enough. Systems under test that
-live in the simulation leave the same bytes; of those outside only the spread can be told.
+A trace contains its specification and its scene. Systems under test inside the simulation leave
+the same bytes; for external ones only the spread can be measured.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class ExecutedRun:
 
     ``values`` are by name: the simulated duration [s], the true path [m], the margin of each oracle
     and the value of each measure, in the units of :attr:`Verification.units`. ``difference`` is
-    where its trace parts from the recorded one. ``problem`` says why the rest is empty.
+    the first difference from the recorded trace. ``problem`` says why the rest is empty.
     """
 
     outcome: Outcome = Outcome.ERROR
@@ -52,7 +52,7 @@ class ExecutedRun:
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """The least and the most of a value over ``count`` executions, in ``unit``."""
+    """The least and the greatest value over ``count`` executions, in ``unit``."""
 
     name: str
     unit: str
@@ -65,8 +65,8 @@ class Spread:
 class Verification:
     """A recorded run and executions of its specification.
 
-    Without a ``trace`` the recording is the first execution. ``versions`` are of packages that
-    differ from those of the recording: (then, now) by name.
+    Without a ``trace`` the recording is the first execution. ``versions`` are those of packages
+    that have changed since the recording: (then, now) by name.
     """
 
     trace: str
@@ -87,7 +87,7 @@ class Verification:
     @computed_field  # type: ignore[prop-decorator]
     @property
     def same_bytes(self) -> int:
-        """Number of executions that left the bytes of the recording."""
+        """Number of executions with the bytes of the recording."""
         return sum(execution.sha256 == self.recorded.sha256 for execution in self.executions)
 
     @computed_field  # type: ignore[prop-decorator]
@@ -95,7 +95,7 @@ class Verification:
     def nondeterministic(self) -> bool:
         """``True`` if executions here of a repeatable system left different bytes.
 
-        A recording may be of other code, packages or another machine.
+        A recording may come from other code, packages or another machine.
         """
         here = self.executions if self.trace else (self.recorded, *self.executions)
         return self.repeatable and len({one.sha256 for one in here if not one.problem}) > 1
@@ -103,7 +103,7 @@ class Verification:
     @computed_field  # type: ignore[prop-decorator]
     @property
     def first_difference(self) -> TraceDifference | None:
-        """The earliest place where an execution parts from the recording."""
+        """The earliest difference of an execution from the recording."""
         places = [one.difference for one in self.executions if one.difference is not None]
         return min(places, key=lambda one: (not one.topic, one.time), default=None)
 
@@ -132,7 +132,7 @@ class Verification:
 
 @dataclass(frozen=True, slots=True)
 class Verifications:
-    """Runs and executions of their specifications, in the order in which they were named."""
+    """Runs and executions of their specifications, in the order of the command line."""
 
     runs: tuple[Verification, ...]
 
@@ -148,11 +148,10 @@ def verify(
 ) -> Verification:
     """Execute the specification in the trace at ``path`` again, ``repeats`` times one by one.
 
-    Each in a process of its own, for ``wall`` seconds of wall clock at most (0: as always).
-    ``advance`` is called after each. Files of a system under test are those of this user,
-    otherwise of the state directory ``places``.
-    Raises :class:`~daemon.trace.TraceError` for a trace that cannot be read or was made by another
-    engine.
+    Each has a process of its own and at most ``wall`` seconds of wall clock (0: the usual limit).
+    ``advance`` is called after each. Files of a system under test come from this user, otherwise
+    from the state directory ``places``. Raises :class:`~daemon.trace.TraceError` for a trace that
+    is unreadable or was made by another engine.
     """
     trace = read_trace(path)
     spec = trace.spec
@@ -191,9 +190,9 @@ def verify_spec(
     execute_run: ExecuteRun = execute,
     advance: Callable[[], None] = lambda: None,
 ) -> Verification:
-    """Execute a specification without a recording ``repeats`` times; the first takes its place.
+    """Execute a specification ``repeats`` times; the first execution serves as the recording.
 
-    Otherwise as :func:`verify`. A first execution that leaves no trace is the only one.
+    Otherwise as :func:`verify`. If the first execution leaves no trace, there are no others.
     """
     with tempfile.TemporaryDirectory(prefix="scenario-verify-") as name:
         run = _with_files(execute_run, spec, places)
@@ -229,7 +228,7 @@ def _executions(
 
 
 def _measure(trace: Trace, verdicts: Sequence[Verdict]) -> ExecutedRun:
-    """Return the values of a trace and of the verdicts on it."""
+    """Return the values of a trace and of its verdicts."""
     truth = trace.ground_truth
     way = float(np.hypot(np.diff(truth.x), np.diff(truth.y)).sum())
     values = {DURATION: trace.valid_until, PATH: way}
@@ -243,14 +242,14 @@ def _measure(trace: Trace, verdicts: Sequence[Verdict]) -> ExecutedRun:
 
 
 def _with_files(execute_run: ExecuteRun, spec: RunSpec, places: StatePaths) -> ExecuteRun:
-    """Return an executor that finds files of the run in ``places`` if this user lacks them."""
+    """Return an executor that finds files of the run in ``places`` if this user has none."""
     if all((user_files_folder() / digest).is_file() for digest in spec.files):
         return execute_run
     if not all((places.files / digest).is_file() for digest in spec.files):
         return execute_run
 
     def execute_with_files(*arguments: Any, **rest: Any) -> RunResult:
-        os.environ[FILES_VARIABLE] = str(places.files)  # of the child alone
+        os.environ[FILES_VARIABLE] = str(places.files)  # in the child alone
         return execute_run(*arguments, **rest)
 
     return execute_with_files

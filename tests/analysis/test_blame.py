@@ -219,7 +219,7 @@ def test_candidates_run_in_batches_up_to_the_first_that_fails(file, monkeypatch)
     assert runner.first_failing(tried) == 2
     assert [spec.seed for spec in pretended.specs] == [0, 1, 2, 3], "the batch of the failing one"
     assert (runner.runs, runner.cached) == (4, 2)
-    assert runner.known(tried[2]).verdict.outcome is Outcome.FAIL
+    assert runner.recall(tried[2]).verdict.outcome is Outcome.FAIL
     with pytest.raises(BudgetSpentError):
         runner.first_failing(tried[4:])
 
@@ -266,7 +266,7 @@ def test_a_saved_run_is_the_smallest_one(demo, save):
     assert [run.repeat for run in saved.runs] == [0, 1]
     assert same_run(saved)
     assert campaign.cells[0].scenario.without
-    assert "repeat 1 that fails" in saved.file.read_text()
+    assert "Repeat 1 fails" in saved.file.read_text()
     assert not [d for d in findings if d.severity is Severity.ERROR]
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from campaigns.studies.published_robots.folder import SUTS
+from campaigns.studies.published_robots import SUTS
 from daemon.campaign import LayerLibrary
 from daemon.stacks.ros1.configuration import read_ros
 from grammars.text.diagnostics import InputError

@@ -1,10 +1,10 @@
 """Record the pictures of the documentation: ``python -m campaigns.studies.pictures``.
 
-``docs/pictures`` holds every view of the dashboard and the output of the main commands, of a small
-campaign that is executed for them: the tests say when they are not true any more. ``docs/demo.svg``
-is what ``scenario demo`` prints, ``docs/flat.svg`` the flat as ``scenario export`` draws it;
-``--views`` leaves these two, which take a while, as they are. ``--cast`` records the first hour
-with the dashboard for asciinema instead, ``docs/pictures/first-hour.cast``.
+``docs/pictures`` contains every view of the dashboard and the output of the main commands, about a
+small campaign that is executed for them; tests fail when they are out of date. ``docs/demo.svg`` is
+the output of ``scenario demo``, ``docs/flat.svg`` the flat from ``scenario export``; ``--views``
+skips these two, which are slow. ``--cast`` records only the first hour with the dashboard for
+asciinema, ``docs/pictures/first-hour.cast``.
 """
 
 import asyncio
@@ -29,7 +29,7 @@ WIDTH = 90
 
 
 def record_demo():
-    """Run the demo in an empty folder and keep what it prints."""
+    """Run the demo in an empty folder and write its output as a picture."""
     with tempfile.TemporaryDirectory() as folder:
         done = subprocess.run(
             [SCENARIO, "demo"],
@@ -54,8 +54,8 @@ def record_flat():
             stdout=subprocess.DEVNULL,
             check=True,
         )
-        drawn = Path(folder) / "busy-house" / "busy-house.svg"
-        (DOCS / "flat.svg").write_text(drawn.read_text())
+        picture = Path(folder) / "busy-house" / "busy-house.svg"
+        (DOCS / "flat.svg").write_text(picture.read_text())
 
 
 def record_views():
@@ -64,8 +64,8 @@ def record_views():
     before, _, _ = document.read_text().partition(KEYS)
     document.write_text(before + KEYS + key_table())
     FOLDER.mkdir(exist_ok=True)
-    with tempfile.TemporaryDirectory() as kept:
-        executed = execute_campaign(Path(kept))
+    with tempfile.TemporaryDirectory() as runs:
+        executed = execute_campaign(Path(runs))
         for name in (*SHOTS, *COMMANDS):
             with tempfile.TemporaryDirectory() as place:
                 folder = Path(place)

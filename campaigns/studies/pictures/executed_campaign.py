@@ -1,6 +1,6 @@
-"""A small campaign that was executed, for pictures: the demo with a second, daring pilot.
+"""A small executed campaign for pictures: the demo with a second, daring pilot.
 
-Its runs are those that anybody gets; only what depends on the clock on the wall is made up.
+Its runs are the same for everybody; only values that depend on the wall clock are made up.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ from tests.people.fake import NOW, Entered, FakeDaemon, store_scene
 CAMPAIGN = "demo-5d0c1e7a"
 NIGHTLY = "nightly-00ff00ff"
 FAILED = "busy-house/daring/0"
-"""A run that fails and is not expected to: a door swings into the robot."""
+"""A run that fails unexpectedly: a door swings into the robot."""
 PASSED = "busy-house/pilot/0"
-"""The same with the other pilot; of this campaign it is under way."""
+"""The same with the other pilot; in this campaign it is still running."""
 REPEATS = 2
 _CAMPAIGNS = Path(__file__).parents[2]
 _DARING = """\
@@ -44,12 +44,12 @@ like: pilot
 parameters: {stop_distance: 0.0, blocked_distance: 0.1, safety_margin: 0.0}
 """
 _UNDER_WAY = {PASSED: 61.0, "busy-house/pilot/1": 38.0}
-"""Runs that are not over, and how far they are [s]."""
+"""Running runs, and their simulated time [s]."""
 
 
 @dataclass(frozen=True)
 class UnderWay:
-    """A run that goes on: what was told of it so far, and what it would be judged by now."""
+    """A running run: its snapshots and its judgement so far."""
 
     snapshots: tuple[Snapshot, ...]
     judgement: LiveJudgement
@@ -66,12 +66,12 @@ class ExecutedCampaign:
 
 
 def name_of(spec):
-    """Return what a run is called."""
+    """Return the name of a run."""
     return f"{spec.scenario}/{spec.sut.name}/{spec.repeat}"
 
 
 def trace_of(name):
-    """Return the trace of a run, from the folder in which the daemon was started."""
+    """Return the trace of a run, relative to the working directory of the daemon."""
     return f"state/traces/{CAMPAIGN}/{name.replace('/', '.')}.mcap"
 
 
@@ -82,10 +82,10 @@ def write_campaign(folder):
     (folder / "suts" / "daring.yaml").write_text(_DARING)
     file = folder / "demo" / "campaign.yaml"
     text = re.sub(r"^repeats: \d+", f"repeats: {REPEATS}", file.read_text(), flags=re.M)
-    # A search is of one system under test.
+    # A search takes one system under test, so leave the searches out.
     text, _, _ = text.partition("\nsearch:")
     text = text.replace("{sut: [pilot]}", "{sut: [daring, pilot]}")
-    # What is most to be seen comes last, since the last runs are those under way.
+    # The most interesting scenario comes last, since the last runs are still running.
     head, busy, rude, expected = re.split(
         r"(?=^  busy-house:|^  rude-house:|^expect:)", text, flags=re.M
     )
@@ -94,7 +94,7 @@ def write_campaign(folder):
 
 
 def execute_campaign(folder):
-    """Execute it below ``folder``: all runs to their end, two also to a moment in the middle."""
+    """Execute all runs of the campaign below ``folder``, and two also up to a middle moment."""
     submission = expand(load_campaign(write_campaign(folder / "campaigns")))
     scenes = {scene.digest: scene for scene in submission.scenes}
     results, under_way = {}, {}
@@ -104,19 +104,19 @@ def execute_campaign(folder):
             under_way[name] = _execute_until(spec, scene, _UNDER_WAY[name], folder / "under-way")
         path = folder / trace_of(name)
         path.parent.mkdir(parents=True, exist_ok=True)
-        found = execute(spec, scene, trace_path=path)
-        simulated = found.timing.simulated
+        result = execute(spec, scene, trace_path=path)
+        simulated = result.timing.simulated
         timing = Timing(simulated / 300.0, simulated / 300.0, simulated, NOW - 60.0)
-        results[name] = replace(found, timing=timing, machine="")
+        results[name] = replace(result, timing=timing, machine="")
     return ExecutedCampaign(folder, submission, results, under_way)
 
 
 def _execute_until(spec, scene, end, folder):
     """Execute a run up to a moment [s], and judge it there as its worker would."""
     folder.mkdir(exist_ok=True)
-    told = []
+    snapshots = []
     with TraceWriter(folder / "run.mcap", spec, scene) as trace:
-        loop = RunLoop(spec, scene, trace, told.append, lambda: "everything")
+        loop = RunLoop(spec, scene, trace, snapshots.append, lambda: "everything")
         try:
             loop.begin()
             loop.advance(round(end * TICK_RATE))
@@ -126,15 +126,17 @@ def _execute_until(spec, scene, end, folder):
         finally:
             loop.close()
     assert least is not None
-    told[-1] = replace(told[-1], margin=least.margin, unit=least.unit, oracle=least.oracle)
-    return UnderWay(tuple(told), judgement)
+    snapshots[-1] = replace(
+        snapshots[-1], margin=least.margin, unit=least.unit, oracle=least.oracle
+    )
+    return UnderWay(tuple(snapshots), judgement)
 
 
 @dataclass
 class ExecutedDaemon(FakeDaemon):
-    """Answers with the executed campaign, two runs of which are under way.
+    """Fake daemon with the executed campaign, two runs of which are still running.
 
-    In the night before, the runs of the shipped pilot were executed alone.
+    A nightly campaign executed the runs of the shipped pilot alone before.
     """
 
     executed: ExecutedCampaign | None = None
@@ -142,16 +144,16 @@ class ExecutedDaemon(FakeDaemon):
 
     @classmethod
     def of(cls, executed):
-        """Return it with the runs of ``executed``."""
+        """Return a daemon with the runs of ``executed``."""
         specs = {f"{CAMPAIGN}.{i}": spec for i, spec in enumerate(executed.submission.specs)}
-        begun = [_row(i, run, spec) for i, (run, spec) in enumerate(specs.items())]
-        rows = tuple(r if _name(r) in executed.under_way else _done(r, executed) for r in begun)
+        running = [_row(i, run, spec) for i, (run, spec) in enumerate(specs.items())]
+        rows = tuple(r if _name(r) in executed.under_way else _done(r, executed) for r in running)
         live, judged = [], {}
         for row in rows:
-            found = executed.under_way.get(_name(row))
-            if found is not None:
-                live += [LiveSnapshot(row.id, snapshot) for snapshot in found.snapshots]
-                judged[row.id] = replace(found.judgement, run=row.id)
+            under_way = executed.under_way.get(_name(row))
+            if under_way is not None:
+                live += [LiveSnapshot(row.id, snapshot) for snapshot in under_way.snapshots]
+                judged[row.id] = replace(under_way.judgement, run=row.id)
         for index, spec in enumerate(s for s in executed.submission.specs if s.sut.name == "pilot"):
             run = f"{NIGHTLY}.{index}"
             specs[run] = spec
@@ -162,12 +164,12 @@ class ExecutedDaemon(FakeDaemon):
         )  # fmt: skip
 
     def result_of(self, row):
-        """Return the result of a run, ``None`` while there is none."""
+        """Return the result of a run, ``None`` for a running one."""
         assert self.executed is not None
         return self.executed.results[_name(row)] if row.state is RunState.DONE else None
 
     def ask(self, verb, request):
-        """Answer as the daemon does; how fast it is depends on the machine."""
+        """Answer like the daemon, with a speed independent of the machine."""
         answer = super().ask(verb, request)
         if verb is OVERVIEW:
             return replace(answer, rate=150.0, seconds_left=2.0)
@@ -187,7 +189,7 @@ class ExecutedDaemon(FakeDaemon):
         )  # fmt: skip
 
     def spec_of(self, row):
-        """Return the specification that was executed."""
+        """Return the specification of a run."""
         return self.specs[row.id]
 
 
@@ -196,7 +198,7 @@ def _name(row):
 
 
 def _row(index, run, spec):
-    """Return the row of a run that was begun."""
+    """Return the row of a running run."""
     return RunRow(
         run, run.rpartition(".")[0], index, spec.scenario, spec.sut.name, spec.repeat,
         RunState.RUNNING, 1, "bench-1", None, "", None, "", 0.0, spec.limit, 0.0, "",

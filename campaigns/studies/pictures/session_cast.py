@@ -1,7 +1,7 @@
-"""A session in a terminal as asciinema plays it: ``python -m campaigns.studies.pictures --cast``.
+"""A terminal session for asciinema: ``python -m campaigns.studies.pictures --cast``.
 
-What the terminal gets is kept as an asciicast (version 2: a line of JSON about the terminal, then
-one for each piece of output), with pauses cut short. The format:
+The output is recorded as an asciicast (version 2: a line of JSON about the terminal, then one for
+each piece of output), with pauses cut short. The format:
 https://docs.asciinema.org/manual/asciicast/v2/
 """
 
@@ -16,74 +16,74 @@ from tests.people.terminal.pseudo_terminal import ALTERNATE, DEADLINE, ROOT
 
 CAST = ROOT / "docs" / "pictures" / "first-hour.cast"
 LONGEST_PAUSE = 1.5
-"""Seconds without output that are kept at most."""
+"""Longest pause without output [s]."""
 LARGEST = 300_000
-"""Bytes of a cast in the documentation."""
+"""Largest size of a cast in the documentation [bytes]."""
 _TO_BE_READ = 1.2
-"""Seconds for which what a step leads to stays, at least."""
+"""Shortest time for which the result of a step stays visible [s]."""
 
 _LONGEST_WAIT = 1.0
-"""Second of which everything is kept while something is waited for."""
+"""Recorded time of each wait [s]."""
 _CANCEL, _REDRAW = "\x18", "\x0c"
-"""What ends an escape sequence that was cut, and the key that draws the screen again."""
+"""The end of a cut escape sequence, and the key that draws the screen again."""
 
 
 class CastRecorder:
-    """Drives a program in a terminal and keeps what it sends, by time."""
+    """Drives a program in a terminal and records its output over time."""
 
-    def __init__(self, shown):
-        self._shown = shown
+    def __init__(self, terminal):
+        self._terminal = terminal
         self._decoder = codecs.getincrementaldecoder("utf-8")("replace")
-        self._kept = 0
+        self._recorded = 0
         self._now = 0.0
         self._last = time.monotonic()
         self.events = []
 
     def take(self, seconds):
-        """Let the program go on for a while."""
+        """Record the program for a while."""
         end = time.monotonic() + seconds
-        while (left := end - time.monotonic()) > 0.0:
-            self._shown.read(min(left, 0.05))
-            self._keep()
+        while (rest := end - time.monotonic()) > 0.0:
+            self._terminal.read(min(rest, 0.05))
+            self._record()
 
-    def until(self, seen):
-        """Let the program go on until a text is on the screen, or something is true.
+    def until(self, goal):
+        """Let the program continue until a text is on the screen, or a condition holds.
 
-        Of what it sends meanwhile the first seconds are kept, and how it looks in the end.
+        Record the beginning of the wait, and the final screen.
         """
-        true = seen if callable(seen) else lambda: seen in self._shown.text
-        begun = time.monotonic()
-        while not true():
-            waited = time.monotonic() - begun
-            assert waited < DEADLINE, f"not in time: {seen!r}\n{self._shown.text}"
+        is_reached = goal if callable(goal) else lambda: goal in self._terminal.text
+        start = time.monotonic()
+        while not is_reached():
+            waited = time.monotonic() - start
+            assert waited < DEADLINE, f"not in time: {goal!r}\n{self._terminal.text}"
             self.take(0.05)
-            if waited > _LONGEST_WAIT and self._shown.mode(ALTERNATE):
-                self._skip(true)
+            if waited > _LONGEST_WAIT and self._terminal.mode(ALTERNATE):
+                self._skip(is_reached)
 
-    def _skip(self, true):
-        """Keep nothing until something is true, then all of the screen."""
-        self._shown.until(true)
-        self._kept = len(self._shown.raw)
+    def _skip(self, is_reached):
+        """Record nothing until a condition holds, then the whole screen."""
+        self._terminal.until(is_reached)
+        self._recorded = len(self._terminal.raw)
         self._decoder.reset()
         self.events.append((round(self._now, 3), "o", _CANCEL))
-        self._shown.type(_REDRAW)
+        self._terminal.type(_REDRAW)
         self.take(_TO_BE_READ)
 
     def mark(self, words):
-        """Name the place reached; players show it on their timeline."""
+        """Name the current place; players show it on their timeline."""
         self.events.append((round(self._now, 3), "m", words))
 
-    def _keep(self):
-        sent, now = self._shown.raw[self._kept :], time.monotonic()
-        if sent:
-            self._kept += len(sent)
+    def _record(self):
+        output, now = self._terminal.raw[self._recorded :], time.monotonic()
+        if output:
+            self._recorded += len(output)
             self._now += min(now - self._last, LONGEST_PAUSE)
             self._last = now
-            self.events.append((round(self._now, 3), "o", self._decoder.decode(bytes(sent))))
+            self.events.append((round(self._now, 3), "o", self._decoder.decode(bytes(output))))
 
     def write(self, path, title):
         """Write the cast."""
-        screen = self._shown.screen
+        screen = self._terminal.screen
         head = {
             "version": 2,
             "width": screen.columns,
@@ -98,7 +98,7 @@ class CastRecorder:
 
 
 def record_session(path=CAST):
-    """Record how somebody follows the tutorial of the dashboard, its sections as marks."""
+    """Record the tutorial of the dashboard, with its sections as marks."""
     steps = read_steps(DOCUMENT.read_text("utf-8"))
     with tempfile.TemporaryDirectory(prefix="lab-") as folder, shell_in(Path(folder)) as shell:
         cast = CastRecorder(shell)

@@ -1,6 +1,6 @@
-"""Every view of the dashboard as pictures for the documentation: of executed runs, at a fixed time.
+"""Pictures of every view of the dashboard for the documentation: executed runs, at a fixed time.
 
-``python -m campaigns.studies.pictures`` writes them, the tests compare what is written in them.
+``python -m campaigns.studies.pictures`` writes them, the tests compare their texts.
 """
 
 from __future__ import annotations
@@ -49,9 +49,9 @@ ROOT = Path(__file__).parents[3]
 FOLDER = ROOT / "docs" / "pictures"
 CAMPAIGNS = ROOT / "campaigns"
 KEYS = "## All keys\n\n"
-"""What stands above the table of keys."""
+"""Heading of the table of keys."""
 HERE = Path("robot")
-"""Where the dashboard was opened."""
+"""Working directory of the dashboard."""
 NARROW = (92, 26)
 WIDE = (126, 32)
 _TEXT = re.compile(r'<text class="[^"]*" x="([\d.]+)" y="([\d.]+)"[^>]*>(.*?)</text>')
@@ -59,14 +59,14 @@ _TEXT = re.compile(r'<text class="[^"]*" x="([\d.]+)" y="([\d.]+)"[^>]*>(.*?)</t
 
 def _executed(folder, executed):
     dashboard = make_dashboard(ExecutedDaemon.of(executed))
-    # On a busy machine it would be said how long ago the last was heard.
+    # On a busy machine the dashboard would show the age of the last message.
     dashboard.tracks = Tracks(clock=lambda: 0.0)
     return dashboard
 
 
 def _replay(folder, executed):
     playback = open_playback(Path(trace_of(FAILED)))
-    touched = next(found for found in playback.verdicts if found.oracle == "no-contact")
+    touched = next(verdict for verdict in playback.verdicts if verdict.oracle == "no-contact")
     assert touched.evidence.time is not None
     return StandaloneApp(ReplayScreen(playback, touched.evidence.time - 0.5, clock=lambda: 0.0))
 
@@ -90,12 +90,12 @@ async def _checked(pilot):
     )
 
 
-async def _found(pilot):
-    found = []
+async def _listed(pilot):
+    counts = []
 
     def settled():
-        found.append(pilot.app.screen.query_one(CommandList).option_count)
-        return len(found) > 20 and len(set(found[-20:])) == 1 and found[-1] > 1
+        counts.append(pilot.app.screen.query_one(CommandList).option_count)
+        return len(counts) > 20 and len(set(counts[-20:])) == 1 and counts[-1] > 1
 
     await eventually(settled, pilot)
 
@@ -127,7 +127,7 @@ async def _gone(pilot):
 
 @dataclass(frozen=True)
 class Shot:
-    """A picture: what is opened, how large, and the keys that lead to the view."""
+    """A picture: the application, its size, and the keys that lead to the view."""
 
     keys: tuple[str, ...] = ()
     size: tuple[int, int] = NARROW
@@ -155,7 +155,7 @@ SHOTS = {
     "submit": Shot(("s",), open=_submitting, before=_checked),
     "workers": Shot(("3",)),
     "help": Shot(("enter", "question_mark")),
-    "palette": Shot(("colon", *"re"), before=_found),
+    "palette": Shot(("colon", *"re"), before=_listed),
     "cancel": Shot(("c",)),
     "gone": Shot(before=_gone),
 }
@@ -169,11 +169,11 @@ COMMANDS = {
     "command-plot": ("plot", _TRACE, "clearance", "speed"),
     "command-frame": ("replay", _TRACE, "--frame", "no-contact"),
 }
-"""Commands whose output is pictured, about the dashboard's data and a trace in their folder."""
+"""Commands with a picture of their output, about the dashboard's data and a trace beside them."""
 
 
 def typed(name, folder, executed):
-    """Return what a command prints about the runs of ``executed`` as SVG, typed in ``folder``."""
+    """Return the output of a command about the runs of ``executed`` as SVG, typed in ``folder``."""
     arguments = COMMANDS[name]
     width, height = 80, 26
     environment = {
@@ -203,10 +203,10 @@ def typed(name, folder, executed):
 
 
 async def draw(name, folder, executed):
-    """Return a view of ``executed`` as SVG; ``folder`` is for what it needs on disk."""
+    """Return a view of ``executed`` as SVG; ``folder`` is for its files."""
     shot = SHOTS[name]
     _put_traces(folder, executed)
-    # Paths are relative, so that they are the same everywhere.
+    # Relative paths are the same everywhere.
     with chdir(folder), mock.patch.object(Path, "cwd", return_value=HERE):
         app = shot.open(folder, executed)
         async with app.run_test(size=shot.size) as pilot:
@@ -221,7 +221,7 @@ async def draw(name, folder, executed):
                 await shot.before(pilot)
             for line in app.screen.query(Input):
                 line.cursor_blink = False
-            # What was on a map on the way here would stay in its legend, if it was painted.
+            # The legend would keep signs of maps that were painted on the way here.
             for top in app.screen.query(TopView):
                 top.signs = MapSigns()
                 top.redraw()
@@ -233,19 +233,19 @@ async def draw(name, folder, executed):
 
 
 def _put_traces(folder, executed):
-    """Let the traces be where a daemon that was started in ``folder`` has put them."""
+    """Link the traces into the state directory of a daemon in ``folder``."""
     (folder / "state").symlink_to(executed.folder / "state")
 
 
 def _identifier(svg):
-    """Return what all names in a picture begin with; it is made of what is drawn."""
-    found = re.search(r"terminal-[0-9]+", svg)
-    assert found is not None
-    return found[0]
+    """Return the common beginning of all names in a picture, which depends on its content."""
+    match = re.search(r"terminal-[0-9]+", svg)
+    assert match is not None
+    return match[0]
 
 
 def _slim(svg):
-    """Take out what cuts lines of text off where they end anyway."""
+    """Remove clips that cut lines of text off where they end anyway."""
     svg = re.sub(r' clip-path="url\(#[^)]*-line-\d+\)"', "", svg)
     svg = re.sub(r'<clipPath id="[^"]*-line-\d+">\s*<rect[^>]*/>\s*</clipPath>\s*', "", svg)
     return re.sub(r"\n\s*", "\n", svg)
@@ -261,7 +261,7 @@ def key_table():
 
 
 def visible(svg):
-    """Return the lines of text in a picture, whatever its colours and identifiers are."""
+    """Return the lines of text in a picture, without colours and identifiers."""
     lines = {}
     for x, y, text in _TEXT.findall(svg):
         lines.setdefault(float(y), []).append((float(x), html.unescape(text)))

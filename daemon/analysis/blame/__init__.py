@@ -1,7 +1,7 @@
 """Causes of a failure: the layers and parameters it needs, and the smallest run that still fails.
 
-:func:`load_case` takes a run of a campaign file apart, :func:`explain_failure` searches by delta
-debugging, every candidate executed by :func:`daemon.run.execute`, and :func:`save_campaign` writes
+:func:`load_case` takes a run of a campaign file apart. :func:`explain_failure` searches by delta
+debugging and executes every candidate by :func:`daemon.run.execute`. :func:`save_campaign` writes
 the smallest failing run as a campaign.
 """
 

@@ -1,4 +1,4 @@
-"""A run that people name, taken apart: its elements, and the run without any of them."""
+"""A run of a campaign taken apart: its elements, and the run without some of them."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ class Candidate:
 
 @dataclass(slots=True)
 class RunCase:
-    """A run of a campaign with all that it is made of.
+    """A run of a campaign with all its elements.
 
     ``layers`` are scenery layers as the scenario names them, objects before behaviours. The
-    elements of a kind are in the order in which the campaign adds them. The scenario itself is
-    without ``left_out``.
+    elements of a kind are in the order in which the campaign adds them. The scenario itself leaves
+    ``left_out`` out.
     """
 
     campaign: Campaign
@@ -66,8 +66,8 @@ class RunCase:
     def scenario(self, away: Elements) -> ResolvedScenario:
         """Return the scenario without the elements that are ``away``.
 
-        Raises :class:`InputError` when the rest makes no world: a layer speaks of objects that
-        another one places.
+        Raises :class:`InputError` if the rest is not a world: a layer needs objects that another
+        one places.
         """
         world = self._world(away)
         missing = [part for part in _parts(world) if part in away or part in self.left_out]
@@ -76,7 +76,7 @@ class RunCase:
         names = (
             _name_in_file(part, ids)
             for part in missing
-            # What an object does is left out with it.
+            # The behaviours of an object are left out with it.
             if part.kind != "behaviour" or part.name.partition(".")[0] not in objects
         )
         without = tuple(LayerReference(name, {}, world.scenario.where) for name in names)
@@ -85,9 +85,8 @@ class RunCase:
     def candidate(self, away: Elements, oracle: OracleText, repeat: int | None = None) -> Candidate:
         """Return the run without the elements that are ``away``, judged by ``oracle`` alone.
 
-        It is that of another ``repeat``, if one is given. Raises ``ValueError``, and
-        :class:`InputError` as :meth:`scenario` does, when the rest makes no run: no waypoint is
-        left.
+        ``repeat`` replaces the repeat of the run, if given. Raises ``ValueError``, and
+        :class:`InputError` as :meth:`scenario` does, if the rest is not a run: it has no waypoint.
         """
         number = self.spec.repeat if repeat is None else repeat
         cell = self._composer.cell(self._world(away), self.scenario(away), number)
@@ -105,7 +104,7 @@ class RunCase:
 
     def _world(self, away: Elements) -> CampaignCell:
         """Return the cell of the remaining layers with everything that they place."""
-        # Most candidates differ in single things only: their layers are composed once.
+        # Most candidates differ only in single things: their layers are composed once.
         key = frozenset(e for e in away if e.kind in ("objects", "behaviours", "override"))
         if key not in self._worlds:
             references: dict[str, list[LayerReference]] = {"objects": [], "behaviours": []}
@@ -127,8 +126,8 @@ class RunCase:
 def load_case(path: Path, scenario: str, sut: str, repeat: int) -> RunCase:
     """Take a run of a campaign file apart.
 
-    ``sut`` may be empty when the scenario has only one. Raises :class:`InputError` for a
-    run that the campaign does not have.
+    ``sut`` may be empty if the scenario has only one. Raises :class:`InputError` for a run outside
+    the campaign.
     """
     campaign = load_campaign(path)
     where = Where(campaign.file)
@@ -152,7 +151,7 @@ def load_case(path: Path, scenario: str, sut: str, repeat: int) -> RunCase:
 
 
 def case_of(campaign: Campaign, cell: CampaignCell, spec: RunSpec, folder: Path) -> RunCase:
-    """Take a run apart that a scenario of a campaign in ``folder`` specifies."""
+    """Take a run of a campaign in ``folder`` apart."""
     library = LayerLibrary(folder)
     composer = Composer(library, campaign.seed)
     scenario = cell.scenario
@@ -183,9 +182,9 @@ def _overrides(layer: Element, reference: LayerReference) -> dict[Element, str]:
 
 
 def _parts(whole: CampaignCell, remaining: CampaignCell | None = None) -> tuple[Element, ...]:
-    """Return the single things of a cell, or those of them that remain in another one."""
+    """Return the single things of a cell, or those that remain in another cell."""
     cell = remaining or whole
-    # By identity: a place that is visited twice is two waypoints.
+    # Compare by identity: a place that is visited twice is two waypoints.
     remaining_ids = {id(waypoint) for waypoint in cell.mission.waypoints}
     waypoints = enumerate(whole.mission.waypoints)
     subjects = (b.object if isinstance(b, Walk) else b.joint for b in cell.behaviours[0])
@@ -197,7 +196,7 @@ def _parts(whole: CampaignCell, remaining: CampaignCell | None = None) -> tuple[
 
 
 def _name_in_file(part: Element, waypoints: Sequence[str]) -> str:
-    """Return a part as ``without`` in a campaign names it; ``waypoints`` are the ids of all."""
+    """Return the name of a part for ``without`` in a campaign; ``waypoints`` are all ids."""
     if part.kind == "waypoint":
         is_name = waypoints.count(part.name) == 1 and not part.name.isdecimal()
         return f"waypoint {part.name if is_name else part.index + 1}"

@@ -18,13 +18,13 @@ TestOutcome: TypeAlias = Literal["pass", "fail", "unresolved"]
 
 @dataclass(frozen=True, slots=True)
 class Element:
-    """A part of a failing run that it could do without.
+    """A part of a failing run that may be removed.
 
     ``objects`` and ``behaviours``: a scenery layer; ``override``: the campaign's value for a
-    parameter of one; ``parameter``: a value in which the system under test differs from the one
-    it is like. ``object``, ``waypoint`` and ``behaviour``: single ones of the composed run.
-    ``index`` tells equal names apart. The name of a ``parameter`` says its value as well;
-    ``setting`` is the name without the value, empty for all others.
+    parameter of one; ``parameter``: a value in which the system under test differs from its base.
+    ``object``, ``waypoint`` and ``behaviour``: single things of the composed run. ``index``
+    distinguishes equal names. The name of a ``parameter`` contains its value; ``setting`` is the
+    name alone, empty for all other kinds.
     """
 
     kind: ElementKind
@@ -34,7 +34,7 @@ class Element:
 
     @property
     def short_name(self) -> str:
-        """The name of an element that has been reported in full before."""
+        """The name of an element that was reported in full before."""
         return self.setting or self.name
 
     def __str__(self) -> str:
@@ -46,7 +46,7 @@ Elements: TypeAlias = frozenset[Element]
 
 @dataclass(frozen=True, slots=True)
 class Without:
-    """End of the run without one of the elements that it needs to fail."""
+    """Outcome of the run without one of the elements that it needs to fail."""
 
     element: Element
     word: TestOutcome
@@ -58,11 +58,11 @@ class Blame:
     """The story of a failure.
 
     ``verdict`` is the oracle's verdict on the run. ``layers`` are the layers and parameters that
-    the failure needs, with how the run ends without each. ``objects``, ``waypoints``,
-    ``behaviours`` and ``parameters`` are those of the smallest run, of ``before`` of each kind in
-    the whole one, and ``last`` its verdict. ``minimal`` is a proof that no other thing can go;
-    otherwise ``stopped`` says why there is none. ``settings`` are the names of the ``parameters``
-    without their values.
+    the failure needs, with the outcome without each. ``objects``, ``waypoints``, ``behaviours`` and
+    ``parameters`` are those of the smallest run, ``last`` is its verdict; ``before`` counts each
+    kind in the whole run. ``minimal`` means that no other thing can be removed; otherwise
+    ``stopped`` says why this is unknown. ``settings`` are the names of the ``parameters`` without
+    their values.
     """
 
     run: str
@@ -81,9 +81,9 @@ class Blame:
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """Story of a failure, the effort to find it, and the campaign file of the least that fails.
+    """Story of a failure, the effort to find it, and the campaign file of the smallest failing run.
 
-    ``runs`` were executed in ``seconds`` of wall clock; the end of ``cached`` more was known.
+    ``runs`` were executed in ``seconds`` of wall clock; the outcome of ``cached`` more was known.
     """
 
     blame: Blame
@@ -94,13 +94,13 @@ class Explanation:
 
 
 class NoFailureError(ValueError):
-    """The run passes, or does not fail again, so there is no failure to explain."""
+    """There is no failure to explain: the run passes, or does not fail again."""
 
 
 def story_lines(story: Blame, like: str) -> tuple[str, ...]:
-    """Return the reasons why a run fails and the parts of the smallest one, line by line.
+    """Return the reasons of a failure and the parts of the smallest run, line by line.
 
-    ``like`` names the system under test that the run's own is like, if any.
+    ``like`` names the base of the system under test, if any.
     """
     return (*_layer_lines(story, like), *_part_lines(story))
 
@@ -108,7 +108,7 @@ def story_lines(story: Blame, like: str) -> tuple[str, ...]:
 def _layer_lines(story: Blame, like: str) -> Iterator[str]:
     if not story.layers:
         if story.stopped:
-            yield "which of its layers makes it fail is not known yet"
+            yield "the layer that makes it fail is not known yet"
         else:
             bare = f" with {like}" if like else ""
             yield f"fails in the bare building{bare} as well: no layer is to blame"

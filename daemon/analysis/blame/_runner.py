@@ -1,4 +1,4 @@
-"""Executing candidates: a few at a time, each once, within a budget."""
+"""Execution of candidates: a few at a time, each once, within a budget."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from daemon.model.verdicts import Evidence, Outcome, Verdict
 from daemon.run import execute
 
 SLOTS: Final = 2
-"""Candidates that run at the same time. The answer depends on this number, so it is not the number
-of cores: the same question has the same answer on every machine."""
+"""Candidates that run at the same time. The answer depends on this number, so it must be the same
+on every machine, for any number of cores."""
 
 
 class BudgetSpentError(Exception):
@@ -26,7 +26,7 @@ class BudgetSpentError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class CandidateResult:
-    """End of a candidate by the oracle in question."""
+    """Outcome of a candidate by the oracle in question."""
 
     word: TestOutcome
     verdict: Verdict
@@ -34,16 +34,15 @@ class CandidateResult:
 
 RunnerWatch: TypeAlias = Callable[["CandidateRunner"], None]
 CandidateExecutor: TypeAlias = Callable[[Sequence[Candidate]], list[tuple[CandidateResult, ...]]]
-"""Executes a batch of candidates; returns how each ended by each of its oracles, in order."""
+"""Executes a batch of candidates; returns the results of each by each of its oracles, in order."""
 
 
 @dataclass(slots=True)
 class CandidateRunner:
-    """Has runs executed and remembers how they ended, by their digests.
+    """Executes runs and remembers their results by their digests.
 
-    ``runs`` counts executed runs, ``cached`` those whose end was known already. ``watch`` is called
-    after each batch. Without an ``executor`` runs are executed here, in processes of their own
-    (:func:`execute_candidates`).
+    ``runs`` counts executed runs, ``cached`` those with a known result. ``watch`` is called after
+    each batch. The default ``executor`` is :func:`execute_candidates`, with a process for each run.
     """
 
     budget: int
@@ -59,16 +58,16 @@ class CandidateRunner:
         """Wall clock since the beginning [s]."""
         return time.monotonic() - self.started
 
-    def known(self, candidate: Candidate) -> CandidateResult | None:
-        """Return how a run ended that was executed before."""
+    def recall(self, candidate: Candidate) -> CandidateResult | None:
+        """Return the known result of a run, if any."""
         return self._ends.get(candidate.spec.digest)
 
-    def remember(self, candidate: Candidate, ended: CandidateResult) -> None:
-        """Take it as known how a run ends."""
-        self._ends[candidate.spec.digest] = ended
+    def remember(self, candidate: Candidate, result: CandidateResult) -> None:
+        """Remember the result of a run."""
+        self._ends[candidate.spec.digest] = result
 
     def judge_all(self, candidate: Candidate) -> tuple[CandidateResult, ...]:
-        """Execute one run and return how it ended by each of its oracles."""
+        """Execute one run and return its results by each of its oracles."""
         if self.runs >= self.budget:
             raise BudgetSpentError
         self.runs += 1
@@ -76,17 +75,17 @@ class CandidateRunner:
         return endings
 
     def results(self, candidates: Sequence[Candidate | None]) -> list[CandidateResult | None]:
-        """Return how each ends, executing what is not known yet; ``None`` cannot be run."""
+        """Return the result of each run, after executing new ones; ``None`` stands for no run."""
         runs = [candidate for candidate in candidates if candidate is not None]
         for start in range(0, len(runs), SLOTS):
             self._execute(runs[start : start + SLOTS])
         return [None if one is None else self._ends[one.spec.digest] for one in candidates]
 
     def first_failing(self, candidates: Sequence[Candidate | None]) -> int | None:
-        """Return the index of the first candidate that fails; ``None`` in it cannot be run.
+        """Return the index of the first failing candidate; a ``None`` among them is not run.
 
         Candidates are executed in order, :data:`SLOTS` at a time, up to the batch of the first
-        one that fails. Raises :class:`BudgetSpentError` when the budget does not last so far.
+        failing one. Raises :class:`BudgetSpentError` if the budget does not suffice.
         """
         for start in range(0, len(candidates), SLOTS):
             for index, end in enumerate(self.results(candidates[start : start + SLOTS]), start):
@@ -97,7 +96,7 @@ class CandidateRunner:
     def _execute(self, candidates: Sequence[Candidate]) -> None:
         new = {c.spec.digest: c for c in candidates if c.spec.digest not in self._ends}
         self.cached += len(candidates) - len(new)
-        # A whole batch or none: half of one would make the answer depend on the budget.
+        # Run a whole batch or none: with half of one the answer would depend on the budget.
         if self.runs + len(new) > self.budget:
             raise BudgetSpentError
         if new:
@@ -130,7 +129,7 @@ def execute_candidates(
 
 
 def unresolved_candidate(candidate: Candidate, note: str) -> tuple[CandidateResult, ...]:
-    """Return the end of a run without a result by each of its oracles; ``note`` says why."""
+    """Return the unresolved results of a run by each of its oracles; ``note`` says why."""
     evidence = Evidence(note=note)
     verdicts = (
         Verdict(oracle.name, oracle.text, Outcome.ERROR, None, None, "", evidence)
@@ -140,9 +139,9 @@ def unresolved_candidate(candidate: Candidate, note: str) -> tuple[CandidateResu
 
 
 def judge_verdict(verdict: Verdict, ended: str) -> CandidateResult:
-    """Return how a run ended by one oracle; a run that cannot be trusted is unresolved.
+    """Return the result of a run by one oracle; an untrustworthy run is unresolved.
 
-    A crash of the system under test is another failure than the one to explain, so it is too.
+    So is a crash of the system under test, which is another failure than the one to explain.
     """
     words: dict[Outcome, TestOutcome] = {Outcome.PASS: "pass", Outcome.FAIL: "fail"}
     word = "unresolved" if ended == "crashed" else words.get(verdict.outcome, "unresolved")

@@ -1,4 +1,4 @@
-"""The smallest failing run as a campaign of its own: a folder that can be handed on."""
+"""The smallest failing run as a campaign of its own: a folder to pass on."""
 
 from __future__ import annotations
 
@@ -42,10 +42,9 @@ SCENARIO: Final = "minimal"
 def save_campaign(case: RunCase, result: BlameResult, path: Path, runner: CandidateRunner) -> Path:
     """Write the smallest failing run to the folder ``path`` and return the campaign file.
 
-    Layers are copied as they are, and the scenario says without which of their parts it is run;
-    the run that the campaign specifies is the one that failed, seed included. Raises ``OSError``,
-    and ``ValueError`` when the files would specify another run: a folder that people hand on must
-    fail in the same way.
+    Layers are copied unchanged, and the scenario lists the parts to leave out. The campaign
+    specifies the failed run, with its seed. Raises ``OSError``, and ``ValueError`` if the files
+    would specify another run: a folder that people pass on must fail in the same way.
     """
     path.mkdir(parents=True, exist_ok=True)
     smallest, repeat = _earliest_repeat(case, result, runner)
@@ -80,7 +79,7 @@ def _write(folder: Path, name: str, text: str) -> str:
 
 
 def _copy(source: Path, folder: Path, name: str) -> None:
-    """Copy a file, or a folder that is one layer."""
+    """Copy a layer: a file or a folder."""
     target = folder / name
     target.parent.mkdir(parents=True, exist_ok=True)
     if source.is_dir():
@@ -92,9 +91,9 @@ def _copy(source: Path, folder: Path, name: str) -> None:
 def _earliest_repeat(
     case: RunCase, result: BlameResult, runner: CandidateRunner
 ) -> tuple[Candidate, int]:
-    """Return the run in repeat 0 if it fails there too, otherwise as it is, with its repeat.
+    """Return the run in repeat 0 if it fails there too, otherwise unchanged, with its repeat.
 
-    A campaign always has the repeats before one, so the first one is the one to have.
+    A campaign always includes all earlier repeats, so repeat 0 gives the smallest one.
     """
     smallest, repeat = result.smallest, case.spec.repeat
     if repeat == 0 or result.story.stopped:
@@ -114,7 +113,7 @@ def _copied(case: RunCase, scenario: ResolvedScenario, folder: Path) -> Resolved
         source = find_layer(case.folder, reference, kind)
         if source not in copies:
             name = f"{kind.folder}/{source.name}"
-            if name in copies.values():  # a layer in another folder is called so as well
+            if name in copies.values():  # a layer of another folder has this name too
                 name = f"{kind.folder}/{len(copies)}/{source.name}"
             copies[source] = name
             _copy(source, folder, name)
@@ -128,7 +127,7 @@ def _copied(case: RunCase, scenario: ResolvedScenario, folder: Path) -> Resolved
     if scenario.vary is None:
         plan = copy(required(scenario.floorplan), FLOORPLAN)
     else:
-        # Who gets the folder must not have to draw the variant again.
+        # The receiver of the folder need not draw the variant again.
         text = json.dumps(scene_document(case.cell.plan), indent=1)
         name = _write(folder, f"floorplans/{case.cell.plan.name}.jsonld", text)
         plan = LayerReference(name, {}, scenario.where)
@@ -145,7 +144,7 @@ def _copied(case: RunCase, scenario: ResolvedScenario, folder: Path) -> Resolved
 
 
 def _write_sut(case: RunCase, result: BlameResult, folder: Path) -> str:
-    """Write the system under test, as differences from the one it is like if it has any."""
+    """Write the system under test, as differences from its base, if any."""
     sut, settings = result.smallest.spec.sut, case.settings
     text: dict[str, Any] = {"kind": sut.kind, "parameters": sut.parameters}
     changes = parameter_tree(settings.remaining(result.away))
@@ -153,7 +152,7 @@ def _write_sut(case: RunCase, result: BlameResult, folder: Path) -> str:
         keys = {name: sut.parameters[name] for name in own if name in sut.parameters}
         text = {"kind": sut.kind, **keys}
     elif settings.like and changes and not sut.files:
-        # The saved system keeps its name, which verdicts show; the one it is like makes room.
+        # The saved system keeps its name, which verdicts show, so its base gets another one.
         like = settings.like if settings.like != sut.name else f"{sut.name}-base"
         base = {"sut": like, "kind": sut.kind, "parameters": parameter_tree(settings.base)}
         _write(folder, f"suts/{like}.yaml", yaml_text(base))
@@ -173,18 +172,18 @@ def _name(case: RunCase) -> str:
 def _comment(story: Blame, repeat: int) -> str:
     otherwise = ", or fail for another reason" if story.layers else ""
     lines = [
-        f"What is left of {story.run}, which failed {story.verdict.oracle}.",
-        f"Nothing else can be taken away: it would pass{otherwise}."
+        f"The smallest part of {story.run} that fails {story.verdict.oracle}.",
+        f"No other thing can be removed: it would pass{otherwise}."
         if story.minimal
-        else f"There may be more to take away: {story.stopped}.",
+        else f"Other things may be removable: {story.stopped}.",
     ]
     if repeat:
-        lines.append(f"It is repeat {repeat} that fails; the ones before may pass.")
+        lines.append(f"Repeat {repeat} fails; earlier ones may pass.")
     return "\n".join(lines)
 
 
 def _verify(file: Path, expected: RunSpec) -> None:
-    """Hold the written campaign to specifying the run it was written for."""
+    """Check that the written campaign specifies the expected run."""
     runs = expand(load_campaign(file)).specs
     specified = next(run for run in runs if run.repeat == expected.repeat)
     names = ("scene", "robot", "mission", "behaviours", "oracles", "map", "seed", "limit", "sut")

@@ -1,8 +1,8 @@
 """Search for the causes of a failure: delta debugging, first of layers, then of single things.
 
-Zeller and Hildebrandt 2002, "Simplifying and isolating failure-inducing input". Written here and
-not taken from a package: the ones on PyPI (picire, ddmin) have not been released since 2021 and
-2019, and run tests in their own processes; here the caller decides which runs go together.
+Zeller and Hildebrandt 2002, "Simplifying and isolating failure-inducing input". This is our own
+code: the packages on PyPI (picire, ddmin) had their last releases in 2021 and 2019 and run tests in
+their own processes, while here the caller decides which runs go together.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ from grammars.text.diagnostics import Finding, InputError, Where, did_you_mean
 
 T = TypeVar("T")
 FirstFailing: TypeAlias = Callable[[Sequence[tuple[T, ...]]], int | None]
-"""Returns the index of the first configuration that fails, or ``None`` when none does."""
+"""Returns the index of the first failing configuration, ``None`` if all pass."""
 
 
 def ddmin(items: Sequence[T], first_failing: FirstFailing[T]) -> Iterator[tuple[T, ...]]:
-    """Yield ever smaller configurations that fail, the last one 1-minimal.
+    """Yield ever smaller failing configurations, the last one 1-minimal.
 
-    ``items`` as a whole must fail. A configuration keeps the order of ``items``; it is 1-minimal
-    when it fails and does not with any single item taken away. A configuration that neither
-    passes nor fails counts as not failing. Without anything to take away there are no yields.
+    ``items`` as a whole must fail. A configuration keeps the order of ``items``. It is 1-minimal if
+    it fails, but not after the removal of any single item. A configuration that neither passes nor
+    fails counts as not failing. Without removable items nothing is yielded.
     """
     current, parts = tuple(items), 2
-    # The empty one first: if no item of a kind matters, that is one run instead of a logarithm.
+    # Try the empty one first: if no item matters, this takes one run instead of a logarithm.
     if current and first_failing([()]) == 0:
         yield ()
         return
@@ -47,10 +47,10 @@ def ddmin(items: Sequence[T], first_failing: FirstFailing[T]) -> Iterator[tuple[
         chunks = [current[low:high] for low, high in pairwise(bounds)]
         # The complement of one half is the other half.
         complements = [current[:low] + current[high:] for low, high in pairwise(bounds)]
-        tried = [*chunks, *(complements if parts > 2 else [])]
-        hit = first_failing(tried)
+        configurations = [*chunks, *(complements if parts > 2 else [])]
+        hit = first_failing(configurations)
         if hit is not None:
-            current = tried[hit]
+            current = configurations[hit]
             parts = 2 if hit < len(chunks) else max(parts - 1, 2)
             yield current
         elif parts == len(current):
@@ -64,10 +64,9 @@ _PHASES: tuple[tuple[ElementKind, ...], ...] = (
     ("object",),
     ("behaviour", "parameter"),
 )
-"""Kinds that are reduced together, in this order: a shorter mission makes all later runs short."""
+"""Kinds reduced together, in this order: a shorter mission shortens all later runs."""
 _MOST_SUSPECTS: Final = 12
-"""Up to this many layers and parameters, each is left out of the whole run alone, which costs a run
-of the budget."""
+"""Most layers and parameters that are each left out of the whole run, at the cost of a run."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +80,7 @@ class BlameResult:
 
 @dataclass(slots=True)
 class _Search:
-    """The elements that a failing run does without so far, and the reasons why it fails.
+    """Search state: the elements taken ``away`` so far, and the ``reasons`` of the failure.
 
     A reason is a layer or parameter without which the run passes.
     """
@@ -103,14 +102,14 @@ class _Search:
         if len(added) <= _MOST_SUSPECTS:
             self._try_without_each(added)
         self._take_away([element for element in added if element not in self.reasons])
-        # From here on only needed elements can be reasons.
+        # From now on only needed elements can be reasons.
         self.layers = self._try_without_each([e for e in added if e not in self.away])
 
     def reduce(self) -> None:
-        """Take single things away, kind by kind; then prove that no one thing can go."""
+        """Take single things away, kind by kind, until no further one can be removed."""
         for kinds in _PHASES:
             self._take_away(self._remaining(kinds))
-        # One by one: things that were needed beside one of a later kind may not be any more.
+        # One by one: things needed before the removal of a later kind may be removable now.
         hit: int | None = 0
         while hit is not None:
             smaller = [self.away | {one} for kinds in _PHASES for one in self._remaining(kinds)]
@@ -123,7 +122,7 @@ class _Search:
         return [one for one in self.case.remaining(self.away) if one.kind in kinds]
 
     def _take_away(self, items: Sequence[Element]) -> None:
-        """Take as many of ``items`` away as the failure can do without."""
+        """Take away as many of ``items`` as possible."""
         away = self.away
 
         def without(rest: Collection[Element]) -> Elements:
@@ -133,7 +132,7 @@ class _Search:
             self.away = without(rest)
 
     def _try_without_each(self, elements: Sequence[Element]) -> tuple[Without, ...]:
-        """Return how the run ends without each one, and note the reasons."""
+        """Return the outcome without each element, and note the reasons."""
         results = self.runner.results([self._candidate(self.away | {one}) for one in elements])
         ends = tuple(
             Without(element, "unresolved", "there is no run, another layer needs it")
@@ -145,10 +144,10 @@ class _Search:
         return ends
 
     def _first_failing(self, configurations: Sequence[Elements]) -> int | None:
-        """Return the first of these that fails for the same reasons, each without its elements.
+        """Return the first run, without one of ``configurations``, that fails for the same reasons.
 
-        A run that fails as well without one of the reasons fails for another one: because of a
-        door that is shut from the beginning, say, not one that shuts.
+        A run that also fails without one of the reasons fails for another reason, such as a door
+        that is shut from the beginning instead of one that shuts.
         """
         start = 0
         while True:
@@ -162,7 +161,7 @@ class _Search:
             start += 1
 
     def _candidate(self, away: Elements) -> Candidate | None:
-        """Return the run without these elements, ``None`` if the rest makes none."""
+        """Return the run without these elements, ``None`` if the rest is not a run."""
         try:
             return self.case.candidate(away, self.oracle)
         except (InputError, ValueError):
@@ -170,12 +169,12 @@ class _Search:
 
 
 def explain_failure(case: RunCase, runner: CandidateRunner, oracle: str = "") -> BlameResult:
-    """Find out why a run fails, and return the story with the smallest run that still does.
+    """Find the causes of a failure; return their story with the smallest run that still fails.
 
-    ``oracle`` names the one whose verdict matters; without it, it is the first that fails. A spent
+    ``oracle`` names the oracle whose verdict counts, by default the first failing one. A spent
     budget and Ctrl-C keep the smallest run so far, and the story says so. Raises
-    :class:`NoFailureError` for a run that does not fail, :class:`InputError` for an oracle it does
-    not have, and :class:`BudgetSpentError` or ``KeyboardInterrupt`` before that is known.
+    :class:`NoFailureError` for a run that does not fail, :class:`InputError` for an unknown oracle,
+    and :class:`BudgetSpentError` or ``KeyboardInterrupt`` before the failure is reproduced.
     """
     judge, first = _reproduce_failure(case, runner, oracle)
     search, stopped = _Search(case, judge, runner), ""
@@ -199,7 +198,7 @@ def explain_failure(case: RunCase, runner: CandidateRunner, oracle: str = "") ->
         waypoints=tuple(waypoint.id for waypoint in smallest.spec.mission.waypoints),
         parameters=tuple(one.name for one in parameters),
         before=tuple((kind, sum(one.kind == kind for one in whole)) for kind in kinds),
-        last=(runner.known(smallest) or first).verdict,
+        last=(runner.recall(smallest) or first).verdict,
         minimal=search.minimal,
         stopped=stopped,
         settings=tuple(one.short_name for one in parameters),
@@ -210,17 +209,17 @@ def explain_failure(case: RunCase, runner: CandidateRunner, oracle: str = "") ->
 def _reproduce_failure(
     case: RunCase, runner: CandidateRunner, oracle: str
 ) -> tuple[OracleText, CandidateResult]:
-    """Execute the run as it is; return the oracle that fails and its verdict."""
+    """Execute the whole run; return the failing oracle and its result."""
     names = [o.name for o in case.spec.oracles]
     if oracle and oracle not in names:
         message = f'{case.spec.label} has no oracle "{oracle}"'
         where = Where(case.campaign.file)
         raise InputError(Finding(where, message, did_you_mean(oracle, names)))
-    endings = runner.judge_all(Candidate(case.spec, case.cell.scene))
-    for one, ended in zip(case.spec.oracles, endings, strict=True):
-        if ended.word == "fail" and oracle in ("", one.name):
-            runner.remember(case.candidate(frozenset(), one), ended)
-            return one, ended
-    outcomes = ", ".join(f"{v.verdict.oracle} {v.verdict.outcome}" for v in endings)
+    results = runner.judge_all(Candidate(case.spec, case.cell.scene))
+    for one, result in zip(case.spec.oracles, results, strict=True):
+        if result.word == "fail" and oracle in ("", one.name):
+            runner.remember(case.candidate(frozenset(), one), result)
+            return one, result
+    outcomes = ", ".join(f"{r.verdict.oracle} {r.verdict.outcome}" for r in results)
     name = f" {oracle}" if oracle else ""
     raise NoFailureError(f"{case.spec.label} does not fail{name}: {outcomes}")

@@ -1,4 +1,4 @@
-"""Parameters in which a system under test differs from the one it is like."""
+"""Parameters in which a system under test differs from its base."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from grammars.text.ros_yaml import ParameterValue
 
 _DEEP: Final = 2
 _LONG: Final = 60
-"""Levels of a parameter's name, and characters of its value, that are shown."""
+"""Most levels of a parameter's name, and characters of its value, in messages."""
 
 
 @dataclass(frozen=True, slots=True)
 class SutDifferences:
-    """A system under test as another one, ``base``, with differences: some settings each.
+    """A system under test as changes of a ``base``, each of some settings.
 
-    ``like`` is the name of the other one, empty when it is the defaults of the kind.
+    ``like`` is the name of the base, empty for the defaults of the kind.
     """
 
     whole: SutReference
@@ -39,11 +39,11 @@ class SutDifferences:
 
     @property
     def elements(self) -> tuple[Element, ...]:
-        """One element for each line in which they differ."""
+        """One element for each line with a difference."""
         return tuple(element for element, _ in self.changes)
 
     def remaining(self, away: Elements) -> ParameterValues:
-        """Return the settings of the differences that are not ``away``."""
+        """Return the settings of the differences, except those ``away``."""
         settings: ParameterValues = {}
         for element, change in self.changes:
             settings |= change if element not in away else {}
@@ -52,9 +52,9 @@ class SutDifferences:
     def without(self, away: Elements) -> SutReference:
         """Return the system without the differences that are ``away``.
 
-        Raises ``ValueError`` when its kind does not take such parameters.
+        Raises ``ValueError`` if its kind refuses these parameters.
         """
-        # The very value, so that the whole run keeps its digest and is not executed twice.
+        # The identical value keeps the digest of the whole run, which is not executed twice.
         if away.isdisjoint(self.elements):
             return self.whole
         tree = parameter_tree(merge_parameters(self.base, self.remaining(away)))
@@ -64,9 +64,9 @@ class SutDifferences:
 
 
 def sut_differences(cell: CampaignCell, sut: SutReference, library: LayerLibrary) -> SutDifferences:
-    """Compare a system under test of a cell with the one its file says it is like.
+    """Compare a system under test of a cell with the base that its file names.
 
-    How a ROS 2 stack is started is not taken apart: without a part of it, it would not start.
+    The keys of a ROS 2 stack are not taken apart: without one of them it would not start.
     """
     if stack_kind(sut.kind).keys:
         return SutDifferences(sut)
@@ -82,8 +82,8 @@ def sut_differences(cell: CampaignCell, sut: SutReference, library: LayerLibrary
         other = library.sut_file(Path(files[1]))
         like, base = other.reference.name, other.settings
     elif files:
-        # Like no other: the difference are the values of its own file on top of the ROS files, and
-        # those of the campaign on top of that.
+        # Without a base the differences are the values of its own file and of the campaign, on top
+        # of the ROS files.
         settings = library.sut_file(Path(files[0])).settings
         base = {path: one for path, one in settings.items() if one.where.file != files[0]}
     return SutDifferences(sut, like, base, _changed_elements(base, loaded.settings))
@@ -92,7 +92,7 @@ def sut_differences(cell: CampaignCell, sut: SutReference, library: LayerLibrary
 def _changed_elements(
     base: ParameterValues, settings: ParameterValues
 ) -> tuple[tuple[Element, ParameterValues], ...]:
-    """Return the differences, one element for all values of one place in a file."""
+    """Return the differences, one element for all values from one place in a file."""
     differing = {
         path: setting
         for path, setting in settings.items()
@@ -102,8 +102,8 @@ def _changed_elements(
     differing |= {path: ParameterValue(None, nowhere) for path in base if path not in settings}
     groups: dict[object, ParameterValues] = {}
     for path, setting in differing.items():
-        # A footprint of five corners, or a value of costmap_common for two costmaps, is one line
-        # of a file and one thing to blame.
+        # A footprint of five corners, or a common value of two costmaps, is one line of a file and
+        # one thing to blame.
         key = setting.where if setting.value is not None else path
         groups.setdefault(key, {})[path] = setting
     return tuple(
@@ -112,7 +112,7 @@ def _changed_elements(
 
 
 def _parameter_element(group: ParameterValues, index: int) -> Element:
-    """Return the element of a line: the path as far as its settings share it, and the value."""
+    """Return the element of a line: the shared end of its settings' paths, and the value."""
     paths = list(group)
     shared = 1
     while shared < min(map(len, paths)) and len({path[-shared - 1 :] for path in paths}) == 1:

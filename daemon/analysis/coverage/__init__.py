@@ -1,8 +1,8 @@
 """Coverage of the space of scenarios: features that a campaign exercises, and those it misses.
 
-Runs are held against a model of the features of scenarios (Ortega et al. 2024, figure 1):
-:func:`planned_coverage` specifications, :func:`trace_coverage` recorded runs, with doors and floor
-as well. For traces that are open already, :func:`sum_coverage` sums up :func:`run_coverage`.
+Runs are compared with a model of the features of scenarios (Ortega et al. 2024, figure 1):
+:func:`planned_coverage` compares specifications, :func:`trace_coverage` recorded runs, including
+doors and floor. For open traces, :func:`sum_coverage` sums up :func:`run_coverage`.
 """
 
 from daemon.analysis.coverage._coverage import (

@@ -1,4 +1,4 @@
-"""Coverage of a campaign: of its specifications, and of its traces where there are any."""
+"""Coverage of a campaign: of its specifications, and of its traces, if any."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from grammars.model.movers import is_mover, own_joints
 from grammars.model.scene import Scene, SceneObject
 
 NEAR: Final = 1.5
-"""A door is met when the robot's base comes this near [m]."""
+"""Distance [m] of the robot's base below which it meets a door."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,7 +32,7 @@ class RunCoverage:
     """Contribution of one recorded run; runs of equal ``world`` are in the same building.
 
     ``features`` are planned and done, ``doors`` are counts of one run, ``cells`` of the floor are
-    seen and driven on. It travels from the process that read the trace, so they are packed.
+    seen and driven on. The cells are packed, because the value travels between processes.
     """
 
     world: tuple[str, float]
@@ -45,7 +45,7 @@ class RunCoverage:
 def planned_coverage(runs: Iterable[RunSpec], scenes: Iterable[Scene]) -> Coverage:
     """Return the features that runs would exercise, without executing them.
 
-    ``scenes`` are those the specifications name. Raises ``KeyError`` when one is missing.
+    ``scenes`` are those of the specifications. Raises ``KeyError`` for a missing one.
     """
     by_digest = {scene.digest: scene for scene in scenes}
     features = [recognise_features(run_facts(spec, by_digest[spec.scene])) for spec in runs]
@@ -57,9 +57,9 @@ def trace_coverage(
 ) -> Coverage:
     """Return the coverage of recorded runs: features, doors and floor.
 
-    ``near`` [m] is how near the robot's base has to come to a door to have met it. Traces are
-    read on ``processes`` (default: one per core); one that cannot be used is among
-    ``unreadable``. Raises :class:`daemon.batch.errors.DaemonError` when a reading process dies.
+    ``near`` [m] is the distance of the robot's base below which it meets a door. Traces are read on
+    ``processes`` (default: one per core); unusable ones are among ``unreadable``. Raises
+    :class:`daemon.batch.errors.DaemonError` if a reading process dies.
     """
     task = partial(_read_coverage, near)
     read = tuple(parallel_map(task, traces, doing="reading traces", processes=processes))
@@ -69,12 +69,12 @@ def trace_coverage(
 
 
 def _read_coverage(near: float, path: Path) -> RunCoverage | Unreadable:
-    """Read one trace and return its contribution, or why it cannot be used."""
+    """Read one trace and return its contribution, or why it is unusable."""
     try:
         trace = read_trace(path, scans=True)
     except TraceError as error:
         return Unreadable(str(path), error.findings[0].message)
-    # A clock that jumps or a NaN: nothing in the trace can be trusted.
+    # After a clock that jumps or a NaN, no part of the trace can be trusted.
     if problems := trace_problems(trace):
         return Unreadable(str(path), "; ".join(problems))
     return run_coverage(trace, near=near)
@@ -93,11 +93,11 @@ def run_coverage(trace: Trace, *, near: float = NEAR) -> RunCoverage:
 
 
 def sum_coverage(runs: Sequence[RunCoverage], *, near: float = NEAR) -> Coverage:
-    """Return the coverage of recorded runs together; see :func:`trace_coverage`."""
+    """Return the joint coverage of recorded runs; see :func:`trace_coverage`."""
     worlds: dict[tuple[str, float], list[RunCoverage]] = {}
     for run in runs:
-        # At another height the first laser, at which the map is drawn, meets other walls and
-        # windows: another floor to be seen.
+        # The map is drawn at the height of the first laser: another height meets other walls and
+        # windows, so it gives another floor.
         worlds.setdefault(run.world, []).append(run)
     doors: list[DoorCount] = []
     floor: list[FloorArea] = []
@@ -110,9 +110,9 @@ def sum_coverage(runs: Sequence[RunCoverage], *, near: float = NEAR) -> Coverage
 
 
 def _door_counts(trace: Trace, near: float) -> tuple[DoorCount, ...]:
-    """Count for each articulated object of the scene how a recorded run has moved it.
+    """Count the motions of each articulated object of the scene in a recorded run.
 
-    Those are the objects with a joint that has room to move, movers excluded.
+    These are the objects with a joint that has room to move, without movers.
     """
     moving = {b.joint for b in trace.spec.behaviours if not isinstance(b, Hold)}
     by_robot = (JointEvent.TRIGGERED, JointEvent.REACTS)
@@ -138,7 +138,7 @@ def _door_counts(trace: Trace, near: float) -> tuple[DoorCount, ...]:
 
 
 def _nearest_distance(trace: Trace, door: SceneObject) -> float | None:
-    """Return how near the robot's base came to the hinges of a door or, without one, its origin."""
+    """Return the least distance of the robot's base from a door's hinges, or from its origin."""
     truth = trace.ground_truth
     hinges = [joint for joint in own_joints(door.joints) if joint.kind == "revolute"]
     points = [door.pose.apply(joint.anchor) for joint in hinges] or [(door.pose.x, door.pose.y)]

@@ -1,10 +1,9 @@
 """The feature model of scenarios (Ortega et al. 2024, figure 1 and sections 2.2, 3.1), and counts.
 
 The four mandatory features of the paper head the paths: testing objective, system under test,
-mission, scenery. The figure is not exhaustive by its own account. The features below its second
-level are from the prose of sections 2.2, 3.1, 3.3 and table 1, as far as runs show them. Where the
-paper gives no number (how many waypoints are many) the rule does, in its
-``about``.
+mission, scenery. The paper says that its figure is not exhaustive. The features below its second
+level come from the prose of sections 2.2, 3.1, 3.3 and table 1, if runs show them. Numbers that the
+paper does not give (how many waypoints are many) are in ``about`` of the rule.
 """
 
 from __future__ import annotations
@@ -28,9 +27,8 @@ FeatureRule: TypeAlias = Callable[[RunFacts], bool]
 class ScenarioFeature:
     """A feature: ``path`` is its place in the tree, names joined by ``/``.
 
-    ``planned`` recognises it in a run as planned. Where planned and done may differ, ``done``
-    finds it in the trace. A path that ends in ``/`` stands for one feature for each name that
-    ``name`` gives.
+    ``planned`` recognises it in the specification of a run. If the trace may differ, ``done`` finds
+    it there. A path that ends in ``/`` stands for one feature for each value of ``name``.
     """
 
     path: str
@@ -72,8 +70,8 @@ MODEL: Final = (
     ),
     ScenarioFeature(
         "objective/robustness",
-        "something judges a run whose scenery changes of itself: by the clock, on an occasion, "
-        "walking about",
+        "an oracle judges a run whose scenery changes by itself: by the clock, on an occasion, "
+        "by walking",
         lambda run: bool(run.judged) and run.has_behaviour(KeyFrames, Reaction, Walk),
     ),
     ScenarioFeature(
@@ -107,7 +105,7 @@ MODEL: Final = (
     ),
     ScenarioFeature(
         "sut/map/own",
-        "a map of its own: the world differs from it by whatever does",
+        "a map file of the user, which may differ from the world",
         lambda run: bool(run.spec.map.file),
     ),
     ScenarioFeature("mission/waypoints/one", "a single Go To action", _waypoints(1, 1)),
@@ -134,10 +132,10 @@ MODEL: Final = (
         lambda run: len(run.rooms) > 1,
         rules.crossed_rooms,
     ),
-    ScenarioFeature("mission/circuit", "comes back to where it has been", rules.circuit),
+    ScenarioFeature("mission/circuit", "comes back to an earlier place", rules.circuit),
     ScenarioFeature(
         "mission/heading",
-        "asks for a heading somewhere",
+        "has a waypoint with a heading",
         lambda run: any(waypoint.yaw is not None for waypoint in run.spec.mission.waypoints),
     ),
     ScenarioFeature(
@@ -171,7 +169,7 @@ MODEL: Final = (
     ),
     ScenarioFeature(
         "scenery/dynamics/static",
-        "nothing moves of itself",
+        "no joint moves by itself",
         lambda run: not run.has_behaviour(KeyFrames, Trigger, Reaction, Walk),
     ),
     ScenarioFeature(
@@ -200,7 +198,7 @@ MODEL: Final = (
     ),
     ScenarioFeature("scenery/dynamics/walking", "movers walk", _behaviour(Walk), rules.walked),
 )
-"""The model campaigns are held against."""
+"""The feature model of campaigns."""
 
 
 def recognise_features(facts: RunFacts) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -216,7 +214,7 @@ def feature_counts(runs: Sequence[tuple[Sequence[str], Sequence[str]]]) -> tuple
     return tuple(
         FeatureCount(path, feature.about, planned[path], done[path])
         for feature in MODEL
-        # A feature for each name has those names that runs give, as they came.
+        # A path with a name stands for all names of the runs, in order of appearance.
         for path in (
             [path for path in planned if path.startswith(feature.path)]
             if feature.path.endswith("/")

@@ -1,4 +1,4 @@
-"""Floor of a building: the cells that lasers have seen and that the footprint has been on."""
+"""Floor of a building: the cells that lasers have seen and that the footprint has covered."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ PackedCells: TypeAlias = npt.NDArray[np.uint8]
 RESOLUTION: Final = 0.1
 """Edge of a cell [m]: fine enough for a doorway, and a floor of 1000 m² is 100 000 cells."""
 SCAN_PERIOD: Final = 1.0
-"""Scans are taken this far apart [s]: a robot goes a fraction of the laser's range in between."""
+"""Time between evaluated scans [s], in which a robot drives a fraction of the laser's range."""
 STRIDE: Final = 0.05
-"""The footprint is placed again after such a way [m], or after turning by 0.1 rad."""
+"""The footprint is placed again after this way [m], or after turning by 0.1 rad."""
 
 
 @functools.lru_cache(maxsize=4)
 def floor_grid(scene: Scene, laser_height: float) -> OccupancyGrid:
     """Return the floor of a scene without its objects, at the resolution of coverage."""
-    # By touch: no cell counts as floor that a wall takes a part of.
+    # Rule "touch": a cell that a wall partly covers is not floor.
     return occupancy_grid(
         scene, resolution=RESOLUTION, laser_height=laser_height, margin=RESOLUTION, rule="touch"
     )
@@ -47,21 +47,21 @@ def covered_cells(grid: OccupancyGrid, trace: Trace) -> tuple[PackedCells, Packe
     Needs its scans (``read_trace(scans=True)``).
     """
     free = grid.cells == FREE
-    seen, driven = (f(grid, trace) & free for f in (_seen_cells, _driven_cells))
-    return np.packbits(seen), np.packbits(driven)
+    visible, driven = (f(grid, trace) & free for f in (_visible_cells, _driven_cells))
+    return np.packbits(visible), np.packbits(driven)
 
 
-def _seen_cells(grid: OccupancyGrid, trace: Trace) -> _Cells:
+def _visible_cells(grid: OccupancyGrid, trace: Trace) -> _Cells:
     cells: _Cells = np.zeros(grid.cells.shape, np.bool_)
     if trace.scans is None or not len(trace.ground_truth.time):
         return cells
     for laser, scans in zip(trace.spec.robot.lasers, trace.scans, strict=True):
         if not len(scans.time):
             continue
-        # 1e-6: a stamp that should be a whole number of periods may be a rounding error below it.
+        # 1e-6 covers stamps that are a rounding error below a whole number of periods.
         slots = np.floor((scans.time - scans.time[0]) / SCAN_PERIOD + 1e-6)
         first = np.unique(slots, return_index=True)[1]
-        # By the true pose: the floor that was seen, not the one the robot believed to see.
+        # The true pose gives the floor that was really seen, not the one the robot believed to see.
         poses = _laser_poses(trace.ground_truth, scans.time[first], laser.mount)
         cells |= ray_cells(grid, poses, scans.ranges[first], laser)
     return cells
@@ -69,7 +69,7 @@ def _seen_cells(grid: OccupancyGrid, trace: Trace) -> _Cells:
 
 def _laser_poses(motion: MotionTrack, time: Floats, mount: Pose2) -> Floats:
     """Return true poses (n, 3) of a laser at ``time`` (n,), interpolated; held at both ends."""
-    # The heading unwrapped: halfway from 179 to -179 degrees is 180, not 0.
+    # Unwrap the heading: halfway from 179 to -179 degrees is 180, not 0.
     tracks = (motion.x, motion.y, np.unwrap(motion.yaw))
     x, y, yaw = (np.interp(time, motion.time, track) for track in tracks)
     c, s = np.cos(yaw), np.sin(yaw)
@@ -80,17 +80,17 @@ def _laser_poses(motion: MotionTrack, time: Floats, mount: Pose2) -> Floats:
 def ray_cells(
     grid: OccupancyGrid, poses: Floats, ranges: npt.NDArray[np.float32], laser: Laser
 ) -> _Cells:
-    """Return the cells that rays pass: those at every half a cell from the laser to the return.
+    """Return the cells on rays, sampled at every half cell from the laser to the return.
 
-    ``poses`` (n, 3) of the laser, ``ranges`` (n, rays) [m]. No return (inf) is a look as far as
-    the laser reaches; a lost ray (nan) and one that met something too near (-inf) see nothing.
+    ``poses`` (n, 3) of the laser, ``ranges`` (n, rays) [m]. A ray without return (inf) reaches as
+    far as the laser; a lost ray (nan) and one with a too near return (-inf) have no cells.
     """
     reach: Floats = np.minimum(ranges, laser.range_max, dtype=np.float64)
     scan, ray = np.nonzero(reach > 0.0)
     steps = (reach[scan, ray] / (0.5 * grid.resolution)).astype(np.intp) + 1
     angle = poses[scan, 2] + laser.angle_min + laser.angle_increment * ray
     rows, columns = grid.cells.shape
-    # In cells, behind a border of one cell for all spots outside of the grid.
+    # In cells, with a border of one cell for all spots outside the grid.
     start = (poses[scan, :2] - (grid.x, grid.y)) / grid.resolution + 1.0
     stride = 0.5 * np.column_stack((np.cos(angle), np.sin(angle)))
     passed: _Cells = np.zeros((rows + 2, columns + 2), np.bool_)
@@ -104,7 +104,7 @@ def mark_rays(
 ) -> None:  # fmt: skip
     """Mark the cells that rays pass, each from ``start`` (n, 2) by ``steps`` (n,) strides (n, 2).
 
-    Coordinates are in cells, along x and y. Millions of spots in a run: numpy takes five times as
+    Coordinates are in cells, along x and y. A run has millions of spots: numpy takes five times as
     long.
     """
     last_row, last_column = passed.shape[0] - 1.0, passed.shape[1] - 1.0
@@ -146,7 +146,7 @@ def footprint_cells(grid: OccupancyGrid, poses: Floats, ring: Floats) -> _Cells:
 def mark_footprints(cells: _Cells, places: Floats, ring: Floats, resolution: float) -> None:
     """Mark the cells whose centre a convex ``ring`` (m, 2) [m] covers at one of ``places`` (n, 3).
 
-    Places are column, row [cells] and yaw. The corners may go either way round.
+    Places are column, row [cells] and yaw. The corners may be in either direction.
     """
     rows, columns = cells.shape
     reach = 0.0
@@ -176,19 +176,19 @@ def mark_footprints(cells: _Cells, places: Floats, ring: Floats, resolution: flo
 def floor_area(
     scene: Scene, grid: OccupancyGrid, runs: Sequence[tuple[PackedCells, PackedCells]]
 ) -> FloorArea:
-    """Return the areas that any of the runs of one scene has seen and driven on."""
+    """Return the areas that any run of a scene has seen and driven on."""
     free = grid.cells == FREE
-    seen, driven = (_unpacked([run[i] for run in runs], grid) for i in (0, 1))
+    visible, driven = (_unpacked([run[i] for run in runs], grid) for i in (0, 1))
     rooms = ((region.name, room_cells(grid, region)) for region in scene.regions)
     return FloorArea(
         scene=scene.name,
         resolution=grid.resolution,
         runs=len(runs),
         free=_area(free, grid),
-        seen=_area(seen, grid),
+        seen=_area(visible, grid),
         driven=_area(driven, grid),
         rooms=tuple(
-            RoomArea(name, *(_area(cells & room, grid) for cells in (free, seen, driven)))
+            RoomArea(name, *(_area(cells & room, grid) for cells in (free, visible, driven)))
             for name, room in rooms
         ),
     )
@@ -202,7 +202,7 @@ def _unpacked(packed: Sequence[PackedCells], grid: OccupancyGrid) -> _Cells:
 
 
 def _area(cells: _Cells, grid: OccupancyGrid) -> float:
-    # Rounded, since 0.1 ** 2 is not 0.01: areas are read by people and compared by machines.
+    # Round, since 0.1 ** 2 is not 0.01, and people and programs read areas.
     return round(float(cells.sum()) * grid.resolution**2, 6)
 
 
@@ -213,7 +213,7 @@ def room_cells(grid: OccupancyGrid, region: Region) -> _Cells:
     y: Floats = np.arange(0.5, rows) * grid.resolution + grid.y
     polygon = region_polygon(region)
     west, south, east, north = polygon.bounds
-    # Of a large building a room is a small part.
+    # A room is a small part of a large building, so test only its bounds.
     row = slice(*np.searchsorted(y, (south, north)))
     column = slice(*np.searchsorted(x, (west, east)))
     inside: _Cells = np.zeros(grid.cells.shape, np.bool_)

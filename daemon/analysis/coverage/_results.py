@@ -1,4 +1,4 @@
-"""Coverage of a campaign, as values that go through :mod:`grammars.text.codec`."""
+"""Coverage of a campaign, as values for :mod:`grammars.text.codec`."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class FeatureCount:
-    """A feature of the model: runs that plan it, and runs in whose traces it showed.
+    """A feature of the model: the runs that plan it, and the runs whose traces show it.
 
-    ``done`` counts recorded runs only; a feature without a rule for traces shows where it is
-    planned. ``about`` says how it is recognised.
+    ``done`` counts only recorded runs; a feature without a rule for traces counts as done if
+    planned. ``about`` describes its rule.
     """
 
     feature: str
@@ -37,10 +37,10 @@ class FeatureGroup:
 class DoorCount:
     """An articulated object over the recorded runs of a scene.
 
-    Runs in which it ``moved`` (by 0.01 rad or 1 cm, whoever moved it), was ``triggered`` (its
-    trigger or reaction went off) and was ``met``: the robot's base came as near as asked to the
-    hinge or, without one, to the origin of the object. ``nearest`` [m] over all runs, ``planned``
-    is how many runs had a behaviour that moves it.
+    Counts of runs: in ``moved`` runs it moved (by 0.01 rad or 1 cm, by any cause), in ``triggered``
+    runs its trigger or reaction fired. In ``met`` runs the robot's base came near to its hinge or,
+    without one, to its origin. In ``planned`` runs a behaviour moves it. ``nearest`` [m] is the
+    least distance over all runs.
     """
 
     scene: str
@@ -55,7 +55,7 @@ class DoorCount:
 
 @dataclass(frozen=True, slots=True)
 class RoomArea:
-    """A room's free floor and the parts of it that were seen and driven on [m^2]."""
+    """Free floor of a room, and its seen and driven parts [m^2]."""
 
     room: str
     free: float
@@ -65,7 +65,7 @@ class RoomArea:
 
 @dataclass(frozen=True, slots=True)
 class FloorArea:
-    """Free floor of a scene, seen by lasers and driven on by the footprint, in any run [m^2]."""
+    """Free floor of a scene, and its parts seen by lasers and driven on, in any run [m^2]."""
 
     scene: str
     resolution: float
@@ -78,7 +78,7 @@ class FloorArea:
 
 @dataclass(frozen=True, slots=True)
 class Unreadable:
-    """A trace that could not be taken into account, and why."""
+    """An unusable trace, with the reason."""
 
     trace: str
     problem: str
@@ -86,9 +86,9 @@ class Unreadable:
 
 @dataclass(frozen=True, slots=True)
 class Coverage:
-    """Coverage of ``runs`` runs, ``recorded`` of which by their traces.
+    """Coverage of ``runs`` runs, of which ``recorded`` have traces.
 
-    Doors and floor are of recorded runs; ``near`` [m] is how near a door is met.
+    Doors and floor come from recorded runs; ``near`` [m] is the distance at which a door is met.
     """
 
     runs: int
@@ -100,7 +100,7 @@ class Coverage:
     unreadable: tuple[Unreadable, ...] = ()
 
     def exercised(self, feature: FeatureCount) -> int:
-        """Return the runs that exercise a feature: by their traces if they have any."""
+        """Return the number of runs that exercise a feature, by their traces if they have any."""
         return feature.done if self.recorded else feature.planned
 
     @property

@@ -1,6 +1,6 @@
-"""Facts about a run that features are recognised by, and the rules that take more than a line.
+"""Facts about a run, and the rules for features that need more than a line.
 
-A run is a specification, or a trace as well; the model says what each rule means.
+A run is a specification, perhaps with a trace; the model describes each rule.
 """
 
 from __future__ import annotations
@@ -28,26 +28,26 @@ if TYPE_CHECKING:
     from daemon.trace import Trace
 
 MOVED: Final = 0.01
-"""A joint has moved once it is this far from where it started [rad or m]."""
+"""Distance from its start at which a joint has moved [rad or m]."""
 MISSION: Final = "mission"
-"""Stands for the mission among the signals an oracle reads: ``reached(mission, …)``."""
-# The paper names the features, not where one ends and the next begins; these are ours but SPARE.
+"""Name of the mission among the signals of an oracle: ``reached(mission, …)``."""
+# The paper names the features without their bounds; these are ours, except SPARE.
 FAR: Final = 15.0
-"""Waypoints this far apart [m] are far from each other."""
+"""Distance [m] from which on two waypoints are far from each other."""
 FEW: Final = 5
 """More waypoints than this are many."""
 SPARE: Final = 0.2
-"""A doorway with less room than this [m] on either side of the robot is narrow: the safety
-distance of the paper (section 4.3)."""
+"""Room [m] on either side of the robot below which a doorway is narrow: the safety distance of the
+paper (section 4.3)."""
 SAME: Final = 0.5
 """Points nearer than this [m] are the same place."""
 
 
 @dataclass(frozen=True)
 class RunFacts:
-    """A run to recognise features in; ``trace`` is ``None`` for one that is only planned.
+    """Facts of a run; ``trace`` is ``None`` for a run that is only planned.
 
-    ``judged`` are the signals that oracles with a limit read, ``measured`` those that any reads.
+    ``judged`` are the signals of oracles with a limit, ``measured`` those of all oracles.
     """
 
     spec: RunSpec
@@ -57,15 +57,15 @@ class RunFacts:
     trace: Trace | None = None
 
     def judges(self, *names: str) -> bool:
-        """Say whether an oracle with a limit reads a signal of these names or below them."""
+        """Return whether an oracle with a limit reads a signal of these names or below them."""
         return _has_signal(self.judged, names)
 
     def measures(self, *names: str) -> bool:
-        """Say whether any oracle, a mere measure included, reads such a signal."""
+        """Return whether any oracle, a mere measure included, reads such a signal."""
         return _has_signal(self.measured, names)
 
     def has_behaviour(self, *kinds: type[Behaviour]) -> bool:
-        """Say whether a joint has a behaviour of one of these kinds."""
+        """Return whether a joint has a behaviour of one of these kinds."""
         return any(isinstance(behaviour, kinds) for behaviour in self.spec.behaviours)
 
     @property
@@ -77,7 +77,7 @@ class RunFacts:
 
     @functools.cached_property
     def rooms(self) -> frozenset[str]:
-        """Regions of the mission's points, the first one where they meet; empty outside of all."""
+        """Regions of the mission's points, the first of overlapping ones; empty outside of all."""
         x, y = np.array(self.points).T
         rooms, outside = set(), np.ones(len(x), np.bool_)
         for region in self.scene.regions:
@@ -94,11 +94,11 @@ class RunFacts:
 
     @property
     def own_joints(self) -> tuple[Joint, ...]:
-        """Joints of objects that have room to move, those by which movers walk excluded."""
+        """Joints of objects that have room to move, without those of walking movers."""
         return tuple(joint for one in self.scene.objects for joint in own_joints(one.joints))
 
     def logged(self, event: JointEvent) -> bool:
-        """Say whether a joint acted so by the log of the world; only with a trace."""
+        """Return whether a joint acted so by the log of the world; only with a trace."""
         events = self.trace.events if self.trace is not None else ()
         return any(joint_event(one.text) is event for one in events)
 
@@ -116,8 +116,8 @@ def _oracle_signals(text: str) -> tuple[frozenset[str], bool]:
     """Return the signals that an oracle judges, and whether it has a limit."""
     oracle = written_oracle(OracleText("", text))
     if oracle is None:
-        return frozenset(), False  # its verdict says so
-    # A guard says when to judge, not what: one on a door makes no door oracle.
+        return frozenset(), False  # its verdict is an error
+    # A guard only says when to judge: with a guard on a door it is not an oracle about doors.
     judged = dataclasses.replace(oracle, guard=None)
     names = {signal.name for signal in judged.signals()}
     if isinstance(oracle.judgement, Reached):
@@ -133,7 +133,7 @@ def _has_signal(signals: frozenset[str], names: tuple[str, ...]) -> bool:
 
 @functools.lru_cache(maxsize=1024)
 def region_polygon(region: Region) -> shapely.Polygon:
-    """Return the floor of a region, its border included, prepared for many questions."""
+    """Return the floor of a region with its border, prepared for many queries."""
     polygon = shapely.Polygon(region.outline, region.holes)
     shapely.prepare(polygon)
     return polygon
@@ -145,7 +145,7 @@ def perfect_odometry(facts: RunFacts) -> bool:
 
 
 def crossed_rooms(facts: RunFacts) -> bool:
-    """Say whether the robot has been in two of the rooms its mission is about."""
+    """Return whether the robot has been in two of the rooms its mission is about."""
     if facts.trace is None:
         return False
     truth, rooms = facts.trace.ground_truth, facts.rooms
@@ -182,7 +182,7 @@ def pushable(facts: RunFacts) -> bool:
 
 
 def walked(facts: RunFacts) -> bool:
-    """Say whether any walking joint has left where it stood."""
+    """Return whether any walking joint has left its start."""
     if facts.trace is None:
         return False
     walks = {b.joint for b in facts.spec.behaviours if isinstance(b, Walk)}
@@ -192,8 +192,8 @@ def walked(facts: RunFacts) -> bool:
 
 
 def has_moved(trace: Trace, joints: Collection[str]) -> bool:
-    """Say whether any of the ``joints``, by scene-wide names, has left where it started."""
+    """Return whether any of the ``joints``, by scene-wide names, has left its start."""
     columns = [i for i, name in enumerate(trace.joints.names) if name in joints]
-    # From where it started, not from the last sample: a slow door moves little between two.
+    # Compare with the start, not with the last sample: a slow door moves little between two.
     position = trace.joints.position[:, columns]
     return bool(position.size and (np.abs(position - position[0]) > MOVED).any())

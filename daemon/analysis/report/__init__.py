@@ -1,4 +1,4 @@
-"""Reports: what the traces of a campaign say, for people and for machines."""
+"""Reports about the traces of a campaign, for people and for machines."""
 
 from daemon.analysis.report._data import ReportData, ReportRun, read_report_data, report_table
 from daemon.analysis.report._junit import write_junit

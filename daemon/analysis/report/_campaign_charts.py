@@ -1,4 +1,4 @@
-"""Charts of a campaign: measures (figure 13 of the paper), comparisons, around triggers (14)."""
+"""Charts of a campaign: measures (figure 13 of the paper), comparisons, triggers (figure 14)."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _Row: TypeAlias = tuple[str, str, int, float]
 _STEP: Final = 0.2
 """Seconds between two values of a mean around a trigger."""
 _LABELLED: Final = 6
-"""Reference values that a chart names at most; of more the page has a table."""
+"""Most reference values that a chart names; the page has a table for more."""
 
 
 def box_chart(rows: Sequence[_Row], systems: Sequence[str], axis: str, marks: _Marks) -> Chart:
@@ -51,7 +51,7 @@ def box_chart(rows: Sequence[_Row], systems: Sequence[str], axis: str, marks: _M
     """
     half, dark = {"fillOpacity": 0.3}, {"color": INK}
     boxes = layer("boxplot", None, {}, extent="min-max", box=half, median=dark, rule=dark)
-    # From 0 on, unless that would hide a line at 0.
+    # Begin at 0, unless that would hide a line at 0.
     zero = min(row[3] for row in rows) > 0.0
     return _groups("scenario", rows, systems, axis, [boxes], marks, zero=zero)
 
@@ -59,7 +59,7 @@ def box_chart(rows: Sequence[_Row], systems: Sequence[str], axis: str, marks: _M
 def comparison_chart(
     verdicts: Sequence[ComparisonVerdict], systems: Sequence[str], marks: _Marks
 ) -> Chart:
-    """Return the differences that comparisons of one unit judge: left minus right, by SUT.
+    """Return the differences of comparisons of one unit: left minus right, by SUT.
 
     Dots are pairs of runs, upright lines the 95 % interval of the mean, the short line the mean.
     The dashed line is the limit, diamonds are reference values.
@@ -109,8 +109,8 @@ def _groups(
     """Return dots of ``rows``, SUTs side by side within each group, on top of ``layers``."""
     columns = columns_of((group, "SUT", "repeat", "value"), rows)
     names = list(dict.fromkeys(columns[group]))
-    turned = max(map(len, names)) * len(names) > 48
-    axis = {"labelAngle": -25 if turned else 0, "title": None}
+    is_long = max(map(len, names)) * len(names) > 48
+    axis = {"labelAngle": -25 if is_long else 0, "title": None}
     about = {group: group, "SUT": "SUT", "repeat": "repeat", "value": title}
     dots = layer("circle", None, {"tooltip": tooltip(about)}, name="dots", size=7)
     return {
@@ -131,7 +131,7 @@ def _groups(
 
 
 def _diamonds(group: str, names: Sequence[str], top: float, marks: _Marks) -> Iterator[Chart]:
-    """Return reference values of ``names`` with their deviation or range, few ones with words."""
+    """Yield the reference values of ``names`` with deviation or range, and labels if few."""
     entries = [(*cell, m) for cell, of_cell in marks.items() for m in of_cell if cell[0] in names]
     if not entries:
         return
@@ -143,8 +143,8 @@ def _diamonds(group: str, names: Sequence[str], top: float, marks: _Marks) -> It
         "high": [mark.value if mark.high is None else mark.high for _, _, mark in entries],
         "label": [mark.label for _, _, mark in entries],
         "source": [mark.source for _, _, mark in entries],
-        # Towards the middle, and below what is highest: the words must not run out of the chart.
-        # Those of one group stand on lines of their own.
+        # Labels go towards the middle, and below the highest mark, to stay in the chart. Those of
+        # one group stand on lines of their own.
         "rise": [
             (-7 - 9 * lines if mark.value <= 0.9 * top else 10 + 9 * lines)
             for number, (name, _, mark) in enumerate(entries)
@@ -173,7 +173,8 @@ def trigger_chart(
     """Return speed and turning speed around one trigger with one SUT (figure 14).
 
     ``scenarios`` are the encounters of each, ``names`` all scenarios in the order of their colours.
-    Means over the repeats, bands from the least to the most; dashed where the door stays as it is.
+    Lines are means over the repeats, bands go from the least to the greatest value. Lines are
+    dashed if the door does not move.
     """
     turning = (-limits.turning, limits.turning)
     return {
@@ -200,7 +201,7 @@ def _trigger_panel(
             np.interp(grid, e.since, getattr(e, track), left=np.nan, right=np.nan)
             for e in encounters
         ])  # fmt: skip
-        # Only where every repeat has values: a mean that changes its number of runs jumps.
+        # Use only times with values of every repeat: a mean over a changing number of runs jumps.
         shared = ~np.isnan(lines).any(axis=0)
         lines = lines[:, shared]
         fired = "yes" if encounters[0].fired else "no"

@@ -38,23 +38,23 @@ from daemon.analysis.report._references import ReferenceMark
 from grammars.model.geometry import Floats
 
 REPEATS: Final = 10
-"""Repeats drawn of one cell at most: the paper has five; more lines than this are one band."""
+"""Most repeats drawn of one cell: the paper has five; more lines would merge into a band."""
 _DEVIATION: Final = 0.5
-"""Pixels that a curve may pass beside the samples it is drawn from."""
+"""Largest distance of a curve from its samples [px]."""
 _BROKEN: Final = [6, 2, 1.5, 2]
 _HEAT: Final = ("#fed976", "#feb24c", "#fd8d3c", "#fc4e2a", "#e31a1c", "#bd0026", "#800026")
-"""From few to many: the colours of ColorBrewer's YlOrRd (Brewer, Harrower, 2003)."""
+"""Colours from few to many returns: ColorBrewer's YlOrRd (Brewer, Harrower, 2003)."""
 _BINS: Final = 64
 _AROUND: Final = 30.0
-"""Seconds before and after the largest error that are shown."""
+"""Time shown before and after the largest error [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class ValueLimits:
-    """Ends of the axes of values, which all panels of a kind share: twice as high is twice as much.
+    """Ends of the axes of values, shared by all panels of a kind, so that heights can be compared.
 
-    ``error`` and ``spread`` [m], ``speed`` [m/s] and ``turning`` [rad/s] are the largest shown.
-    ``clearance`` goes from the first to the second [m].
+    ``error`` and ``spread`` [m], ``speed`` [m/s] and ``turning`` [rad/s] are the largest values.
+    ``clearance`` is the range from the first to the second value [m].
     """
 
     error: float
@@ -65,9 +65,9 @@ class ValueLimits:
 
 
 def value_limits(runs: Sequence[ReportRun], errors: Iterable[float]) -> ValueLimits:
-    """Return limits that show everything of ``runs``, and the ``errors`` [m] that are marked.
+    """Return limits that show all values of ``runs`` and the marked ``errors`` [m].
 
-    An error far above all runs is left out: it would press their curves flat against the axis.
+    An error far above all runs is left out, since it would flatten their curves.
     """
     tracks = [run.tracks for run in runs]
     top = _top(run.error for run in tracks)
@@ -76,7 +76,7 @@ def value_limits(runs: Sequence[ReportRun], errors: Iterable[float]) -> ValueLim
     return ValueLimits(
         error=max([top, *(1.1 * error for error in errors if error < 4.0 * top)]),
         spread=_top(values for run in tracks for values in (run.sigma_x, run.sigma_y)),
-        # Up to 2 m: in a hall the dips that matter would vanish at the bottom.
+        # At most 2 m: otherwise the important dips would vanish at the bottom in a hall.
         clearance=(float(clearance.min(initial=-0.05)), min(widest, 2.0)),
         speed=1.05 * max((run.top_speed for run in tracks), default=0.0) or 1.0,
         turning=1.05 * max((run.top_turning for run in tracks), default=0.0) or 1.0,
@@ -162,10 +162,11 @@ def _panel(
     *,
     upper: bool = False,
 ) -> Chart:
-    """Return curves of every run over ``time`` [s]: the track and the colour of each name.
+    """Return a panel with ``curves`` of every run over ``time`` [s].
 
-    ``values`` are the ends of the axis of values, ``lines`` layers behind the curves. The lower
-    panel names the axis they share.
+    A curve is the track and the colour of a name. ``values`` are the ends of the axis of values,
+    ``lines`` are layers behind the curves. An ``upper`` panel leaves the title of the shared axis
+    to the lower one.
     """
     height = 60 if upper or len(curves) == 2 else 105
     scale = np.array([WIDTH / (time[1] - time[0]), height / (values[1] - values[0])])
@@ -212,7 +213,7 @@ def _panel(
 def _samples(
     time: Any, values: Any, span: tuple[float, float], scale: Floats
 ) -> Iterator[tuple[float, float]]:
-    """Return the samples of a curve that make a difference to be seen, no number in its gaps."""
+    """Yield the samples of a curve that change its look, and NaN in its gaps."""
     within = (time >= span[0]) & (time <= span[1])
     points = np.column_stack((time[within], values[within])).astype(np.float64)
     gaps = np.flatnonzero(np.diff(np.isnan(points[:, 1]))) + 1
@@ -232,7 +233,7 @@ def returns_chart(runs: Sequence[ReportRun]) -> Chart:
     ends, side = (-reach, reach), 2.0 * reach / _BINS
     points = np.concatenate([run.tracks.returns for run in runs[:REPEATS]])
     counts, _, _ = np.histogram2d(points[:, 0], points[:, 1], bins=_BINS, range=(ends, ends))
-    # Roots, since a wall driven along has many times the counts of a corner passed.
+    # Use roots: a wall beside the way has many times the returns of a single corner.
     levels = np.ceil(np.sqrt(counts / max(counts.max(), 1.0)) * len(_HEAT)).astype(int)
     cells = np.argwhere(levels)
     x, y = (cells * side - reach).T.tolist()
@@ -266,7 +267,7 @@ def _outline(
 
 
 def _time_params(*views: str) -> list[Chart]:
-    """Return parameters of charts over time: the span that is brushed, and that of another."""
+    """Return parameters of charts over time: the span brushed here, and that of another chart."""
     select = {"type": "interval", "encodings": ["x"]}
     return [
         {"name": "brush", "select": select, "views": views},
@@ -275,7 +276,7 @@ def _time_params(*views: str) -> list[Chart]:
 
 
 def _reference_lines(marks: Sequence[ReferenceMark]) -> list[Chart]:
-    """Return reference values as broken lines from side to side, named above their right end."""
+    """Return reference values as broken horizontal lines, named above their right end."""
     if not marks:
         return []
     names: Table = {"value": [m.value for m in marks], "label": [m.label for m in marks]}

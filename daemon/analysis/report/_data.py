@@ -1,4 +1,4 @@
-"""Data of a report: the traces of a campaign, read in parallel, and judged where nobody has."""
+"""Data of a report: the traces of a campaign, read in parallel and judged if necessary."""
 
 from __future__ import annotations
 
@@ -35,16 +35,16 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 _SAMPLES: Final = 36_000
-"""Samples drawn in all figures of one kind together: what keeps a report small."""
+"""Most samples in all figures of one kind together, to keep a report small."""
 _FEWEST, _MOST = 90, 600
-"""Samples drawn of one run."""
+"""Least and greatest number of samples drawn of one run."""
 
 ProgressWrapper: TypeAlias = Callable[[Iterable["ReportRun"], int], Iterable["ReportRun"]]
 
 
 @dataclass(frozen=True, slots=True)
 class ReportRun:
-    """A run, judged, and its trace in numbers; ``versions`` of all that can change it, by name."""
+    """A judged run with the numbers of its trace; ``versions`` are of its software, by name."""
 
     record: RunRow
     tracks: RunTracks
@@ -54,7 +54,7 @@ class ReportRun:
 
 @dataclass(frozen=True, slots=True)
 class ReportData:
-    """Everything a report is written from; ``oracles`` are the texts of all, each once."""
+    """Input of a report; ``oracles`` are the texts of all oracles, each once."""
 
     input: CampaignResults
     runs: tuple[ReportRun, ...]
@@ -85,11 +85,10 @@ def read_report_data(
     processes: int | None = None,
     watched: ProgressWrapper | None = None,
 ) -> ReportData:
-    """Read all traces and assess the campaign; ``watched`` may show how far it is.
+    """Read all traces and assess the campaign; ``watched`` may show the progress.
 
-    ``specs`` are those of the runs. Runs that are not judged yet are judged by the oracles inside
-    of their traces. A trace that is missing or damaged leaves a run without tracks, never without
-    its verdicts.
+    ``specs`` are those of the runs. Runs without a result are judged by the oracles in their
+    traces. A missing or damaged trace leaves a run without tracks, but never without its verdicts.
     """
     texts = tuple(dict.fromkeys(oracle.text for spec in specs for oracle in spec.oracles))
     buffer = safety_buffer(texts, dict.fromkeys(spec.robot.footprint for spec in specs))
@@ -109,7 +108,7 @@ def read_report_data(
 
 
 def _watches(specs: Iterable[RunSpec]) -> tuple[Trigger, ...]:
-    """Return the triggers of all scenarios: of each joint the first one at each distance."""
+    """Return the triggers of all scenarios: for each joint the first one at each distance."""
     triggers: dict[tuple[str, float], Trigger] = {}
     for spec in specs:
         for behaviour in spec.behaviours:
@@ -132,7 +131,7 @@ def _read_run(
         trace = read_trace(Path(record.trace), scans=True)
     except TraceError as error:
         return ReportRun(record, RunTracks(problem=error.findings[0].message))
-    # A clock that jumps or a NaN: nothing in the trace can be trusted, verdicts say so themselves.
+    # After a clock that jumps or a NaN no part of a trace can be trusted; verdicts say so.
     invalid = oracles.trace_problems(trace)
     sampler = None if invalid else SignalSampler(trace)
     if record.result is None and record.state == "done":
@@ -153,10 +152,10 @@ class MeasureColumn:
 
 
 def measure_columns(data: ReportData) -> tuple[MeasureColumn, ...]:
-    """Return every measure with a value: the standard ones, then those that the campaign declares.
+    """Return every measure with a value: the standard ones, then those declared by the campaign.
 
-    A declared measure that means the same as a standard one adds its name to that column, and its
-    values where traces are gone.
+    A declared measure with the meaning of a standard one adds its name to that column, and its
+    values for missing traces.
     """
     columns: dict[str | tuple[str, str], MeasureColumn] = {
         measure.name: MeasureColumn(measure) for measure in standard_measures(data.buffer)
@@ -169,7 +168,7 @@ def measure_columns(data: ReportData) -> tuple[MeasureColumn, ...]:
             measured = (run.tracks.measures for run in here)
             if values := tuple(run[measure.name] for run in measured if measure.name in run):
                 columns[measure.name].values[place] = values
-        # By scenario: two may judge by different oracles of one name.
+        # Separately for each scenario: two may have different oracles of one name.
         texts = {v.oracle: v.text for run in here for v in run.record.verdicts}
         standard = standard_names(texts, data.buffer)
         for own in cell.measures:

@@ -1,4 +1,4 @@
-"""Figures of a report: which there are, drawn in parallel, as parts of a page and as files."""
+"""Figures of a report: their choice, and parallel drawing, for a page and as files."""
 
 from __future__ import annotations
 
@@ -41,19 +41,19 @@ from templates.naming import file_name, free_name, xml_text
 _Marks: TypeAlias = dict[tuple[str, str], dict[str, list[ReferenceMark]]]
 
 MOST_CELLS: Final = 60
-"""Cells that get figures of their own; the report says so if there are more."""
+"""Most cells with figures of their own; the report says so if there are more."""
 _MOST_WORST: Final = 4
-"""Scenarios whose largest localisation error is drawn in detail."""
+"""Most scenarios whose largest localisation error is drawn in detail."""
 _MOST_MOMENTS: Final = 24
-"""Findings whose deciding moment is drawn: their traces are read once more."""
+"""Most findings whose deciding moment is drawn, since their traces are read again."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReportFigure:
     """A figure: a ``chart`` or a map, drawn as ``svg``.
 
-    ``kind`` is what it shows of a cell, ``subject`` the oracle, measure or unit it is about, if so.
-    ``label`` is read out where pictures are not seen.
+    ``kind`` is the aspect of a cell that it shows, ``subject`` its oracle, measure or unit, if any.
+    ``label`` is for screen readers.
     """
 
     kind: str
@@ -67,7 +67,7 @@ class ReportFigure:
 
     @property
     def markup(self) -> Markup:
-        """The figure as a part of a page; scripts find what shows the same cell."""
+        """The figure as a part of a page; scripts find figures of the same cell."""
         cell = xml_text(f"{self.scenario}, {self.sut}")
         if self.chart is not None:
             return chart_figure(self.chart, self.svg, self.label, cell=cell)
@@ -80,7 +80,7 @@ _Plan: TypeAlias = Iterator[tuple[ReportFigure, _Map | None]]
 
 
 def draw_figures(data: ReportData, *, processes: int | None = None) -> tuple[ReportFigure, ...]:
-    """Draw every figure of a report whose trace is not gone."""
+    """Draw every figure of a report, except those with a missing trace."""
     marks = cell_marks(data)
     errors = [
         mark.value
@@ -98,14 +98,14 @@ def draw_figures(data: ReportData, *, processes: int | None = None) -> tuple[Rep
         *_comparisons(data),
         *_triggers(data, limits),
     ]
-    # Maps of one cell behind each other: mostly they show the same trace, which is read once then.
+    # Maps of one cell follow each other: they mostly show the same trace, which is read once then.
     maps = sorted(
         ((figure, draw) for figure, draw in plan if draw is not None),
         key=lambda pair: (pair[0].scenario, pair[0].sut, pair[0].kind),
         reverse=True,
     )
     draws = [draw for _, draw in maps]
-    # All maps before the first chart: the children of both would share the cores.
+    # Draw all maps before the first chart: otherwise the children of both would share the cores.
     results = parallel_map(_drawn_map, draws, doing="that draws maps", processes=processes)
     pictures = dict(zip(draws, results, strict=True))
     charts = [figure.chart for figure, _ in plan if figure.chart is not None]
@@ -127,21 +127,21 @@ def write_figures(figures: tuple[ReportFigure, ...], folder: Path) -> None:
     names: set[str] = set()
     for figure in figures:
         parts = (figure.kind, figure.scenario, figure.sut, figure.subject)
-        # The scenario a-b with c and the scenario a with b-c, joined, have the same name.
+        # The scenario a-b with c and the scenario a with b-c give the same joined name.
         names.add(name := free_name(file_name("-".join(filter(None, parts))), names))
         (folder / f"{name}.pdf").write_bytes(svg_pdf(figure.svg))
 
 
 def notable_verdicts(data: ReportData) -> tuple[CellVerdict, ...]:
-    """Return the verdicts to look at: what contradicts, is open or fails, unexpected ones first."""
-    met = ExpectationStatus.MET
+    """Return contradicting, open and failing verdicts, unexpected ones first."""
+    expected = ExpectationStatus.MET
     notable = [
         oracle
         for cell in data.assessment.cells
         for oracle in cell.oracles
-        if oracle.status is not met or oracle.verdict is not Outcome.PASS
+        if oracle.status is not expected or oracle.verdict is not Outcome.PASS
     ]
-    return tuple(sorted(notable, key=lambda oracle: oracle.status is met))
+    return tuple(sorted(notable, key=lambda oracle: oracle.status is expected))
 
 
 def _systems(data: ReportData) -> list[str]:
@@ -162,7 +162,7 @@ def _moments(data: ReportData) -> _Plan:
         run, time = runs[worst.run], worst.verdict.evidence.time
         if not run.record.trace or not len(run.tracks.time):
             continue
-        # A condition that never held is decided where the run ends.
+        # The end of the run decides a condition that never held.
         when = "the end" if time is None else f"{time:.1f} s"
         caption = f"repeat {worst.repeat}, the seconds before {when}"
         label = f"The moment that decides {oracle.oracle}, {oracle.scenario} with {oracle.sut}"
@@ -178,10 +178,10 @@ def _of_cells(data: ReportData, marks: _Marks, limits: ValueLimits) -> _Plan:
         cells.setdefault((run.record.scenario, run.record.sut), []).append(run)
     limit = oracle_limit(data.oracles, "loc.error")
     deciding = _deciding_verdicts(data)
-    # The first ones: those with surprises have their moment drawn whatever their place.
+    # Take the first ones; surprises have their own moment figure anyway.
     for (scenario, sut), runs in list(cells.items())[:MOST_CELLS]:
         of, marked = f"{scenario} with {sut}", marks.get((scenario, sut), {})
-        # A scenario that takes ten minutes and one that takes half of one have each their width.
+        # Long and short scenarios each use the full width.
         end = max(
             float(run.tracks.time[-1])
             for (name, _), others in cells.items() for run in others if name == scenario
@@ -207,7 +207,7 @@ def _of_cells(data: ReportData, marks: _Marks, limits: ValueLimits) -> _Plan:
 
 
 def _deciding_verdicts(data: ReportData) -> dict[tuple[str, str], tuple[Path, Verdict]]:
-    """Return the verdict that fails a cell, (scenario, SUT), the gravest first, and its trace."""
+    """Return the gravest failing verdict of each cell, (scenario, SUT), and its trace."""
     traces = {run.record.id: run.record.trace for run in data.runs}
     deciding: dict[tuple[str, str], tuple[Path, Verdict]] = {}
     for oracle in notable_verdicts(data):
@@ -218,9 +218,9 @@ def _deciding_verdicts(data: ReportData) -> dict[tuple[str, str], tuple[Path, Ve
 
 
 def _worst_localisation(data: ReportData) -> _Plan:
-    """Draw the run with the largest error of each scenario that asks how large it may be.
+    """Draw the run with the largest error of each scenario that limits this error.
 
-    Of the campaign, where none asks.
+    If no scenario does, draw that of the whole campaign.
     """
     limit = oracle_limit(data.oracles, "loc.error")
     localised = [run for run in _drawn(data) if "error max" in run.tracks.measures]
@@ -235,7 +235,7 @@ def _worst_localisation(data: ReportData) -> _Plan:
             of = f"{record.scenario} with {record.sut}, repeat {record.repeat}"
             label = f"The largest localisation error over time, {of}"
             figure = ReportFigure("worst-localisation", record.scenario, record.sut, of, label)
-            # Of a long run too few samples are kept for a minute of it.
+            # The thinned samples of a long run are too few for one minute.
             tracks = close_tracks(Path(record.trace)) or worst.tracks
             yield replace(figure, chart=peak_chart(replace(worst, tracks=tracks), limit)), None
 
@@ -246,7 +246,7 @@ def _asks_for_error(record: RunRow) -> bool:
 
 def _boxes(data: ReportData, marks: _Marks) -> _Plan:
     marked = {name for of_cell in marks.values() for name in of_cell}
-    # Those of the paper, and every measure with a reference.
+    # The measures of the paper, and every measure with a reference.
     names = {"time in buffer", "error p95", "duration"} | marked
     for measure in MEASURES:
         rows = [
@@ -263,13 +263,13 @@ def _boxes(data: ReportData, marks: _Marks) -> _Plan:
 
 
 def _comparisons(data: ReportData) -> _Plan:
-    """Draw the comparisons of the campaign, those of one unit together."""
+    """Draw the comparisons of the campaign, one figure for each unit."""
     verdicts = [verdict for verdict in data.assessment.comparisons if verdict.differences]
     marks = comparison_marks(data)
     for unit in dict.fromkeys(verdict.unit for verdict in verdicts):
         of_unit = [verdict for verdict in verdicts if verdict.unit == unit]
         chart = comparison_chart(of_unit, _systems(data), marks)
-        label = f"What comparisons in {unit} found, with their bounds and limits"
+        label = f"Results of comparisons in {unit}, with their bounds and limits"
         caption = f"differences in {unit}"
         yield ReportFigure("comparison", "", "", caption, label, unit, chart), None
 
@@ -281,7 +281,7 @@ def _triggers(data: ReportData, limits: ValueLimits) -> _Plan:
             if len(encounter.since) > 1:
                 of_door = encounters.setdefault((encounter.joint, run.record.sut), {})
                 of_door.setdefault(run.record.scenario, []).append(encounter)
-    # Every figure has the same colours, also where a scenario is missing.
+    # Every figure has the same colours, even if a scenario is missing.
     names = list(dict.fromkeys(name for of_door in encounters.values() for name in of_door))
     for (joint, sut), scenarios in sorted(encounters.items()):
         door = joint.rpartition(".")[0] or joint

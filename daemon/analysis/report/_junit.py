@@ -1,7 +1,7 @@
-"""JUnit XML, which build servers read: a suite for each cell, a case for each of its oracles.
+"""JUnit XML for build servers: a suite for each cell, a case for each of its oracles.
 
-Written as the schema of Jenkins' xUnit plug-in (``junit-10.xsd``) has it; what GitLab and actions
-of GitHub read is part of that.
+It follows the schema of Jenkins' xUnit plug-in (``junit-10.xsd``), which includes everything that
+GitLab and GitHub actions read.
 """
 
 from __future__ import annotations
@@ -29,16 +29,15 @@ from templates.naming import xml_text
 
 
 def write_junit(name: str, assessment: Assessment, records: Sequence[RunRow], path: Path) -> None:
-    """Write what :func:`daemon.judging.assessment.assess` made of the runs of a campaign.
+    """Write the assessment of a campaign's runs as JUnit XML.
 
-    FAIL is a failure, ERROR an error, INCONCLUSIVE an error of type ``inconclusive``, or of that of
-    the state of the runs that are missing (``queued``, ``lost`` ...); what fails
-    as expected is skipped (``xfail: why``), what passes against expectation a failure of type
-    ``xpass``.
+    FAIL is a failure, ERROR an error, INCONCLUSIVE an error of type ``inconclusive``, or of the
+    state of missing runs (``queued``, ``lost`` ...). An expected failure is skipped (``xfail:
+    why``), an unexpected pass is a failure of type ``xpass``.
 
-    The time of a suite is the wall clock [s] its runs took, where only traces are left the time
-    they simulated; a property says which. One run serves every oracle, so each case has an equal
-    share of it. Raises ``OSError`` when the file cannot be written.
+    The time of a suite is the wall clock time of its runs [s], for mere traces the simulated time;
+    a property says which. One run serves every oracle, so each case has an equal share of it.
+    Raises ``OSError`` if the file cannot be written.
     """
     runs = {record.id: record for record in records}
     root = JUnitXml(xml_text(name))
@@ -49,7 +48,7 @@ def write_junit(name: str, assessment: Assessment, records: Sequence[RunRow], pa
         root.append(_suite("comparisons", cases, 0.0, {}))
     root.update_statistics()
     tree = ElementTree.fromstring(root.tostring())
-    # The schema of Jenkins has no such sum.
+    # The schema of Jenkins does not have this sum.
     del tree.attrib["skipped"]
     ElementTree.indent(tree)
     text = ElementTree.tostring(tree, encoding="utf-8", xml_declaration=True)
@@ -68,7 +67,7 @@ def _cell_suite(campaign: str, cell: CellAssessment, records: Sequence[RunRow]) 
     timings = [record.result.timing for record in records if record.result is not None]
     seconds, clock = sum(timing.wall for timing in timings), "wall clock"
     if not seconds:
-        # Traces have the time they simulated, not how long that took.
+        # Traces only contain the simulated time.
         seconds, clock = sum(timing.simulated for timing in timings), "simulated"
     about = {"runs": str(len(cell.runs)), "time": clock}
     return _suite(f"{cell.scenario}/{cell.sut}", cases, seconds, about)
@@ -126,9 +125,9 @@ def _comparison_case(campaign: str, cell: ComparisonVerdict) -> TestCase:
 def _result(
     cell: CellVerdict | ComparisonVerdict, passed: bool, message: str
 ) -> FinalResult | None:
-    # JUnit knows no expectations and no third verdict. As pytest does: what fails as expected is
-    # skipped, what passes against expectation fails; inconclusive is an error, so that a build that
-    # shows nothing is not green.
+    # JUnit has neither expectations nor a third verdict. As in pytest, an expected failure is
+    # skipped and an unexpected pass fails. Inconclusive is an error, so that a build without
+    # evidence is not green.
     message, why = xml_text(message), xml_text(cell.why)
     if cell.expected != "pass" and cell.status is ExpectationStatus.MET:
         if cell.verdict is Outcome.PASS:

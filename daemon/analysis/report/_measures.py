@@ -1,7 +1,7 @@
-"""Standard measures: oracles without a limit that judge every run of a report beside its own.
+"""Standard measures: oracles without a limit that every run of a report is judged by.
 
-The same engine computes a measure of the report and one that a campaign declares. A declared
-measure that means the same as a standard one shares its column and its figures.
+The same engine computes them and the measures that a campaign declares. A declared measure with the
+meaning of a standard one shares its column and its figures.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from daemon.model.spec import OracleText
 from daemon.model.verdicts import Verdict
 
 SPEED_AT_TRIGGER: Final = "speed at trigger"
-"""The one measure that no oracle can state: it averages over events of the log."""
+"""The only measure that oracles cannot express: it averages over events of the log."""
 
 
 @dataclass(frozen=True, slots=True)
 class RunMeasure:
-    """A number of a run: its name, unit and meaning, and the ``text`` of the oracle it is from.
+    """A number of a run: its name, unit and meaning, and the ``text`` of its oracle.
 
     In :data:`MEASURES` the text names the predicate of the safety buffer ``{in_buffer}``.
-    ``declared`` has the campaign's own names. Each ``group`` has a table of its own: 0 about the
+    ``declared`` are the campaign's own names. Each ``group`` has a table of its own: 0 about the
     run, 1 about the estimated pose, 2 declared by the campaign alone.
     """
 
@@ -82,7 +82,7 @@ MEASURES: Final = (
 
 
 def standard_measures(buffer: SafetyBuffer) -> tuple[RunMeasure, ...]:
-    """Return :data:`MEASURES` with the oracles of a campaign whose safety buffer is ``buffer``."""
+    """Return :data:`MEASURES` with oracle texts for a safety buffer."""
     return tuple(
         replace(measure, text=measure.text.format(in_buffer=buffer.predicate))
         for measure in MEASURES
@@ -90,7 +90,7 @@ def standard_measures(buffer: SafetyBuffer) -> tuple[RunMeasure, ...]:
 
 
 def standard_oracles(buffer: SafetyBuffer) -> tuple[OracleText, ...]:
-    """Return the standard measures as oracles, to be judged with those of a run."""
+    """Return the standard measures as oracles, to judge together with those of a run."""
     return tuple(OracleText(m.name, m.text) for m in standard_measures(buffer) if m.text)
 
 
@@ -101,7 +101,7 @@ def measured_values(verdicts: Iterable[Verdict]) -> dict[str, float]:
 
 
 def standard_names(texts: Mapping[str, str], buffer: SafetyBuffer) -> dict[str, str]:
-    """Return the name of the standard measure for each oracle that means the same.
+    """Return the standard measure of each oracle with the same meaning, by names.
 
     ``texts`` are oracles by name. The name does not count, except for the duration, which every
     campaign has without an oracle.
@@ -113,5 +113,5 @@ def standard_names(texts: Mapping[str, str], buffer: SafetyBuffer) -> dict[str, 
 
 def _meaning(text: str) -> object:
     oracle = written_oracle(OracleText("report", text))
-    # Text and place left out: two oracles are equal when they judge the same.
+    # Without text and place: two oracles are equal if they judge the same.
     return oracle and (oracle.judgement, oracle.guard, oracle.leg)

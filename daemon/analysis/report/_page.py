@@ -1,6 +1,6 @@
-"""The report as a page: what it says, in what order, in which words.
+"""The report as a page: its content, order and words.
 
-A page is a function of its data: no clock and no folder is read here. Unknown facts are left out.
+A page is a function of its data, without clocks and folders. Unknown facts are left out.
 """
 
 from __future__ import annotations
@@ -45,12 +45,12 @@ from grammars.text.words import NOTHING, count_noun, duration_text, format_quant
 from templates.report import render_report
 
 _FEW: Final = 5
-"""Repeats of a finding that are shown at once: the gravest."""
+"""Repeats of a finding that are visible at once: the gravest."""
 _MOST_LISTED: Final = 50
-"""Repeats listed for each verdict: 250 bytes each, for every oracle of every run."""
+"""Most repeats listed for each verdict: 250 bytes each, for every oracle of every run."""
 _SHOWN_OF_HASH: Final = 12
 _MOST_KINDS: Final = 4
-"""Machines, or sets of versions, that are told; of more their number."""
+"""Most machines, or sets of versions, that are named; more are counted."""
 GLYPHS: Final = {
     "pass": "✓", "fail": "✗", "inconclusive": "?", "error": "‼", "measure": "·",
     "lost": "∅", "cancelled": "-", "queued": "…", "running": "▶", "done": "?",
@@ -68,10 +68,10 @@ class Headline:
 
 @dataclass(frozen=True, slots=True)
 class SuggestedCommand:
-    """Something to type about a run: ``{run}`` is replaced by the run's id or trace, ``{oracle}``
-    by the name of the oracle that makes it worth a look.
+    """A command about a run, with its purpose.
 
-    With ``failing`` only about runs that failed.
+    ``{run}`` stands for the run's id or trace, ``{oracle}`` for the name of its notable oracle.
+    ``failing`` limits it to failed runs.
     """
 
     text: str
@@ -86,9 +86,9 @@ def write_page(
     processes: int | None = None,
     figure_folder: Path | None = None,
 ) -> str:
-    """Return the report as HTML; ``commands`` are what people can type about a run.
+    """Return the report as HTML, with suggested ``commands`` about runs.
 
-    Each figure is written as PDF to ``figure_folder``, if given.
+    Each figure is also written as PDF to ``figure_folder``, if given.
     """
     figures = draw_figures(data, processes=processes)
     if figure_folder is not None:
@@ -102,7 +102,7 @@ def write_page(
         "cut": cut_percentage,
         "glyph": lambda word: GLYPHS.get(str(word), "?"),
         "details": verdict_details,
-        # Verdict texts align columns of a terminal by two blanks.
+        # Verdict texts separate columns of a terminal by two blanks.
         "joined": lambda text: text.replace("  ", ", "),
         "place": lambda file: _place(file, results),
         "spread": spread_text,
@@ -145,7 +145,7 @@ def write_page(
 
 
 def headline(assessment: Assessment, runs: Sequence[ReportRun]) -> Headline:
-    """Return the one line that says whether it is fine."""
+    """Return one line with the overall answer."""
     oracles = [oracle for cell in assessment.cells for oracle in cell.oracles]
     total = len(oracles) + len(assessment.comparisons)
     verdicts = count_noun(total, "verdict")
@@ -160,7 +160,7 @@ def headline(assessment: Assessment, runs: Sequence[ReportRun]) -> Headline:
         also = f", {undecided} undecided" if undecided else ""
         verb = "is" if count == 1 else "are"
         return Headline("bad", "No", f"{count} of {verdicts} {verb} not as expected{also}.")
-    # Neither as expected nor unexpected: say what is missing, the most basic first.
+    # Neither as expected nor unexpected: report the most basic thing that is missing.
     state = state_of(run.record.state for run in runs)
     if state in UNFINISHED_STATES or state == "cancelled":
         counts = Counter(run.record.state for run in runs)
@@ -178,7 +178,7 @@ def headline(assessment: Assessment, runs: Sequence[ReportRun]) -> Headline:
 
 
 def _strongest_claim(assessment: Assessment) -> str:
-    """Return what the repeats of a cell can show at best, in words."""
+    """Return the strongest claim that the repeats of a cell support, in words."""
     clean = [o for c in assessment.cells for o in c.oracles if o.n and o.passed == o.n]
     return clean[0].statement if clean else ""
 
@@ -188,24 +188,24 @@ def _facts(
 ) -> tuple[tuple[str, str], ...]:
     records = [run.record for run in data.runs]
     simulated = sum(record.result.timing.simulated for record in records if record.result)
-    # In this order whatever comes first, so that two reports can be laid side by side.
+    # The fixed order makes two reports comparable.
     counts = dict.fromkeys(("pass", "fail", "inconclusive", "error", "without a result"), 0)
     for record in records:
         counts[str(record.outcome or "without a result")] += 1
     verdicts = ", ".join(f"{count} {word}" for word, count in counts.items() if count)
     external = _not_repeatable(data)
-    marked = (("not repeatable", ", ".join(external)),) if external else ()
+    warning = (("not repeatable", ", ".join(external)),) if external else ()
     return (
         ("runs", f"{len(records)}: {verdicts}"),
         ("cells", f"{count_noun(len(scenarios), 'scenario')} × {count_noun(len(suts), 'SUT')}"),
-        *marked,
+        *warning,
         ("simulated", duration_text(simulated)),
         ("from", _folder(data.input) if _is_folder(data.input) else data.input.row.id),
     )
 
 
 def _origins(data: ReportData) -> Iterator[tuple[str, str]]:
-    """Yield where the runs of a report are from, as names and values; unknown ones are empty."""
+    """Yield the origins of a report's runs, as names and values; unknown ones are empty."""
     origin = data.input.origin
     yield "executed", _span(data.input.row.submitted_at, data.input.row.finished_at)
     if origin.file:
@@ -244,14 +244,14 @@ def _commit(origin: CampaignOrigin) -> str:
 
 
 def _versions(versions: Iterable[tuple[str, str]]) -> str:
-    """Return versions as a trace has them in a line, our own first."""
+    """Return the versions of a trace in one line, our own first."""
     others = dict(versions)
     ours = [f"{n} {others.pop(n)}" for n in ("scenario-tui", "engine") if others.get(n)]
     return ", ".join((*ours, *(f"{name} {version}" for name, version in sorted(others.items()))))
 
 
 def _kinds(counts: Counter[str], whole: int) -> str:
-    """Return one thing as it is, of several how many runs each has."""
+    """Return the names, with the number of runs for each if there are several."""
     if len(counts) > _MOST_KINDS:
         return f"{len(counts)} different ones"
     alone = len(counts) == 1 and counts.total() == whole
@@ -261,7 +261,7 @@ def _kinds(counts: Counter[str], whole: int) -> str:
 
 
 def _is_folder(results: CampaignResults) -> bool:
-    """Return True for a folder of traces, whose runs are called as their traces."""
+    """Return whether these are results of a folder of traces, whose runs have their names."""
     return bool(results.rows) and results.rows[0].id == results.rows[0].trace
 
 
@@ -271,16 +271,16 @@ def _folder(results: CampaignResults) -> str:
 
 
 def _place(file: str, results: CampaignResults) -> str:
-    """Return a file as seen from the folder a report is of, elsewhere its name alone.
+    """Return the path of a file within the folder of a report; for other files the name alone.
 
-    A page is sent to people whom the folders of this machine do not concern.
+    Receivers of a page need not know the folders of this machine.
     """
     path, folder = Path(file), Path(results.where)
     return path.relative_to(folder).as_posix() if path.is_relative_to(folder) else path.name
 
 
 def _not_repeatable(data: ReportData) -> tuple[str, ...]:
-    """Return the systems of which the same run gives something else each time."""
+    """Return the systems whose runs are not repeatable."""
     return tuple(dict.fromkeys(r.record.sut for r in data.runs if not r.record.repeatable))
 
 
@@ -295,7 +295,7 @@ def _repeats(data: ReportData) -> dict[tuple[str, str], list[tuple[int, RunRow]]
 def _judged(
     repeats: Sequence[tuple[int, RunRow]], oracle: str
 ) -> list[tuple[int, RunRow, Verdict | None]]:
-    """Return what an oracle says of each repeat, the gravest first; runs without a verdict last."""
+    """Return an oracle's verdict on each repeat, the gravest first; runs without a verdict last."""
     verdicts = [(number, run, run.verdict(oracle)) for number, run in repeats]
     last = (math.inf, False, 0.0)
     return sorted(verdicts, key=lambda one: last if one[2] is None else severity(one[2]))
@@ -304,7 +304,7 @@ def _judged(
 def _typed(
     run: RunRow, oracle: str, commands: Sequence[SuggestedCommand], results: CampaignResults
 ) -> list[tuple[str, str]]:
-    """Return what can be typed about a run that ``oracle`` judged, with the purpose of each."""
+    """Return commands about a run that ``oracle`` judged, each with its purpose."""
     if not run.trace:
         return []
     name = _place(run.trace, results) if _is_folder(results) else run.id
@@ -314,7 +314,7 @@ def _typed(
 
 
 def _counts(oracle: CellVerdict) -> str:
-    """Return how many repeats do not pass, in words: ``fails in 3 of 5 repeats``."""
+    """Return the number of repeats that do not pass: ``fails in 3 of 5 repeats``."""
     kinds = (
         ("fails", oracle.failed),
         ("is undecided", oracle.inconclusive),
@@ -342,32 +342,32 @@ def percentage(value: float | None) -> str:
 def spread_text(values: Sequence[float]) -> str:
     """Return mean and standard deviation with fitting digits: ``0.124 ± 0.003``.
 
-    A single value, or a mean that is infinite, stands alone; ``–`` for no values.
+    A single value, or an infinite mean, stands alone; ``–`` means no values.
     """
     mean = fmean(values) if values else None
     if mean is None or len(values) < 2 or not math.isfinite(mean):
         return format_quantity(mean)
     deviation = stdev(values)
-    # The deviation's first two digits say how many of the mean mean anything.
+    # The first two digits of the deviation limit the meaningful digits of the mean.
     digits = min(_digits(deviation, 1), _digits(mean, 3)) if deviation else _digits(mean, 2)
     return f"{mean:.{digits}f} ± {deviation:.{digits}f}".replace("-", "−")
 
 
 def _digits(value: float, more: int) -> int:
-    """Return how many decimals show ``more`` digits after the first one that counts."""
+    """Return the number of decimals that show ``more`` digits after the first significant one."""
     return 2 if value == 0.0 else max(0, min(4, more - math.floor(math.log10(abs(value)))))
 
 
 def verdict_details(verdict: Verdict) -> str:
     """Return a verdict's margin and evidence: ``−0.012 m, 41.3 s, door_17``.
 
-    Margins without a unit only say true or false and are left out.
+    Margins without a unit only mean true or false and are left out.
     """
     evidence = verdict.evidence
     parts = [format_quantity(verdict.margin, verdict.unit, signed=True)]
     if verdict.unit == "" or verdict.margin is None:
         parts = []
     parts.append("" if evidence.time is None else f"at {evidence.time:.1f} s")
-    # What a stack printed stands below the first line, and in the list of runs.
+    # Output of a stack follows below the first line, and in the list of runs.
     parts.extend((evidence.object, evidence.note_text.partition("\n")[0]))
     return ", ".join(part for part in parts if part)

@@ -1,4 +1,4 @@
-"""Reference values in figures: the measure that each one is about, and its mark."""
+"""Reference values in figures: their measures and their marks."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from daemon.model.assessments import ReferenceValue
 
 @dataclass(frozen=True, slots=True)
 class ReferenceMark:
-    """A reference value as a figure shows it.
+    """Mark of a reference value in a figure.
 
-    ``value``, ``low`` and ``high`` in the unit of the figure; the latter are its deviation to both
-    sides, or its range. ``label`` is said beside it, ``source`` where there is room.
+    ``value``, ``low`` and ``high`` have the unit of the figure; ``low`` and ``high`` are its
+    deviation to both sides, or its range. ``label`` stands beside it, ``source`` is for tooltips.
     """
 
     label: str
@@ -25,10 +25,9 @@ class ReferenceMark:
 
 
 def cell_marks(data: ReportData) -> dict[tuple[str, str], dict[str, list[ReferenceMark]]]:
-    """Return the marks of each cell, (scenario, SUT), by the measure of the report they are of.
+    """Return the marks of each cell, (scenario, SUT), by measures of the report.
 
-    A reference belongs to the measure that means the same as its oracle, whatever the campaign
-    calls it.
+    A reference belongs to the measure with the meaning of its oracle, under any name.
     """
     standard = standard_names(data.oracle_texts, data.buffer)
     cells: dict[tuple[str, str], dict[str, list[ReferenceMark]]] = {}
@@ -51,7 +50,6 @@ def comparison_marks(data: ReportData) -> dict[tuple[str, str], list[ReferenceMa
 
 
 def _mark(reference: ReferenceValue) -> ReferenceMark:
-    """Return the mark of a reference value."""
     low, high = reference.low, reference.high
     if reference.deviation is not None:
         low, high = reference.value - reference.deviation, reference.value + reference.deviation

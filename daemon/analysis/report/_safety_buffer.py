@@ -1,4 +1,4 @@
-"""The safety buffer: which box a campaign's oracles mean, and the laser returns inside it."""
+"""The safety buffer: its box, from the campaign's oracles, and the laser returns inside it."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ if TYPE_CHECKING:
     from daemon.trace import Trace
 
 DEFAULT_MARGIN: Final = 0.2
-"""Distance [m] kept to obstacles where no oracle names one: the paper's (section 4.3.1)."""
+"""Default distance [m] to obstacles, if no oracle names one: the paper's (section 4.3.1)."""
 _POINTS: Final = 4000
-"""Most points kept of one run: about as many as the histogram has cells, 64 by 64."""
+"""Most points of one run: about as many as the histogram has cells, 64 by 64."""
 
 ThinnedSamples: TypeAlias = npt.NDArray[np.float32]
-"""Samples kept for drawing; numbers that count are taken from all samples before."""
+"""Samples for drawing; measures are computed from all samples before."""
 
 
 @dataclass(frozen=True, slots=True)
 class SafetyBuffer:
     """The safety buffer of a report: a box in the base frame, half extents [m].
 
-    Without ``half`` it is the box around the footprint and ``margin`` [m] more on every side.
-    ``source`` says in words where it is from.
+    Without ``half`` it is the box around the footprint with ``margin`` [m] more on every side.
+    ``source`` names its origin in words.
     """
 
     half: Point2 | None
@@ -48,7 +48,7 @@ class SafetyBuffer:
 
     @property
     def predicate(self) -> str:
-        """The predicate of the oracle language that is true while an obstacle is inside."""
+        """The predicate of the oracle language that holds while an obstacle is inside."""
         if self.half is None:
             return f"clearance < {self.margin!r} m"
         return f"clearance({self.half[0]!r} m, {self.half[1]!r} m) < 0 m"
@@ -62,11 +62,11 @@ class SafetyBuffer:
 
 
 def safety_buffer(texts: Iterable[str], footprints: Iterable[Ring] = ()) -> SafetyBuffer:
-    """Return the largest box that oracles call clear, ``clearance(hx, hy)``.
+    """Return the largest box ``clearance(hx, hy)`` in oracles.
 
-    Without one, the largest limit of a plain ``clearance``; without that, the paper's 0.2 m. A
-    buffer is room around the robot: a box that does not reach beyond one of the ``footprints`` on
-    every side is where a collision begins (that of section 4.2.3 is narrower than the robot).
+    Without one, use the largest limit of a plain ``clearance``, otherwise the paper's 0.2 m. A
+    buffer is room around the robot, so a box must reach beyond one of the ``footprints`` on every
+    side; otherwise it is a collision box (that of section 4.2.3 is narrower than the robot).
     """
     boxes: dict[Point2, str] = {}
     limits: dict[float, str] = {}
@@ -93,14 +93,14 @@ def safety_buffer(texts: Iterable[str], footprints: Iterable[Ring] = ()) -> Safe
 
 
 def _is_around(half: Point2, footprints: Iterable[Ring]) -> bool:
-    """Return True if a box leaves room on every side of one of the footprints."""
+    """Return whether a box leaves room on every side of one of the footprints."""
     return any(
         all(abs(x) < half[0] and abs(y) < half[1] for x, y in footprint) for footprint in footprints
     )
 
 
 def _judged_parts(text: str) -> Iterator[tuple[Expression, bool | None]]:
-    """Yield each part of what an oracle judges, and whether it is to hold at each sample."""
+    """Yield each judged part of an oracle, and whether it must hold at each sample."""
     oracle = written_oracle(OracleText("report", text))
     for judged, holds in () if oracle is None else oracle.judged():
         yield from ((part, holds) for part in walk(judged))
@@ -114,10 +114,10 @@ def returns_inside(trace: Trace, centre: Point2, half: Point2) -> ThinnedSamples
     parts = [np.empty((0, 2))]
     for laser, scans in zip(trace.spec.robot.lasers, trace.scans or (), strict=False):
         mount = laser.mount
-        # Lost rays and those without a return are no numbers, or infinite.
+        # Lost rays and those without a return are NaN or infinite.
         far = np.hypot(*half) + np.hypot(*centre) + np.hypot(mount.x, mount.y)
         ranges = scans.ranges.ravel()
-        # A float32, rounded up: all ranges would become float64 otherwise.
+        # The float32, rounded up, keeps the ranges from becoming float64.
         near = np.flatnonzero((ranges > 0.0) & (ranges <= np.float32(far * 1.001)))
         rays, ranges = near % laser.rays, ranges[near].astype(np.float64)
         bearing = mount.yaw + laser.angle_min + laser.angle_increment * np.arange(laser.rays)
@@ -132,7 +132,7 @@ def returns_inside(trace: Trace, centre: Point2, half: Point2) -> ThinnedSamples
 
 
 def oracle_limit(texts: Iterable[str], signal: str) -> float | None:
-    """Return the smallest constant that an oracle holds ``signal`` below at each sample, if any."""
+    """Return the smallest constant limit of ``signal`` that must hold at each sample, if any."""
     limits = [
         number.value
         for text in texts

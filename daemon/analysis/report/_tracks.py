@@ -1,7 +1,7 @@
-"""Tracks of one trace for the figures and its measures, by the oracles' signals.
+"""Tracks and measures of one trace for figures, from the signals of oracles.
 
-Nothing here computes a signal of its own: the same samples that were judged are drawn. Also how
-the robot drove around doors that shut in its face, and around the same doors when they do not.
+Figures show the judged samples; this module computes no signals of its own. It also extracts how
+the robot drove around doors that shut in its face, and around the same doors that stay open.
 """
 
 from __future__ import annotations
@@ -34,19 +34,20 @@ if TYPE_CHECKING:
 
 BEFORE: Final = 5.0
 AFTER: Final = 15.0
-"""Seconds around a trigger that are shown: the approach, and the way around what shuts."""
+"""Time around a trigger in figures [s]: the approach, and the detour."""
 _RATE: Final = 5.0
-"""Samples a second that are kept of it."""
+"""Samples per second of that time."""
 
 Indices: TypeAlias = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TriggerEncounter:
-    """The robot near what triggers, from ``before`` to ``after`` the moment it came so near.
+    """The robot near a trigger, from :data:`BEFORE` to :data:`AFTER` the moment of its approach.
 
-    ``fired``: the trigger is part of the scenario; otherwise it only would have been. ``time`` [s]
-    of the run; ``since`` (n,) [s] around it, with ``speed`` [m/s] and ``turning`` [rad/s].
+    ``fired`` tells whether the trigger belongs to the scenario; otherwise it belongs to another
+    one. ``time`` [s] is in the run, ``since`` (n,) [s] relative to it, with ``speed`` [m/s] and
+    ``turning`` [rad/s].
     """
 
     joint: str
@@ -71,7 +72,7 @@ class RunTracks:
     NaN where unknown. ``returns`` (k, 2) [m]: laser returns inside the buffer, base frame.
     ``contacts`` (time, object, x, y). ``measures`` by name, in the units of
     :data:`daemon.analysis.report._measures.MEASURES`. ``top_speed`` [m/s] and ``top_turning``
-    [rad/s] are the largest, either way round. ``problem`` says why there is nothing, if so.
+    [rad/s] are the largest magnitudes. ``problem`` says why the tracks are empty, if they are.
     """
 
     problem: str = ""
@@ -96,11 +97,11 @@ class RunTracks:
 
 
 def _encounters(sampler: SignalSampler, watches: Sequence[Trigger]) -> tuple[TriggerEncounter, ...]:
-    """Return how the robot drove around each trigger, in the order of time.
+    """Return the encounters of the robot with each trigger, in the order of time.
 
-    A trigger of the run itself counts from when the trace says that it fired, the first time. One
-    of another scenario counts from when the robot came as near, if that can be told (measured from
-    what stands still to the base).
+    A trigger of the run itself counts from its first firing in the trace. One of another scenario
+    counts from the approach of the robot, if the trigger is measured from something fixed to the
+    base.
     """
     trace = sampler.trace
     own = {b.joint for b in trace.spec.behaviours if isinstance(b, Trigger)}
@@ -108,8 +109,8 @@ def _encounters(sampler: SignalSampler, watches: Sequence[Trigger]) -> tuple[Tri
     for event in trace.events:
         if event.source in own and joint_event(event.text) is JointEvent.TRIGGERED:
             fired.setdefault(event.source, event.time)
-    # Section 4.4.1 asks what a door that shuts costs a robot: the same moment is needed in the
-    # static sibling of the scenario, where nothing fires.
+    # Section 4.4.1 asks for the cost of a door that shuts, so the same moment is needed in the
+    # static sibling of the scenario, where no trigger fires.
     moments = [(time, joint, True) for joint, time in fired.items()]
     moments += [
         (time, watch.joint, False)
@@ -120,11 +121,11 @@ def _encounters(sampler: SignalSampler, watches: Sequence[Trigger]) -> tuple[Tri
 
 
 def _approach_time(sampler: SignalSampler, trigger: Trigger) -> float | None:
-    """Return when the robot was first as near as ``trigger`` asks, ``None`` if never or unknown."""
+    """Return the first time at the distance of ``trigger``, ``None`` if never or unknown."""
     scene, distance = sampler.trace.scene, f"{trigger.joint}.distance"
     reference = object_signals(scene).get(distance)
-    # Only what stands still can be measured from afterwards: a leaf that swings in another
-    # scenario, or a footprint beside it, is somewhere else here.
+    # Only a fixed place can be measured from afterwards: a leaf that swings in another scenario
+    # is somewhere else here.
     if reference is None or trigger.to != "base" or trigger.of == "leaf":
         return None
     if trigger.of == "hinge" and reference.joint.kind == "revolute":
@@ -200,8 +201,8 @@ def extract_tracks(
 def thinned_indices(clearance: Floats, error: Floats, points: int) -> Indices:
     """Return the indices of about ``points`` samples that keep every dip and every peak.
 
-    Of each stretch the first sample, the least clearance and the largest error are kept: what a
-    figure is looked at for would be the first to go by taking every n-th sample.
+    Each stretch keeps its first sample, its least clearance and its largest error. Every n-th
+    sample alone would lose exactly these.
     """
     count = len(clearance)
     width = max(1, -(-3 * count // points))
@@ -224,10 +225,10 @@ def _pick_samples(values: Floats, indices: Indices) -> ThinnedSamples:
 
 
 def _contacts(trace: Trace) -> tuple[tuple[float, str, float, float], ...]:
-    """Return when and where the robot touched what; one entry for each second and object."""
+    """Return time, object and place of contacts; one entry for each second and object."""
     contacts: dict[tuple[int, str], tuple[float, str, float, float]] = {}
     for record in trace.contacts:
-        # A contact is recorded for as long as it lasts: one cross in a figure will do.
+        # A contact is recorded as long as it lasts, but one cross in a figure is enough.
         if ROBOT in (record.first, record.second):
             other = record.second if record.first == ROBOT else record.first
             entry = (record.time, other, record.point[0], record.point[1])

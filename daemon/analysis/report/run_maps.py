@@ -1,6 +1,6 @@
-"""Maps of runs: a whole run, a part of it, the moment that decides, the ways of repeats.
+"""Maps of runs: a whole run, a part of it, the deciding moment, the ways of repeats.
 
-Also the building of a campaign. All of them are drawn by :mod:`templates.picture`.
+Also the building of a campaign. :mod:`templates.picture` draws all of them.
 """
 
 from __future__ import annotations
@@ -53,13 +53,13 @@ from templates.world import ArtefactWorld, BehaviourDraw
 _POINTS: Final = 2000
 _APART: Final = 1.5
 _FOOTPRINTS: Final = 24
-"""Seconds from one footprint to the next, if that makes no more of them than this."""
+"""Time between footprints [s], and their largest number."""
 _BEFORE: Final = 7.0
-"""Seconds of a run that lead to a moment."""
+"""Time shown before a moment [s]."""
 _AFTER: Final = 0.2
-"""What decides may be recorded this long [s] after the sample that is judged."""
+"""Time [s] after the judged sample in which the deciding event may be recorded."""
 _AT_LEAST: Final = 1.0
-"""Seconds that are shown of a moment at the very start."""
+"""Time shown for a moment at the very start [s]."""
 
 
 def draw_run(
@@ -67,17 +67,17 @@ def draw_run(
 ) -> None:
     """Draw the run of a trace as ``.svg``, ``.png`` or ``.pdf``, by the ending of ``picture``.
 
-    With ``since`` or ``until`` [s] only that part of the run, with its surroundings closely.
-    Raises :class:`daemon.trace.TraceError` for an unusable trace, and ``ValueError`` for a part
-    that lies outside of the run.
+    ``since`` and ``until`` [s] limit it to a part of the run, seen closely. Raises
+    :class:`daemon.trace.TraceError` for an unusable trace, and ``ValueError`` for a part outside
+    the run.
     """
     write_drawing(run_drawing(read_trace(trace_path), since=since, until=until), picture)
 
 
 def run_drawing(trace: Trace, *, since: float | None = None, until: float | None = None) -> Drawing:
-    """Return the drawing of a run, or of a part of it, as :func:`draw_run` writes it."""
+    """Return the drawing of a run, or of a part of it, for :func:`draw_run`."""
     part = _part(trace, since, until)
-    # Signals of a trace with leaps or NaNs would be judged and drawn as if they were true.
+    # Do not judge and draw signals of a trace with leaps or NaNs as if they were true.
     problems = oracles.trace_problems(trace)
     if problems:
         way = np.column_stack((trace.ground_truth.x, trace.ground_truth.y))
@@ -89,10 +89,10 @@ def run_drawing(trace: Trace, *, since: float | None = None, until: float | None
 
 
 def draw_moment(trace_path: Path, verdict: Verdict, label: str) -> Markup | None:
-    """Return the seconds before the moment that decides a verdict, as an element of a page.
+    """Return the seconds before the deciding moment of a verdict, as an element of a page.
 
-    Doors and robot are where they are at that moment, what decides is red. ``label`` is read out
-    where pictures are not seen. ``None`` if the trace is gone, empty or not to be trusted.
+    Doors and robot have their places at that moment, the deciding object is red. ``label`` is for
+    screen readers. ``None`` if the trace is missing, empty or untrustworthy.
     """
     sampler = _usable_sampler(trace_path)
     if sampler is None:
@@ -113,10 +113,11 @@ def draw_ways(
 ) -> Markup | None:
     """Return the ways of runs, by repeat, as an element of a page.
 
-    Ways are coloured by the distance to obstacles. The building is as it starts, and the nearest
-    place has its measure. With a ``verdict`` on the trace, what decides is red and doors are where
-    they were at that moment. Scripts find the places of each repeat in ``data-way``, in units of
-    the ``viewBox``; the ways themselves are the group ``driven``. ``None`` if the trace is gone.
+    The colour of ways is the distance to obstacles. The building has its initial state, and the
+    nearest place has its measure. With a ``verdict`` on the trace, the deciding object is red and
+    doors have their places at that moment. Scripts find the places of each repeat in ``data-way``,
+    in units of the ``viewBox``; the ways themselves are the group ``driven``. ``None`` if the trace
+    is missing.
     """
     sampler = _usable_sampler(trace_path) if verdict else None
     mark, positions = None, {}
@@ -144,7 +145,7 @@ def draw_ways(
 
 
 def _nearest_mark(runs: Iterable[RunTracks]) -> MeasuredMark | None:
-    """Return where a robot came nearest to an obstacle; ``None`` if no clearance is known."""
+    """Return the place of the least clearance; ``None`` if no clearance is known."""
     measured = [run for run in runs if not np.isnan(run.clearance).all()]
     if not measured:
         return None
@@ -155,7 +156,7 @@ def _nearest_mark(runs: Iterable[RunTracks]) -> MeasuredMark | None:
 
 
 def draw_recorded_way(trace_path: Path, label: str, verdict: Verdict | None) -> Markup | None:
-    """Return :func:`draw_ways` of a single run; ``None`` for a trace that cannot be used."""
+    """Return :func:`draw_ways` of a single run; ``None`` for an unusable trace."""
     sampler = _usable_sampler(trace_path)
     if sampler is None:
         return None
@@ -164,10 +165,10 @@ def draw_recorded_way(trace_path: Path, label: str, verdict: Verdict | None) -> 
 
 
 def draw_building(data: ReportData) -> tuple[Markup, Markup, str] | None:
-    """Return the building that most runs were in, as they found it; ``None`` without a trace.
+    """Return the building of most runs in its initial state; ``None`` without a trace.
 
-    It is drawn small without words and large with them; a caption says what it is. With the
-    mission, if all runs in it have the same one.
+    The values are a small drawing without words, a large one with words, and a caption. They
+    include the mission, if all runs in the building have the same one.
     """
     recorded = [run for run in data.runs if run.tracks.scene and run.record.trace]
     scenes = Counter(run.tracks.scene for run in recorded)
@@ -182,7 +183,7 @@ def draw_building(data: ReportData) -> tuple[Markup, Markup, str] | None:
         specs = [read_spec(trace) for trace in traces.values()]
         scene = read_scene(next(iter(traces.values())))
     except TraceError:
-        # Read a moment ago and gone now.
+        # The trace has disappeared since it was read.
         return None
     first = specs[0]
     missions: set[Mission] = {spec.mission for spec in specs}
@@ -214,10 +215,10 @@ def _world(trace: Trace) -> ArtefactWorld:
     )
 
 
-# Pictures of one cell are drawn behind each other, mostly of the same trace.
+# Pictures of one cell follow each other, mostly of the same trace.
 @functools.lru_cache(maxsize=1)
 def _usable_sampler(trace_path: Path) -> SignalSampler | None:
-    """Return the signals of a trace; ``None`` if it is gone, empty or not to be trusted."""
+    """Return the signals of a trace; ``None`` if it is missing, empty or untrustworthy."""
     try:
         trace = read_trace(trace_path)
     except TraceError:
@@ -229,7 +230,7 @@ def _usable_sampler(trace_path: Path) -> SignalSampler | None:
 
 @dataclass(frozen=True, slots=True)
 class _RunPart:
-    """From ``since`` to ``until`` [s] of a run, shown ``closely`` or all of it."""
+    """Part of a run from ``since`` to ``until`` [s], shown ``closely`` or as a whole."""
 
     since: float
     until: float
@@ -251,31 +252,31 @@ def _part(trace: Trace, since: float | None, until: float | None) -> _RunPart:
     )
     if part.closely and np.count_nonzero(part.of(time)) < 2:
         raise ValueError(
-            f"{part.since:g} s to {part.until:g} s is no part of a run that goes from {first:g} s "
-            f"to {last:g} s"
+            f"{part.since:g} s to {part.until:g} s is not a part of this run, "
+            f"which goes from {first:g} s to {last:g} s"
         )
     return part
 
 
 def close_tracks(trace_path: Path) -> RunTracks | None:
-    """Return every sample of a run; ``None`` for a trace that cannot be used."""
+    """Return every sample of a run; ``None`` for an unusable trace."""
     sampler = _usable_sampler(trace_path)
     return _tracks(sampler, closely=True) if sampler else None
 
 
 def _tracks(sampler: SignalSampler, *, closely: bool = False) -> RunTracks:
-    # Of a part every sample counts: what is looked at may be a few centimetres.
+    # In a part every sample counts: it may show a few centimetres.
     points = 3 * len(sampler.time_base.time) if closely else _POINTS
     return extract_tracks(sampler, _buffer(sampler.trace.spec), (), points)
 
 
 def _buffer(spec: RunSpec) -> SafetyBuffer:
-    """Return the buffer that the oracles of a run are about, around its robot."""
+    """Return the safety buffer of a run, by its oracles and its robot."""
     return safety_buffer((oracle.text for oracle in spec.oracles), (spec.robot.footprint,))
 
 
 def _judged_run(sampler: SignalSampler, part: _RunPart) -> RunOverlay:
-    """Return a run, or a part of it, with its outcome and the first failure that it shows."""
+    """Return a run, or a part of it, with its outcome and its first failure."""
     oracles.warm_up()
     verdicts = oracles.judge(sampler.trace, sampler.trace.spec.oracles, sampler=sampler)
     marks = (
@@ -295,7 +296,7 @@ def _judged_run(sampler: SignalSampler, part: _RunPart) -> RunOverlay:
 
 
 def _facts(trace: Trace, tracks: RunTracks, part: _RunPart) -> Iterator[str]:
-    """Yield what the heading of a picture says of a run, or of a part of it."""
+    """Yield the facts in the heading of a picture of a run, or of a part of it."""
     lasted = tracks.measures.get("duration", math.nan)
     if part.closely:
         yield f"{part.since:.1f} s to {part.until:.1f} s of {lasted:.1f} s"
@@ -338,10 +339,10 @@ def _overlay(trace: Trace, tracks: RunTracks, part: _RunPart) -> RunOverlay:
 def _apparent_goals(
     trace: Trace, until: float, indices: npt.NDArray[np.int64]
 ) -> tuple[Point2, ...]:
-    """Return where the waypoint of a moment lies for the robot, for its estimates at ``indices``.
+    """Return the places that the robot takes for its waypoint, for its estimates at ``indices``.
 
-    It knows the waypoint in the map, and its own estimated pose. It drives to the waypoint as seen
-    from there, which is off by the error of its localisation, turned by that of its heading.
+    The robot knows the waypoint in the map, and its own estimated pose. So it drives to a place
+    that is off by the error of its localisation, turned by the error of its heading.
     """
     number = current_waypoint(trace, until)
     if number is None:

@@ -284,7 +284,7 @@ def test_a_reference_is_a_diamond_in_the_figure_of_its_measure(other_page, page)
     buffer = figure(other_page, "Boxplots of time in buffer by scenario")
     assert "paper 19 s" in buffer
     assert "21.5 s" not in buffer
-    assert "paper -8.9 s" in figure(other_page, 'What comparisons in s found[^"]*')
+    assert "paper -8.9 s" in figure(other_page, 'Results of comparisons in s[^"]*')
     assert "Somebody" not in page
     # What is no other figure is the same one.
     for label in ('Clearance over time, [^"]*far[^"]*', 'Speed and turning[^"]*near'):
