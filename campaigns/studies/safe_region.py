@@ -106,8 +106,8 @@ def region_table(searches):
 def paired_table(searches):
     """Yield the number of shared points at which only one system does well.
 
-    The last column is the exact probability of this split, or a less even one, if both were
-    equally likely to be the better one (McNemar).
+    The last column is the exact probability of this split, or of a less even one, for systems of
+    equal quality (McNemar).
     """
     # Imported here, because every test process reads this file.
     from scipy.stats import binomtest

@@ -1,7 +1,7 @@
 """New judgement of recorded runs, by other oracles or the same ones.
 
-A trace is read and never written. If it belongs to a state directory, its verdicts are compared
-with those in the ledger, otherwise with those of the oracles in the trace itself.
+A trace is read and never written. Its verdicts are compared with those in the ledger if it belongs
+to a state directory, otherwise with those of its own oracles.
 """
 
 from __future__ import annotations

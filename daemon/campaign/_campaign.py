@@ -267,9 +267,9 @@ _GIT_SETTINGS: Final = (
 def campaign_origin(campaign: Campaign, file: Path) -> CampaignOrigin:
     """Return the origin of a campaign that was loaded from ``file``.
 
-    The commit is empty without git, outside a repository, in one that git does not trust, and for
-    an ignored file, such as a shipped one in somebody's environment. ``changed`` means that a file
-    known to git differs from the commit, or that git does not know the campaign's file.
+    The commit is empty without git, outside a repository and in one that git does not trust. It is
+    also empty for an ignored file, such as a shipped one in somebody's environment. ``changed``
+    means that a file known to git differs from the commit, or that git does not know this one.
     """
     digest = hashlib.sha256(campaign.source.encode()).hexdigest()
     unknown = CampaignOrigin(file.name, digest, campaign.seed, path=str(file.absolute()))

@@ -137,11 +137,6 @@ def _unrecorded(cell: CampaignCell) -> Iterator[Finding]:
             yield Finding(where, message, hint, Severity.WARNING)
 
 
-def _top_speed(sut: SutReference, robot: Robot) -> float:
-    kind = stack_kind(sut.kind)
-    return kind.top_speed(kind.read(sut.local_parameters), robot)
-
-
 def _problems_of(cell: CampaignCell) -> Iterable[Finding]:
     if cell.given_map is not None and cell.scenario.map_file is not None:
         yield from check_map(
@@ -153,12 +148,11 @@ def _problems_of(cell: CampaignCell) -> Iterable[Finding]:
             places=cell.places,
         )
     yield from _unrecorded(cell)
-    yield from check_limit(
-        cell.mission,
-        {sut.name: _top_speed(sut, cell.robot) for sut in cell.suts},
-        limit=cell.limit,
-        where=cell.limit_where,
-    )
+    speeds = {}
+    for sut in cell.suts:
+        kind = stack_kind(sut.kind)
+        speeds[sut.name] = kind.top_speed(kind.read(sut.local_parameters), cell.robot)
+    yield from check_limit(cell.mission, speeds, limit=cell.limit, where=cell.limit_where)
     for behaviours in dict.fromkeys(cell.behaviours):
         yield from check_run(
             cell.scene,
@@ -172,8 +166,9 @@ def _problems_of(cell: CampaignCell) -> Iterable[Finding]:
 
 def find_unused(draft: Draft) -> list[Finding]:
     """Return warnings about oracles, parameters, groups and their members that no run uses."""
+    layers = dict.fromkeys(layer for cell in draft.cells for layer in cell.layers)
     warnings = (
-        *_unused_parameters(draft.cells),
+        *(finding for layer in layers for finding in unused_parameters(layer)),
         *_missing_members(draft.cells),
         *_unused_oracles(draft),
         *_unused_groups(draft.cells),
@@ -223,11 +218,6 @@ def _text_of(path: Path) -> str:
     except InputError:
         # A folder or a pipe with such a name is not a campaign.
         return ""
-
-
-def _unused_parameters(cells: Iterable[CampaignCell]) -> Iterator[Finding]:
-    for layer in dict.fromkeys(layer for cell in cells for layer in cell.layers):
-        yield from unused_parameters(layer)
 
 
 def _unused_groups(cells: Sequence[CampaignCell]) -> Iterator[Finding]:

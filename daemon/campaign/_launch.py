@@ -32,7 +32,7 @@ _SEARCHED_UPWARDS: Final = ("footprint", "robot_radius")
 """Parameters that costmaps search in every namespace above theirs (costmap_2d, footprint.cpp)."""
 _LOCALISERS: Final = {
     "cartographer_ros": "maps while it drives",
-    "fake_localization": "is told where the robot is",
+    "fake_localization": "gets the true pose of the robot",
     "gmapping": "maps while it drives",
     "hector_mapping": "maps while it drives",
     "mcl_3dl": "localises in 3D",

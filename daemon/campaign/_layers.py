@@ -76,9 +76,9 @@ def find_layer(
 ) -> Path:
     """Return the file of a reference, or the folder of JSON-LD files that form one layer.
 
-    The search for a name begins beside the campaign file, then in the kind's folder there
-    (``robots/robile.yaml``), then in that folder one level up, and last among shipped layers,
-    unless ``shipped`` is false. A path is relative to the campaign file's folder. Raises
+    A name is searched beside the campaign file, in the kind's folder there
+    (``robots/robile.yaml``), and in that folder one level up. Shipped layers come last, unless
+    ``shipped`` is false. A path is relative to the campaign file's folder. Raises
     :class:`InputError` with the names that exist.
     """
     name = reference.name
@@ -159,19 +159,6 @@ class GivenMap:
 
     settings: MapSettings
     grid: OccupancyGrid
-
-
-# Only campaigns with maps, drawings or JSON-LD load their readers.
-def _load_walls(path: Path) -> FloorPlan:
-    from grammars.maps import load_walls
-
-    return load_walls(path)
-
-
-def _load_plan_graph(path: Path) -> FloorPlan:
-    from grammars.jsonld import load_floorplan_jsonld
-
-    return load_floorplan_jsonld(path)
 
 
 _MOST_OVERRIDDEN: Final = 64
@@ -328,8 +315,15 @@ class LayerLibrary:
         elif reference.overrides:
             message = f"{path.name} has no variables to set"
             raise InputError(Finding(reference.where, message, "use a plan in .fpm"))
+        # Only campaigns with maps, drawings or JSON-LD load their readers.
+        elif is_walls:
+            from grammars.maps import load_walls
+
+            plan = load_walls(path)
         else:
-            plan = _load_walls(path) if is_walls else _load_plan_graph(path)
+            from grammars.jsonld import load_floorplan_jsonld
+
+            plan = load_floorplan_jsonld(path)
         self.warnings.extend(plan.warnings)
         return plan
 

@@ -130,7 +130,8 @@ def _load(
     document, findings = load_ros_yaml(path)
     _refuse_nav2(document)
     warnings += findings
-    if section and not any(_first_name(name) == section for name in document.data):
+    first_names = (name.lstrip("/").partition("/")[0] for name in document.data)
+    if section and section not in first_names:
         namespace = f"{namespace}/{section}"
     leaving = {name: value for name, value in document.data.items() if name.startswith("/")}
     own = {name: value for name, value in document.data.items() if name not in leaving}
@@ -139,10 +140,6 @@ def _load(
     return merge_parameters(
         under_namespace(inside, base), flatten_parameters(leaving, document.where, namespaces=True)
     )
-
-
-def _first_name(name: str) -> str:
-    return next((part for part in name.split("/") if part), "")
 
 
 def _instead_of_files(folder: Path, names: Iterable[str]) -> str:

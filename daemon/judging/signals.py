@@ -26,7 +26,8 @@ class RunSignal:
     """A signal over simulated time, from the first to the last of its moments.
 
     ``low`` and ``high`` (n,) are its least and greatest value from each moment of ``time`` (n,) [s]
-    to the next, in SI units, NaN where unknown. ``low is high`` if every sample is recorded.
+    to the next. They are in SI units, NaN where unknown; ``low is high`` if every sample is
+    recorded.
     ``unit`` is ``bool`` for true or false. Oracles compare the signal with ``limits``. ``readers``
     name the oracles that read it; ``against`` are the stretches [s] in which one of them is
     violated.

@@ -1,6 +1,6 @@
 """Methods of a search: they choose the next values by the results so far.
 
-The samplers are optuna's. They learn results in the order of the proposals, so proposals do not
+The samplers are optuna's. They learn results in the order of the proposals. So proposals do not
 depend on which run ends first, and a search that starts again proposes the same points.
 """
 

@@ -1,8 +1,8 @@
 """Search for the causes of a failure: delta debugging, first of layers, then of single things.
 
 Zeller and Hildebrandt 2002, "Simplifying and isolating failure-inducing input". This is our own
-code: the packages on PyPI (picire, ddmin) had their last releases in 2021 and 2019 and run tests in
-their own processes, while here the caller decides which runs go together.
+code: the packages on PyPI (picire, ddmin) had their last releases in 2021 and 2019. They also run
+tests in their own processes, while here the caller decides which runs go together.
 """
 
 from __future__ import annotations
@@ -146,8 +146,8 @@ class _Search:
     def _first_failing(self, configurations: Sequence[Elements]) -> int | None:
         """Return the first run, without one of ``configurations``, that fails for the same reasons.
 
-        A run that also fails without one of the reasons fails for another reason, such as a door
-        that is shut from the beginning instead of one that shuts.
+        A run that also fails without one of the reasons has another reason, such as a door that is
+        shut from the beginning.
         """
         start = 0
         while True:

@@ -28,7 +28,7 @@ from daemon.analysis.charts import (
     tooltip,
 )
 from daemon.analysis.report._cell_charts import ValueLimits
-from daemon.analysis.report._references import ReferenceMark
+from daemon.analysis.report._data import ReferenceMark
 from daemon.analysis.report._tracks import AFTER, BEFORE, TriggerEncounter
 from daemon.model.assessments import ComparisonVerdict
 

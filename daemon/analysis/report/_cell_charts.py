@@ -33,8 +33,7 @@ from daemon.analysis.charts import (
     quantity,
     table,
 )
-from daemon.analysis.report._data import ReportRun
-from daemon.analysis.report._references import ReferenceMark
+from daemon.analysis.report._data import ReferenceMark, ReportRun
 from grammars.model.geometry import Floats
 
 REPEATS: Final = 10

@@ -23,13 +23,14 @@ from daemon.analysis.report._cell_charts import (
     returns_chart,
     value_limits,
 )
-from daemon.analysis.report._data import ReportData, ReportRun
-from daemon.analysis.report._measures import MEASURES
-from daemon.analysis.report._references import (
+from daemon.analysis.report._data import (
     ReferenceMark,
+    ReportData,
+    ReportRun,
     cell_marks,
     comparison_marks,
 )
+from daemon.analysis.report._measures import MEASURES
 from daemon.analysis.report._safety_buffer import oracle_limit
 from daemon.analysis.report._tracks import TriggerEncounter
 from daemon.analysis.report.run_maps import close_tracks, draw_moment, draw_ways

@@ -195,8 +195,8 @@ class OracleTimeline:
     """The course of a run by one oracle, for drawing only.
 
     ``signals`` are its signals as written, each once; ``limits`` are the constants that it compares
-    them with. ``against`` are the stretches [s] in which the run speaks against the oracle,
-    ascending and disjoint, even if a limit on the sum (80 % of the time, say) tolerates them.
+    them with. ``against`` are the stretches [s] that speak against the oracle, ascending and
+    disjoint. They include stretches that a limit on the sum (80 % of the time, say) tolerates.
     """
 
     oracle: str

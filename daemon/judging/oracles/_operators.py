@@ -9,7 +9,7 @@ smallest possible number.
 
 ``reached(mission, tolerance)``: all waypoints, in strict order, by the true position. A run is as
 good as its best reading: of all ways to name a moment for every waypoint, in order, the one whose
-worst distance is smallest. The margin is the tolerance minus that distance, so a waypoint passed at
+worst distance is smallest. The margin is the tolerance minus that distance. So a waypoint passed at
 0.26 m instead of 0.25 m misses by 0.01 m, whatever comes after it. Waypoints with a heading are
 judged by position only: the paper's requirement is to reach them (section 4.1.1).
 """

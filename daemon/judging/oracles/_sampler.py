@@ -251,9 +251,10 @@ class SignalSampler:
             depth, objects, names = self._contacts(thing)
             values = depth if name == "contact.depth" else (objects >= 0).astype(np.float64)
             return SignalSeries(values, objects, names)
+        truth, count = self.trace.ground_truth, len(self.time_base.time)
         plain: dict[str, Callable[[], Floats]] = {
-            "speed": self._speed,
-            "speed.angular": self._angular_speed,
+            "speed": lambda: np.hypot(truth.vx[:count], truth.vy[:count]),
+            "speed.angular": lambda: np.abs(truth.wz[:count]),
             "path.length": self._path_length,
             "elapsed": lambda: self.time_base.time - self.time_base.start,
             "mission.leg": lambda: self._leg() + 1.0,
@@ -310,13 +311,6 @@ class SignalSampler:
                 depth[index] = max(depth[index], record.depth)
                 objects[index] = names.setdefault(other, len(names))
         return depth, objects, tuple(names)
-
-    def _speed(self) -> Floats:
-        truth, count = self.trace.ground_truth, len(self.time_base.time)
-        return np.hypot(truth.vx[:count], truth.vy[:count])
-
-    def _angular_speed(self) -> Floats:
-        return np.abs(self.trace.ground_truth.wz[: len(self.time_base.time)])
 
     def _path_length(self) -> Floats:
         steps = np.hypot(np.diff(self.x, prepend=self.x[:1]), np.diff(self.y, prepend=self.y[:1]))

@@ -37,8 +37,8 @@ friction take less than that away."""
 def trace_problems(trace: Trace) -> tuple[str, ...]:
     """Return the reasons not to trust ``trace``, in words.
 
-    These are problems of its recording, impossible leaps of the robot, and a robot that never moved
-    in a whole run although it was commanded to and touched nothing.
+    These are problems of its recording, impossible leaps, and a robot that was commanded to move,
+    touched nothing and stood still for a whole run.
     """
     # In this order: a problem makes the checks after it meaningless.
     return trace.problems or tuple(_leaps(trace) or _without_effect(trace))
