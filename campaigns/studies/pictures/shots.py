@@ -11,7 +11,7 @@ import re
 import shutil
 from collections.abc import Awaitable, Callable
 from contextlib import ExitStack, chdir
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -44,6 +44,7 @@ from scenario_tui.terminal import printable_console
 from scenario_tui.text.styles import terminal_theme
 from tests.people.dashboard.dash import eventually, make_dashboard, press, settle
 from tests.people.dashboard.searching import SEARCH, SearchingDaemon
+from tests.people.recorded import record_run
 
 ROOT = Path(__file__).parents[3]
 FOLDER = ROOT / "docs" / "pictures"
@@ -114,7 +115,14 @@ def _searching(folder, executed):
 
 def _search_over(folder, executed):
     fake = SearchingDaemon.finished()
-    fake.record(Path("state"), f"{SEARCH}.37")
+    path = record_run(Path("state") / f"{SEARCH}.37.mcap")
+    verdicts = open_playback(path).verdicts
+    fake.proposed = tuple(
+        replace(row, trace=str(path), result=replace(row.result, verdicts=verdicts))
+        if row.id == f"{SEARCH}.37"
+        else row
+        for row in fake.proposed
+    )
     return make_dashboard(fake)
 
 
