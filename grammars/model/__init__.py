@@ -1,5 +1,5 @@
-"""Values that travel: scene, behaviours, robot and mission, and the geometry they share.
+"""Value types: scene, behaviours, robot, mission, and the geometry they share.
 
-What a language means ends up here, and everything else works with it: plain, frozen, equal by
-content, the same in memory, in JSON and in a trace.
+All languages are compiled into these frozen dataclasses, which are compared by content and are the
+same in memory, in JSON and in traces.
 """

@@ -1,4 +1,4 @@
-"""How joints of scenery objects behave during a run, how movers walk, what the log says of it."""
+"""Behaviours of scenery joints during a run, walks of movers, and their lines in the log."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ Motion: TypeAlias = Annotated[Jump | Servo | Spring, Field(discriminator="kind")
 
 @dataclass(frozen=True, slots=True)
 class Hold:
-    """The joint stays at ``position`` for the whole run; nothing can push it."""
+    """The joint stays at ``position`` for the whole run and cannot be pushed."""
 
     joint: str
     position: float
@@ -53,12 +53,12 @@ class Hold:
 
     @property
     def start_position(self) -> float:
-        """Where the joint is at time 0."""
+        """Position of the joint at time 0."""
         return self.position
 
     @property
     def positions(self) -> tuple[float, ...]:
-        """All positions that the joint is sent to."""
+        """All target positions of the joint."""
         return (self.position,)
 
 
@@ -72,11 +72,11 @@ class KeyFrame:
 
 @dataclass(frozen=True, slots=True)
 class KeyFrames:
-    """The joint moves at given times, in order; between frames it is free to be pushed.
+    """The joint moves at given times, in order; between frames it can be pushed.
 
-    A frame at time 0 that no later one comes before also sets where the joint starts. Frames that
-    are not in order of time are played as they are listed, one in a physics step at most: one whose
-    time has gone by is played in the step after the one before it.
+    Frames at time 0 at the start of the list also set the start position. Frames are played in the
+    order of the list, at most one in a physics step; a frame whose time has passed is played in the
+    step after the previous one.
 
     Raises:
         ValueError: a frame is before 0 s, or never.
@@ -88,24 +88,24 @@ class KeyFrames:
     kind: Literal["key-frames"] = "key-frames"
 
     def __post_init__(self) -> None:
-        # Not ``<``: a time that is nan never comes.
+        # This also refuses NaN.
         if not all(0.0 <= frame.time < math.inf for frame in self.frames):
             raise ValueError(f"joint {self.joint!r} has a key frame before 0 s, or never")
 
     @property
     def start_position(self) -> float | None:
-        """Where a frame at time 0 puts the joint, the last one if there are several."""
+        """Position of the last of the leading frames at time 0, if any."""
         first = tuple(itertools.takewhile(lambda frame: frame.time <= 0.0, self.frames))
         return first[-1].position if first else None
 
     @property
     def positions(self) -> tuple[float, ...]:
-        """All positions that the joint is sent to."""
+        """All target positions of the joint."""
         return tuple(frame.position for frame in self.frames)
 
     @property
     def in_order(self) -> bool:
-        """Whether no frame is earlier than the one before it."""
+        """``True`` if the frames are sorted by time."""
         return all(a.time <= b.time for a, b in itertools.pairwise(self.frames))
 
 
@@ -113,12 +113,11 @@ class KeyFrames:
 class Trigger:
     """The joint moves from ``start`` to ``end`` once the robot is nearer than ``distance``.
 
-    ``of`` says what the distance is measured from (the anchor of the hinge, the origin of the
-    object: its ``foot``, the moving leaf, or the centre of the doorway the object stands in),
-    ``to`` whether it is measured to the robot's base frame or to its footprint. With ``begin``
-    the joint is there at first, and its motion takes it to ``start`` from time 0 on. Without
-    ``rearm`` the trigger latches; with it the joint returns to ``start`` when the robot is
-    farther than ``rearm`` (> ``distance``) and can fire again.
+    The distance is measured from ``of`` (the anchor of the hinge, the origin of the object: its
+    ``foot``, the moving leaf, or the centre of the doorway of the object) to ``to`` (the robot's
+    base frame or its footprint). With ``begin``, the joint starts there and moves to ``start``
+    from time 0 on. Without ``rearm`` the trigger latches; with it the joint returns to ``start``
+    when the robot is farther than ``rearm`` (> ``distance``) and can fire again.
 
     Raises:
         ValueError: ``rearm`` is not greater than ``distance``, or a jump has a ``begin``.
@@ -143,12 +142,12 @@ class Trigger:
 
     @property
     def start_position(self) -> float:
-        """Where the joint is at time 0."""
+        """Position of the joint at time 0."""
         return self.start if self.begin is None else self.begin
 
     @property
     def positions(self) -> tuple[float, ...]:
-        """All positions that the joint is sent to."""
+        """All target positions of the joint."""
         return tuple(dict.fromkeys((self.start_position, self.start, self.end)))
 
 
@@ -170,10 +169,10 @@ class WaypointReached:
 
 @dataclass(frozen=True, slots=True)
 class JointActs:
-    """The first of ``joints`` does something.
+    """The first of ``joints`` acts.
 
-    ``fires``: its trigger or reaction goes off. ``moves``: it has left the position it started
-    in by 0.01 rad or 1 cm, whatever moved it.
+    ``fires``: its trigger or reaction fires. ``moves``: it is 0.01 rad or 1 cm away from its start
+    position, for any reason.
     """
 
     joints: tuple[str, ...]
@@ -198,12 +197,12 @@ class Reaction:
 
     @property
     def start_position(self) -> float:
-        """Where the joint is at time 0."""
+        """Position of the joint at time 0."""
         return self.start
 
     @property
     def positions(self) -> tuple[float, ...]:
-        """All positions that the joint is sent to."""
+        """All target positions of the joint."""
         return (self.start, self.end)
 
 
@@ -211,19 +210,18 @@ class Reaction:
 class Walk:
     """A mover (see :mod:`grammars.model.movers`) goes along ``route``, world points [m].
 
-    It sets out ``start`` seconds into the run or, with an ``event``, so long after that; until
-    then it stands on the first point. Way and time follow a trapezoidal profile with ``speed``
-    [m/s] and ``acceleration`` [m/s^2], at rest at stops: the ends of the route or, with
-    ``stops`` at points, all of its points. It rests ``pause`` seconds there, and longer if it
-    must turn round (half a turn a second). ``round`` goes on from the last point to the first,
-    and stops there only to pause.
+    It leaves the first point ``start`` seconds after the begin of the run or after ``event``. Its
+    speed is a trapezoidal profile with ``speed`` [m/s] and ``acceleration`` [m/s^2], at rest at
+    stops: the ends of the route or, with ``stops`` at points, all points. A stop takes ``pause``
+    seconds, or longer if the mover must turn round (half a turn per second). ``round`` continues
+    from the last point to the first and stops there only to pause.
 
-    ``facing``: ``ahead``, ``sideways`` (the way to its right, both ways) or ``fixed`` at ``yaw``.
-    With ``yielding`` [m] it brakes while the robot is ahead (60 deg to
-    either side of its way) and nearer than that, outline to outline.
+    ``facing``: ``ahead``, ``sideways`` (the route to its right, both ways) or ``fixed`` at ``yaw``.
+    With ``yielding`` [m] it brakes while the robot is ahead (within 60 deg of its direction) and
+    nearer than that, outline to outline.
 
     Raises:
-        ValueError: there is no way, speed or acceleration, or a time is negative.
+        ValueError: route, speed or acceleration is missing, or a time is negative.
     """
 
     object: str
@@ -244,7 +242,7 @@ class Walk:
         name = f"walk of {self.object!r}"
         gaps = [math.dist(a, b) for a, b in itertools.pairwise(self.route)]
         if not gaps or min(gaps) <= 0.0 or not min(self.speed, self.acceleration) > 0.0:
-            raise ValueError(f"{name}: it needs a way, a speed and an acceleration")
+            raise ValueError(f"{name}: it needs a route, a speed and an acceleration")
         if self.manner == "round" and math.dist(self.route[0], self.route[-1]) <= 0.0:
             raise ValueError(f"{name}: a round closes by itself")
         if min(self.start, self.pause) < 0.0:
@@ -267,18 +265,18 @@ Behaviour: TypeAlias = Annotated[
 
 
 def start_positions(scene: Scene, behaviours: Iterable[Behaviour]) -> dict[str, float]:
-    """Return where every joint of ``scene`` is at time 0 [rad or m], by scene-wide name.
+    """Return the position of every joint at time 0 [rad or m], by scene-wide name.
 
-    Movers stand where the scene has put them, whatever the route they are about to walk.
+    Movers start at their position in the scene, independent of their route.
     """
-    # Key frames that all come later leave a joint where the scene has it.
-    told = {b.joint: b.start_position for b in behaviours if not isinstance(b, Walk)}
-    known = {name: position for name, position in told.items() if position is not None}
-    return scene.initial_joints | known
+    # Later key frames do not change the start position.
+    starts = {b.joint: b.start_position for b in behaviours if not isinstance(b, Walk)}
+    changes = {name: position for name, position in starts.items() if position is not None}
+    return scene.initial_joints | changes
 
 
 class JointEvent(StrEnum):
-    """Why a joint began to move; each is how its line in the log begins."""
+    """Causes of joint motion, each as the start of its line in the log."""
 
     KEY_FRAME = "key frame "
     TRIGGERED = "triggered "
@@ -286,5 +284,5 @@ class JointEvent(StrEnum):
 
 
 def joint_event(text: str) -> JointEvent | None:
-    """Return what a line of the log says of a joint, ``None`` when it is about something else."""
+    """Return the joint event of a line of the log, ``None`` if it has none."""
     return next((event for event in JointEvent if text.startswith(event)), None)

@@ -1,6 +1,7 @@
-"""What links cover at rest and while their joints move, and the floor they leave free.
+"""Areas covered by links at rest and in motion, and the remaining free floor.
 
-Everything is seen from above, as shapely geometry in the world [m]; heights decide what meets.
+All areas are seen from above, as shapely geometry in the world [m]; shapes meet only if their
+heights overlap.
 """
 
 from __future__ import annotations
@@ -19,22 +20,19 @@ from shapely.geometry.base import BaseGeometry
 from grammars.model.geometry import Point2, Pose2, Ring
 from grammars.model.kinematics import link_poses
 from grammars.model.movers import is_fixed
-from grammars.model.scene import Joint, Link, Region, Scene, SceneObject
+from grammars.model.scene import Joint, Link, Scene, SceneObject
 
-# Between two placements of a leaf 1 m wide, 4 degrees apart, the arc bulges 0.6 mm over their hull.
+# For a leaf of 1 m, the arc between placements 4 degrees apart bulges 0.6 mm over their hull.
 _TURN: Final = math.radians(4.0)
 _SLIDE: Final = 0.05
 TOUCHING_DEPTH: Final = 0.01
-"""Overlaps that are nowhere deeper than this [m] are taken for touching."""
+"""Overlaps up to this depth [m] count as touching."""
 JAMB_RADIUS: Final = 0.08
-"""Around a hinge, wall and leaf may overlap: doors turn in rebates."""
+"""Radius around a hinge [m] within which wall and leaf may overlap: doors turn in rebates."""
 
 
 def link_shapes(body: SceneObject, positions: Sequence[float]) -> dict[str, BaseGeometry]:
-    """Return the outlines of all links in the world, by name.
-
-    ``positions`` are those of the joints [rad or m].
-    """
+    """Return the outlines of all links in the world by name, at joint ``positions`` [rad or m]."""
     poses = link_poses(body, positions)
     return {
         link.name: shapely.union_all(
@@ -45,37 +43,37 @@ def link_shapes(body: SceneObject, positions: Sequence[float]) -> dict[str, Base
 
 
 def moving_links(body: SceneObject) -> tuple[Link, ...]:
-    """Return the links with a shape that a joint can move, directly or through others."""
-    moved = _moved_link_names(body)
-    return tuple(link for link in body.links if link.name in moved and link.polygons)
+    """Return the links with a shape that a joint can move, directly or through other links."""
+    moving = _moving_link_names(body)
+    return tuple(link for link in body.links if link.name in moving and link.polygons)
 
 
 def still_links(body: SceneObject) -> tuple[Link, ...]:
-    """Return the links that stand still whatever the joints do."""
-    moved = _moved_link_names(body)
-    return tuple(link for link in body.links if link.name not in moved)
+    """Return the links that no joint can move."""
+    moving = _moving_link_names(body)
+    return tuple(link for link in body.links if link.name not in moving)
 
 
-def _moved_link_names(body: SceneObject) -> set[str]:
+def _moving_link_names(body: SceneObject) -> set[str]:
     above = {joint.child: joint for joint in body.joints}
-    moved: set[str] = set()
+    moving: set[str] = set()
     for link in body.links:
         name = link.name
         while name in above:
             if not is_fixed(above[name]):
-                moved.add(link.name)
+                moving.add(link.name)
                 break
             name = above[name].parent
-    return moved
+    return moving
 
 
 def swept_area(
     body: SceneObject, link: Link, ranges: Mapping[str, tuple[float, float]]
 ) -> BaseGeometry:
-    """Return what ``link`` covers while each joint moves alone through its range [rad or m].
+    """Return the area of ``link`` while each joint moves alone through its range [rad or m].
 
-    Joints without a range stay where they are at the start. Between steps the convex hull of two
-    neighbouring placements is taken, so nothing is missed but the bulge of a short arc.
+    Joints without a range stay at their start position. The area is the union of convex hulls of
+    neighbouring placements, so it misses only the bulges of short arcs.
     """
     return shapely.union_all(swept_pieces(body, link, ranges))
 
@@ -108,7 +106,7 @@ def hulls_between(poses: Sequence[Pose2], ring: Ring) -> list[BaseGeometry]:
 
 def _steps(joint: Joint, low: float, high: float) -> list[float]:
     step = _TURN if joint.kind == "revolute" else _SLIDE
-    # Joints without limits to speak of reach 10 km: they are swept coarsely.
+    # Practically unlimited joints reach 10 km: they are swept coarsely.
     count = min(2 + int(abs(high - low) / step), 400)
     return [float(q) for q in np.linspace(low, high, count)]
 
@@ -136,22 +134,22 @@ class SolidIndex:
 
     def hit_by(self, shape: BaseGeometry, z_min: float, z_max: float) -> dict[str, BaseGeometry]:
         """Return the overlap of ``shape`` between two heights with solids, by owner."""
-        found: dict[str, list[BaseGeometry]] = {}
+        overlaps: dict[str, list[BaseGeometry]] = {}
         for index in sorted(self._tree.query(shape, predicate="intersects").tolist()):
             solid = self.solids[index]
             if solid.z_min < z_max and z_min < solid.z_max:
                 overlap = shape.intersection(self.shapes[index])
-                found.setdefault(solid.owner, []).append(overlap)
-        return {owner: shapely.union_all(parts) for owner, parts in found.items()}
+                overlaps.setdefault(solid.owner, []).append(overlap)
+        return {owner: shapely.union_all(parts) for owner, parts in overlaps.items()}
 
     def nearest(self, x: float, y: float, z_max: float) -> tuple[float, str]:
-        """Return distance [m] and owner of the solid below ``z_max`` that is nearest to a point.
+        """Return distance [m] and owner of the nearest solid below ``z_max``.
 
-        The distance is 0 inside of a solid, infinite when there is none.
+        The distance is 0 inside a solid, and infinite without solids.
         """
         point = Point(x, y)
         best = (math.inf, "")
-        # Where there is a wall within 2 m, the rest of the building need not be measured.
+        # If a wall is within 2 m, skip the rest of the building.
         for radius in (2.0, 1e6):
             for index in self._tree.query(point.buffer(radius)).tolist():
                 if self.solids[index].z_min < z_max:
@@ -165,7 +163,7 @@ class SolidIndex:
 _CORNERS: Final = 8
 _FLOOR: Final = 0.01
 SNAP_DISTANCE: Final = 0.05
-"""A pose this near to free space [m] still counts as being in it; maps are no finer."""
+"""Poses up to this distance [m] from free space count as inside; maps have this resolution."""
 
 
 def inscribed_radius(footprint: Ring) -> float:
@@ -180,7 +178,7 @@ def _to_side(a: Point2, b: Point2) -> float:
 
 
 class FreeSpace:
-    """The floor below ``height`` [m] that no solid and no standing part of an object covers."""
+    """The floor not covered by solids or still links of objects below ``height`` [m]."""
 
     def __init__(self, scene: Scene, height: float, standing: Sequence[BaseGeometry] = ()) -> None:
         low = [s for s in scene.solids if s.z_min < height and s.z_max > _FLOOR]
@@ -192,9 +190,9 @@ class FreeSpace:
             for link in still_links(body)
             if link.z_min < height
         ]
-        rooms = [region_area(r) for r in scene.regions]
-        # A little wider than they are: doorway and room share an edge only up to rounding, and a
-        # slit between them would part the floor.
+        rooms = [valid_polygon(region.outline, region.holes) for region in scene.regions]
+        # Slightly wider than real: doorway and room share an edge only up to rounding errors, and
+        # a slit would split the floor.
         passages = [
             valid_polygon(d.footprint).buffer(0.02)
             for d in scene.doorways
@@ -204,14 +202,14 @@ class FreeSpace:
         self.area: BaseGeometry = floor.difference(shapely.union_all([*solid, *posts]))
 
     def for_radius(self, radius: float, blocked: Iterable[BaseGeometry] = ()) -> ConnectedParts:
-        """Return where the centre of a disc can be, in parts that are not connected.
+        """Return the possible positions of the centre of a disc, in connected parts.
 
-        ``blocked`` are further outlines that nothing passes, such as doors that stay shut.
+        ``blocked`` has further impassable outlines, such as doors that stay shut.
         """
         return _connected_parts(self, radius, tuple(blocked))
 
 
-# Scenarios in one building mostly have the same doors shut, and buffering it takes long.
+# Buffering is slow, and scenarios in one building mostly have the same shut doors.
 @functools.lru_cache(maxsize=128)
 def _connected_parts(
     space: FreeSpace, radius: float, blocked: tuple[BaseGeometry, ...]
@@ -221,13 +219,13 @@ def _connected_parts(
 
 
 class ConnectedParts:
-    """Parts of the plane without a way from one to another."""
+    """Connected parts of an area."""
 
     def __init__(self, area: BaseGeometry) -> None:
         self.parts: list[Any] = [p for p in shapely.get_parts(area).tolist() if p.area > 0.0]
 
     def of(self, point: Point2, reach: float = SNAP_DISTANCE) -> int | None:
-        """Return the part that holds ``point`` or is within ``reach`` [m] of it."""
+        """Return the index of the part within ``reach`` [m] of ``point``, if any."""
         if not self.parts:
             return None
         distances = shapely.distance(np.array(self.parts, dtype=object), Point(point))
@@ -235,12 +233,7 @@ class ConnectedParts:
         return nearest if float(distances[nearest]) <= reach else None
 
 
-def region_area(region: Region) -> BaseGeometry:
-    """Return the floor of a region, without its holes."""
-    return valid_polygon(region.outline, region.holes)
-
-
 def valid_polygon(ring: Ring, holes: Sequence[Ring] = ()) -> BaseGeometry:
-    """Return the area of an outline, also of one that touches or crosses itself."""
+    """Return the area of an outline, even if it touches or crosses itself."""
     polygon = Polygon(ring, holes)
     return polygon if polygon.is_valid else polygon.buffer(0)

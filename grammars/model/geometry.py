@@ -1,4 +1,4 @@
-"""Plane geometry values shared by every room: SI units, radians, frames per REP 103."""
+"""Plane geometry values: SI units, radians, frames per REP 103."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
-# In quotes: most who say where something is never load numpy.
+# In quotes, since most users of this module do not need numpy.
 Floats: TypeAlias = "npt.NDArray[np.float64]"
 Point2: TypeAlias = tuple[float, float]
 Ring: TypeAlias = tuple[Point2, ...]
@@ -19,21 +19,21 @@ Ring: TypeAlias = tuple[Point2, ...]
 
 
 def signed_area(ring: Sequence[Point2]) -> float:
-    """Return the area inside a ring [m²], negative when it runs clockwise (shoelace formula)."""
+    """Return the area of a ring [m²], negative if clockwise (shoelace formula)."""
     pairs = zip(ring, (*ring[1:], *ring[:1]), strict=True)
     return sum(p[0] * q[1] - q[0] * p[1] for p, q in pairs) / 2
 
 
 def wrap_angle(angle: float) -> float:
     """Map an angle [rad] to the half-open interval (-pi, pi]."""
-    # remainder rounds once and is exact; the stacks repeat what robots compute, by modulo and to
-    # [-pi, pi): daemon.stacks.kernels.wrap_angle_modulo.
+    # remainder is exact. The stacks instead wrap by modulo to [-pi, pi), as robots do:
+    # daemon.stacks.kernels.wrap_angle_modulo.
     wrapped = math.remainder(angle, math.tau)
     return math.pi if wrapped == -math.pi else wrapped
 
 
 def turn(a: Point2, b: Point2, c: Point2) -> float:
-    """Return whether the way a, b, c turns left (> 0) or right (< 0): a cross product [m^2]."""
+    """Return the cross product [m^2] at b: > 0 if the path a, b, c turns left, < 0 if right."""
     return (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
 
 
@@ -41,11 +41,11 @@ _FLAT: Final = 1e-9
 
 
 def convex_ring(corners: Sequence[Point2]) -> Ring | None:
-    """Return the corners of a convex outline counter-clockwise, ``None`` for any other outline.
+    """Return the corners of a convex outline counter-clockwise, ``None`` for other outlines.
 
-    Repeated corners and corners on a straight line are refused: no side may be doubtful.
+    Outlines with repeated corners or corners on a straight line count as not convex.
     """
-    # By signs and not by shapely's hull, which would forgive repeats.
+    # By signs, because the hull of shapely would accept repeated corners.
     turns = [turn(corners[i - 2], corners[i - 1], corners[i]) for i in range(len(corners))]
     one_way = all(t > _FLAT for t in turns) or all(t < -_FLAT for t in turns)
     if len(corners) < 3 or not one_way or not _turns_once(corners):
@@ -54,20 +54,19 @@ def convex_ring(corners: Sequence[Point2]) -> Ring | None:
 
 
 def _turns_once(corners: Sequence[Point2]) -> bool:
-    """A star also turns one way only, but more than once around."""
-    # Headings, not areas: a pentagram has a positive area and turns left at every corner.
+    """Return whether the outline goes around once; a pentagram goes around twice."""
     headings = [
         math.atan2(b[1] - a[1], b[0] - a[0])
         for a, b in zip(corners, [*corners[1:], corners[0]], strict=True)
     ]
-    turned = zip([headings[-1], *headings[:-1]], headings, strict=True)
-    total = sum(math.remainder(b - a, math.tau) for a, b in turned)
+    pairs = zip([headings[-1], *headings[:-1]], headings, strict=True)
+    total = sum(math.remainder(b - a, math.tau) for a, b in pairs)
     return abs(abs(total) - math.tau) < 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class Pose2:
-    """A pose in the plane, read as the transform child frame -> parent frame.
+    """A pose in the plane, the transform from child frame to parent frame.
 
     ``x`` and ``y`` in metres, ``yaw`` in radians counter-clockwise (REP 103).
     """
@@ -78,16 +77,10 @@ class Pose2:
 
     def __matmul__(self, other: Pose2) -> Pose2:
         """Compose transforms: ``world_from_a @ a_from_b`` is ``world_from_b``."""
-        # ``apply`` and ``wrap_angle`` written out: the stacks compose a hundred poses a second.
-        yaw, x, y = self.yaw, other.x, other.y
-        c, s = math.cos(yaw), math.sin(yaw)
-        turned = math.remainder(yaw + other.yaw, math.tau)
-        if turned == -math.pi:
-            turned = math.pi
-        return Pose2(self.x + c * x - s * y, self.y + s * x + c * y, turned)
+        return Pose2(*self.apply((other.x, other.y)), wrap_angle(self.yaw + other.yaw))
 
     def inverse(self) -> Pose2:
-        """Return the transform parent frame -> child frame."""
+        """Return the transform from parent frame to child frame."""
         x, y, yaw = self.x, self.y, self.yaw
         c, s = math.cos(yaw), math.sin(yaw)
         return Pose2(-c * x - s * y, s * x - c * y, wrap_angle(-yaw))

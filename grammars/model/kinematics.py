@@ -1,4 +1,4 @@
-"""Where the links of objects are for given joint positions, and what they cover at a height."""
+"""Forward kinematics of objects, and outlines of their links at a height."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from grammars.model.geometry import Floats, Pose2, Ring
-from grammars.model.scene import Joint, Link, Scene, SceneObject, Solid
+from grammars.model.scene import Joint, Link, SceneObject, Solid
 
 WORLD: Final = "world"
 Trigonometry: TypeAlias = Callable[[Floats], tuple[Floats, Floats]]
-"""Angles (n,) [rad] to their cosines and sines."""
+"""Maps angles (n,) [rad] to their cosines and sines."""
 
 
 def cos_sin(angles: Floats) -> tuple[Floats, Floats]:
-    """Return cosine and sine of ``angles`` (n,) [rad], one by one from the C library.
+    """Return cosine and sine of ``angles`` (n,) [rad], computed one by one by the C library.
 
-    numpy's own differ in the last bit between machines with different vector units, and what is
-    recorded or judged must not. Angles that are not finite give nan.
+    Results of numpy differ in the last bit between machines with different vector units, but
+    recordings and verdicts must not. Infinite angles give NaN.
     """
-    # Judging has the same in machine code, daemon.judging.oracles._obstacles.cos_sin: both must
-    # give the same bits.
+    # daemon.judging.oracles._obstacles.cos_sin is the same in machine code and must give the same
+    # bits.
     finite = [a if math.isfinite(a) else math.nan for a in angles.tolist()]
     return np.array([math.cos(a) for a in finite]), np.array([math.sin(a) for a in finite])
 
@@ -38,12 +38,12 @@ def joint_motion(joint: Joint, position: float) -> Pose2:
 
 
 def link_poses(obj: SceneObject, positions: Sequence[float]) -> dict[str, Pose2]:
-    """Return for every link the transform to apply to its polygons to get them in the world.
+    """Return for every link the transform of its polygons to the world, in the order of links.
 
-    ``positions`` are those of ``obj.joints``, in that order [rad or m]. Polygons are given in the
-    object frame with all joints at zero, so a link's transform is the product of the motions of
-    the joints between it and the world, from the root outwards (product of exponentials; Lynch
-    and Park, Modern Robotics, section 4.1). Links come in the order of ``obj.links``.
+    ``positions`` [rad or m] are in the order of ``obj.joints``. Polygons are in the object frame
+    with all joints at zero. So the transform of a link is the product of the joint motions between
+    it and the world, from the root outwards (product of exponentials; Lynch and Park, Modern
+    Robotics, section 4.1).
 
     Raises :class:`ValueError` for a wrong number of positions, and for joints that do not form a
     forest over the links: unknown links, a link with two joints, a loop.
@@ -69,7 +69,7 @@ def link_poses(obj: SceneObject, positions: Sequence[float]) -> dict[str, Pose2]
 def link_tracks(
     obj: SceneObject, positions: Floats, trigonometry: Trigonometry = cos_sin
 ) -> dict[str, Floats]:
-    """Return :func:`link_poses` over time: for every link (n, 3) of x, y [m] and yaw [rad].
+    """Return :func:`link_poses` over time: for every link an array (n, 3) of x, y [m], yaw [rad].
 
     ``positions`` has shape (n, joints). Yaws are sums, not wrapped to one turn. Raises
     :class:`ValueError` as :func:`link_poses` does.
@@ -143,32 +143,25 @@ def _unplaced_chain(
 
 
 def is_cut(part: Solid | Link, z: float) -> bool:
-    """Return whether ``part`` crosses height ``z`` [m].
+    """Return whether ``part`` crosses height ``z`` [m], which includes its bottom but not its top.
 
-    What ends there is not cut and what begins there is, so of two things that stand on each other
-    exactly one is.
+    So of two parts on top of each other, exactly one is cut.
     """
     return part.z_min <= z < part.z_max
-
-
-def solid_rings(scene: Scene, z: float) -> list[Ring]:
-    """Return the outlines of the walls, columns and dividers that cross height ``z`` [m]."""
-    return [solid.polygon for solid in scene.solids if is_cut(solid, z)]
 
 
 def placed_links(
     thing: SceneObject, positions: Mapping[str, float] | None = None
 ) -> Iterator[tuple[Link, tuple[Ring, ...]]]:
-    """Return every link of an object with its outlines in the world.
+    """Yield every link of an object with its outlines in the world.
 
-    ``positions`` [rad or m] go by scene-wide joint name; joints it does not name, and all of them
-    without it, are where they start.
+    ``positions`` [rad or m] go by scene-wide joint name; other joints have their start position.
     """
-    given = positions or {}
+    moved = positions or {}
     poses = link_poses(
         thing,
         [
-            given.get(f"{thing.name}.{joint.name}", initial)
+            moved.get(f"{thing.name}.{joint.name}", initial)
             for joint, initial in zip(thing.joints, thing.initial, strict=True)
         ],
     )
@@ -176,26 +169,11 @@ def placed_links(
         yield link, tuple(poses[link.name].apply_ring(ring) for ring in link.polygons)
 
 
-def object_rings(
-    scene: Scene, z: float, positions: Mapping[str, float] | None = None
-) -> list[Ring]:
-    """Return the outlines of all links that cross height ``z`` [m]; see :func:`placed_links`."""
-    return [
-        ring
-        for thing in scene.objects
-        for link, rings in placed_links(thing, positions)
-        if is_cut(link, z)
-        for ring in rings
-    ]
-
-
 def driven_joints(thing: SceneObject) -> tuple[Joint, ...]:
-    """Return the joints that move one part of an object against another or against the world.
+    """Return the joints that visibly move a part of an object against another or the world.
 
-    Others only carry: fixed ones, and those of chains of links without a shape, on which people
-    and other movers walk.
+    This leaves out fixed joints and those of the carriers of movers, which have no shape.
     """
-    # A carrier of a mover has no shape: nothing one could see moves against it.
     shapes = {link.name for link in thing.links if link.polygons} | {WORLD}
     return tuple(
         joint

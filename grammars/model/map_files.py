@@ -1,18 +1,21 @@
-"""Maps as files: the YAML and the image that ``map_server`` and nav2 read, and in one piece.
+"""Map files: the YAML and the image (PGM or PNG) of ``map_server`` and nav2, and packed maps.
 
-Pixels mean the same as to ``map_server`` of Noetic (``image_loader.cpp``): an occupancy of
+Pixels are read like ``map_server`` of Noetic does (``image_loader.cpp``): an occupancy of
 (255 - grey) / 255, or grey / 255 with ``negate``, is occupied above ``occupied_thresh``, free below
 ``free_thresh`` and in between unknown (``mode: trinary``) or 1 to 99 (``scale``). With ``raw`` the
-grey is the value itself, and values above 100 are unknown, as nav2 has it. Colours count as the
-mean of their channels, in which ``trinary`` has a share for alpha. With ``scale``, quite
-transparent cells in between are unknown.
+grey is the value itself, and values above 100 are unknown, as in nav2. The grey of a colour is the
+mean of its channels, with ``trinary`` including alpha. With ``scale``, fully transparent cells in
+between are unknown.
 
-Packed, a map is one piece of bytes that only its content decides, so that its digest can name it.
+A packed map is a byte string that depends only on the content, so that its digest identifies it.
 """
 
 from __future__ import annotations
 
 import json
+import re
+import struct
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
@@ -22,20 +25,32 @@ import numpy.typing as npt
 from pydantic import Field
 
 from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from grammars.model.map_images import MOST_CELLS, WHITE, MapImage, read_image
 from grammars.text import codec
 from grammars.text.diagnostics import Finding, Findings, InputError, Where
 from grammars.text.documents import StrictModel, load_yaml, read_model
+from grammars.text.plugins import load_extra
+from grammars.text.sources import is_file, note_read
 
+MOST_CELLS: Final = 64_000_000
+"""Cells of a map at most: 400 m by 400 m at 5 cm."""
+_WHITE: Final = 255
+"""The lightest shade of 8 bits."""
+_LONGEST_HEADER: Final = 4096
+_PNG: Final = b"\x89PNG\r\n\x1a\n"
+_DEEP: Final = 65535
+"""The lightest shade of 16 bits."""
+# Magic number, columns, rows and largest grey with comments in between, then exactly one white
+# space before the pixels (netpbm).
+_HEADER: Final = re.compile(rb"(P[25])" + rb"(?:\s|#[^\n]*\n)+(\d{1,9})" * 3 + rb"\s", re.DOTALL)
 _SAVED_UNKNOWN: Final = 205
-_SAVED_GREYS: Final = {0, _SAVED_UNKNOWN, 254, WHITE}
-"""The greys in which map_saver writes occupied, unknown and free cells."""
+_SAVED_GREYS: Final = {0, _SAVED_UNKNOWN, 254, _WHITE}
+"""Greys that map_saver writes for occupied, unknown and free cells."""
 
 _Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
 class _MapKeys(StrictModel):
-    """The keys of a map's YAML file; others are for other readers."""
+    """Keys of the YAML file of a map; unknown keys are ignored."""
 
     model_config = StrictModel.model_config | {"extra": "ignore"}
 
@@ -50,10 +65,7 @@ class _MapKeys(StrictModel):
 
 @dataclass(frozen=True, slots=True)
 class SavedMap:
-    """A map as a mapping tool saved it.
-
-    ``grid`` lies straight; ``yaw`` [rad] turns it about its origin.
-    """
+    """A map saved by a mapping tool; ``yaw`` [rad] turns ``grid`` about its origin."""
 
     grid: OccupancyGrid
     yaw: float
@@ -61,11 +73,11 @@ class SavedMap:
 
 
 def read_map(path: str | Path, *, turned: bool = False) -> SavedMap:
-    """Read the map of a YAML file, its image from beside it.
+    """Read the map of a YAML file and its image.
 
-    Warnings are about unknown cells that count as free or occupied. Raises :class:`InputError` for
-    files that cannot be read, an image that is neither PGM (P5 or P2, up to 8 bits) nor PNG, more
-    than :data:`MOST_CELLS` cells, and a map with a yaw unless it may be ``turned``.
+    Warnings are about unknown cells that count as free or occupied. Images are PGM (P5 or P2, up to
+    8 bits) or PNG. Raises :class:`InputError` for unreadable files, more than :data:`MOST_CELLS`
+    cells, and a map with a yaw unless ``turned`` allows one.
     """
     document = load_yaml(path)
     text = read_model(document, _MapKeys)
@@ -78,21 +90,24 @@ def read_map(path: str | Path, *, turned: bool = False) -> SavedMap:
         raise InputError.at(
             document.where(("origin",)),
             f"the map is turned by {yaw:g} rad",
-            "costmap_2d and amcl take no notice of that: turn the image and write 0 "
-            "(scenario import makes a building of it as it is)",
+            "costmap_2d and amcl ignore that: turn the image and write 0 "
+            "(scenario import accepts turned maps)",
         )
     findings, where = Findings(), document.where(("image",))
-    # In trinary maps alpha is one more channel of the mean.
+    # In trinary maps, alpha is one of the averaged channels.
     trinary = text.mode == "trinary"
-    image = read_image(Path(path).parent / text.image, where, alpha_counts=trinary)
+    image_path = Path(path).parent / text.image
+    image = _read_image(image_path, where, alpha_counts=trinary)
     grid = _grid(image, text)
     if trinary and image.clear is not None:
-        colours = _grid(read_image(Path(path).parent / text.image, where, alpha_counts=False), text)
+        colours = _grid(
+            _read_image(Path(path).parent / text.image, where, alpha_counts=False), text
+        )
         colours.cells[np.flipud(image.clear)] = UNKNOWN
         if share := float((colours.cells != grid.cells).mean()):
             message = (
-                f"{share:.0%} of the cells are not what their colour says: map_server averages "
-                "the alpha channel in, which makes floor or walls of unknown cells"
+                f"{share:.0%} of the cells differ from their colour: map_server includes the "
+                "alpha channel in its average, which turns unknown cells into floor or walls"
             )
             hint = "save the image without an alpha channel, for your navigation stack too"
             findings.warning(where, message, hint)
@@ -101,25 +116,25 @@ def read_map(path: str | Path, *, turned: bool = False) -> SavedMap:
 
 
 def _warn_of_free_unknown(
-    image: MapImage, text: _MapKeys, where: Where, findings: Findings
+    image: _MapImage, text: _MapKeys, where: Where, findings: Findings
 ) -> None:
-    """Warn of a map of nav2's map_saver: free_thresh 0.25, and 205 for unknown (0.196)."""
+    """Warn of maps of nav2's map_saver: it writes free_thresh 0.25 and 205 (0.196) for unknown."""
     values = _value_of_shades(image.shades, text)
-    used = np.bincount(image.levels.ravel(), minlength=len(values))
-    saved = len(values) == WHITE + 1 and set(np.flatnonzero(used).tolist()) <= _SAVED_GREYS
-    if saved and text.mode == "trinary" and not text.negate and values[_SAVED_UNKNOWN] == FREE:
-        share = used[_SAVED_UNKNOWN] / image.levels.size
+    counts = np.bincount(image.levels.ravel(), minlength=len(values))
+    is_saved = len(values) == _WHITE + 1 and set(np.flatnonzero(counts).tolist()) <= _SAVED_GREYS
+    if is_saved and text.mode == "trinary" and not text.negate and values[_SAVED_UNKNOWN] == FREE:
+        share = counts[_SAVED_UNKNOWN] / image.levels.size
         if share:
             message = (
-                f"{share:.0%} of the cells are grey {_SAVED_UNKNOWN}, as which map_saver writes "
-                f"unknown, but free by free_thresh {text.free_thresh:g}: they count as floor"
+                f"{share:.0%} of the cells are grey {_SAVED_UNKNOWN}, which map_saver writes for "
+                f"unknown, but count as free because free_thresh is {text.free_thresh:g}"
             )
-            hint = "write free_thresh: 0.196 to have them unknown, for your navigation stack too"
+            hint = "write free_thresh: 0.196 to make them unknown, for your navigation stack too"
             findings.warning(where, message, hint)
 
 
-def _grid(image: MapImage, text: _MapKeys) -> OccupancyGrid:
-    """Return the map that an image shows."""
+def _grid(image: _MapImage, text: _MapKeys) -> OccupancyGrid:
+    """Return the map of an image."""
     cells: npt.NDArray[np.int8] = _value_of_shades(image.shades, text)[np.flipud(image.levels)]
     if text.mode == "scale" and image.clear is not None:
         cells[np.flipud(image.clear) & (cells > FREE) & (cells < OCCUPIED)] = UNKNOWN
@@ -128,11 +143,11 @@ def _grid(image: MapImage, text: _MapKeys) -> OccupancyGrid:
 
 def _value_of_shades(shade: npt.NDArray[np.float64], text: _MapKeys) -> npt.NDArray[np.int8]:
     """Return the occupancy values of shades of grey."""
-    dark = shade if text.negate else WHITE - shade
-    occupancy = dark / float(WHITE)
+    dark = shade if text.negate else _WHITE - shade
+    occupancy = dark / float(_WHITE)
     if text.mode == "raw":
-        # Here, negate turns the grey and not its meaning: what is kept is the number.
-        number = WHITE - shade if text.negate else shade
+        # Here, negate inverts the grey, which is the value itself.
+        number = _WHITE - shade if text.negate else shade
         value = np.where(number <= OCCUPIED, number, UNKNOWN)
     else:
         between: npt.NDArray[Any] = np.full(shade.shape, UNKNOWN)
@@ -144,19 +159,119 @@ def _value_of_shades(shade: npt.NDArray[np.float64], text: _MapKeys) -> npt.NDAr
     return value.astype(np.int8)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _MapImage:
+    """The pixels of an image, top row first.
+
+    ``levels`` are indices into ``shades``, greys from 0 (black) to 255 (white). ``clear`` marks
+    fully transparent pixels if the image has an alpha channel.
+    """
+
+    levels: npt.NDArray[Any]
+    shades: npt.NDArray[np.float64]
+    clear: npt.NDArray[np.bool_] | None = None
+
+
+def _read_image(path: Path, where: Where, *, alpha_counts: bool) -> _MapImage:
+    """Return the shades of an image; ``where`` is the place of its name.
+
+    The shade of a colour is the mean of its channels, including alpha with ``alpha_counts`` (like
+    ``map_server``). Raises :class:`InputError` for unreadable images.
+    """
+    if not is_file(path):
+        raise InputError.at(where, f"the image {path} cannot be read: no such file")
+    note_read(path)
+    try:
+        size = path.stat().st_size
+        if size > _LONGEST_HEADER + 4 * MOST_CELLS:
+            raise InputError.at(where, f"the image {path.name} is too large ({size} bytes)")
+        data = path.read_bytes()
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise InputError.at(where, f"the image {path} cannot be read: {reason}") from error
+    if data.startswith(_PNG):
+        return _read_png(path, data[: len(_PNG) + 16], where, alpha_counts)
+    return _MapImage(_read_pgm(data, path, where), np.arange(_WHITE + 1, dtype=np.float64))
+
+
+def _read_png(path: Path, head: bytes, where: Where, alpha_counts: bool) -> _MapImage:
+    # Check the size, which is in the first chunk, before unpacking anything.
+    if len(head) == len(_PNG) + 16:
+        _check_size(path, where, *struct.unpack(">II", head[-8:]))
+    pillow = load_extra("PIL.Image", "import", "a map as PNG", str(path))
+    try:
+        with pillow.open(path, formats=["PNG"]) as image:
+            if image.mode in ("1", "L"):
+                levels = np.asarray(image.convert("L"))
+                return _MapImage(levels, np.arange(_WHITE + 1, dtype=np.float64))
+            if image.mode.startswith("I"):
+                levels = np.asarray(image).astype(np.int64).clip(0, _DEEP)
+                return _MapImage(levels, np.linspace(0.0, _WHITE, _DEEP + 1))
+            alpha = image.mode in ("LA", "PA", "RGBA") or "transparency" in image.info
+            pixels = np.asarray(image.convert("RGBA" if alpha else "RGB"))
+    # A damaged PNG makes pillow raise any of these.
+    except (OSError, SyntaxError, ValueError, EOFError, struct.error, zlib.error) as error:
+        message = f"the image {path.name} is a damaged PNG file: {error}"
+        raise InputError.at(where, message, "save the map again") from error
+    channels = 4 if alpha and alpha_counts else 3
+    levels = pixels[..., :channels].sum(axis=2, dtype=np.uint16)
+    shades = np.linspace(0.0, _WHITE, _WHITE * channels + 1)
+    return _MapImage(levels, shades, pixels[..., -1] == 0 if alpha else None)
+
+
+def _check_size(path: Path, where: Where, columns: int, rows: int) -> None:
+    if not (columns and rows):
+        raise InputError.at(where, f"the image {path.name} has no pixels")
+    if columns * rows > MOST_CELLS:
+        message = f"the image {path.name} has {columns * rows} pixels"
+        raise InputError.at(where, message, f"at most {MOST_CELLS} can be read")
+
+
+def _read_pgm(data: bytes, path: Path, where: Where) -> npt.NDArray[np.uint8]:
+    """Return the greys of an image, top row first."""
+    header = _HEADER.match(data[:_LONGEST_HEADER])
+    if header is None:
+        message = f"the image {path.name} is neither a PGM nor a PNG file"
+        raise InputError.at(where, message, f"convert {path.name} map.pgm makes one")
+    columns, rows, largest = (int(number) for number in header.groups()[1:])
+    _check_size(path, where, columns, rows)
+    if not 1 <= largest <= _WHITE:
+        message = f"the image {path.name} has greys up to {largest}"
+        raise InputError.at(where, message, "only 8-bit images can be read")
+    pixels = _pixels(data[header.end() :], header[1] == b"P5", where, path.name)
+    if len(pixels) != columns * rows:
+        message = f"the image {path.name} has {len(pixels)} pixels, its header says"
+        raise InputError.at(where, f"{message} {columns} x {rows} = {columns * rows}")
+    if pixels.max() > largest:
+        raise InputError.at(where, f"the image {path.name} has pixels above {largest}")
+    if largest < _WHITE:
+        # Like SDL_image, which map_server uses.
+        pixels = pixels.astype(np.uint16) * _WHITE // largest
+    return pixels.astype(np.uint8).reshape(rows, columns)
+
+
+def _pixels(data: bytes, binary: bool, where: Where, image: str) -> npt.NDArray[Any]:
+    if binary:
+        return np.frombuffer(data, dtype=np.uint8)
+    words = data.split()
+    if not all(word.isdigit() and len(word) <= 3 for word in words):
+        raise InputError.at(where, f"the image {image} has pixels that are not numbers")
+    return np.array(words, dtype=np.uint16)
+
+
 def write_map(grid: OccupancyGrid, stem: Path, *, laser_height: float) -> tuple[Path, Path]:
     """Write ``<stem>.pgm`` and ``<stem>.yaml`` for ROS ``map_server`` and nav2; return both paths.
 
-    Free is 254, occupied 0 and unknown 205, which the thresholds written (0.65 and 0.196) read
-    back as such. A map with values in between has them as they are (``mode: raw``, unknown 255).
-    ``laser_height`` [m] is noted in the files.
+    Free is 254, occupied 0 and unknown 205, with thresholds of 0.65 and 0.196. A map with other
+    values is written with ``mode: raw`` and unknown as 255. ``laser_height`` [m] is noted in the
+    files.
     """
     image, meta = (stem.with_name(stem.name + suffix) for suffix in (".pgm", ".yaml"))
     raw = bool(((grid.cells > FREE) & (grid.cells < OCCUPIED)).any())
     if raw:
         grey = grid.cells.astype(np.uint8)
     else:
-        # As map_saver of ROS writes them: 205 is an occupancy of 50 / 255, above free_thresh.
+        # Like map_saver of ROS: 205 is an occupancy of 50 / 255, above free_thresh.
         grey = np.full_like(grid.cells, 205, dtype=np.uint8)
         grey[grid.cells == FREE] = 254
         grey[grid.cells == OCCUPIED] = 0
@@ -179,7 +294,7 @@ def write_map(grid: OccupancyGrid, stem: Path, *, laser_height: float) -> tuple[
 
 @dataclass(frozen=True, slots=True)
 class _Head:
-    """Head of a packed map; its cells follow, row by row from the lowest, a byte each."""
+    """Head of a packed map; the cells follow, one byte each, row by row from the lowest."""
 
     resolution: Annotated[float, Field(gt=0.0)]
     x: float
@@ -189,14 +304,14 @@ class _Head:
 
 
 def pack_map(grid: OccupancyGrid) -> bytes:
-    """Return a map as bytes, the same for the same map."""
+    """Return a map as bytes; equal maps give equal bytes."""
     rows, columns = grid.cells.shape
     head = _Head(grid.resolution, grid.x, grid.y, rows, columns)
     return codec.to_json(head) + b"\n" + grid.cells.astype(np.int8).tobytes()
 
 
 def unpack_map(data: bytes) -> OccupancyGrid:
-    """Return a map that was packed; raises ``ValueError`` for anything else."""
+    """Return a packed map; raises ``ValueError`` for other data."""
     line, _, rest = data.partition(b"\n")
     head = codec.from_json(_Head, line, exactly=True)
     cells = np.frombuffer(rest, dtype=np.int8)

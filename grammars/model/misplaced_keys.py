@@ -1,4 +1,4 @@
-"""Keys that people write in a file of the wrong kind, with where they belong."""
+"""Keys that people write in the wrong kind of file, with the right place."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ _IN_MISSIONS: Final = "it belongs in a mission file: NAME.mission.yaml"
 _IN_ROBOTS: Final = "it belongs in a robot file: robots/NAME.yaml"
 _IN_CAMPAIGNS: Final = "it belongs in the campaign file"
 MISSION_KEYS: Final = dict.fromkeys(("start", "waypoints"), _IN_MISSIONS)
-"""Keys that only mission files have, with where they belong."""
+"""Keys of mission files."""
 ROBOT_KEYS: Final = dict.fromkeys(
     ("footprint", "height", "mass", "drive", "laser", "lasers", "odometry"), _IN_ROBOTS
 )
-"""Keys that only robot files have, with where they belong."""
+"""Keys of robot files."""
 CAMPAIGN_KEYS: Final = dict.fromkeys(
     ("campaign", "repeats", "seed", "limit", "oracles", "scenarios", "floorplan", "objects",
      "behaviours", "matrix", "expect", "defaults", "robot", "mission", "sut"),
     _IN_CAMPAIGNS,
 )  # fmt: skip
-"""Keys of campaign files that people look for in other files, with where they belong."""
+"""Keys of campaign files that people write in other files."""

@@ -1,4 +1,4 @@
-"""Missions: where the robot starts and which waypoints it must visit, in strict order."""
+"""Missions: a start pose and waypoints to visit in strict order."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import Final
 from grammars.model.geometry import Pose2
 
 MOST_WAYPOINTS: Final = 10_000
-"""Waypoints of a mission file at most."""
+"""Waypoints of a mission at most."""
 
 
 @dataclass(frozen=True, slots=True)
 class Waypoint:
-    """A pose to reach in the map frame; ``yaw`` is ``None`` when any heading will do."""
+    """A pose to reach in the map frame; with ``yaw`` ``None``, any heading is valid."""
 
     id: str
     x: float
@@ -23,7 +23,7 @@ class Waypoint:
 
 @dataclass(frozen=True, slots=True)
 class Mission:
-    """Waypoints in the order they must be visited, from a start pose."""
+    """A start pose, and waypoints in the order of visiting."""
 
     name: str
     start: Pose2

@@ -1,11 +1,8 @@
-"""The YAML files people write about missions, read into the values of this package.
+"""Reader of mission files (YAML).
 
-A mission file keeps the form of the task files navigation stacks already read (``waypoints`` with
-``id``, ``x``, ``y``, ``yaw`` as plain numbers in metres and radians); quantities with units
-(``yaw: 90 deg``) are welcome too.
-
-Apart from the values on purpose: whoever receives a run specification needs those alone, and is
-spared the models that check YAML.
+Mission files have the form of task files of navigation stacks: ``waypoints`` with ``id``, ``x``,
+``y``, ``yaw`` as plain numbers in metres and radians. They also accept units (``yaw: 90 deg``).
+Receivers of run specifications import :mod:`grammars.model.mission` without these models.
 """
 
 from __future__ import annotations
@@ -29,7 +26,7 @@ _Radians = Annotated[float, QuantityField("angle", plain=True), Field(allow_inf_
 
 
 class _PlaceText(StrictModel):
-    """A place in the frame of the map, as task files give it."""
+    """A place in the frame of the map, in the form of task files."""
 
     x: _Metres
     y: _Metres
@@ -56,22 +53,22 @@ class WaypointText(_PlaceText):
     ) | {"theta": OtherName("yaw"), "name": OtherName("id")}
 
     yaw: _Radians | None = None
-    """Heading wanted there, counter-clockwise from the x axis of the map; any when left out."""
+    """Heading at the waypoint, counter-clockwise from the x axis of the map; default: any."""
     id: str = Field(default="", max_length=100)
-    """How verdicts and the dashboard call it; without one it is waypoint-1, waypoint-2, …"""
+    """Name in verdicts and the dashboard; default: waypoint-1, waypoint-2, …"""
 
 
 class MissionText(StrictModel):
-    """The keys of a mission file: where the robot starts and which waypoints it visits."""
+    """The keys of a mission file: the start of the robot and the waypoints to visit."""
 
     elsewhere = ROBOT_KEYS | CAMPAIGN_KEYS
 
     mission: str = Field(default="", max_length=100)
-    """Name of the mission; the file's name when left out."""
+    """Name of the mission; default: the name of the file."""
     about: str = ""
     """One line for people."""
     start: PoseText | None = None
-    """Where the robot stands at first; the origin of the map when left out."""
+    """Start pose of the robot; default: the origin of the map."""
     waypoints: list[WaypointText] = Field(
         min_length=1,
         max_length=MOST_WAYPOINTS,
@@ -92,7 +89,7 @@ def load_mission(path: str | Path) -> tuple[Mission, YamlDocument]:
 
 
 def read_mission(document: YamlDocument) -> Mission:
-    """Return what a mission file means; raises :class:`InputError` with every problem of it."""
+    """Return the mission of a document; raises :class:`InputError` with all its problems."""
     text = read_model(document, MissionText)
     waypoints = tuple(
         Waypoint(w.id or f"waypoint-{i}", w.x, w.y, w.yaw)
@@ -105,9 +102,9 @@ def read_mission(document: YamlDocument) -> Mission:
 
 
 def _refuse_ambiguous(waypoints: Sequence[Waypoint], document: YamlDocument) -> None:
-    """Raise :class:`InputError` for waypoints of one id that are not at one place.
+    """Raise :class:`InputError` for waypoints with the same id at different places.
 
-    A mission may visit a place more than once.
+    A mission may visit one place more than once.
     """
     first: dict[str, int] = {}
     problems = []
@@ -126,4 +123,4 @@ def _refuse_ambiguous(waypoints: Sequence[Waypoint], document: YamlDocument) -> 
 
 
 _SAME_PLACE: Final = 0.01
-"""Waypoints of one id this near to each other [m] are one place that is visited again."""
+"""Waypoints with one id up to this distance apart [m] are the same place."""

@@ -1,9 +1,9 @@
-"""Movers: objects that walk, as links on a virtual planar chain, and the routes they walk on.
+"""Movers: walking objects as links on a virtual planar chain, and their routes.
 
-A mover's body hangs on three joints of its object: ``x`` and ``y`` (prismatic, along the axes of
-the object frame) and ``yaw`` (revolute, about the body's origin), with two carrier links that have
-neither shape nor mass in between (a planar joint in URDF). So joint states, forward kinematics,
-traces and pictures treat a walking person like any other object.
+The body of a mover hangs on three joints: ``x`` and ``y`` (prismatic, along the axes of the object
+frame) and ``yaw`` (revolute, about the origin of the body). Two carrier links without shape and
+mass are in between (a planar joint in URDF). So joint states, forward kinematics, traces and
+pictures treat a walking person like any other object.
 
 Routes are exact: a polyline by arc length, and the trapezoidal profile of speed (constant
 acceleration, cruise, constant deceleration; Lynch and Park, Modern Robotics, section 9.2.2.2).
@@ -61,7 +61,7 @@ def own_joints(joints: tuple[Joint, ...]) -> tuple[Joint, ...]:
 
 
 def is_fixed(joint: Joint) -> bool:
-    """Return whether the joint has no room to move at all."""
+    """Return whether the joint cannot move."""
     return joint.lower == joint.upper == 0.0
 
 
@@ -74,23 +74,18 @@ def chain_positions(mover: SceneObject, pose: Pose2, turn: float) -> tuple[float
     return (x, y, turn - mover.pose.yaw)
 
 
-def body_link(mover: SceneObject) -> str:
-    """Return the name of the link that walks."""
-    return mover.joints[2].child
-
-
 CORNER: Final = 0.3
-"""A mover that faces the way it goes turns within this way before and after a corner [m]."""
+"""Distance before and after a corner [m] within which a mover turns to its new direction."""
 TURN_RATE: Final = math.pi
-"""Speed of turning round at an end of the route [rad/s]."""
+"""Turning speed at the ends of the route [rad/s]."""
 
 
 class Route:
     """The polyline of a walk, by arc length from its first point [m].
 
     Attributes:
-        length: of the route once, with the way back to the first point if it is closed [m].
-        stops: arc lengths at which the walk may come to rest, from 0 to ``length``.
+        length: length of the route, including the way back to the first point if closed [m].
+        stops: arc lengths at which the walk may stop, from 0 to ``length``.
     """
 
     def __init__(self, walk: Walk) -> None:
@@ -111,7 +106,7 @@ class Route:
         self._corners = self._find_corners(last)
 
     def _find_corners(self, last: float) -> list[tuple[float, float, float]]:
-        """Return (arc length, half width, turn) of every corner that is passed."""
+        """Return (arc length, half width, turn) of every corner on the way."""
         lengths, headings = self._lengths, self._headings
         corners = [
             (
@@ -122,7 +117,7 @@ class Route:
             for i in range(1, len(lengths))
         ]
         if self.closed:
-            # The corner where a lap ends and the next begins, once for each of its halves.
+            # The corner between two laps appears once for each of its halves.
             width = _corner_half_width(lengths[-1], lengths[0])
             corners = [(0.0, width, last), *corners, (self.length, width, last)]
         return corners
@@ -130,16 +125,16 @@ class Route:
     def _lap(self, way: float) -> tuple[int, float]:
         if not self.closed:
             return 0, min(max(way, 0.0), self.length)
-        # The quotient may round up to a lap that the way is still short of.
+        # The quotient may round up to the next lap.
         lap = math.floor(way / self.length)
         return lap, max(0.0, way - lap * self.length)
 
     def _leg(self, way: float) -> int:
-        found = bisect.bisect_right(self._begins, way) - 1
-        return min(max(found, 0), len(self._lengths) - 1)
+        leg = bisect.bisect_right(self._begins, way) - 1
+        return min(max(leg, 0), len(self._lengths) - 1)
 
     def point(self, way: float) -> Point2:
-        """Return the point after ``way`` [m]; a closed route goes on for ever."""
+        """Return the point after ``way`` [m]; a closed route never ends."""
         _, rest = self._lap(way)
         leg = self._leg(rest)
         (x, y), (dx, dy) = self._points[leg], self._ways[leg]
@@ -147,21 +142,20 @@ class Route:
         return (x + along * dx, y + along * dy)
 
     def direction(self, way: float) -> Point2:
-        """Return the unit vector of the route after ``way`` [m], as seen going forward."""
+        """Return the unit vector of the route after ``way`` [m], in forward direction."""
         return self._ways[self._leg(self._lap(way)[1])]
 
     def yaw(self, way: float) -> float:
-        """Return which way the mover faces [rad], not wrapped, as seen going forward."""
+        """Return the heading [rad, not wrapped] after ``way`` [m], in forward direction."""
         if self._facing == "fixed":
             return self._yaw
         lap, rest = self._lap(way)
         yaw = self._headings[self._leg(rest)] + lap * self._lap_turn
-        # A round begins in its first corner without having come through it, so at first only the
-        # second half of that corner would turn: it is skipped until the first lap is over.
+        # The first lap starts in the middle of its first corner and skips its second half.
         for at, width, turn in self._corners:
             if abs(rest - at) < width and (at > 0.0 or lap > 0):
-                before = yaw if rest < at else yaw - turn
-                yaw = before + turn * (rest - at + width) / (2.0 * width)
+                entry = yaw if rest < at else yaw - turn
+                yaw = entry + turn * (rest - at + width) / (2.0 * width)
                 break
         return yaw + (math.pi / 2.0 if self._facing == "sideways" else 0.0)
 
@@ -171,18 +165,18 @@ def _corner_half_width(first: float, second: float) -> float:
 
 
 def _unwrap(headings: list[float]) -> list[float]:
-    found = headings[:1]
+    unwrapped = headings[:1]
     for heading in headings[1:]:
-        found.append(found[-1] + wrap_angle(heading - found[-1]))
-    return found
+        unwrapped.append(unwrapped[-1] + wrap_angle(heading - unwrapped[-1]))
+    return unwrapped
 
 
 @dataclass(frozen=True, slots=True)
 class Profile:
-    """Way and speed over time from speed ``entry`` to rest after ``length`` [m] (may be inf).
+    """Trapezoidal speed profile from speed ``entry`` to rest after ``length`` [m] (may be inf).
 
-    ``peak`` is the speed of the cruise; ``rise``, ``cruise`` and ``fall`` how long its parts
-    last [s].
+    ``peak`` is the cruise speed; ``rise``, ``cruise`` and ``fall`` are the durations of the three
+    parts [s].
     """
 
     length: float
@@ -195,12 +189,12 @@ class Profile:
 
     @classmethod
     def plan(cls, length: float, entry: float, speed: float, acceleration: float) -> Profile:
-        """Return the fastest profile that keeps to ``speed`` and ``acceleration``.
+        """Return the fastest profile within ``speed`` and ``acceleration``.
 
-        ``entry`` must allow to stop within ``length`` and not exceed ``speed``.
+        ``entry`` must not exceed ``speed`` and must allow a stop within ``length``.
         """
         length = max(0.0, length)
-        # From entry up to v and down to rest takes (v^2 - entry^2) / 2a + v^2 / 2a: solved for v.
+        # From entry up to v and down to rest takes (v^2 - entry^2) / 2a + v^2 / 2a; solve for v.
         top = math.sqrt(acceleration * length + entry * entry / 2.0)
         peak = max(entry, min(speed, top))
         ramps = (2.0 * peak * peak - entry * entry) / (2.0 * acceleration)
@@ -220,13 +214,13 @@ class Profile:
         return self.rise + self.cruise + self.fall
 
     def at(self, time: float) -> tuple[float, float]:
-        """Return way [m] and speed [m/s] after ``time`` [s]."""
+        """Return the distance [m] and speed [m/s] after ``time`` [s]."""
         a = self.acceleration
         if time <= self.rise:
             return self.entry * time + a * time * time / 2.0, self.entry + a * time
-        risen = (self.entry + self.peak) / 2.0 * self.rise
+        ramp = (self.entry + self.peak) / 2.0 * self.rise
         if time <= self.rise + self.cruise:
-            return risen + self.peak * (time - self.rise), self.peak
-        # Counted back from the end, so that a walk stops where its route does, to the last bit.
-        left = max(0.0, self.duration - time)
-        return self.length - a * left * left / 2.0, a * left
+            return ramp + self.peak * (time - self.rise), self.peak
+        # Computed from the end, so that a walk stops exactly at the end of its route.
+        remaining = max(0.0, self.duration - time)
+        return self.length - a * remaining * remaining / 2.0, a * remaining

@@ -1,4 +1,4 @@
-"""Robot descriptions: footprint, drive, lasers and odometry, as written in ``robots/*.yaml``."""
+"""Robot descriptions (``robots/*.yaml``): footprint, drive, lasers and odometry."""
 
 from __future__ import annotations
 
@@ -28,47 +28,47 @@ from grammars.text.quantity import (
 )
 
 LASER_NAME: Final = r"^[a-z][a-z0-9_]*$"
-"""What a laser may be called: its name becomes part of those of topics and frames."""
+"""Pattern of names of lasers, which become part of the names of topics and frames."""
 
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """What the base can do; the simulator holds every command to it."""
+    """Limits of the base, which the simulator enforces."""
 
     kind: Literal["omnidirectional", "differential"]
     """An omnidirectional base drives sideways, a differential one only turns and drives ahead."""
     max_vx: Annotated[Speed, Field(gt=0)] = math.inf
-    """Largest speed ahead and back; with an imposed velocity it may be left out: no limit."""
+    """Largest speed ahead and back; optional with an imposed velocity: no limit."""
     max_vy: Annotated[Speed, Field(ge=0)] = math.inf
-    """Largest speed sideways; of an omnidirectional base."""
+    """Largest sideways speed of an omnidirectional base."""
     max_wz: Annotated[AngularSpeed, Field(gt=0)] = math.inf
-    """Largest turning speed; with an imposed velocity it may be left out: no limit."""
+    """Largest turning speed; optional with an imposed velocity: no limit."""
     max_ax: Annotated[Acceleration, Field(gt=0)] = math.inf
-    """Largest acceleration ahead and back; of motors."""
+    """Largest acceleration of the motors ahead and back."""
     max_ay: Annotated[Acceleration, Field(ge=0)] = math.inf
-    """Largest acceleration sideways; of motors of an omnidirectional base."""
+    """Largest sideways acceleration of the motors of an omnidirectional base."""
     max_az: Annotated[AngularAcceleration, Field(gt=0)] = math.inf
-    """Largest angular acceleration; of motors."""
+    """Largest angular acceleration of the motors."""
     max_force: Annotated[Force, Field(gt=0)] = math.inf
-    """What the motors can push with."""
+    """Largest force of the motors."""
     max_torque: Annotated[Torque, Field(gt=0)] = math.inf
-    """What the motors can turn the base with."""
+    """Largest torque of the motors about the vertical axis of the base."""
     timeout: Annotated[Duration, Field(ge=0)] = 0.0
     """Without a command for this long the base brakes; 0 s: the last command holds."""
     law: Literal["motors", "imposed"] = "motors"
-    """How a command becomes motion. motors: the base speeds up within its accelerations and pushes
-    with at most its force and torque. imposed: the commanded velocity is there at once and stays,
-    whatever it takes, until something immovable is in the way; so does Gazebo's planar-move."""
+    """How a command becomes motion. motors: the base accelerates within its limits and pushes with
+    at most its force and torque. imposed: the commanded velocity applies at once and with any force
+    until something immovable stops the base, like Gazebo's planar-move."""
     friction_loss: Annotated[Speed, Field(ge=0)] = 0.0
-    """What an imposed velocity loses to the ground along each axis of the world: its x and its y
-    component are smaller by this (but never turned round). In Gazebo, with friction along axes:
-    coefficient x gravity x time step, 0.0098 m/s for 1 x 9.8 m/s^2 x 1 ms."""
+    """Loss of an imposed velocity to the ground along each axis of the world: it reduces the x and
+    y components (but never reverses them). In Gazebo, with friction along axes: coefficient x
+    gravity x time step, 0.0098 m/s for 1 x 9.8 m/s^2 x 1 ms."""
     turning_loss: Annotated[AngularSpeed, Field(ge=0)] = 0.0
-    """What an imposed turning speed loses to the ground."""
+    """Loss of an imposed turning speed to the ground."""
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(
         extra="forbid",
-        ser_json_inf_nan="strings",  # JSON has no word for the infinite.
+        ser_json_inf_nan="strings",  # JSON has no infinity.
         json_schema_extra={
             "anyOf": [
                 {"properties": {"law": {"const": "imposed"}}, "required": ["law"]},
@@ -80,14 +80,14 @@ class Drive:
 
 @dataclass(frozen=True, slots=True)
 class Mount(Pose2):
-    """Where a sensor sits on the robot, in base_link."""
+    """Pose of a sensor on the robot, in base_link."""
 
     x: Length
     """Ahead of the centre of the robot."""
     y: Length = 0.0
     """To the left of the centre of the robot."""
     yaw: Angle = 0.0
-    """Which way it looks, counter-clockwise from straight ahead."""
+    """Viewing direction, counter-clockwise from straight ahead."""
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
 
@@ -100,15 +100,15 @@ class Laser:
     z: Annotated[Length, Field(ge=0)]
     """Height of the scan plane above the floor: walls and objects are cut there."""
     angle_min: Angle
-    """Direction of the first ray, from where the laser looks."""
+    """Direction of the first ray, from the viewing direction of the laser."""
     angle_max: Angle
     """Direction of the last ray; at most one full turn beyond the first."""
     rays: Annotated[int, Field(ge=2, le=20_000)]
     """Number of rays of a scan, spread evenly from angle_min to angle_max."""
     range_min: Annotated[Length, Field(ge=0)]
-    """Nothing nearer is seen."""
+    """Shortest measurable range."""
     range_max: Annotated[Length, Field(gt=0)]
-    """Nothing farther is seen."""
+    """Longest measurable range."""
     rate: Annotated[Frequency, Field(gt=0, le=100)]
     """Scans per second."""
     noise: Annotated[Length, Field(ge=0)] = 0.0
@@ -116,12 +116,11 @@ class Laser:
     dropout: Annotated[Ratio, Field(ge=0, lt=1)] = 0.0
     """Share of rays that return nothing."""
     too_near: Literal["infinite", "clamped"] = "infinite"
-    """What a return nearer than range_min reads. infinite: -inf, as ROS asks of drivers (REP 117).
-    clamped: range_min, after the noise, as Gazebo's laser reports it."""
-    # Not in JSON where it is empty: what was specified before lasers had names stays the same.
+    """Reading for a return nearer than range_min. infinite: -inf, as REP 117 demands of ROS
+    drivers. clamped: range_min, after the noise, like Gazebo's laser."""
+    # Not in JSON if empty, so that specifications from before lasers had names stay the same.
     name: Annotated[str, Field(pattern=LASER_NAME, max_length=40, exclude_if=operator.not_)] = ""
-    """What one of several lasers is called: its scans come on /scan_NAME, in the frame
-    laser_NAME."""
+    """Name of one of several lasers: its scans come on /scan_NAME, in the frame laser_NAME."""
 
     elsewhere: ClassVar[Mapping[str, str]] = dict.fromkeys(
         ("x", "y", "yaw"), 'it belongs in "mount:"'
@@ -130,7 +129,7 @@ class Laser:
 
     @property
     def topic(self) -> str:
-        """The usual name of the topic of its scans, relative: ``scan``, ``scan_front``."""
+        """The usual relative name of its topic: ``scan``, ``scan_front``."""
         return f"scan_{self.name}" if self.name else "scan"
 
     @property
@@ -140,7 +139,7 @@ class Laser:
 
     @property
     def label(self) -> str:
-        """What it is called in a sentence: ``laser``, ``laser front``."""
+        """The name of the laser in sentences: ``laser``, ``laser front``."""
         return f"laser {self.name}" if self.name else "laser"
 
     @property
@@ -150,11 +149,11 @@ class Laser:
 
 
 SHORTEST_PERIOD: Final = 0.01
-"""Time between two messages of the odometry at least [s]: a tick of the simulator."""
+"""Shortest time between two messages of the odometry [s]: a tick of the simulator."""
 
 
 def _check_period(value: float) -> float:
-    """Return a time between messages, or 0 for none; raises ``ValueError``."""
+    """Return a valid time between messages, or 0 for none; raises ``ValueError``."""
     if value != 0.0 and not value >= SHORTEST_PERIOD:
         raise ValueError(f"must be greater than or equal to {SHORTEST_PERIOD}")
     return value
@@ -162,10 +161,10 @@ def _check_period(value: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class OdometryNoise:
-    """Wheel odometry; its errors grow with the root of what was driven."""
+    """Wheel odometry; its errors grow with the square root of the distance."""
 
     rate: Annotated[Frequency, Field(gt=0, le=100)] = 0.0
-    """Messages per second, each of a tick of the simulator (every 10 ms)."""
+    """Messages per second, each at a tick of the simulator (every 10 ms)."""
     translation: Annotated[float, QuantityField("noise per root length"), Field(ge=0)] = 0.0
     """Error of the distance: 0.01 m/m^0.5 is 1 cm after one metre, 10 cm after a hundred."""
     rotation: Annotated[float, QuantityField("noise per root angle"), Field(ge=0)] = 0.0
@@ -175,13 +174,13 @@ class OdometryNoise:
     period: Annotated[
         Duration, AfterValidator(_check_period), Field(json_schema_extra={"ge": SHORTEST_PERIOD})
     ] = 0.0
-    """Instead of a rate, the exact time between messages, such as 51 ms: each is of its own
-    instant, between two ticks if need be, and arrives at the first tick after it."""
+    """Instead of a rate, the exact time between messages, such as 51 ms: each message describes its
+    own instant, possibly between two ticks, and arrives at the next tick."""
     twist: Literal["instantaneous", "mean"] = "instantaneous"
-    """Velocity of a message: that of its instant, or the mean since the message before, from the
-    difference of the two poses, as Gazebo's planar-move reports it."""
+    """Velocity in a message: that of its instant, or the mean since the previous message, from the
+    difference of the two poses, like Gazebo's planar-move."""
     origin: Literal["start", "map"] = "start"
-    """Where the odom frame lies: where the robot starts, or on the frame of the map."""
+    """Origin of the odom frame: the start pose of the robot, or the frame of the map."""
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
 
@@ -190,8 +189,8 @@ class OdometryNoise:
 class Robot:
     """A mobile base seen from above; ``footprint`` is a convex ring in the base frame.
 
-    ``laser`` is the first of its ``lasers``: maps are drawn at its height. Raises ``ValueError``
-    when several lasers are not told apart by their names.
+    ``laser`` is the first of its ``lasers``; maps are drawn at its height. Raises ``ValueError`` if
+    several lasers lack distinct names.
     """
 
     name: str
@@ -211,5 +210,5 @@ class Robot:
 
     @property
     def lasers(self) -> tuple[Laser, ...]:
-        """All lasers, in the order in which they are written and take their scans."""
+        """All lasers, in the order of the file, which is also the order of their scans."""
         return (self.laser, *self.other_lasers)

@@ -1,7 +1,6 @@
-"""The YAML files people write about robots, read into the values of this package.
+"""Reader of robot files (YAML), in which every measure has a unit.
 
-Every measure has a unit. Apart from the values on purpose: whoever receives a run specification
-needs those alone, and is spared the models that check YAML.
+Receivers of run specifications import :mod:`grammars.model.robot` without these models.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ _ID_PATTERN: Final = r"^[A-Za-z0-9][A-Za-z0-9._-]*$"
 
 
 _ROUND: Final = 32
-"""Corners of a round robot: the polygon lies within 0.5 % of the radius of the circle."""
+"""Corners of a round robot: the polygon deviates by less than 0.5 % of the radius."""
 
 
 class FootprintText(StrictModel):
@@ -42,11 +41,11 @@ class FootprintText(StrictModel):
     )
 
     length: Length | None = None
-    """Along x, the way the robot looks."""
+    """Size along x, the direction the robot faces."""
     width: Length | None = None
-    """Along y."""
+    """Size along y."""
     radius: Length | None = Field(default=None, gt=0)
-    """Of a round robot; simulated as a regular polygon of 32 corners on the circle."""
+    """Radius of a round robot, simulated as a regular polygon of 32 corners on the circle."""
     corners: list[tuple[Length, Length]] | None = Field(default=None, min_length=3, max_length=64)
     """The corners in order around the robot, each as [x, y]; the outline must be convex
     and contain [0 m, 0 m]."""
@@ -62,7 +61,7 @@ class FootprintText(StrictModel):
         return self
 
     def ring(self) -> Ring:
-        """Return the outline as written."""
+        """Return the outline, with corners in the order of the file."""
         if self.corners is not None:
             return tuple(self.corners)
         if self.radius is not None:
@@ -77,24 +76,24 @@ _SIDEWAYS: Final = ("max_vy", "max_ay")
 
 
 def _complete_drive(drive: Drive) -> Drive:
-    """Return a drive as its law has it: of motors an unwritten sideways speed is 0."""
-    unwritten = [name for name in (*_MOTORS, *_SIDEWAYS) if math.isinf(getattr(drive, name))]
+    """Return a drive completed by its law: the default sideways speed of motors is 0."""
+    absent = [name for name in (*_MOTORS, *_SIDEWAYS) if math.isinf(getattr(drive, name))]
     if drive.law == "imposed":
-        idle = {*_MOTORS[2:], "max_ay"}.difference(unwritten)
+        idle = {*_MOTORS[2:], "max_ay"}.difference(absent)
         if idle:
             raise ValueError(f"an imposed velocity has no {', '.join(sorted(idle))}: leave it out")
         return drive
-    missing = [name for name in _MOTORS if name in unwritten]
+    missing = [name for name in _MOTORS if name in absent]
     if missing:
         raise ValueError(f"a drive by motors needs {', '.join(missing)}")
     if drive.friction_loss > 0.0 or drive.turning_loss > 0.0:
         raise ValueError('friction_loss and turning_loss are for "law: imposed"')
-    still: dict[str, Any] = dict.fromkeys(unwritten, 0.0)
-    return replace(drive, **still)
+    zeros: dict[str, Any] = dict.fromkeys(absent, 0.0)
+    return replace(drive, **zeros)
 
 
 def _check_laser(laser: Laser) -> Laser:
-    """Return a laser whose rays and ranges are in order."""
+    """Return a laser with consistent angles and ranges; raises ``ValueError`` otherwise."""
     if not 0 < laser.angle_max - laser.angle_min <= math.tau + 1e-9:
         raise ValueError("angle_max must be above angle_min by at most one full turn")
     if laser.range_max <= laser.range_min:
@@ -102,8 +101,8 @@ def _check_laser(laser: Laser) -> Laser:
     return laser
 
 
-def _timed(odometry: OdometryNoise) -> OdometryNoise:
-    """Return the odometry with the rate that belongs to a period."""
+def _with_rate(odometry: OdometryNoise) -> OdometryNoise:
+    """Return the odometry with its rate, computed from a period if necessary."""
     if (odometry.rate > 0.0) == (odometry.period > 0.0):
         raise ValueError('give "rate" or "period"')
     return odometry if odometry.rate > 0.0 else replace(odometry, rate=1.0 / odometry.period)
@@ -138,7 +137,7 @@ class RobotText(StrictModel):
     """One line for people."""
     footprint: FootprintText = Field(examples=[{"length": "0.5 m", "width": "0.4 m"}])
     height: Length = Field(gt=0)
-    """The robot touches only what is lower than this."""
+    """Height of the robot: it passes below everything higher."""
     mass: Mass = Field(gt=0)
     drive: Annotated[Drive, AfterValidator(_complete_drive)]
     laser: Annotated[_Laser, Field(json_schema_extra={"not": {"required": ["name"]}})] | None = None
@@ -146,15 +145,15 @@ class RobotText(StrictModel):
     lasers: list[Annotated[_Laser, Field(json_schema_extra={"required": ["name"]})]] | None = Field(
         default=None, min_length=1, max_length=_MOST_LASERS
     )
-    """Instead of "laser": several, by name. Maps are drawn at the height of the first."""
+    """Several lasers by name, instead of "laser". Maps are drawn at the height of the first."""
     odometry: Annotated[
         OdometryNoise,
-        AfterValidator(_timed),
+        AfterValidator(_with_rate),
         Field(json_schema_extra={"oneOf": [{"required": ["rate"]}, {"required": ["period"]}]}),
     ]
 
     @model_validator(mode="after")
-    def _seeing(self) -> RobotText:
+    def _has_laser(self) -> RobotText:
         if (self.laser is None) == (self.lasers is None):
             raise ValueError('give "laser" or, for several, "lasers"')
         return self
@@ -166,7 +165,7 @@ def load_robot(path: str | Path) -> Robot:
 
 
 def read_robot(document: YamlDocument) -> Robot:
-    """Return what a robot file means; raises :class:`InputError` with every problem of it."""
+    """Return the robot of a document; raises :class:`InputError` with all its problems."""
     text = read_model(document, RobotText)
     lasers = [text.laser] if text.laser is not None else text.lasers or []
     ring = convex_ring(text.footprint.ring())
@@ -185,22 +184,22 @@ def read_robot(document: YamlDocument) -> Robot:
 
 
 def _name_problems(text: RobotText, document: YamlDocument) -> Iterator[Finding]:
-    """Yield what is wrong with the names of lasers: the only one has none, others their own."""
+    """Yield problems of the names of lasers: a single one has none, several need distinct ones."""
     if text.laser is not None and text.laser.name:
         where = document.where(("laser", "name"))
-        yield Finding(where, 'unknown key "name"', 'only several have names, under "lasers:"')
+        yield Finding(where, 'unknown key "name"', 'only lasers under "lasers:" have names')
     lasers = text.lasers or ()
     for index, laser in enumerate(lasers):
         if not laser.name:
             yield Finding(document.where(("lasers", index)), 'key "name" is missing')
         elif laser.name in [earlier.name for earlier in lasers[:index]]:
             where = document.where(("lasers", index, "name"))
-            message = f'there is a laser "{laser.name}" already'
-            yield Finding(where, message, "give each laser a name of its own")
+            message = f'the name "{laser.name}" is already used by another laser'
+            yield Finding(where, message, "give each laser its own name")
 
 
 def _outline_problems(ring: Ring | None, document: YamlDocument) -> Iterator[Finding]:
-    """Yield what is wrong with a footprint; the simulator and the oracles need it convex."""
+    """Yield problems of a footprint; the simulator and the oracles need a convex one."""
     where = document.where(("footprint", "corners"))
     if ring is None:
         hint = "list the corners in order around the robot, without dents or repeats"
@@ -211,4 +210,4 @@ def _outline_problems(ring: Ring | None, document: YamlDocument) -> Iterator[Fin
         message = (
             "the footprint does not contain base_link, the point (0 m, 0 m) the robot turns about"
         )
-        yield Finding(where, message, "give the corners as they lie around that point")
+        yield Finding(where, message, "place the corners around that point")

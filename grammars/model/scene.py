@@ -1,7 +1,7 @@
-"""The Scene: everything one run needs to know about the world, compiled once, shared by all.
+"""The scene: all data about the world of a run.
 
-A scene is plain data; behaviours, mission, robot and system under test come with the run. Equal
-scenes have equal digests, whatever machine compiled them.
+Behaviours, mission, robot and system under test are not part of it. Equal scenes have equal digests
+on all machines.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from grammars.text import codec
 class Region:
     """A named free area: the clear floor of a space (``outline``), before furniture.
 
-    ``holes`` are rings inside of it that are not floor: what stands there, or is not known.
+    ``holes`` are rings inside it that are not floor: obstacles or unknown areas.
     """
 
     name: str
     outline: Ring
-    # Left out where there are none: most regions have none, and digests are taken of the rest.
+    # Not in JSON if empty, so that digests of regions without holes stay the same.
     holes: Annotated[tuple[Ring, ...], Field(exclude_if=operator.not_)] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Doorway:
-    """An entryway seen as a passage: ``frame`` on the floor at its centre line start.
+    """An entryway as a passage: ``frame`` is on the floor at the start of its centre line.
 
-    ``footprint`` is its outline through the wall(s), ``width`` the clear width [m].
+    ``footprint`` is the outline through the wall(s), ``width`` the clear width [m].
     """
 
     name: str
@@ -46,10 +46,10 @@ class Doorway:
 
 @dataclass(frozen=True, slots=True)
 class Solid:
-    """A convex piece of something that never moves, from ``z_min`` to ``z_max`` above the floor.
+    """A convex part of an immovable element, from ``z_min`` to ``z_max`` above the floor.
 
-    ``owner`` is the identifier of the floor plan element it is part of (``hall-wall-2``); a wall
-    with openings has several solids, also the lintel above and the sill below an opening.
+    ``owner`` is the identifier of its floor plan element (``hall-wall-2``); a wall with openings
+    has several solids, including the lintel above and the sill below an opening.
     """
 
     owner: str
@@ -63,7 +63,7 @@ class Solid:
 class Link:
     """A rigid body of an object: convex polygons in the object frame, all joints at zero.
 
-    ``mass`` in kg, evenly spread over the polygons.
+    ``mass`` is in kg, evenly spread over the polygons.
     """
 
     name: str
@@ -78,10 +78,10 @@ class Joint:
     """A joint between two links of one object, in the object frame with all joints at zero.
 
     ``parent`` is a link name or ``world``; a child link has exactly one joint. ``anchor`` is the
-    point of a revolute joint (positive turns counter-clockwise); ``axis`` the unit direction of a
-    prismatic one. Positions in rad or m. ``friction`` is dry friction [N m or N]; ``stiffness``
-    and ``damping`` of a closer that pulls to ``rest`` (none when both are 0). A joint whose limits
-    are both 0 is fixed: the child rides on its parent.
+    point of a revolute joint (positive is counter-clockwise); ``axis`` is the unit direction of a
+    prismatic one. Positions are in rad or m. ``friction`` is dry friction [N m or N]; ``stiffness``
+    and ``damping`` describe a closer that pulls to ``rest`` (both 0: no closer). A joint with both
+    limits 0 is fixed.
     """
 
     name: str
@@ -102,11 +102,10 @@ class Joint:
 class SceneObject:
     """An object placed in the world. Links without a joint are fixed to the world.
 
-    ``initial`` gives each joint's position at the start (same order as ``joints``). ``frozen``
-    objects never move. ``doorway`` names the entryway the object stands in, or is empty.
-    A joint's name in the whole scene is ``<object>.<joint>``. ``mirrored`` objects are their model
-    seen in a mirror (geometry and limits here are already mirrored); their revolute joints turn
-    the other way than the model's.
+    ``initial`` has the start positions of ``joints``. ``frozen`` objects never move. ``doorway``
+    names the entryway of the object, or is empty. The scene-wide name of a joint is
+    ``<object>.<joint>``. ``mirrored`` objects are mirror images of their model (geometry and limits
+    are already mirrored); their revolute joints turn in the opposite direction.
     """
 
     name: str
@@ -124,8 +123,8 @@ class SceneObject:
 class Scene:
     """One building with its objects, ready to simulate.
 
-    ``frames`` are the world poses of the floor plan's frames by name (``hall``,
-    ``hall.walls[2]``), kept for routes when there is a mover among the objects.
+    ``frames`` has the world poses of the frames of the floor plan by name (``hall``,
+    ``hall.walls[2]``), for the routes of movers; empty without movers.
     """
 
     name: str
@@ -147,6 +146,6 @@ class Scene:
 
     @property
     def initial_joints(self) -> dict[str, float]:
-        """Where every joint is before any behaviour [rad or m], by name in scene order."""
+        """Joint positions before any behaviour [rad or m], by name in scene order."""
         positions = (position for o in self.objects for position in o.initial)
         return dict(zip(self.joint_names, positions, strict=True))

@@ -1,4 +1,4 @@
-"""The oracle language: what must hold for a run, one line per oracle, with units."""
+"""The oracle language: requirements on a run with units, one line per oracle."""
 
 from grammars.oracle._checks import kind_of, margin_kind, unit_of
 from grammars.oracle._limits import ComparedLimit, check_joint_limits, compared_limits

@@ -1,4 +1,4 @@
-"""Checking oracles by themselves: signals are known, every comparison compares like with like."""
+"""Checks of single oracles: known signals, and comparisons of equal dimensions."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ from grammars.text.expressions import Comparison, Expression, Logic, Name, Not, 
 from grammars.text.units import LENGTH, RATIO, TIME, Dimension
 
 _EQUALITY: Final = (
-    "only counts can be equal; a measured value never is exactly",
+    "only counts can be equal, measured values never are exactly",
     "use <= or >=",
 )
 
 
 def check_types(oracle: Oracle) -> None:
-    """Raise :class:`InputError` with all that is wrong with units and signals of an oracle."""
+    """Raise :class:`InputError` with all problems of units and signals of an oracle."""
     check = _OracleCheck(SourceText(oracle.text, oracle.where.file, within=oracle.where))
     check.judgement(oracle)
     if oracle.guard is not None:
@@ -50,15 +50,15 @@ def check_types(oracle: Oracle) -> None:
 
 
 def kind_of(expression: Expression) -> Kind:
-    """Return what a checked expression is measured in (``None``: true or false)."""
+    """Return the dimension of a checked expression, ``None`` for a predicate."""
     kind = _OracleCheck(SourceText("", "")).expressions.kind(expression)
     return None if kind is Unknown.UNKNOWN else kind
 
 
 def margin_kind(predicate: Expression) -> Kind:
-    """Return what the margin of a checked predicate is measured in.
+    """Return the dimension of the margin of a checked predicate.
 
-    ``None`` when it has no single unit: a true-or-false signal takes part, or unlike quantities.
+    ``None`` if it has no single unit, due to Boolean signals or different dimensions.
     """
     match predicate:
         case Comparison():
@@ -73,9 +73,9 @@ def margin_kind(predicate: Expression) -> Kind:
 
 
 def unit_of(oracle: Oracle) -> str:
-    """Return the unit of a checked oracle's margin, or of what it measures; empty without one.
+    """Return the unit of the margin or measure of a checked oracle, empty if it has none.
 
-    Raises ``ValueError`` when it names a plug-in that cannot be used any more.
+    Raises ``ValueError`` for a plug-in that can no longer be used.
     """
     kind: Kind = RATIO
     match oracle.judgement:
@@ -94,7 +94,7 @@ def unit_of(oracle: Oracle) -> str:
 
 
 class _OracleCheck:
-    """Checks the parts of one oracle; ``findings`` has what is wrong with them."""
+    """Checks the parts of one oracle and collects findings."""
 
     def __init__(self, source: SourceText) -> None:
         self.findings = Findings()
@@ -102,18 +102,18 @@ class _OracleCheck:
         self._error = self.expressions.error
 
     def judgement(self, oracle: Oracle) -> None:
-        """Check what is judged."""
+        """Check the judgement of an oracle."""
         match oracle.judgement:
             case Statistic(signal=signal) if self.expressions.kind(signal) is None:
                 text = render(signal)
-                hint = f"say how much of the time, or how often: fraction({text}), count({text})"
+                hint = f"use fraction({text}) or count({text})"
                 self._error(signal, "this is true or false, not a quantity", hint)
             case Statistic(signal=signal, limit=None):
                 self.expressions.quantity(signal)
             case Reached(tolerance=tolerance):
                 self._require(tolerance, LENGTH, '"reached" takes a distance')
                 if tolerance.value <= 0.0:
-                    self._error(tolerance, "the tolerance must be more than 0 m")
+                    self._error(tolerance, "the tolerance must be greater than 0 m")
                 if oracle.leg is not None:
                     self._error(oracle.leg, '"reached" is about the whole mission')
             case CustomCall() as call:
@@ -137,15 +137,14 @@ class _OracleCheck:
         """Check a predicate: only counts may be compared with ``==``."""
         self.expressions.predicate(predicate)
         for part in walk(predicate):
-            # Counts and numbers of legs are plain numbers; so are shares, of which nothing else is
-            # known.
+            # Counts and leg numbers are plain numbers. Shares cannot be distinguished from them.
             if not isinstance(part, Comparison) or part.operator not in ("==", "!="):
                 continue
             if self.expressions.kind(part.left) not in (RATIO, Unknown.UNKNOWN):
                 self._error(part, *_EQUALITY)
 
     def _custom(self, oracle: Oracle, call: CustomCall) -> None:
-        """Hold a judgement against the declaration of the plug-in it names."""
+        """Check a call against the declaration of its plug-in."""
         name = Name(call.name)
         try:
             declared = custom_oracle(call.name)
@@ -158,8 +157,8 @@ class _OracleCheck:
         self._arguments(name, call.arguments, tuple(map(dimension_of, declared.arguments)))
         scope = oracle.leg or oracle.guard
         if scope is not None:
-            hint = "give it what it needs to know as an argument"
-            self._error(scope, f"{call.name} judges the whole run", hint)
+            message = f"{call.name} always judges the whole run"
+            self._error(scope, message, "pass details as arguments")
 
     def _require(self, number: Number, kind: Dimension, message: str) -> None:
         if number.dimension != kind:
@@ -167,7 +166,7 @@ class _OracleCheck:
             self._error(number, message, with_unit(number, kind))
 
     def _signal(self, signal: Signal) -> MaybeKind:
-        """Return the declared dimension of a signal, after checking its arguments."""
+        """Check the arguments of a signal and return its declared dimension."""
         try:
             declared = signal_declaration(signal.name)
         except ValueError as error:
@@ -191,27 +190,27 @@ class _OracleCheck:
         return declared.dimension
 
     def _arguments(
-        self, named: Name, arguments: Sequence[Expression], kinds: Sequence[Kind]
+        self, name: Name, arguments: Sequence[Expression], kinds: Sequence[Kind]
     ) -> None:
         if len(arguments) != len(kinds):
-            message = f"{named.name} takes {len(kinds) or 'no'} arguments, {len(arguments)} given"
-            self._error(named, message)
+            message = f"{name.name} takes {len(kinds) or 'no'} arguments, not {len(arguments)}"
+            self._error(name, message)
             return
         for argument, kind in zip(arguments, kinds, strict=True):
             if not isinstance(argument, Number):
-                self._error(argument, f"arguments of {named.name} are constants")
+                self._error(argument, f"arguments of {name.name} must be constants")
             elif kind is not None and argument.dimension != kind:
-                given = f'"{argument.text}" {_has_unit(argument)}'
-                self._error(argument, f"{named.name} takes {kind.unit}, but {given}")
+                problem = f'"{argument.text}" {_has_unit(argument)}'
+                self._error(argument, f"{name.name} takes {kind.unit}, but {problem}")
 
     def _relation(self, signal: Signal, declared: SignalDeclaration) -> None:
-        """Report a signal that does not name the robot and one thing, in this order."""
+        """Report arguments other than the robot and one thing, in this order."""
         names = [a.name for a in signal.arguments if isinstance(a, Signal) and not a.arguments]
         if len(names) == len(signal.arguments) == 2 and names[0] == ROBOT != names[1]:
             return
         things = [name for name in names if name != ROBOT]
         usual = "kitchen_door" if "object" in declared.relates else "kitchen"
-        message = f"{signal.name} takes the robot and what it is related to"
+        message = f"{signal.name} takes the robot and one other thing"
         example = f"{signal.name}({ROBOT}, {things[0] if things else usual})"
         self._error(signal, message, f"such as: {example}")
 
@@ -220,14 +219,14 @@ def _signal_hint(name: str) -> str:
     parts = name.split("-")
     if len(parts) > 1 and all(part in signal_names() for part in parts):
         return f"to subtract, put blanks around the sign: {' - '.join(parts)}"
-    # door_17.angel: the object may be there, which only a scene can tell, so its endings are known.
+    # For door_17.angel, suggest endings: only a scene knows whether the object exists.
     owner, _, last = name.rpartition(".")
-    known = set(signal_names())
-    if owner and last in PLANAR_JOINTS and not closest(name, known):
+    names = set(signal_names())
+    if owner and last in PLANAR_JOINTS and not closest(name, names):
         return mover_hint(owner)
-    if owner and not any(known_name.startswith(f"{owner}.") for known_name in SIGNALS):
-        known |= {f"{owner}.{ending}" for ending in OBJECT_SIGNALS}
-    return did_you_mean(name, known) if last else ""
+    if owner and not any(signal.startswith(f"{owner}.") for signal in SIGNALS):
+        names |= {f"{owner}.{ending}" for ending in OBJECT_SIGNALS}
+    return did_you_mean(name, names) if last else ""
 
 
 def _has_unit(number: Number) -> str:

@@ -1,4 +1,4 @@
-"""Constants that oracles compare signals with: those to draw, and those no joint comes to."""
+"""Constants that oracles compare signals with: limits to draw, and limits out of reach."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ LimitSide: TypeAlias = Literal["above", "below", ""]
 
 @dataclass(frozen=True, slots=True)
 class ComparedLimit:
-    """A constant ``value`` [SI] that ``signal``, as written, is compared with.
+    """A constant ``value`` [SI] that is compared with ``signal``.
 
-    ``against`` is the side on which the signal alone speaks against the oracle, empty where no
-    single sample does.
+    ``against`` is the side on which a single sample violates the oracle, empty if no single sample
+    can.
     """
 
     signal: str
@@ -40,15 +40,12 @@ class ComparedLimit:
 
 
 def compared_limits(oracle: Oracle) -> tuple[ComparedLimit, ...]:
-    """Return the limits of an oracle in the order they are written.
-
-    For drawing: nothing is judged by them.
-    """
+    """Return the limits of an oracle in source order, for drawing only."""
     return tuple(limit for judged, holds in oracle.judged() for limit in _compared(judged, holds))
 
 
 def _compared(expression: Expression, holds: bool | None) -> Iterator[ComparedLimit]:
-    """Yield the limits of a predicate that is to hold, not to hold, or neither (``None``)."""
+    """Yield the limits of a predicate that must hold, must not hold, or neither (``None``)."""
     match expression:
         case Comparison(operator=operator, left=left, right=right):
             for signal, number, side in (
@@ -61,7 +58,7 @@ def _compared(expression: Expression, holds: bool | None) -> Iterator[ComparedLi
         case Not(operand=operand):
             yield from _compared(operand, None if holds is None else not holds)
         case Logic(operator=word, operands=operands):
-            # Of alternatives one alone speaks against nothing.
+            # A single alternative cannot violate the oracle.
             decides = holds is not None and (word == "and") is holds
             for operand in operands:
                 yield from _compared(operand, holds if decides else None)
@@ -86,17 +83,16 @@ def _constant(expression: Expression) -> float | None:
 
 
 _YIELD: Final = 0.05
-"""A joint that is pushed may leave its limits by so much [rad or m]."""
+"""Distance by which a pushed joint may exceed its limits [rad or m]."""
 
 _Range: TypeAlias = tuple[float, float]
 
 
 def check_joint_limits(oracle: Oracle, scene: Scene) -> tuple[Finding, ...]:
-    """Return a warning for each comparison of a joint with what it cannot come to in ``scene``.
+    """Return a warning for each comparison of a joint with a value out of its reach in ``scene``.
 
-    The usual one is the angle of a door that is hung as its mirror image: such a door opens to
-    negative angles, whatever its model says.
-    Names that are not in the scene are left out: :func:`check_references` speaks of them.
+    The usual case is the angle of a mirrored door, which opens to negative angles.
+    :func:`check_references` reports unknown names.
     """
     joints = object_signals(scene)
     guard = () if oracle.guard is None else (oracle.guard,)
@@ -110,19 +106,19 @@ def check_joint_limits(oracle: Oracle, scene: Scene) -> tuple[Finding, ...]:
     return tuple(_warning(oracle, one, joints) for one in comparisons if _never_holds(one, joints))
 
 
-def _never_holds(compared: Comparison, joints: Mapping[str, JointReference]) -> bool:
-    one, other = _range(compared.left, joints), _range(compared.right, joints)
-    constants = isinstance(compared.left, Number) and isinstance(compared.right, Number)
+def _never_holds(comparison: Comparison, joints: Mapping[str, JointReference]) -> bool:
+    one, other = _range(comparison.left, joints), _range(comparison.right, joints)
+    constants = isinstance(comparison.left, Number) and isinstance(comparison.right, Number)
     if one is None or other is None or constants:
         return False
-    if compared.operator in (">=", ">"):
+    if comparison.operator in (">=", ">"):
         return one[1] < other[0] - _YIELD
     # Measured values are never compared with == or !=.
-    return compared.operator in ("<=", "<") and one[0] > other[1] + _YIELD
+    return comparison.operator in ("<=", "<") and one[0] > other[1] + _YIELD
 
 
 def _range(expression: Expression, joints: Mapping[str, JointReference]) -> _Range | None:
-    """Return between what an expression of numbers and joints stays; ``None`` for all others."""
+    """Return the range of an expression of numbers and joints; ``None`` for other expressions."""
     match expression:
         case Number(value=value):
             return value, value
@@ -139,15 +135,17 @@ def _range(expression: Expression, joints: Mapping[str, JointReference]) -> _Ran
     return None
 
 
-def _warning(oracle: Oracle, compared: Comparison, joints: Mapping[str, JointReference]) -> Finding:
-    signal = next(part for part in walk(compared) if isinstance(part, Signal))
+def _warning(
+    oracle: Oracle, comparison: Comparison, joints: Mapping[str, JointReference]
+) -> Finding:
+    signal = next(part for part in walk(comparison) if isinstance(part, Signal))
     reference = joints[signal.name]
     low, high, unit = reference.joint.lower + 0.0, reference.joint.upper + 0.0, "m"  # no -0
     if reference.joint.kind == "revolute":
         low, high, unit = math.degrees(low), math.degrees(high), "deg"
     reach = f"{signal.name} goes from {low:.4g} {unit} to {high:.4g} {unit}"
-    message = f"{render(compared)} can never hold: {reach}"
-    hint = "compare it with what the joint can come to"
+    message = f"{render(comparison)} can never hold: {reach}"
+    hint = "use a limit within the range of the joint"
     if reference.object.mirrored:
-        hint = f"it is hung as its mirror image, which turns the sign: write abs({signal.name})"
+        hint = f"the object is mirrored, which reverses the sign: write abs({signal.name})"
     return Finding(oracle.place(signal.column), message, hint, Severity.WARNING)

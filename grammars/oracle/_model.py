@@ -1,4 +1,4 @@
-"""Oracles as values: what a line of the oracle language says about expressions of signals."""
+"""Oracles as values: judgements of expressions over signals."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from grammars.text.expressions import (
 )
 
 ROBOT: Final = "robot"
-"""What oracles and recorded contacts call the robot."""
+"""Name of the robot in oracles and recorded contacts."""
 
 Signal: TypeAlias = Name
-"""A recorded or derived signal, some with arguments: ``clearance(0.35 m, 0.2 m)``.
+"""A recorded or derived signal, possibly with arguments: ``clearance(0.35 m, 0.2 m)``.
 
-An object named as an argument, ``clearance(door_17)``, is a :class:`Signal` of that name; so is the
-robot in ``distance(robot, door_17)``, and a node in ``bt.node(Spin)``.
+Objects as arguments, ``clearance(door_17)``, are also a :class:`Signal`, as are the robot in
+``distance(robot, door_17)`` and the node in ``bt.node(Spin)``.
 """
 
 
 def thing_of(signal: Signal) -> Signal | None:
-    """Return the thing a signal is about: its first argument, or the one behind the robot."""
-    named = [a for a in signal.arguments[:2] if isinstance(a, Signal) and not a.arguments]
-    if not named or named[0] is not signal.arguments[0]:
+    """Return the subject of a signal: its first argument, or the one after the robot."""
+    names = [a for a in signal.arguments[:2] if isinstance(a, Signal) and not a.arguments]
+    if not names or names[0] is not signal.arguments[0]:
         return None
-    return named[1] if named[0].name == ROBOT and len(named) > 1 else named[0]
+    return names[1] if names[0].name == ROBOT and len(names) > 1 else names[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ class Limit:
 
 @dataclass(frozen=True, slots=True)
 class Temporal:
-    """``always``, ``never`` or ``eventually`` a predicate; ``within`` [s] of the run's start."""
+    """``always``, ``never`` or ``eventually`` a predicate, ``within`` [s] of the run's start."""
 
     operator: Literal["always", "never", "eventually"]
     predicate: Expression
@@ -56,8 +56,8 @@ class Temporal:
 class Until:
     """``always`` or ``never`` a predicate before the first sample at which ``release`` holds.
 
-    ``release`` must come, ``within`` [s] if given. The guard says where the predicate is judged,
-    not when the release counts.
+    ``release`` must hold at some time, ``within`` [s] if given. The guard applies to the predicate,
+    not to the release.
     """
 
     operator: Literal["always", "never"]
@@ -68,10 +68,10 @@ class Until:
 
 @dataclass(frozen=True, slots=True)
 class Amount:
-    """Amount by which a predicate held.
+    """Amount of time or number of times that a predicate holds; without a limit, a measure.
 
     ``fraction`` of the judged time, total ``time`` [s], ``longest`` unbroken time [s] or the
-    ``count`` of times it became true. Without a limit: a measure.
+    ``count`` of times it became true.
     """
 
     operator: Literal["fraction", "time", "longest", "count"]
@@ -81,9 +81,9 @@ class Amount:
 
 @dataclass(frozen=True, slots=True)
 class Statistic:
-    """A number that sums up a signal; ``mean``, ``median`` and ``p95`` weigh by time.
+    """A statistic of a signal; without a limit, a measure.
 
-    Without a limit: a measure.
+    ``mean``, ``median`` and ``p95`` are weighted by time.
     """
 
     operator: Literal["max", "min", "mean", "median", "final", "p95"]
@@ -93,14 +93,14 @@ class Statistic:
 
 @dataclass(frozen=True, slots=True)
 class Reached:
-    """All waypoints visited in strict order within ``tolerance`` [m]; headings are not judged."""
+    """Visit of all waypoints in strict order within ``tolerance`` [m], ignoring headings."""
 
     tolerance: Number
 
 
 @dataclass(frozen=True, slots=True)
 class CustomCall:
-    """An oracle of one's own, from the entry points ``scenario.oracles``."""
+    """Call of a plug-in oracle (entry points ``scenario.oracles``)."""
 
     name: str
     arguments: tuple[Number, ...] = ()
@@ -111,9 +111,9 @@ Judgement: TypeAlias = Temporal | Until | Amount | Statistic | Reached | CustomC
 
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """The part of a run in which one waypoint is approached, as the system under test reports.
+    """The part of a run with one waypoint as goal, as reported by the system under test.
 
-    Named by ``number`` (from 1) or, when that is 0, by the waypoint's id.
+    Identified by ``number`` (from 1) or, if that is 0, by the id of the waypoint.
     """
 
     number: int
@@ -137,11 +137,11 @@ class Oracle:
 
     @property
     def is_measure(self) -> bool:
-        """True for an oracle without a limit: it measures and is never red."""
+        """True for an oracle without a limit, which measures and never fails."""
         return isinstance(self.judgement, Amount | Statistic) and self.judgement.limit is None
 
     def judged(self) -> Iterator[tuple[Expression, bool | None]]:
-        """Yield what is judged, in the order written, and whether it is to hold at each sample.
+        """Yield judged expressions in source order, with whether they must hold at each sample.
 
         ``None``: no single sample decides. A statistic with a limit is a comparison of its signal.
         """
@@ -156,11 +156,11 @@ class Oracle:
             case Statistic(signal=signal, limit=None):
                 yield signal, None
             case Statistic(operator=operator, signal=signal, limit=Limit() as limit):
-                compared = Comparison(limit.operator, signal, limit.number, signal.column)
-                yield compared, True if operator in ("max", "min") else None
+                comparison = Comparison(limit.operator, signal, limit.number, signal.column)
+                yield comparison, True if operator in ("max", "min") else None
 
     def signals(self) -> Iterator[Signal]:
-        """Yield every signal the oracle reads, in the order written."""
+        """Yield all signals of the oracle in source order."""
         guard = () if self.guard is None else (self.guard,)
         for expression in (*(judged for judged, _ in self.judged()), *guard):
             yield from (part for part in walk(expression) if isinstance(part, Signal))

@@ -1,7 +1,4 @@
-"""From text to :class:`Oracle`, one line or a whole layer: a YAML file of ``name: oracle`` lines.
-
-The syntax is read by textX, values and units by this module.
-"""
+"""Reader of oracles: single lines, and layers (YAML files with ``name: oracle`` lines)."""
 
 from __future__ import annotations
 
@@ -48,17 +45,17 @@ _OPERATORS: Final = (
     *("max", "min", "mean", "median", "final", "p95", "reached"),
 )
 _MAX_LENGTH: Final = 1000
-"""Longer oracles are refused: nobody could read them."""
-_EXAMPLE: Final = "an oracle reads like: always(loc.error <= 0.35 m)"
+"""Characters of an oracle at most."""
+_EXAMPLE: Final = "an oracle looks like: always(loc.error <= 0.35 m)"
 
 
 def parse_oracle(name: str, text: str, where: Where) -> Oracle:
     """Read one oracle; ``where`` is the place of the first character of ``text``.
 
-    Raises :class:`InputError` on syntax errors, unknown signals or units, and comparisons of
-    unlike quantities. Names of scenery objects are checked by :func:`check_scene`.
+    Raises :class:`InputError` for syntax errors, unknown signals or units, and comparisons of
+    different dimensions. :func:`check_references` checks the names of scenery objects.
     """
-    # A misspelt operator would read as an oracle that plugs in, and be told as a missing plug-in.
+    # Otherwise a misspelt operator would be reported as a missing plug-in.
     _refuse_unknown_operator(text, where)
     if len(text) > _MAX_LENGTH:
         raise InputError.at(where, f"is longer than {_MAX_LENGTH} characters")
@@ -82,11 +79,11 @@ def _refuse_unknown_operator(text: str, where: Where) -> None:
     word = re.match(r"\s*([A-Za-z_][\w.-]*)", text)
     if word is not None and word[1] in _OPERATORS:
         return
-    known = (*_OPERATORS, *custom_oracle_names())
-    if word is None or word[1] not in known:
-        given = f'"{word[1]}"' if word else "this"
-        hint = did_you_mean(word[1], known) if word else _EXAMPLE
-        raise InputError.at(where, f"{given} does not begin an oracle", hint)
+    operators = (*_OPERATORS, *custom_oracle_names())
+    if word is None or word[1] not in operators:
+        subject = f'"{word[1]}"' if word else "this"
+        hint = did_you_mean(word[1], operators) if word else _EXAMPLE
+        raise InputError.at(where, f"{subject} does not begin an oracle", hint)
 
 
 def _judgement(node: SyntaxNode, source: SourceText) -> Judgement:
@@ -142,9 +139,9 @@ _NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 
 
 def load_oracles(path: str | Path) -> dict[str, Oracle]:
-    """Read an oracle layer; oracles by name, in file order.
+    """Return the oracles of a layer by name, in file order.
 
-    Raises :class:`InputError` with every problem of the file.
+    Raises :class:`InputError` with all problems of the file.
     """
     document = load_yaml(path)
     if not isinstance(document.data, dict) or not document.data:

@@ -1,13 +1,12 @@
-"""The signals an oracle can speak of, those that ship here and those that plug in.
+"""Signals of oracles: built-in ones and plug-ins.
 
-Signals of scenery objects are built from the object's name: ``<object>.angle`` for an object with
-one joint, ``<object>.<joint>.angle`` for any joint.
+Names of object signals begin with the object: ``<object>.angle`` for an object with one joint,
+``<object>.<joint>.angle`` for any joint.
 
-Packages add signals and oracles of their own by entry points. The entry point's name is the
-signal's or the oracle's, as it is written in oracle lines; its object is a :class:`CustomSignal`
-(group ``scenario.signals``) or a :class:`CustomOracle` (group ``scenario.oracles``). Names that
-ship here are never replaced. They are the code of other people: nothing is loaded before a line
-names it, and whatever goes wrong in it becomes a message.
+Packages add signals and oracles by entry points. The name of the entry point is the name in oracle
+lines; its object is a :class:`CustomSignal` (group ``scenario.signals``) or a
+:class:`CustomOracle` (group ``scenario.oracles``). Plug-ins cannot replace built-in names. Their
+foreign code is loaded only when a line uses it, and its errors become messages.
 """
 
 from __future__ import annotations
@@ -35,12 +34,12 @@ ORACLE_GROUP: Final = "scenario.oracles"
 
 @dataclass(frozen=True, slots=True)
 class CustomSignal:
-    """A signal of one's own.
+    """A plug-in signal.
 
     ``sample(trace, time, *arguments)`` takes a :class:`daemon.trace.Trace` (read-only), the time
     base (n,) [s] and the SI values of its arguments, and returns the signal at those times: (n,)
-    numbers in ``unit``, NaN where it is not known. A value at a time must not depend on what is
-    recorded later, or verdicts on a run that is still going may contradict the final ones.
+    numbers in ``unit``, NaN if unknown. Values must not depend on later records, otherwise verdicts
+    on a running run may contradict the final ones.
 
     ``unit`` is an SI unit such as ``m/s``, ``1`` for a plain number, or ``bool``; ``arguments`` are
     the units of its arguments.
@@ -54,12 +53,12 @@ class CustomSignal:
 
 @dataclass(frozen=True, slots=True)
 class CustomOracle:
-    """An oracle of one's own, for what the language cannot say.
+    """A plug-in oracle, for requirements that the language cannot express.
 
     ``judge(trace, *arguments)`` takes a :class:`daemon.trace.Trace` (read-only) and the SI values
     of its arguments, and returns the interval of the signed margin ``(lower, upper)`` in ``unit``,
-    or ``(lower, upper, daemon.model.verdicts.Evidence(...))``. On a trace that was cut its answer
-    only counts when it ``judges_prefixes``: when it takes what is not recorded yet for unknown.
+    or ``(lower, upper, daemon.model.verdicts.Evidence(...))``. Its result on an incomplete trace
+    counts only with ``judges_prefixes``, which promises to treat missing records as unknown.
     """
 
     judge: Callable[..., Any]
@@ -73,39 +72,39 @@ _P = TypeVar("_P", CustomSignal, CustomOracle)
 
 
 def custom_signal_names() -> tuple[str, ...]:
-    """Names of the signals that plug in, without loading any."""
+    """Return the names of plug-in signals, without loading them."""
     return plugin_names(SIGNAL_GROUP)
 
 
 def custom_oracle_names() -> tuple[str, ...]:
-    """Names of the oracles that plug in, without loading any."""
+    """Return the names of plug-in oracles, without loading them."""
     return plugin_names(ORACLE_GROUP)
 
 
 def custom_signal(name: str) -> CustomSignal | None:
-    """Return the signal that plugs in as ``name``, ``None`` when there is none.
+    """Return the plug-in signal ``name``, if any.
 
-    Raises ``ValueError`` when it cannot be loaded or is no :class:`CustomSignal` that can be used.
+    Raises ``ValueError`` unless it loads as a valid :class:`CustomSignal`.
     """
-    return _plugged(SIGNAL_GROUP, "signal", name, CustomSignal)
+    return _plugin(SIGNAL_GROUP, "signal", name, CustomSignal)
 
 
 def custom_oracle(name: str) -> CustomOracle | None:
-    """Return the oracle that plugs in as ``name``, ``None`` when there is none.
+    """Return the plug-in oracle ``name``, if any.
 
-    Raises ``ValueError`` when it cannot be loaded or is no :class:`CustomOracle` that can be used.
+    Raises ``ValueError`` unless it loads as a valid :class:`CustomOracle`.
     """
-    return _plugged(ORACLE_GROUP, "oracle", name, CustomOracle)
+    return _plugin(ORACLE_GROUP, "oracle", name, CustomOracle)
 
 
-def _plugged(group: str, kind: str, name: str, wanted: type[_P]) -> _P | None:
-    """Return a plug-in once it is seen to be one; raises ``ValueError``."""
+def _plugin(group: str, kind: str, name: str, expected: type[_P]) -> _P | None:
+    """Return a plug-in of a valid type and declaration; raises ``ValueError``."""
     loaded = load_plugin(group, name, kind)
     if loaded is None:
         return None
-    if not isinstance(loaded, wanted):
-        must = f"a grammars.oracle.{wanted.__name__}"
-        raise ValueError(f'the {kind} "{name}" must be {must}, not {type(loaded).__name__}')
+    if not isinstance(loaded, expected):
+        message = f'the {kind} "{name}" must be a grammars.oracle.{expected.__name__}'
+        raise ValueError(f"{message}, not {type(loaded).__name__}")
     function = loaded.sample if isinstance(loaded, CustomSignal) else loaded.judge
     _check_declaration(kind, name, function, loaded.unit, loaded.arguments)
     return loaded
@@ -131,24 +130,24 @@ def dimension_of(unit: str) -> Dimension | None:
         return None
     quantity = read_quantity("1" if unit == "1" else f"1 {unit}")
     if quantity.value != 1.0:
-        raise ValueError(f'"{unit}" is not an SI unit: values are kept in {quantity.unit}')
+        raise ValueError(f'"{unit}" is not an SI unit: use {quantity.unit}')
     return DIMENSIONS[quantity.dimension]
 
 
 Sort: TypeAlias = Literal["object", "space"]
-"""What the robot can be related to: what stands or moves there (objects, their links, walls), or a
-part of the floor (spaces, doorways)."""
+"""Sorts of things in relations to the robot: obstacles (objects, their links, walls), or parts of
+the floor (spaces, doorways)."""
 
 
 @dataclass(frozen=True, slots=True)
 class SignalDeclaration:
-    """A declared signal; ``dimension`` is ``None`` when it is true or false.
+    """A declared signal; ``dimension`` is ``None`` for Boolean signals.
 
-    ``arguments`` are the dimensions of its arguments, which may be left out altogether unless
-    ``required``. A signal that ``takes_object`` may name a thing in the scene before them; one that
-    ``relates`` the robot to things of some sorts always names both: ``distance(robot, door_17)``.
-    One that ``takes_node`` always names a node of a behaviour tree. ``report`` is the word of the
-    key ``record`` of a SUT file without which nothing is known of the signal.
+    ``arguments`` are the dimensions of its arguments, which are optional as a whole unless
+    ``required``. With ``takes_object``, an optional thing in the scene precedes them. With
+    ``relates``, the arguments are the robot and a thing of one of these sorts:
+    ``distance(robot, door_17)``. With ``takes_node``, the argument is a node of a behaviour tree.
+    ``report`` is the word under ``record`` of a SUT file that the signal requires.
     """
 
     name: str
@@ -269,7 +268,7 @@ _DECLARATIONS: Final = (
 )
 
 SIGNALS: Final = {kind.name: kind for kind in _DECLARATIONS}
-"""Signals every run has, by name."""
+"""Built-in signals of every run, by name."""
 
 OBJECT_SIGNALS: Final = {
     kind.name: kind
@@ -285,20 +284,19 @@ OBJECT_SIGNALS: Final = {
 
 
 def mover_hint(name: str) -> str:
-    """Return how near a mover of that name is, and where it is, as oracles say it."""
+    """Return a hint with the signals of a mover."""
     return (
-        f"of a mover: distance(robot, {name}); {name}.x.position, {name}.y.position and "
-        f"{name}.yaw.angle, from where it was put"
+        f"signals of a mover: distance(robot, {name}); {name}.x.position, {name}.y.position and "
+        f"{name}.yaw.angle, relative to its placement"
     )
 
 
 def signal_declaration(name: str) -> SignalDeclaration | None:
-    """Return the declaration of a signal by name (object signals by their ending), or ``None``.
+    """Return the declaration of a signal by name (object signals by their ending), if any.
 
-    Signals that ship here come first, then those that plug in, then those of objects. Raises
-    ``ValueError`` when the name is that of a plug-in that cannot be used.
+    Built-in signals have priority over plug-ins, so that no plug-in changes existing oracles.
+    Raises ``ValueError`` for unusable plug-ins.
     """
-    # What ships here first: no plug-in changes the meaning of an oracle that is written already.
     declared = SIGNALS.get(name) or _custom_declaration(name)
     if declared is None and "." in name:
         return OBJECT_SIGNALS.get(name.rpartition(".")[2])
@@ -306,7 +304,7 @@ def signal_declaration(name: str) -> SignalDeclaration | None:
 
 
 def signal_names() -> tuple[str, ...]:
-    """Names of every signal that needs no scene: those that ship here and those that plug in."""
+    """Return the names of all built-in and plug-in signals, without those of objects."""
     return (*SIGNALS, *custom_signal_names())
 
 

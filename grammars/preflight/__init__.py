@@ -1,8 +1,7 @@
-"""Pre-flight: what cannot work is said before a run is paid for.
+"""Pre-flight checks, which report problems before a run costs time.
 
-:func:`check_scene` looks at a compiled scene alone, :func:`check_run` at what a robot is asked to
-do in it, :func:`check_limit` at the time it has for its mission, :func:`check_map` at a map that
-it is given as it is.
+:func:`check_scene` checks a compiled scene, :func:`check_run` the task of a robot in it,
+:func:`check_limit` the time limit of a mission, :func:`check_map` a given map.
 """
 
 from grammars.preflight._checked import places_of

@@ -1,4 +1,4 @@
-"""Checks of behaviours: joints that cannot follow, events and triggers that never come."""
+"""Checks of behaviours: joints that cannot follow, and events and triggers that never happen."""
 
 from __future__ import annotations
 
@@ -37,25 +37,24 @@ _WaitingBehaviour: TypeAlias = Reaction | Walk
 
 
 def check_behaviours(checked: CheckedScene) -> bool:
-    """Find joints that are unknown, frozen, told twice or sent out of their limits.
+    """Report joints that are unknown, frozen, have two behaviours or would leave their limits.
 
-    Returns whether all behaviours can be followed.
+    Returns whether there are no problems.
     """
     joints = {f"{b.name}.{j.name}": (b, j) for b in checked.scene.objects for j in b.joints}
     problems = Findings()
-    served: set[str] = set()
+    moving: set[str] = set()
     for behaviour in checked.behaviours:
         name, where = behaviour.joint, checked.place(behaviour.joint)
-        walks = isinstance(behaviour, Walk)
-        if not walks and name not in joints:
+        if not isinstance(behaviour, Walk) and name not in joints:
             message = f'there is no joint "{name}" in the scene'
             problems.error(where, message, did_you_mean(name, joints))
             continue
-        moved = behaviour.joints if isinstance(behaviour, Walk) else (name,)
-        if not served.isdisjoint(moved):
+        own = behaviour.joints if isinstance(behaviour, Walk) else (name,)
+        if not moving.isdisjoint(own):
             subject = behaviour.object if isinstance(behaviour, Walk) else name
-            problems.error(where, f"{subject} has two behaviours", "one must go")
-        served.update(moved)
+            problems.error(where, f"{subject} has two behaviours", "remove one")
+        moving.update(own)
         if not isinstance(behaviour, Walk):
             _check_behaviour(problems, where, behaviour, *joints[name])
     checked.findings.add(problems.all)
@@ -69,31 +68,31 @@ def _check_behaviour(
     body: SceneObject,
     joint: Joint,
 ) -> None:
-    """Find why a joint cannot follow its behaviour."""
+    """Report the reasons why a joint cannot follow its behaviour."""
     name, positions = behaviour.joint, behaviour.positions
     initial = body.initial[body.joints.index(joint)]
     holds = isinstance(behaviour, Hold)
     moves = not holds or any(abs(q - initial) > _TOLERANCE for q in positions)
     if body.frozen and moves:
-        message = f"{name} is to move, but {body.name} is frozen"
-        problems.error(where, message, "leave out frozen, or the behaviour")
+        message = f"{name} should move, but {body.name} is frozen"
+        problems.error(where, message, "remove frozen, or the behaviour")
         return
     if is_mover(body.joints) and joint.name in PLANAR_JOINTS and not holds:
         problems.error(where, f"{name} belongs to a mover", f"let {body.name} walk")
         return
     for q in dict.fromkeys(positions):
         if not joint.lower - _TOLERANCE <= q <= joint.upper + _TOLERANCE:
-            message = f"{name} is sent to {q:g}, outside of its limits"
+            message = f"the target {q:g} of {name} is outside its limits"
             problems.error(where, message, f"between {joint.lower:g} and {joint.upper:g}")
     if not body.frozen and joint.upper - joint.lower < _TOLERANCE and not holds:
-        problems.error(where, f"{name} is to move, but its limits leave no room")
+        problems.error(where, f"{name} should move, but its limits leave no room")
     if isinstance(behaviour, Trigger) and behaviour.of == "doorway" and not body.doorway:
-        message = f"{name} measures from its doorway, but {body.name} stands in none"
+        message = f"{name} measures from its doorway, but {body.name} has none"
         problems.error(where, message, "measure from its hinge or leaf")
 
 
 def check_events(checked: CheckedScene, mission: Mission) -> None:
-    """Find events that name what is not there, and those that never come."""
+    """Report events with unknown names, and events that never happen."""
     waiting = [b for b in checked.behaviours if isinstance(b, Reaction | Walk) and b.event]
     sound = {b.joint for b in waiting if _check_names(checked, mission, b)}
     for behaviour, event in _never_coming(checked):
@@ -101,36 +100,36 @@ def check_events(checked: CheckedScene, mission: Mission) -> None:
             name = behaviour.object if isinstance(behaviour, Walk) else behaviour.joint
             acts = f"{' or '.join(event.joints)} to {'fire' if event.act == 'fires' else 'move'}"
             message = f"{name} waits for {acts}, which never happens"
-            hint = "say what makes it happen, or wait for something else"
+            hint = "add a behaviour that causes it, or wait for another event"
             checked.warn(behaviour.joint, message, hint)
 
 
 def _check_names(checked: CheckedScene, mission: Mission, waiting: _WaitingBehaviour) -> bool:
-    """Find what an event names that is not there; return whether there is all of it."""
+    """Report unknown names in an event; return whether all names exist."""
     event, ids = waiting.event, [waypoint.id for waypoint in mission.waypoints]
-    known = checked.scene.joint_names
+    scene_joints = checked.scene.joint_names
     if isinstance(event, LegBegins) and not 1 <= event.leg <= len(ids):
         message = f"there is no leg {event.leg}, mission {mission.name} has {len(ids)}"
-        checked.error(waiting.joint, message, "legs are counted from 1")
+        checked.error(waiting.joint, message, "legs count from 1")
         return False
     if isinstance(event, WaypointReached) and event.waypoint not in ids:
         message = f'mission {mission.name} has no waypoint "{event.waypoint}"'
         checked.error(waiting.joint, message, did_you_mean(event.waypoint, ids))
         return False
     joints = event.joints if isinstance(event, JointActs) else ()
-    unknown = [name for name in joints if name not in known]
+    unknown = [name for name in joints if name not in scene_joints]
     for name in unknown:
         message = f'there is no joint "{name}" in the scene'
-        checked.error(waiting.joint, message, did_you_mean(name, known))
+        checked.error(waiting.joint, message, did_you_mean(name, scene_joints))
     return not unknown
 
 
 def _never_coming(checked: CheckedScene) -> list[tuple[_WaitingBehaviour, JointActs]]:
-    """Return who waits for what cannot come; those who wait in a circle wait for ever."""
+    """Return the behaviours that wait for impossible events, also in circles."""
     movable = _movable(checked)
     fires = {b.joint for b in checked.behaviours if isinstance(b, Trigger)}
     waiting = [b for b in checked.behaviours if isinstance(b, Reaction | Walk)]
-    # What comes may set off more: until nothing new comes.
+    # Events cause further events: repeat until there are no new ones.
     while True:
         coming = [b for b in waiting if _can_come(b.event, fires, movable)]
         waiting = [b for b in waiting if b not in coming]
@@ -147,21 +146,20 @@ def _can_come(event: Event | None, fires: set[str], movable: set[str]) -> bool:
 
 
 def _movable(checked: CheckedScene) -> set[str]:
-    """Return the joints that a behaviour or the robot can move, those of movers left out."""
-    held = {b.joint for b in checked.behaviours if isinstance(b, Hold)}
+    """Return the joints that a behaviour or the robot can move, without those of movers."""
     return {
         f"{body.name}.{joint.name}"
         for body in checked.scene.objects
         if not body.frozen
         for joint in own_joints(body.joints)
-    } - held
+    } - {b.joint for b in checked.behaviours if isinstance(b, Hold)}
 
 
 def check_triggers(checked: CheckedScene, robot: Robot, mission: Mission) -> None:
-    """Find triggers whose distance the robot can never get down to.
+    """Warn of triggers whose distance the robot can never reach.
 
-    The robot is a disc of its inscribed radius that goes wherever there is a way from its start,
-    through all doors that are not held shut: what is said never to happen never does.
+    The robot counts as a disc of its inscribed radius that can pass all doors not held shut, so
+    that no warning is wrong.
     """
     triggers = [b for b in checked.behaviours if isinstance(b, Trigger)]
     if not triggers:
@@ -174,23 +172,23 @@ def check_triggers(checked: CheckedScene, robot: Robot, mission: Mission) -> Non
         return
     radius = max(math.hypot(*corner) for corner in robot.footprint)
     for trigger in triggers:
-        # Bounds in favour of the trigger: it is said to never fire only when that is certain.
-        measured = _measured_from(checked.scene, trigger)
-        nearest = measured.distance(parts.parts[home]) - SNAP_DISTANCE
+        # Underestimate the distance, so that no warning is wrong.
+        origin = _measured_from(checked.scene, trigger)
+        nearest = origin.distance(parts.parts[home]) - SNAP_DISTANCE
         if trigger.to == "footprint":
             nearest -= radius
         if nearest >= trigger.distance:
             point = f"{trigger.joint.partition('.')[0]}'s {trigger.of}"
             checked.warn(
                 trigger.joint,
-                f"{trigger.joint} never fires: {robot.name} gets no nearer to {point} than "
-                f"{nearest:.2f} m, it must be within {trigger.distance:g} m",
-                "take a larger distance, or look for what is in the way",
+                f"{trigger.joint} never fires: {robot.name} stays at least {nearest:.2f} m away "
+                f"from {point}, but must be within {trigger.distance:g} m",
+                "use a larger distance, or remove obstacles",
             )
 
 
 def _measured_from(scene: Scene, trigger: Trigger) -> BaseGeometry:
-    """Return where the distance of a trigger is measured from, wherever its joint may be."""
+    """Return the origin of the distance of a trigger, for all positions of its joint."""
     name, _, joint_name = trigger.joint.partition(".")
     body = next(b for b in scene.objects if b.name == name)
     joint = next(j for j in body.joints if j.name == joint_name)

@@ -1,4 +1,4 @@
-"""A scene under check: the floor that its parts cover, and what is found about them."""
+"""A scene under check: the floor that its parts cover, and the findings about it."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ from grammars.scenery import SceneryLayer
 from grammars.text.diagnostics import Findings, Where
 
 _SLIT: Final = 0.02
-"""Doorway and room share an edge only up to rounding: so wide a slit is part of both [m]."""
+"""Width of slits between doorway and room that rounding may leave [m]."""
 Range: TypeAlias = tuple[str, tuple[float, float]]
-"""The name of a joint, and from where to where it moves [rad or m]."""
+"""The name of a joint and its range of motion [rad or m]."""
 
 
 def places_of(layers: Iterable[SceneryLayer], plan: FloorPlan | None = None) -> dict[str, Where]:
-    """Return the place of every object by its name, and of the entryways of ``plan``."""
+    """Return the places of all objects by name, and of the entryways of ``plan``."""
     places = {o.name: o.where for o in plan.openings} if plan is not None else {}
     places.update((i.name, i.where) for layer in layers for i in layer.instances)
     return places
@@ -45,7 +45,7 @@ def places_of(layers: Iterable[SceneryLayer], plan: FloorPlan | None = None) -> 
 
 @dataclass(frozen=True, slots=True)
 class Footprint:
-    """The floor that a link covers where it is, or on all of its way.
+    """The floor that a link covers at one position, or during a motion.
 
     The joints of its object can move a ``jointed`` link, unless the object is frozen.
     """
@@ -57,11 +57,11 @@ class Footprint:
 
     @property
     def moves(self) -> bool:
-        """Whether the link can move."""
+        """``True`` if the link can move."""
         return self.jointed and not self.body.frozen
 
     def meets(self, other: Footprint) -> bool:
-        """Return whether the links overlap in some height by more than touching."""
+        """Return whether the links overlap at some height by more than touching."""
         return (
             self.link.z_min < other.link.z_max
             and other.link.z_min < self.link.z_max
@@ -70,7 +70,7 @@ class Footprint:
 
 
 def footprints(body: SceneObject, positions: Sequence[float]) -> list[Footprint]:
-    """Return what the links of ``body`` cover when its joints are at ``positions`` [rad or m]."""
+    """Return the footprints of the links of ``body`` at joint ``positions`` [rad or m]."""
     shapes = link_shapes(body, positions)
     jointed = {link.name for link in moving_links(body)}
     return [
@@ -82,20 +82,19 @@ def footprints(body: SceneObject, positions: Sequence[float]) -> list[Footprint]
 
 @functools.lru_cache(maxsize=256)
 def sweeps(body: SceneObject, ranges: tuple[Range, ...]) -> tuple[Footprint, ...]:
-    """Return what the links that move cover while each joint moves alone through its range.
+    """Return the swept footprints of moving links while each joint moves alone through its range.
 
-    Scenarios and the points of a search mostly differ in when a door moves, not in how far.
+    The cache helps because scenarios and points of a search mostly change times, not ranges.
     """
-    used = dict(ranges)
-    # A joint is swept alone while the others stand at their start, and what a behaviour sets at
-    # time 0 is never where the scene has it.
+    limits = dict(ranges)
+    # While one joint moves, the others are at their start, which a behaviour may set.
     initial = tuple(
-        min(max(q, used[j.name][0]), used[j.name][1]) if j.name in used else q
+        min(max(q, limits[j.name][0]), limits[j.name][1]) if j.name in limits else q
         for j, q in zip(body.joints, body.initial, strict=True)
     )
-    started = replace(body, initial=initial)
+    start = replace(body, initial=initial)
     return tuple(
-        Footprint(body, link, swept_area(started, link, used), jointed=True)
+        Footprint(body, link, swept_area(start, link, limits), jointed=True)
         for link in moving_links(body)
     )
 
@@ -106,33 +105,32 @@ def meetings(
     *,
     but: Collection[frozenset[str]] = (),
 ) -> dict[frozenset[str], tuple[Footprint, Footprint]]:
-    """Return where ``parts`` meet each other or ``others``, once for each pair of objects.
+    """Return overlaps of ``parts`` with each other and ``others``, one for each pair of objects.
 
-    The pairs of names in ``but`` are left out.
+    Pairs of names in ``but`` are left out.
     """
     rows = [*parts, *others]
-    # Each part meets few neighbours: by the tree not every pair is looked at.
     shapes = np.array([row.shape for row in rows], dtype=object)
     near = shapely.STRtree(shapes).query(shapes[: len(parts)], predicate="intersects")
-    met: dict[frozenset[str], tuple[Footprint, Footprint]] = {}
+    overlaps: dict[frozenset[str], tuple[Footprint, Footprint]] = {}
     for first, second in sorted(near.T.tolist()):
         one, other = rows[first], rows[second]
         pair = frozenset({one.body.name, other.body.name})
         if first >= second or len(pair) == 1 or pair in but:
             continue
-        # Of two objects the links that move say more than those that stand.
-        if not any(part.moves for part in met.get(pair, ())) and one.meets(other):
-            met[pair] = (one, other)
-    return met
+        # Prefer an overlap of moving links, which tells more.
+        if not any(part.moves for part in overlaps.get(pair, ())) and one.meets(other):
+            overlaps[pair] = (one, other)
+    return overlaps
 
 
 class SceneFloor:
-    """What the parts of a scene cover of its floor; its runs have it in common.
+    """The floor covered by the parts of a scene, the same for all its runs.
 
     Attributes:
-        solids: the walls, columns and dividers.
-        rooms: the floor of every space, then that of every doorway.
-        start: what the links of all objects cover at the start.
+        solids: walls, columns and dividers.
+        rooms: floors of all spaces, then of all doorways.
+        start: footprints of all links at the start.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -153,16 +151,16 @@ def _floor(scene: Scene) -> SceneFloor:
 
 @functools.lru_cache(maxsize=4)
 def free_space(scene: Scene, height: float) -> FreeSpace:
-    """Return the free floor below ``height`` [m], which all missions of a scene have in common."""
+    """Return the free floor below ``height`` [m], the same for all missions of a scene."""
     return FreeSpace(scene, height)
 
 
 @dataclass(frozen=True)
 class CheckedScene:
-    """A scene under check with what is found about it.
+    """A scene under check with its findings.
 
-    ``places`` are those of objects, entryways and joints by name, ``home`` that of the rest;
-    ``behaviours`` those of a run.
+    ``places`` maps names of objects, entryways and joints to places, ``home`` is the place of all
+    others; ``behaviours`` are those of a run.
     """
 
     scene: Scene
@@ -173,12 +171,12 @@ class CheckedScene:
 
     @functools.cached_property
     def floor(self) -> SceneFloor:
-        """What the parts of the scene cover."""
+        """The floor covered by the parts of the scene."""
         return _floor(self.scene)
 
     @functools.cached_property
     def ranges(self) -> dict[str, dict[str, tuple[float, float]]]:
-        """From where to where behaviours move joints [rad or m], by object and joint."""
+        """Ranges of joint motion by behaviours [rad or m], by object and joint."""
         ranges: dict[str, dict[str, tuple[float, float]]] = {}
         for behaviour in self.behaviours:
             if not isinstance(behaviour, Walk):
@@ -189,21 +187,21 @@ class CheckedScene:
 
     @functools.cached_property
     def shut(self) -> dict[str, list[Footprint]]:
-        """What could move and never does, by object: frozen and held doors, movers at rest."""
+        """Movable parts that never move, by object: frozen and held doors, movers at rest."""
         walking = {b.object for b in self.behaviours if isinstance(b, Walk)}
-        held = {b.joint: b.position for b in self.behaviours if isinstance(b, Hold)}
+        holds = {b.joint: b.position for b in self.behaviours if isinstance(b, Hold)}
         shut = {}
         for body in self.scene.objects:
             names = [f"{body.name}.{joint.name}" for joint in body.joints]
-            stays = all(f"{body.name}.{j.name}" in held for j in own_joints(body.joints))
+            stays = all(f"{body.name}.{j.name}" in holds for j in own_joints(body.joints))
             if body.name not in walking and (body.frozen or stays):
-                told = {} if body.frozen else held
-                positions = map(told.get, names, body.initial)
+                targets = {} if body.frozen else holds
+                positions = map(targets.get, names, body.initial)
                 shut[body.name] = [p for p in footprints(body, [*positions]) if p.jointed]
         return {name: parts for name, parts in shut.items() if parts}
 
     def shut_below(self, height: float) -> dict[str, list[BaseGeometry]]:
-        """Return the outlines of what is shut below ``height`` [m], by object."""
+        """Return the outlines of shut parts below ``height`` [m], by object."""
         below = {
             name: [part.shape for part in parts if part.link.z_min < height]
             for name, parts in self.shut.items()
@@ -211,25 +209,25 @@ class CheckedScene:
         return {name: shapes for name, shapes in below.items() if shapes}
 
     def walls_at(self, part: Footprint) -> list[str]:
-        """Return the owners of walls, columns and dividers that a part is in."""
+        """Return the owners of the walls, columns and dividers that overlap a part."""
         hits = self.floor.solids.hit_by(part.shape, part.link.z_min, part.link.z_max)
-        # Doors turn in rebates; the posts of a door stand in the wall, and nobody hinges people.
-        hung = part.jointed and not is_mover(part.body.joints)
+        # Leaves of doors turn in rebates; posts of doors and movers do not.
+        is_leaf = part.jointed and not is_mover(part.body.joints)
         return [
             owner
             for owner, overlap in hits.items()
-            if is_overlap(without_jamb(part.body, part.link, overlap) if hung else overlap)
+            if is_overlap(without_jamb(part.body, part.link, overlap) if is_leaf else overlap)
         ]
 
     def place(self, name: str) -> Where:
-        """Return the place of a joint, else of its object, else of everything."""
+        """Return the place of a joint, otherwise of its object, otherwise ``home``."""
         owner = name.partition(".")[0]
         return self.places.get(name) or self.places.get(owner) or self.home
 
     def error(self, of: str | Where, message: str, hint: str = "") -> None:
-        """Add an error about the thing of a name, or about what is written at a place."""
+        """Add an error at a place, or at the place of a name."""
         self.findings.error(of if isinstance(of, Where) else self.place(of), message, hint)
 
     def warn(self, of: str | Where, message: str, hint: str = "") -> None:
-        """Add a warning about the thing of a name, or about what is written at a place."""
+        """Add a warning at a place, or at the place of a name."""
         self.findings.warning(of if isinstance(of, Where) else self.place(of), message, hint)

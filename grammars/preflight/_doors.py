@@ -1,4 +1,4 @@
-"""Checks of doors against their doorways: two in one, leaves of another size than the hole."""
+"""Checks of doors against their doorways: two doors in one, wrong sizes of leaves."""
 
 from __future__ import annotations
 
@@ -19,19 +19,18 @@ from grammars.preflight._checked import CheckedScene, Footprint, footprints
 from grammars.scenery.composition import height_problem
 
 _BESIDE: Final = 0.2
-"""A leaf this near to the faces of the wall [m] closes the doorway, as sliding ones do."""
+"""Leaves up to this distance from the faces of the wall [m] close the doorway, such as sliders."""
 _LEAST_SHARE: Final = 0.8
-"""Shut doors that cover less of the width of their doorway leave a gap worth a word."""
+"""Shut doors that cover a smaller share of the width of their doorway get a warning."""
 _SHARED_SHARE: Final = 0.5
-"""Two doors that both close so much of the narrower one's width hang in each other's place."""
+"""Doors whose common width is at least this share of the narrower one conflict."""
 
 
 @dataclass(frozen=True, slots=True)
 class _ShutDoor:
-    """A door where it closes the most of its doorway; shapes in the doorway's frame [m].
+    """A door in the position that closes most of its doorway; shapes in the doorway's frame [m].
 
-    ``passage`` is what of a doorway is closed by what lies in it: the hole and a little on both
-    sides.
+    ``passage`` is the hole with a margin on both sides; leaves inside it close the doorway.
     """
 
     name: str
@@ -41,27 +40,26 @@ class _ShutDoor:
 
     @property
     def closing(self) -> BaseGeometry:
-        """What its leaves close."""
+        """The area closed by its leaves."""
         return shapely.union_all([leaf.shape for leaf in self.leaves]).intersection(self.passage)
 
     def meets(self, other: _ShutDoor) -> bool:
-        """Return whether the leaves of two doors are in each other."""
+        """Return whether the leaves of two doors overlap."""
         return any(one.meets(another) for one in self.leaves for another in other.leaves)
 
 
 def check_doors(checked: CheckedScene) -> set[frozenset[str]]:
-    """Find what is wrong with doors in their doorways; return the pairs of objects it is about.
+    """Report problems of doors in their doorways; return the pairs of objects with problems.
 
-    Errors: leaves higher than their doorway, doors that stand in each other when shut. Warnings:
-    two doors that each close the same doorway, doors that leave a fifth of theirs open. A pair
-    names objects that nothing more is said of when they touch; an object too high for its
-    doorway is a pair with itself.
+    Errors: leaves higher than their doorway, doors that overlap when shut. Warnings: two doors
+    that both close the same doorway, doors that leave a fifth of theirs open. Later checks skip
+    the returned pairs of names; an object too high for its doorway is a pair with itself.
     """
     pairs: set[frozenset[str]] = set()
-    for doorway, doors in _hung(checked.scene):
+    for doorway, doors in _doors_by_doorway(checked.scene):
         high = [door for door in doors if _check_height(checked, door, doorway)]
         clashes = [p for p in combinations(doors, 2) if _check_pair(checked, *p, doorway)]
-        # Leaves that are in each other leave open what they would not if they hung as meant.
+        # Overlapping leaves leave a gap only because of the overlap.
         if not any(one.meets(other) for one, other in clashes):
             _check_gap(checked, doors, doorway)
         pairs |= {frozenset({door.name for door in group}) for group in (*zip(high), *clashes)}
@@ -69,18 +67,18 @@ def check_doors(checked: CheckedScene) -> set[frozenset[str]]:
 
 
 def colliding_doors(scene: Scene) -> set[frozenset[str]]:
-    """Return the pairs of names of doors that are in each other when shut in one doorway."""
+    """Return the pairs of names of doors that overlap when shut in one doorway."""
     return {
         frozenset({one.name, other.name})
-        for _, doors in _hung(scene)
+        for _, doors in _doors_by_doorway(scene)
         for one, other in combinations(doors, 2)
         if one.meets(other)
     }
 
 
 @functools.lru_cache(maxsize=4)
-def _hung(scene: Scene) -> tuple[tuple[Doorway, tuple[_ShutDoor, ...]], ...]:
-    """Return the doorways that doors hang in, with their doors."""
+def _doors_by_doorway(scene: Scene) -> tuple[tuple[Doorway, tuple[_ShutDoor, ...]], ...]:
+    """Return the doorways with doors, and their doors."""
     bodies: dict[str, list[SceneObject]] = {}
     for body in scene.objects:
         if body.doorway and moving_links(body) and not is_mover(body.joints):
@@ -97,8 +95,7 @@ def _shut(body: SceneObject, doorway: Doorway) -> _ShutDoor:
     body = replace(body, pose=to_local @ body.pose)
     x_min, y_min, x_max, y_max = Polygon(to_local.apply_ring(doorway.footprint)).bounds
     passage = box(x_min, y_min - _BESIDE, x_max, y_max + _BESIDE)
-    # A scene does not say where a door is shut. It is at rest, at zero or at a limit that most of
-    # the doorway is closed.
+    # A scene does not define the shut position of a door. Try zero, the start and the limits.
     zero = tuple(min(max(0.0, j.lower), j.upper) for j in body.joints)
     lowest, highest = (tuple(getattr(j, end) for j in body.joints) for end in ("lower", "upper"))
     best = _placed(body, zero, passage)
@@ -117,19 +114,19 @@ def _placed(body: SceneObject, positions: Sequence[float], passage: BaseGeometry
 
 
 def _extent(*shapes: BaseGeometry) -> float:
-    """Return how much of a doorway's width the shapes cover together [m]."""
+    """Return the width of a doorway that the shapes cover together [m]."""
     parts = shapely.get_parts(shapes)
     low, _, high, _ = shapely.bounds(parts[~shapely.is_empty(parts)]).T
     return float(shapely.union_all(shapely.box(low, 0.0, high, 1.0)).area)
 
 
 def _check_height(checked: CheckedScene, door: _ShutDoor, doorway: Doorway) -> bool:
-    """Find leaves that are higher than their doorway; return whether there are some."""
+    """Report leaves higher than their doorway; return whether there are any."""
     hole = Polygon(doorway.frame.inverse().apply_ring(doorway.footprint))
     high = False
     for leaf in door.leaves:
         problem = height_problem(door.name, leaf.link, doorway)
-        # What hangs in front of the wall may be higher than the hole, as sliding leaves are.
+        # Leaves in front of the wall, such as sliders, may be higher than the hole.
         if problem and is_overlap(leaf.shape.intersection(hole)):
             checked.error(door.name, *problem)
             high = True
@@ -137,7 +134,7 @@ def _check_height(checked: CheckedScene, door: _ShutDoor, doorway: Doorway) -> b
 
 
 def _check_pair(checked: CheckedScene, one: _ShutDoor, other: _ShutDoor, doorway: Doorway) -> bool:
-    """Find two doors in each other's place; return whether these are."""
+    """Report two doors that close the same part of a doorway; return whether they do."""
     collide = one.meets(other)
     first, second = _extent(one.closing), _extent(other.closing)
     shared = first + second - _extent(one.closing, other.closing)
@@ -149,19 +146,19 @@ def _check_pair(checked: CheckedScene, one: _ShutDoor, other: _ShutDoor, doorway
     )
     hint = f"the other one: {checked.place(one.name)}; {_remedy(one, other, doorway)}"
     if collide:
-        checked.error(other.name, f"{message}, one inside of the other", hint)
+        checked.error(other.name, f"{message} and overlap", hint)
     else:
         checked.warn(other.name, message, hint)
     return True
 
 
 def _remedy(one: _ShutDoor, other: _ShutDoor, doorway: Doorway) -> str:
-    """Return what to do with two doors in each other's place: double doors are to stay together."""
+    """Return a hint for two doors that close the same part of a doorway."""
     widths = [_extent(door.closing) for door in (one, other)]
     if max(widths) >= _LEAST_SHARE * doorway.width:
-        return "give one of them another doorway"
+        return "place one of them in another doorway"
     if _hangs_low(one) == _hangs_low(other):
-        return "both hang on the same side: hang one of them left, the other one right"
+        return "both have the hinge on the same side: hang one left, the other one right"
     return (
         f"together {sum(widths):.2f} m wide, the doorway is {doorway.width:.2f} m: "
         "make the leaves narrower"
@@ -178,7 +175,7 @@ def _check_gap(checked: CheckedScene, doors: Sequence[_ShutDoor], doorway: Doorw
     closed = _extent(*(door.closing for door in doors))
     posts = [door.still.intersection(door.passage) for door in doors]
     covered = _extent(*(door.closing for door in doors), *posts)
-    # A door whose leaf is nowhere near is one by its sentence only: an open gate, a lift.
+    # Doors far from their doorway never close it: an open gate, a lift.
     if closed == 0.0 or covered >= _LEAST_SHARE * doorway.width:
         return
     names = " and ".join(door.name for door in doors)
@@ -186,5 +183,5 @@ def _check_gap(checked: CheckedScene, doors: Sequence[_ShutDoor], doorway: Doorw
         doors[-1].name,
         f"{names} {'close' if len(doors) > 1 else 'closes'} {closed:.2f} m of {doorway.name}, "
         f"which is {doorway.width:.2f} m wide: {doorway.width - covered:.2f} m stay open",
-        "take a wider door or make the entryway narrower",
+        "use a wider door or make the entryway narrower",
     )

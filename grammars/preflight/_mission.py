@@ -1,4 +1,4 @@
-"""Checks of a mission: is there time for it, does the map that is given to it suit it?"""
+"""Checks of a mission: its time limit, and a given map."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from grammars.model.scene import Scene
 from grammars.text.diagnostics import Finding, Findings, Where
 
 _ARRIVAL: Final = 0.5
-"""So far from a waypoint [m] may a system be content; the tolerances of stacks are smaller."""
+"""Largest tolerance of arrival at a waypoint [m]; the tolerances of stacks are smaller."""
 _NEAR: Final = 0.2
-"""So far may an occupied cell lie from what stands in the building to be of it [m]."""
+"""Largest distance of occupied cells to the building that counts as near [m]."""
 _LEAST_SHARE: Final = 0.5
-"""With fewer occupied cells near the building a map is said to lie beside it: furniture, people
-and noise are in maps that robots drew, but rarely more of them than walls."""
+"""A map with a smaller share of its occupied cells near the building gets a warning: real maps also
+contain furniture, people and noise, but rarely more than walls."""
 _MOST_CELLS: Final = 5000
-"""So many occupied cells are looked at, evenly spread."""
+"""Occupied cells checked at most, evenly spread."""
 
 
 class Spot(NamedTuple):
-    """The start or a waypoint: its name in messages, where it is [m], its place in a file."""
+    """The start or a waypoint: its name in messages, its position [m], its place in a file."""
 
     label: str
     point: Point2
@@ -36,7 +36,7 @@ class Spot(NamedTuple):
 
 
 def spots_of(mission: Mission, places: Mapping[str, Where], home: Where) -> list[Spot]:
-    """Return the start and the waypoints; ``places`` are by id, ``home`` is that of the rest."""
+    """Return the start and the waypoints; ``places`` go by id, ``home`` is the default."""
     start = mission.start
     return [
         Spot("the start", (start.x, start.y), places.get("start", home)),
@@ -47,14 +47,14 @@ def spots_of(mission: Mission, places: Mapping[str, Where], home: Where) -> list
 def check_limit(
     mission: Mission, speeds: Mapping[str, float], *, limit: float, where: Where
 ) -> tuple[Finding, ...]:
-    """Return a warning for a limit [s] in which no run can end its mission.
+    """Return a warning for a limit [s] that is too short for the mission.
 
-    The way is straight from waypoint to waypoint. ``speeds`` are the largest of the systems under
-    test by name [m/s], ``where`` is the place of the limit.
+    Legs count as straight. ``speeds`` has the top speeds [m/s] of the systems under test by name,
+    ``where`` is the place of the limit.
     """
     spots = spots_of(mission, {}, where)
     legs = [math.dist(a.point, b.point) for a, b in itertools.pairwise(spots)]
-    # Only near to each waypoint: the first leg begins at the start itself, all others do not.
+    # A robot need not reach waypoints exactly, but the first leg begins exactly at the start.
     ends = [_ARRIVAL, *([2.0 * _ARRIVAL] * (len(legs) - 1))]
     way = math.fsum(max(0.0, leg - end) for leg, end in zip(legs, ends, strict=True))
     late = [
@@ -66,8 +66,7 @@ def check_limit(
     if late:
         takes = ", ".join(late)
         message = f"{limit:g} s are too short for mission {mission.name}: it takes {takes}"
-        hint = "give it a longer limit, or the runs end before the last waypoint"
-        findings.warning(where, message, hint)
+        findings.warning(where, message, "use a longer limit")
     return findings.all
 
 
@@ -80,11 +79,10 @@ def check_map(
     where: Where,
     places: Mapping[str, Where],
 ) -> tuple[Finding, ...]:
-    """Return warnings about a map that is given as it is; ``where`` is its name's place.
+    """Return warnings about a given map; ``where`` is the place of its name.
 
-    They are about a start or a waypoint on a cell that is not free, about values that stacks do not
-    tell apart, and about a map whose occupied cells mostly lie away from what stands in the scene
-    at ``laser_height`` [m].
+    The reasons: a start or waypoint on a cell that is not free, values that stacks treat
+    differently, or most occupied cells far from solids of the scene at ``laser_height`` [m].
     """
     findings = Findings()
     for label, point, place in spots_of(mission, places, where):
@@ -92,16 +90,16 @@ def check_map(
         if state:
             findings.warning(
                 place,
-                f"{label} ({point[0]:g}, {point[1]:g}) lies {state} the map of the campaign",
-                "planners refuse such a place: check the origin of the map and its thresholds",
+                f"{label} ({point[0]:g}, {point[1]:g}) is {state} the map of the campaign",
+                "planners refuse such places: check the origin of the map and its thresholds",
             )
     between = int(np.count_nonzero((grid.cells > FREE) & (grid.cells < OCCUPIED)))
     if between:
         findings.warning(
             where,
-            f"{between} cells of the map are neither free nor occupied nor unknown, but in between",
-            "the stacks here see three kinds, as costmap_2d and amcl do unless told otherwise: "
-            "costmaps take these for free, amcl for unknown",
+            f"{between} cells of the map have values between free and occupied",
+            "the stacks here treat them like costmap_2d and amcl do by default: costmaps as free, "
+            "amcl as unknown",
         )
     if not np.any(grid.cells == OCCUPIED):
         hint = 'check "occupied_thresh" and "negate" in its file'
@@ -109,21 +107,20 @@ def check_map(
     elif (share := _share_near(grid, scene, laser_height)) < _LEAST_SHARE:
         findings.warning(
             where,
-            f"{share:.0%} of the occupied cells of the map lie within {_NEAR:g} m of what stands "
-            f"in {scene.name} at the height of the laser ({laser_height:g} m)",
-            "if the robot is not to be given a wrong map: is it of this building, is its origin "
-            "right?",
+            f"only {share:.0%} of the occupied cells of the map are within {_NEAR:g} m of walls "
+            f"of {scene.name} at the height of the laser ({laser_height:g} m)",
+            "check that the map shows this building and has the right origin",
         )
     return findings.all
 
 
 def _not_free(grid: OccupancyGrid, point: Point2) -> str:
-    """Return how a point lies in a map when it is not known to be free, else nothing."""
+    """Return a phrase for a point that is outside the map or not free, otherwise an empty text."""
     rows, columns = grid.cells.shape
     column = int(np.floor((point[0] - grid.x) / grid.resolution))
     row = int(np.floor((point[1] - grid.y) / grid.resolution))
     if not (0 <= row < rows and 0 <= column < columns):
-        return "outside of"
+        return "outside"
     value = int(grid.cells[row, column])
     if value == OCCUPIED:
         return "on an occupied cell of"
@@ -131,10 +128,7 @@ def _not_free(grid: OccupancyGrid, point: Point2) -> str:
 
 
 def _share_near(grid: OccupancyGrid, scene: Scene, height: float) -> float:
-    """Return which share of the occupied cells lies near to what stands at a height [m].
-
-    Where nothing stands no cell can be wrong: that is all of them.
-    """
+    """Return the share of occupied cells near solids at a height [m]; 1 without solids."""
     standing = [shapely.Polygon(s.polygon) for s in scene.solids if s.z_min <= height <= s.z_max]
     if not standing:
         return 1.0

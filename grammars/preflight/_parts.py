@@ -1,4 +1,4 @@
-"""Checks of parts of objects: what they start in, stand beside and sweep through."""
+"""Checks of parts of objects: overlaps at the start and during motion, and places outside."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from grammars.preflight._checked import CheckedScene, Footprint, meetings
 
 
 def check_starts(checked: CheckedScene, bodies: Collection[SceneObject]) -> set[str]:
-    """Find moving links that start inside of a wall; return the names of their objects."""
+    """Report moving links that start inside a wall; return the names of their objects."""
     names = {body.name for body in bodies}
     in_walls = set()
     for part in checked.floor.start:
@@ -20,17 +20,17 @@ def check_starts(checked: CheckedScene, bodies: Collection[SceneObject]) -> set[
         for owner in checked.walls_at(part) if part.jointed and body.name in names else ():
             checked.error(
                 body.name,
-                f"the {link.name} of {body.name} starts inside of {owner}",
-                "check its place, which side the hinge is on and where it opens to",
+                f"the {link.name} of {body.name} starts inside {owner}",
+                "check its place, the side of the hinge and the opening direction",
             )
             in_walls.add(body.name)
     return in_walls
 
 
 def check_inside(checked: CheckedScene, bodies: Collection[SceneObject]) -> None:
-    """Find objects that touch neither a space nor a wall.
+    """Report objects that touch neither a space nor a wall.
 
-    What hangs in a doorway may be on the outer face of the building.
+    Objects in doorways are exempt: they may hang on the outer face of the building.
     """
     scene, floor = checked.scene, checked.floor
     if not scene.regions:
@@ -47,17 +47,17 @@ def check_inside(checked: CheckedScene, bodies: Collection[SceneObject]) -> None
         away = shape.distance(floor.rooms[index])
         checked.warn(
             body.name,
-            f"{body.name} stands outside of the building, {away:.2f} m from {names[index]}",
-            "check the frame it is placed in and the signs of x and y",
+            f"{body.name} is outside the building, {away:.2f} m from {names[index]}",
+            "check its frame and the signs of x and y",
         )
 
 
 def check_walls(checked: CheckedScene, swept: Sequence[Footprint], when: str) -> None:
-    """Find leaves that sweep through a wall, column or divider; ``when`` ends the message."""
+    """Report leaves that sweep through a wall, column or divider; ``when`` ends the message."""
     for part in swept:
-        through = checked.walls_at(part)
-        if through:
-            name, walls = part.body.name, " and ".join(through)
+        walls = " and ".join(checked.walls_at(part))
+        if walls:
+            name = part.body.name
             message = f"the {part.link.name} of {name} sweeps through {walls} {when}"
             checked.warn(name, message, "limit the joint, or move or turn the object")
 
@@ -68,7 +68,7 @@ def check_meetings(
     when: str,
     silent: Collection[frozenset[str]],
 ) -> None:
-    """Find leaves that sweep over another object: over its sweep, else over its place.
+    """Report leaves that sweep over another object (over its own sweep if it has one).
 
     ``when`` ends the message. Pairs of names in ``silent`` are left out.
     """
@@ -80,5 +80,5 @@ def check_meetings(
         and (part.body.frozen or not is_mover(part.body.joints))
     ]
     for one, other in meetings(swept, others, but=silent).values():
-        message = f"{one.body.name} and {other.body.name} can run into each other {when}"
+        message = f"{one.body.name} and {other.body.name} can collide {when}"
         checked.warn(one.body.name, message, f"the other one: {checked.place(other.body.name)}")

@@ -1,4 +1,4 @@
-"""Is there a way from the start to every waypoint, and if not, what is in it?"""
+"""Check of the way from the start to every waypoint."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from grammars.preflight._mission import Spot
 from grammars.text.words import enumerate_words
 
 _THIN: Final = 0.02
-"""Half the width [m] of what is thought to pass any gap."""
-_MOST_NAMED: Final = 3
-"""So many doors are named, of more how many they are."""
+"""Radius [m] of a disc that counts as passing any gap."""
+_MOST_NAMES: Final = 3
+"""Names of doors in a message at most."""
 
 
 def check_reach(checked: CheckedScene, robot: Robot, home: Spot, waypoints: Sequence[Spot]) -> None:
-    """Find waypoints that cannot be reached from ``home``.
+    """Report waypoints that cannot be reached from ``home``.
 
-    The robot is a disc of its inscribed radius. Doors count as open, unless they are frozen or
-    held; these only give warnings, since a door that stays shut may be the point of a test.
+    The robot counts as a disc of its inscribed radius. Doors count as open unless they are frozen
+    or held; shut doors give only warnings, since they may be the purpose of a test.
     """
     radius = inscribed_radius(robot.footprint)
     space = free_space(checked.scene, robot.height)
@@ -57,13 +57,13 @@ def check_reach(checked: CheckedScene, robot: Robot, home: Spot, waypoints: Sequ
 
 
 def _report(checked: CheckedScene, spots: Sequence[Spot], message: str, hint: str) -> None:
-    """Say of several spots at once what is wrong with them for one reason."""
+    """Report one problem of several spots."""
     first, *others = spots
     label = f"{first.label} and {len(others)} more" if others else first.label
     checked.error(first.where, message.replace("…", label), hint)
 
 
-# In the reasons … stands for the spots.
+# In the messages, … stands for the spots.
 
 
 def _no_room(robot: Robot) -> tuple[str, str]:
@@ -74,9 +74,9 @@ def _no_room(robot: Robot) -> tuple[str, str]:
 def _no_way(
     checked: CheckedScene, robot: Robot, space: FreeSpace, start: Point2, goal: Point2
 ) -> tuple[str, str]:
-    """Return why there is no way to a place, and what to do."""
+    """Return message and hint for a place without a way to it."""
     needed = 2.0 * inscribed_radius(robot.footprint)
-    # If not even a thread passes, the building is closed there; else something is too narrow.
+    # If even a thin disc cannot pass, the building is closed; otherwise a passage is too narrow.
     if not _connected(space.for_radius(_THIN), start, goal):
         hint = "an entryway may be missing in the floor plan, or not list both of its walls"
         message = "there is no way from the start to …"
@@ -89,14 +89,14 @@ def _no_way(
     width = f"{robot.name} is {needed:.2f} m wide"
     if narrow:
         message = f"the way to … leads through {' and '.join(narrow)}, {width}"
-        return message, "widen the doorway or take a narrower robot"
-    hint = "look for columns or walls that stand close to each other"
+        return message, "widen the doorway or use a narrower robot"
+    hint = "look for columns or walls close to each other"
     message = f"the way to … is too narrow, {width}"
     return message, hint
 
 
 def _only_way(space: FreeSpace, door: Doorway, a: Point2, b: Point2) -> bool:
-    """Return whether nothing gets from ``a`` to ``b`` while ``door`` is blocked."""
+    """Return whether all ways from ``a`` to ``b`` lead through ``door``."""
     blocked = Polygon(door.footprint).buffer(_THIN)
     return not _connected(space.for_radius(_THIN, [blocked]), a, b)
 
@@ -107,7 +107,7 @@ def _connected(parts: ConnectedParts, a: Point2, b: Point2) -> bool:
 
 
 def _clear_width(checked: CheckedScene, door: Doorway) -> float:
-    """Return the width that posts leave free, measured along the doorway [m]."""
+    """Return the width of a doorway between its posts [m]."""
     passage = Polygon(door.footprint)
     to_local = door.frame.inverse()
     width = 0.0
@@ -127,10 +127,10 @@ def _check_doors(
     spots: Iterable[Spot],
     radius: float,
 ) -> None:
-    """Find spots behind doors that stay shut, and the doors that would have to open."""
+    """Report spots behind doors that stay shut, with the doors that would have to open."""
     ways: dict[frozenset[str], ConnectedParts] = {}
 
-    def open_way(goal: Point2, opened: frozenset[str]) -> bool:
+    def has_way(goal: Point2, opened: frozenset[str]) -> bool:
         if opened not in ways:
             closed = [s for name, shapes in shut.items() if name not in opened for s in shapes]
             ways[opened] = space.for_radius(radius, closed)
@@ -138,19 +138,19 @@ def _check_doors(
 
     movers = {body.name for body in checked.scene.objects if is_mover(body.joints)}
     for label, point, where in spots:
-        if open_way(point, frozenset()):
+        if has_way(point, frozenset()):
             continue
-        # Each shut door is opened alone: one that lets the robot through is the one to name.
-        names = [name for name in shut if open_way(point, frozenset({name}))]
+        # Look for single doors that open the way, otherwise for several.
+        names = [name for name in shut if has_way(point, frozenset({name}))]
         link = "or"
         if not names:
-            names, link = _needed(shut, partial(open_way, point)), "and"
+            names, link = _needed(shut, partial(has_way, point)), "and"
         message = f"{label} cannot be reached while {_in_the_way(names, link, movers)}"
-        checked.warn(where, message, "fine if that is what is tested")
+        checked.warn(where, message, "ignore this if it is the purpose of the test")
 
 
 def _needed(names: Collection[str], lets_through: Callable[[frozenset[str]], bool]) -> list[str]:
-    """Return doors that have to be open together, of which none could stay shut."""
+    """Return a minimal set of doors that must be open together."""
     opened = frozenset(names)
     for name in names:
         if lets_through(opened - {name}):
@@ -159,14 +159,14 @@ def _needed(names: Collection[str], lets_through: Callable[[frozenset[str]], boo
 
 
 def _in_the_way(names: Sequence[str], link: str, movers: Container[str]) -> str:
-    """Say that doors stay as told and that movers, who are told nothing, stand there."""
+    """Return a phrase about shut doors and standing movers."""
     doors = [name for name in names if name not in movers]
     people = [name for name in names if name in movers]
     several = link == "and"
     parts = [
         f"{_listed(group, link)} {many if several and len(group) > 1 else one}"
         for group, one, many in (
-            (doors, "stays as told", "stay as told"),
+            (doors, "stays shut", "stay shut"),
             (people, "stands in the way", "stand in the way"),
         )
         if group
@@ -175,7 +175,7 @@ def _in_the_way(names: Sequence[str], link: str, movers: Container[str]) -> str:
 
 
 def _listed(names: Sequence[str], link: str) -> str:
-    more = len(names) - _MOST_NAMED
+    more = len(names) - _MOST_NAMES
     if more > 0:
-        return f"{', '.join(names[:_MOST_NAMED])} and {more} more"
+        return f"{', '.join(names[:_MOST_NAMES])} and {more} more"
     return enumerate_words(names, link)

@@ -1,4 +1,4 @@
-"""Checks of what a robot is asked to do in a scene."""
+"""Checks of the task of a robot in a scene."""
 
 from __future__ import annotations
 
@@ -33,29 +33,28 @@ def check_run(
     where: Where | None = None,
     places: Mapping[str, Where] | None = None,
 ) -> tuple[Finding, ...]:
-    """Return what cannot work when ``robot`` does ``mission`` while doors behave.
+    """Return the problems of ``mission`` for ``robot`` with the given ``behaviours``.
 
-    Errors: start or waypoint inside a wall, outside of every room or nearer to a wall than half
-    of the robot's width; waypoints without a way, and the doorway that is too narrow; behaviours
-    of joints that do not exist, cannot move or would leave their limits. Warnings: waypoints
-    behind doors that stay shut or under a leaf; leaves that move through walls or other objects;
-    triggers the robot can never get near enough to. Events that are not there or never come, and
-    routes through walls, are found as well.
+    Errors: start or waypoint inside a wall, outside all rooms or nearer to a wall than half the
+    width of the robot; unreachable waypoints, with the doorway that is too narrow; behaviours of
+    joints that do not exist, cannot move or would leave their limits; unknown events. Warnings:
+    waypoints behind shut doors or under a leaf; leaves that move through walls or other objects;
+    triggers out of reach of the robot; events that never happen; routes through walls.
 
-    ``where`` is the mission's place; ``places`` gives finer ones: ``start``, ids of waypoints,
+    ``where`` is the place of the mission; ``places`` has finer ones: ``start``, ids of waypoints,
     names of joints and objects.
     """
     checked = CheckedScene(scene, places or {}, where or Where(mission.name), behaviours)
     home, *waypoints = spots_of(mission, checked.places, checked.home)
     sound = [home] if _check_spot(checked, robot, home) else []
     sound += [spot for spot in waypoints if _check_spot(checked, robot, spot)]
-    # A way is looked for between spots that stand free: from others there is none anyway.
+    # Only free spots can have a way between them.
     if home in sound:
         _check_start(checked, robot, mission, home)
         check_reach(checked, robot, home, sound[1:])
     check_events(checked, mission)
     check_walks(checked)
-    # Sweeps and triggers take for granted that every behaviour has its joint.
+    # The next checks need the joints of all behaviours.
     if check_behaviours(checked):
         _check_doors(checked, sound)
         check_triggers(checked, robot, mission)
@@ -63,15 +62,15 @@ def check_run(
 
 
 def _check_spot(checked: CheckedScene, robot: Robot, spot: Spot) -> bool:
-    """Find out why a robot cannot stand on a spot; return whether it can."""
+    """Report why a robot cannot stand on a spot; return whether it can."""
     label, point, where = spot
     radius = inscribed_radius(robot.footprint)
     distance, owner = checked.floor.solids.nearest(*point, z_max=robot.height)
     if distance == 0.0:
-        checked.error(where, f"{label} is inside of {owner}", "move it into a room")
+        checked.error(where, f"{label} is inside {owner}", "move it into a room")
     elif not checked.floor.holds(point):
-        message = f"{label} ({point[0]:g}, {point[1]:g}) is outside of every room"
-        hint = "check the signs of x and y, and whether the mission belongs to this floor plan"
+        message = f"{label} ({point[0]:g}, {point[1]:g}) is outside all rooms"
+        hint = "check the signs of x and y, and that the mission belongs to this floor plan"
         checked.error(where, message, hint)
     elif distance < radius - _TOLERANCE:
         message = f"{label} is {distance:.2f} m from {owner}, {robot.name} needs {radius:.2f} m"
@@ -82,26 +81,26 @@ def _check_spot(checked: CheckedScene, robot: Robot, spot: Spot) -> bool:
 
 
 def _check_start(checked: CheckedScene, robot: Robot, mission: Mission, home: Spot) -> None:
-    """Find walls in the footprint of the robot: the start has a heading, so all of it must fit."""
+    """Report walls inside the footprint of the robot in its start pose."""
     body = Polygon(mission.start.apply_ring(robot.footprint))
     owners = checked.floor.solids.hit_by(body, 0.0, robot.height)
     hits = [owner for owner, part in owners.items() if part.area > 1e-6]
     if hits:
-        message = f"at the start {robot.name} stands in {' and '.join(hits)}"
+        message = f"at the start {robot.name} overlaps {' and '.join(hits)}"
         checked.error(home.where, message, "move or turn the start")
 
 
 def _check_doors(checked: CheckedScene, spots: Sequence[Spot]) -> None:
-    """Find what leaves run into, and which spots they sweep over, as they are told to move."""
+    """Report collisions of leaves during their behaviours, and spots that they sweep over."""
     swept = [
         part
         for body in checked.scene.objects
         if body.name in checked.ranges
         for part in sweeps(body, tuple(checked.ranges[body.name].items()))
     ]
-    check_walls(checked, swept, "as it is told to move")
-    # Of doors that are in each other when shut that is said already.
-    check_meetings(checked, swept, "as they are told to move", colliding_doors(checked.scene))
+    check_walls(checked, swept, "during its behaviour")
+    # The scene check has reported doors that overlap when shut.
+    check_meetings(checked, swept, "during their behaviours", colliding_doors(checked.scene))
     for label, point, where in spots:
         spot = Point(point).buffer(0.02)
         for part in swept:

@@ -1,4 +1,4 @@
-"""Checks of a scene by itself."""
+"""Checks of a scene alone."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from grammars.text.diagnostics import Finding, Where
 
 _TOLERANCE: Final = 1e-9
 _BLOCKED: Final = 0.05
-"""Share of a passage a wall may cover before the passage counts as walled up."""
+"""Largest share of a passage that a wall may cover."""
 _THRESHOLD: Final = 0.06
-"""How far beyond the faces of its walls a passage must be free [m]."""
+"""Required free distance of a passage beyond the faces of its walls [m]."""
 
 
 def check_scene(scene: Scene, *, places: Mapping[str, Where] | None = None) -> tuple[Finding, ...]:
-    """Return what is wrong with a scene, whatever runs in it.
+    """Return the problems of a scene, independent of runs.
 
-    Errors: two objects of one name, joints that start outside of their limits, leaves that start
-    inside of a wall or are higher than their doorway, objects that start inside of each other.
-    Warnings: leaves that would sweep through a wall or another object somewhere in the range of
-    their joints, doors much narrower than their doorway, two doors in one doorway, objects outside
-    of the building, entryways that a wall not listed in them closes. ``places`` gives
-    the places of objects and entryways by name (see :func:`grammars.preflight.places_of`).
+    Errors: two objects with one name, joints that start outside their limits, leaves that start
+    inside a wall or are higher than their doorway, objects that overlap at the start. Warnings:
+    leaves that would sweep through a wall or another object somewhere in the range of their
+    joints, doors much narrower than their doorway, two doors in one doorway, objects outside the
+    building, entryways closed by a wall that they do not list. ``places`` has the places of
+    objects and entryways by name (see :func:`grammars.preflight.places_of`).
     """
     checked = CheckedScene(scene, places or {}, Where(scene.name))
     _check_names(checked)
@@ -43,8 +43,8 @@ def check_scene(scene: Scene, *, places: Mapping[str, Where] | None = None) -> t
     clashes = check_doors(checked)
     overlaps = _check_overlaps(checked, clashes)
     check_inside(checked, standing)
-    # A leaf that starts in a wall, or is too high for its doorway, sweeps through the wall as
-    # well: that is said once.
+    # Leaves that start in a wall, or are too high for their doorway, also sweep through the wall.
+    # Report only the first problem.
     high = {name for name, *others in clashes if not others}
     in_walls = high | check_starts(checked, [body for body in standing if body.name not in high])
     _check_furniture(checked)
@@ -64,7 +64,7 @@ def _check_names(checked: CheckedScene) -> None:
     names = [body.name for body in checked.scene.objects]
     for name in dict.fromkeys(names):
         if names.count(name) > 1:
-            checked.error(name, f'there are two objects called "{name}"')
+            checked.error(name, f'two objects have the name "{name}"')
 
 
 def _check_limits(checked: CheckedScene, body: SceneObject) -> None:
@@ -72,18 +72,18 @@ def _check_limits(checked: CheckedScene, body: SceneObject) -> None:
         if not joint.lower - _TOLERANCE <= position <= joint.upper + _TOLERANCE:
             checked.error(
                 body.name,
-                f"{body.name}.{joint.name} starts at {position:g}, outside of its limits",
+                f"{body.name}.{joint.name} starts at {position:g}, outside its limits",
                 f"between {joint.lower:g} and {joint.upper:g}",
             )
 
 
 def _check_passage(checked: CheckedScene, doorway: Doorway) -> None:
     passage = _passage(doorway)
-    # A centimetre inside: sill and lintel touch the passage and do not close it.
+    # One centimetre inside, because sill and lintel touch the passage.
     hits = checked.floor.solids.hit_by(passage, doorway.z_min + 0.01, doorway.z_max - 0.01)
     closing = [owner for owner, part in hits.items() if part.area > _BLOCKED * passage.area]
     if closing:
-        hint = "list every wall that the entryway goes through"
+        hint = "list all walls that the entryway goes through"
         checked.warn(doorway.name, f"{doorway.name} is closed by {' and '.join(closing)}", hint)
 
 
@@ -92,7 +92,7 @@ def _passage(doorway: Doorway) -> Polygon:
     local = doorway.frame.inverse().apply_ring(doorway.footprint)
     xs, ys = [p[0] for p in local], [p[1] for p in local]
     low, high = min(ys) - _THRESHOLD, max(ys) + _THRESHOLD
-    # The jambs touch the passage too.
+    # One centimetre inside, because the jambs touch the passage.
     start, end = min(xs) + 0.01, max(xs) - 0.01
     corners = ((start, low), (end, low), (end, high), (start, high))
     return Polygon(doorway.frame.apply_ring(corners))
@@ -101,10 +101,10 @@ def _passage(doorway: Doorway) -> Polygon:
 def _check_overlaps(
     checked: CheckedScene, silent: Collection[frozenset[str]]
 ) -> set[frozenset[str]]:
-    """Find objects that stand in each other at the start; return those pairs by name.
+    """Report objects that overlap at the start; return their pairs of names.
 
-    Errors where one of the two can move there: the simulator would push them apart at once.
-    Warnings where both stand still. Pairs in ``silent`` are left out.
+    An overlap is an error if a link there can move, because the simulator would push the objects
+    apart at once, otherwise a warning. Pairs in ``silent`` are left out.
     """
     standing = [part for part in checked.floor.start if not is_mover(part.body.joints)]
     pairs = meetings(standing, but=silent)
@@ -117,12 +117,11 @@ def _report_overlap(checked: CheckedScene, one: Footprint, other: Footprint) -> 
     common = one.shape.intersection(other.shape)
     around = shapely.get_coordinates(shapely.minimum_rotated_rectangle(common))
     width, length = sorted(np.linalg.norm(np.diff(around[:3], axis=0), axis=1).tolist())
-    # Adding 0.0 makes 0.0 of -0.0.
+    # Adding 0.0 turns -0.0 into 0.0.
     x, y = round(common.centroid.x, 2) + 0.0, round(common.centroid.y, 2) + 0.0
     message = (
-        f"{other.body.name} and {one.body.name} stand in each other at the start: the "
-        f"{other.link.name} and the {one.link.name} overlap near ({x:.2f}, {y:.2f}) by "
-        f"{length:.2f} m x {width:.2f} m"
+        f"{other.body.name} and {one.body.name} overlap at the start: the {other.link.name} and "
+        f"the {one.link.name} near ({x:.2f}, {y:.2f}) by {length:.2f} m x {width:.2f} m"
     )
     hint = f"the other one: {checked.place(one.body.name)}; move one of them"
     if one.moves or other.moves:
@@ -132,10 +131,7 @@ def _report_overlap(checked: CheckedScene, one: Footprint, other: Footprint) -> 
 
 
 def _check_furniture(checked: CheckedScene) -> None:
-    """Find objects without moving parts that stand in a wall.
-
-    The posts of doors do so by design.
-    """
+    """Report objects without moving parts that overlap a wall, as only posts of doors should."""
     doors = {part.body.name for part in checked.floor.start if part.jointed}
     owners: dict[str, dict[str, None]] = {}
     for part in checked.floor.start:
@@ -143,4 +139,4 @@ def _check_furniture(checked: CheckedScene) -> None:
             owners.setdefault(part.body.name, {}).update(dict.fromkeys(checked.walls_at(part)))
     for name, walls in owners.items():
         if walls:
-            checked.warn(name, f"{name} stands in {' and '.join(walls)}", "move or turn it")
+            checked.warn(name, f"{name} is partly inside {' and '.join(walls)}", "move or turn it")

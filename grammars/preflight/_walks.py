@@ -1,4 +1,4 @@
-"""Checks of movers: routes through walls and furniture, movers that stand in a wall."""
+"""Checks of movers: routes through walls and furniture, and movers that stand in a wall."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from grammars.text.diagnostics import did_you_mean
 _ROUTE_STEP: Final = 0.1
 _STRAIGHT: Final = 1e-9
 _TURN_STEPS: Final = 46
-"""Placements of a mover that turns round: 4 degrees apart, as leaves are swept."""
+"""Placements of a mover that turns round: 4 degrees apart, like those of leaves."""
 
 
 def check_walks(checked: CheckedScene) -> None:
-    """Find what is wrong with the routes of movers.
+    """Report problems of the routes of movers.
 
-    Errors: walks of what is no mover, points inside of a wall or outside of every room, ways that
-    lead through a wall, movers that stand in one. Warnings: bodies that brush a wall, or walk
-    through what stands still, doors that stay as told included, or rest outside of the building.
+    Errors: walks of objects that are not movers, points inside a wall or outside all rooms, routes
+    through a wall, movers that stand in one. Warnings: bodies that touch a wall, walk through still
+    objects (including shut doors) or rest outside the building.
     """
     bodies = {body.name: body for body in checked.scene.objects}
     walks = [walk for walk in checked.behaviours if isinstance(walk, Walk)]
@@ -47,26 +47,26 @@ def check_walks(checked: CheckedScene) -> None:
             hint = did_you_mean(walk.object, bodies)
             checked.error(walk.joint, f'there is no object "{walk.object}"', hint)
         elif body.frozen or not is_mover(body.joints):
-            why = "frozen" if body.frozen else "an object, not a mover"
-            checked.error(walk.joint, f"{body.name} cannot walk, it is {why}")
-        # A way from a point that is wrong says nothing new.
+            reason = "frozen" if body.frozen else "an object, not a mover"
+            checked.error(walk.joint, f"{body.name} cannot walk, it is {reason}")
+        # A route with a wrong point needs no further checks.
         elif _check_points(checked, body, walk):
             _check_way(checked, body, walk)
 
 
 def _check_points(checked: CheckedScene, body: SceneObject, walk: Walk) -> bool:
-    """Find points of a route that nobody can stand on; return whether all are sound."""
+    """Report points of a route inside walls or outside rooms; return whether all are valid."""
     _, high = _heights(body)
     sound = True
     for number, point in enumerate(walk.route, start=1):
         label = f"point {number} of the route of {body.name} ({point[0]:g}, {point[1]:g})"
         distance, owner = checked.floor.solids.nearest(*point, z_max=high)
         if distance == 0.0:
-            checked.error(walk.joint, f"{label} is inside of {owner}", "move it")
+            checked.error(walk.joint, f"{label} is inside {owner}", "move it")
             sound = False
         elif not checked.floor.holds(point):
             hint = "check its frame and the signs of x and y"
-            checked.error(walk.joint, f"{label} is outside of every room", hint)
+            checked.error(walk.joint, f"{label} is outside all rooms", hint)
             sound = False
     return sound
 
@@ -83,24 +83,24 @@ def _check_way(checked: CheckedScene, body: SceneObject, walk: Walk) -> None:
         message = f"{body.name} walks through {' and '.join(through)}"
         checked.error(walk.joint, message, "lead the route through a doorway")
         return
-    walked = _walked(checked, body, walk)
-    brushed = [owner for part in walked for owner in checked.walls_at(part)]
-    # Doors that never move are as still as furniture.
+    swept = _swept_by_walk(checked, body, walk)
+    walls = [owner for part in swept for owner in checked.walls_at(part)]
+    # Doors that never move count as furniture.
     still = [part for part in checked.floor.start if not part.jointed]
     still += [p for parts in checked.shut.values() for p in parts if not is_mover(p.body.joints)]
-    near = {s.body.name for part in walked for s in still if s.body is not body and part.meets(s)}
+    near = {s.body.name for part in swept for s in still if s.body is not body and part.meets(s)}
     crossed = [other.name for other in checked.scene.objects if other.name in near]
-    for what, names in (("brushes", brushed), ("walks through", crossed)):
+    for verb, names in (("brushes", walls), ("walks through", crossed)):
         if names:
-            message = f"{body.name} {what} {' and '.join(dict.fromkeys(names))} on its way"
-            hint = "nothing stops a mover but the robot: move the route"
+            message = f"{body.name} {verb} {' and '.join(dict.fromkeys(names))} on its way"
+            hint = "only the robot stops a mover: move the route"
             checked.warn(walk.joint, message, hint)
 
 
-def _walked(checked: CheckedScene, body: SceneObject, walk: Walk) -> list[Footprint]:
-    """Return what the links of a mover cover while its body walks the route.
+def _swept_by_walk(checked: CheckedScene, body: SceneObject, walk: Walk) -> list[Footprint]:
+    """Return the swept footprints of the links of a mover during its walk.
 
-    Its other joints are anywhere between their start and where behaviours send them.
+    Its other joints take all positions between their start and the targets of behaviours.
     """
     at_home = dataclasses.replace(
         body, pose=Pose2(), initial=(*(0.0 for _ in PLANAR_JOINTS), *body.initial[3:])
@@ -117,13 +117,13 @@ def _walked(checked: CheckedScene, body: SceneObject, walk: Walk) -> list[Footpr
     ]
 
 
-# A search is checked at many points, and most of them change no walk.
+# Most points of a search do not change walks.
 @functools.lru_cache(maxsize=64)
 def _walked_area(
     at_home: SceneObject, link: Link, ranges: tuple[tuple[str, float, float], ...], walk: Walk
 ) -> BaseGeometry:
     poses = _without_straight(_walked_poses(walk))
-    # The pieces are convex, as the hulls between two poses take them to be.
+    # The pieces are convex, as hulls_between requires.
     pieces = swept_pieces(at_home, link, {name: (low, high) for name, low, high in ranges})
     rings = map(shapely.get_coordinates, pieces)
     hulls = [hull for ring in rings for hull in hulls_between(poses, ring[:-1].tolist())]
@@ -133,13 +133,13 @@ def _walked_area(
 def _walked_poses(walk: Walk) -> list[Pose2]:
     """Return the poses of a walking body, there and back, close to each other."""
     route = Route(walk)
-    # A round turns in its first corner only when it comes there again.
+    # A round turns in its first corner only at the end of a lap.
     length = route.length + (CORNER if route.closed else 0.0)
     ways = np.linspace(0.0, length, max(2, int(length / _ROUTE_STEP) + 1)).tolist()
     forward = [Pose2(*route.point(way), route.yaw(way)) for way in ways]
     if walk.manner != "back-and-forth" or walk.facing != "ahead":
         return forward
-    turns = [Pose2(yaw=float(turned)) for turned in np.linspace(0.0, math.pi, _TURN_STEPS)]
+    turns = [Pose2(yaw=float(yaw)) for yaw in np.linspace(0.0, math.pi, _TURN_STEPS)]
     back = [pose @ turns[-1] for pose in reversed(forward)]
     first, last = forward[0], forward[-1]
     return [
@@ -151,9 +151,9 @@ def _walked_poses(walk: Walk) -> list[Pose2]:
 
 
 def _without_straight(poses: list[Pose2]) -> list[Pose2]:
-    """Leave out the poses within straight ways without a turn: the hull of both ends covers them.
+    """Return the poses without those inside straight segments, which the hull of both ends covers.
 
-    Building the union of many hulls takes most of the time of these checks.
+    The union of many hulls takes most of the time of these checks.
     """
     turning = [poses[0]]
     for pose, following in itertools.pairwise(poses[1:]):

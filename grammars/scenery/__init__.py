@@ -1,10 +1,10 @@
-"""Scenery language: objects with joints, where they stand in a floor plan, how they behave.
+"""Scenery language: objects with joints, their places in a floor plan, and their behaviours.
 
-A ``.scenery`` file is one layer. Layers refer to each other by name and are put together by
-:mod:`grammars.scenery.composition`; none is ever edited to add to another. Line breaks carry no
+A ``.scenery`` file is one layer. Layers refer to each other by name and are combined by
+:mod:`grammars.scenery.composition`; no layer needs an edit for another one. Line breaks have no
 meaning, comments start with ``//``, every quantity has a unit.
 
-Object models, in a frame of their own; positions are those of the joints at zero::
+Object models have their own frame; geometry is given with all joints at zero::
 
     object hinged_door
         link post  box 5 cm x 5 cm                   from 0 m to 2 m,    mass 50 kg
@@ -14,10 +14,10 @@ Object models, in a frame of their own; positions are those of the joints at zer
         state closed: hinge 0 deg
         state open:   hinge 95 deg
 
-Shapes are ``box``, ``circle radius 3 cm`` and convex ``polygon (0 m, 0 m), …``; several are joined
-by ``and``, the box may be ``turned``. Links no joint moves stand still. A ``prismatic`` joint goes
-``along x``, ``along -y`` or ``along 30 deg``. A ``fixed`` joint joins two links for good (it stays
-in the scene as a joint without room to move, always at 0). Furniture has no other joints::
+Shapes are ``box``, ``circle radius 3 cm`` and convex ``polygon (0 m, 0 m), …``; ``and`` joins
+several shapes, a box may be ``turned``. Links without joints stand still. A ``prismatic`` joint
+goes ``along x``, ``along -y`` or ``along 30 deg``. A ``fixed`` joint connects two links rigidly (in
+the scene it is a joint with both limits 0). Furniture has only fixed joints::
 
     object table
         link top   box 1.2 m x 80 cm      from 70 cm to 74 cm,  mass 20 kg
@@ -26,16 +26,16 @@ in the scene as a joint without room to move, always at 0). Furniture has no oth
     table_1 is a table in kitchen, x 1 m, y 0.5 m, turned 30 deg
     table_2 is a table at hall.walls[0], y -60 cm
 
-Instances, in any frame of the floor plan or fitted into an entryway. Left, right, inwards and
-inside are meant from the room of the entryway's first wall, facing the wall, unless another room
+Instances stand in any frame of the floor plan or are fitted into an entryway. Left, right, inwards
+and inside are seen from the room of the entryway's first wall, facing the wall, unless another room
 is named::
 
     front_door   is a hinged_door at hall.walls[1], x 1.2 m, y 10 cm, turned 90 deg, starts open
     kitchen_door is a hinged_door in kitchen_doorway, hinge left, opening into kitchen
     store_door   is a sliding_door in store_doorway, sliding right, on the side of store, frozen
 
-Behaviours, of named objects or of all objects of a group or model; positions are states or
-quantities. The last layer that speaks about a joint wins::
+Behaviours apply to named objects or to all objects of a group or model; positions are states or
+quantities. The last layer about a joint wins::
 
     group rooms: kitchen_door, store_door
     parameter near = 1.3 m
@@ -48,25 +48,24 @@ quantities. The last layer that speaks about a joint wins::
         again beyond 2 m, by spring of 0.5 N m/rad damped by 0.1 N m s/rad
     cabinet_door toggles between closed and open after uniform 10 s to 40 s, from 1 min
 
-The distance is taken from the ``hinge``, the ``foot`` of the object (the origin of its frame), the
-``leaf`` or the ``doorway`` to the robot's base, or to ``the robot's footprint``. ``starting at
-closed`` says where such a joint is at first, if not where it goes from. Without ``by`` joints move
-as a servo with the defaults of :class:`grammars.model.behaviour.Servo`; without ``from``, the first
-draw comes after one period. The time between two changes may be drawn as well:
-``uniform 10 s to 40 s``, ``exponential with mean 20 s`` or ``normal with mean 20 s, deviation
-5 s``. ``front_door starts open`` and ``front_door is frozen`` in another layer change how it
-starts.
+The distance is measured from the ``hinge``, the ``foot`` of the object (the origin of its frame),
+the ``leaf`` or the ``doorway`` to the robot's base, or to ``the robot's footprint``. ``starting at
+closed`` sets another start position. Without ``by``, joints move as a servo with the defaults of
+:class:`grammars.model.behaviour.Servo`; without ``from``, the first draw comes after one period.
+The time between two changes may also be random: ``uniform 10 s to 40 s``, ``exponential with mean
+20 s`` or ``normal with mean 20 s, deviation 5 s``. ``front_door starts open`` and ``front_door is
+frozen`` in another layer change the start of an object.
 
 Reactions happen once: when a leg of the mission begins (leg 1 leads to the first waypoint), when a
-waypoint is reached, when another object ``fires`` (its trigger or reaction goes off) or ``starts to
-move`` (by 1 cm or 0.01 rad, whoever moves it)::
+waypoint is reached, when another object ``fires`` (its trigger or reaction) or ``starts to move``
+(by 1 cm or 0.01 rad, for any reason)::
 
     front_door   goes from closed to open when leg 2 begins, after 2 s
     bedroom_door goes from open to closed when waypoint living-room is reached, by jump
     garden_door  goes from open to closed when front_door fires, after 500 ms
 
-A ``mover`` is an object that walks: one link carries all others. It meets nothing but the robot,
-which it pushes aside, and nothing pushes it; it only stops dead where the robot cannot make way::
+A ``mover`` is a walking object: one link carries all others. It collides only with the robot, which
+it pushes aside; it cannot be pushed and stops only if the robot cannot move away::
 
     mover person
         link body  circle radius 25 cm  from 0 m to 1.75 m,  mass 75 kg
@@ -81,11 +80,11 @@ which it pushes aside, and nothing pushes it; it only stops dead where the robot
     child walks along (0 m, 0 m), (2 m, 0 m), (2 m, 1 m) of kitchen, round, accelerating at 2 m/s^2,
         pausing 1 s at every point, facing 90 deg, from 10 s, not yielding
 
-Points are in the frame named next, else in the world. Routes are walked ``once`` (if nothing is
-said), ``back and forth`` or ``round``; at 1 m/s, with 1 m/s^2, without a pause, unyielding. A mover
-faces ``ahead``, ``sideways`` (its right hand where it first goes) or a fixed direction in the frame
-of the last point. A yielding one brakes while the robot is so near, ahead of it. See
-:class:`grammars.model.behaviour.Walk`.
+Points are in the frame named next, otherwise in the world. Walks are ``once`` (the default),
+``back and forth`` or ``round``; by default at 1 m/s, with 1 m/s^2, without pause, not yielding. A
+mover faces ``ahead``, ``sideways`` (its right hand in the first direction) or a fixed direction in
+the frame of the last point. A yielding mover brakes while the robot is ahead within the distance.
+See :class:`grammars.model.behaviour.Walk`.
 """
 
 from grammars.scenery._layer import load_scenery, parse_scenery

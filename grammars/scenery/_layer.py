@@ -1,4 +1,4 @@
-"""From the text of a ``.scenery`` file to a :class:`SceneryLayer`."""
+"""Reader of ``.scenery`` files: from text to a :class:`SceneryLayer`."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from grammars.text.words import enumerate_words
 _Part: TypeAlias = ObjectModel | Instance | Group | Parameter | Setting | Sentence
 _GRAMMAR: Final = Path(__file__).with_name("scenery.tx")
 _SPACE: Final = re.compile(r'("[^"\n]*")|(?:\s|//[^\n]*)+')
-"""Everything between words; names in quotes keep theirs."""
+"""White space and comments, or a quoted name, which keeps its blanks."""
 _STARTERS: Final = (
     "object",
     "mover",
@@ -45,7 +45,7 @@ _STARTERS: Final = (
     "all",
 )
 _STATEMENT_START: Final = re.compile(r"^(?!(?:link|joint|state)\b)[^\W\d]", re.MULTILINE)
-"""A word that is not indented; no sentence needs to begin so, but after an error it must be."""
+"""A word that is not indented, where reading continues after an error."""
 _UNITLESS: Final = re.compile(
     r"(?<!leg\s)(?<!waypoint\s)(?<!probability\s)(?<![\w.\[])\d+(?:\.\d*)?$"
 )
@@ -62,12 +62,12 @@ _READABLE: Final = {
     r"back\s+and\s+forth\b": '"back and forth"',
     "WaypointName": "a waypoint",
 }
-"""What rules and patterns of the grammar are called in messages."""
-_SHOWN: Final = 8
-_UNSAID: Final = frozenset(
+"""Names of rules and patterns of the grammar in messages."""
+_MOST_WORDS: Final = 8
+_OTHER_FORMS: Final = frozenset(
     {"are", "all", "start", "stay", "move", "toggle", "go", "their", "walk", "cylinder"}
 )
-"""Other forms of words: accepted, but not suggested beside the first form."""
+"""Valid forms of words that messages do not suggest."""
 
 
 class _SceneryLanguage(Language):
@@ -82,46 +82,47 @@ class _SceneryLanguage(Language):
         return [match.start() for match in _STATEMENT_START.finditer(without_comments(text))]
 
     def phrases(self, fault: SyntaxFault) -> Sequence[str]:
-        """Return what could stand there, words before signs."""
-        said = [self.words.get(key, f'"{key}"') for key in fault.expected if key not in _UNSAID]
-        return sorted(dict.fromkeys(said), key=lambda name: not name.strip('"')[:1].isalnum())
+        """Return the expectations in words, words before signs."""
+        keys = [key for key in fault.expected if key not in _OTHER_FORMS]
+        phrases = dict.fromkeys(self.words.get(key, f'"{key}"') for key in keys)
+        return sorted(phrases, key=lambda phrase: not phrase.strip('"')[:1].isalnum())
 
     def message(self, fault: SyntaxFault) -> str:
-        found = _quoted(fault.word) if fault.word else "the end of the file"
-        words = self.phrases(fault)
-        if words:
-            many = len(words) > _SHOWN
-            expected = ", ".join((*words[:_SHOWN], "…")) if many else enumerate_words(words, "or")
-            return f"expected {expected}, found {found}"
-        return f"{found} {'cannot be a name' if _is_reserved(fault) else 'is not expected'}"
+        word = _quoted(fault.word) if fault.word else "the end of the file"
+        phrases = self.phrases(fault)
+        if not phrases:
+            return f"{word} {'cannot be a name' if _is_reserved(fault) else 'is not expected'}"
+        many = len(phrases) > _MOST_WORDS
+        expected = ", ".join((*phrases[:_MOST_WORDS], "…")) if many else ""
+        return f"expected {expected or enumerate_words(phrases, 'or')}, found {word}"
 
     def hint(self, fault: SyntaxFault) -> str:
-        """Compare the word found with those expected, and the first of its line with openings."""
+        """Compare the word with the expected ones, and the first word of its line with openings."""
         expected = self.phrases(fault)
         if not expected and _is_reserved(fault):
-            return "take another word"
+            return "choose another name"
         if fault.word == "#":
             return "comments start with //"
         if re.search(r"\d,\d[^,()]*$", fault.done):
-            return "decimals are written with a point: 1.5, not 1,5"
+            return "write decimals with a point: 1.5, not 1,5"
         unitless = _UNITLESS.search(fault.done)
         if unitless is not None:
             return f"a unit is missing after {unitless[0]}"
         unit = _UNIT.search(fault.done)
         if unit is not None and unit[2] not in UNIT_WORDS and unit[2] not in self._keywords:
-            return f'"{unit[2]}" is read as the unit of {unit[1]} and is no unit'
+            return f'"{unit[2]}" is read as the unit of {unit[1]}, which is unknown'
         line = fault.text[fault.text.rfind("\n", 0, fault.offset) + 1 : fault.offset]
         first = re.match(r"\s*(\w+)", line)
         candidates = [
             (fault.word, [word.strip('"') for word in expected]),
             (first[1] if first else "", list(_STARTERS)),
         ]
-        for word, known in candidates:
-            if len(word) < 3 or word in known:
+        for word, choices in candidates:
+            if len(word) < 3 or word in choices:
                 continue
-            if word.lower() in known:
-                return f'write "{word.lower()}" in small letters'
-            close = difflib.get_close_matches(word, known, 1, 0.75)
+            if word.lower() in choices:
+                return f'write "{word.lower()}" in lower case'
+            close = difflib.get_close_matches(word, choices, 1, 0.75)
             if close:
                 return f'did you mean "{close[0]}"?'
         return ""
@@ -139,7 +140,7 @@ _LANGUAGE: Final = _SceneryLanguage(_GRAMMAR, autokwd=True)
 
 
 def load_scenery(path: str | Path) -> SceneryLayer:
-    """Read a ``.scenery`` file; raises :class:`InputError` with every problem found in it."""
+    """Read a ``.scenery`` file; raises :class:`InputError` with all its problems."""
     return parse_scenery(read_text(path), str(path))
 
 
@@ -147,7 +148,7 @@ def parse_scenery(text: str, file: str, within: Where | None = None) -> SceneryL
     """Read the text of a layer; ``file`` is the name used in messages, its stem names the layer.
 
     ``within`` is the place of a text that is part of another file. Raises :class:`InputError` with
-    every problem found, of syntax one per statement.
+    all problems, but only one syntax error per statement.
     """
     source = SourceText(text, file, within=within)
     reader = SceneryReader(source)
@@ -179,15 +180,15 @@ def _part(text: str, reader: SceneryReader, node: SyntaxNode) -> _Part:
             part = Parameter(node.name, reader.measure(node.value), reader.where(node))
         case _:
             part = read_sentence(reader, node)
-    written = text[node._tx_position : node._tx_position_end]
-    return replace(part, text=_SPACE.sub(lambda space: space[1] or " ", written))
+    source = text[node._tx_position : node._tx_position_end]
+    return replace(part, text=_SPACE.sub(lambda space: space[1] or " ", source))
 
 
 def _check_names(reader: SceneryReader, values: Sequence[_Part]) -> None:
-    seen: dict[str, Where] = {}
+    places: dict[str, Where] = {}
     for value in values:
         if isinstance(value, ObjectModel | Instance | Group | Parameter):
-            if value.name in seen:
-                hint = f"first used at {seen[value.name]}"
-                reader.error(value.where, f'the name "{value.name}" is taken', hint)
-            seen.setdefault(value.name, value.where)
+            if value.name in places:
+                hint = f"first used at {places[value.name]}"
+                reader.error(value.where, f'the name "{value.name}" is already used', hint)
+            places.setdefault(value.name, value.where)

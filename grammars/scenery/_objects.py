@@ -1,4 +1,4 @@
-"""Reading object models: their links and shapes, joints and named states."""
+"""Reader of object models: links with shapes, joints and named states."""
 
 from __future__ import annotations
 
@@ -30,46 +30,47 @@ def read_object(reader: SceneryReader, node: SyntaxNode) -> ObjectModel:
     links = reader.read_all(node.links, _link)
     joints = reader.read_all(node.joints, partial(_joint, {link.name for link in node.links}))
     _check_tree(reader, node.joints)
-    written = {joint.name for joint in node.joints}
+    names = {joint.name for joint in node.joints}
     by_name = {joint.name: joint for joint in joints}
-    states = reader.read_all(node.states, partial(_state, by_name, written))
+    states = reader.read_all(node.states, partial(_state, by_name, names))
     model = ObjectModel(node.name, tuple(links), tuple(joints), tuple(states), reader.where(node))
     return _mover(reader, model) if node.kind == "mover" and not reader.errors else model
 
 
 def _mover(reader: SceneryReader, model: ObjectModel) -> ObjectModel:
-    """Put the model on its virtual chain: one link carries all others, by joints."""
-    hung = {joint.child for joint in model.joints}
-    feet = [link.name for link in model.links if link.name not in hung]
-    taken = {joint.name for joint in model.joints} & set(PLANAR_JOINTS)
+    """Return the model on its virtual planar chain; exactly one link must carry all others."""
+    children = {joint.child for joint in model.joints}
+    roots = [link.name for link in model.links if link.name not in children]
+    clashes = {joint.name for joint in model.joints} & set(PLANAR_JOINTS)
     world = [joint.name for joint in model.joints if joint.parent == WORLD]
-    if len(feet) != 1 or world:
-        hint = "join the others to it: joint … fixed from body to …"
-        raise reader.refusal(model.where, f"one link of {model.name} must carry all", hint)
-    if taken:
-        message = f"a mover has joints x, y and yaw already: {', '.join(sorted(taken))}"
-        raise reader.refusal(model.where, message, "take other names")
-    links, joints = with_planar_chain(model.links, model.joints, feet[0])
+    if len(roots) != 1 or world:
+        hint = "attach the others to it: joint … fixed from body to …"
+        message = f"one link of {model.name} must carry all others"
+        raise reader.refusal(model.where, message, hint)
+    if clashes:
+        message = f"a mover already has joints x, y and yaw: {', '.join(sorted(clashes))}"
+        raise reader.refusal(model.where, message, "choose other names")
+    links, joints = with_planar_chain(model.links, model.joints, roots[0])
     return dataclasses.replace(model, links=links, joints=joints)
 
 
 def _check_names(reader: SceneryReader, kind: str, nodes: list[SyntaxNode]) -> None:
-    seen: dict[str, Where] = {}
+    places: dict[str, Where] = {}
     for node in nodes:
-        if node.name in seen:
-            reader.error(node, f'{kind} "{node.name}" exists already', f"see {seen[node.name]}")
-        seen.setdefault(node.name, reader.where(node))
+        if node.name in places:
+            reader.error(node, f'{kind} "{node.name}" already exists', f"see {places[node.name]}")
+        places.setdefault(node.name, reader.where(node))
         if kind == "link" and node.name == WORLD:
-            reader.error(node, 'a link cannot be called "world"', "that is what stands still")
+            reader.error(node, 'a link cannot have the name "world"', "choose another name")
 
 
 def _link(reader: SceneryReader, node: SyntaxNode) -> Link:
     bottom, top = reader.value(node.bottom, "length"), reader.value(node.top, "length")
     mass = reader.value(node.mass, "mass")
     if top <= bottom:
-        raise reader.refusal(node, "the link has no height", "write from the lower z up")
+        raise reader.refusal(node, "the link has no height", "write the lower height first")
     if mass <= 0.0:
-        raise reader.refusal(node.mass, "a mass is greater than 0 kg")
+        raise reader.refusal(node.mass, "a mass must be greater than 0 kg")
     rings = tuple(_ring(reader, shape) for shape in node.shapes)
     return Link(node.name, rings, mass, bottom, top)
 
@@ -87,7 +88,7 @@ def _ring(reader: SceneryReader, node: SyntaxNode) -> Ring:
     points = [_point(reader, point) for point in node.points]
     ring = convex_ring(points)
     if ring is None and not any(math.isnan(number) for point in points for number in point):
-        hint = "list three or more corners in order; join several convex shapes with and"
+        hint = 'list three or more corners in order; join several convex shapes with "and"'
         raise reader.refusal(node, "the polygon is not convex", hint)
     return ring or ()
 
@@ -97,13 +98,13 @@ def _box(reader: SceneryReader, node: SyntaxNode) -> Ring:
     hx, hy = _size(reader, node.width) / 2, _size(reader, node.depth) / 2
     corners = ((-hx, -hy), (hx, -hy), (hx, hy), (-hx, hy))
     if node.turned is None:
-        # Not turned by 0: sums alone keep the digits that were written.
+        # A rotation by 0 would change the last digits of the numbers in the file.
         return tuple((x + dx, y + dy) for dx, dy in corners)
     return Pose2(x, y, reader.value(node.turned, "angle")).apply_ring(corners)
 
 
 def _point(reader: SceneryReader, node: SyntaxNode | None) -> Point2:
-    """Return a point [m]; the origin when it is absent."""
+    """Return a point [m], by default the origin."""
     if node is None:
         return (0.0, 0.0)
     return (reader.value(node.x, "length"), reader.value(node.y, "length"))
@@ -112,7 +113,7 @@ def _point(reader: SceneryReader, node: SyntaxNode | None) -> Point2:
 def _size(reader: SceneryReader, node: SyntaxNode) -> float:
     value = reader.value(node, "length")
     if value < _SMALLEST:
-        raise reader.refusal(node, "a size is at least 1 mm")
+        raise reader.refusal(node, "a size must be at least 1 mm")
     return value
 
 
@@ -122,7 +123,6 @@ def _joint(links: set[str], reader: SceneryReader, node: SyntaxNode) -> Joint:
             hint = did_you_mean(end.text, links)
             raise reader.refusal(end, f'there is no link "{end.text}"', hint)
     if node.kind == "fixed":
-        # Without room to move: the child rides on its carrier.
         ends = (node.carrier.text, node.child.text)
         return Joint(node.name, "prismatic", *ends, (0.0, 0.0), (1.0, 0.0), 0.0, 0.0)
     return _movable(reader, node)
@@ -139,10 +139,9 @@ def _movable(reader: SceneryReader, node: SyntaxNode) -> Joint:
     stiffness = reader.value(node.stiffness, f"{turning}stiffness")
     damping = reader.value(node.damping, f"{turning}damping")
     if min(friction, stiffness, damping) < 0.0:
-        raise reader.refusal(node, "friction, stiffness and damping are never negative")
+        raise reader.refusal(node, "friction, stiffness and damping must not be negative")
     if revolute and node.anchor is None:
-        hint = "add at (0 m, 0 m)"
-        raise reader.refusal(node, "a revolute joint turns about a point", hint)
+        raise reader.refusal(node, "a revolute joint needs a point", "add at (0 m, 0 m)")
     return Joint(
         name=node.name,
         kind=node.kind,
@@ -168,7 +167,7 @@ def _axis(reader: SceneryReader, node: SyntaxNode, revolute: bool) -> Point2:
     axis = node.axis
     if revolute:
         if axis is not None:
-            raise reader.refusal(axis, "a revolute joint turns about z, it has no axis")
+            raise reader.refusal(axis, "a revolute joint always turns about z", "remove along …")
         return (0.0, 0.0)
     if axis is None:
         raise reader.refusal(node, "a prismatic joint needs a direction", "add along x")
@@ -181,7 +180,7 @@ def _axis(reader: SceneryReader, node: SyntaxNode, revolute: bool) -> Point2:
 
 
 def _check_tree(reader: SceneryReader, nodes: list[SyntaxNode]) -> None:
-    """Report links that two joints move, and links that carry themselves."""
+    """Report links moved by two joints, and loops of joints."""
     above: dict[str, str] = {}
     for node in nodes:
         child = node.child.text
@@ -189,29 +188,29 @@ def _check_tree(reader: SceneryReader, nodes: list[SyntaxNode]) -> None:
             reader.error(node.child, f'link "{child}" is moved by two joints', "remove one")
         above.setdefault(child, node.carrier.text)
     for node in nodes:
-        link, seen = node.child.text, set[str]()
-        while link in above and link not in seen:
-            seen.add(link)
+        link, visited = node.child.text, set[str]()
+        while link in above and link not in visited:
+            visited.add(link)
             link = above[link]
-        if link in seen:
-            reader.error(node, f'link "{link}" carries itself through its joints')
+        if link in visited:
+            reader.error(node, f'the joints of link "{link}" form a loop')
             return
 
 
 def _state(
-    joints: dict[str, Joint], written: set[str], reader: SceneryReader, node: SyntaxNode
+    joints: dict[str, Joint], names: set[str], reader: SceneryReader, node: SyntaxNode
 ) -> NamedState:
-    """Read a state; ``joints`` are those in order among the ``written`` ones."""
+    """Read a state; ``joints`` are the valid joints, ``names`` the names of all."""
     positions: dict[str, float] = {}
     for entry in node.positions:
         joint = joints.get(entry.joint)
         if joint is None:
-            if entry.joint in written:
-                continue  # the joint itself is wrong and has been reported
+            if entry.joint in names:
+                continue  # The joint has been reported.
             hint = did_you_mean(entry.joint, joints)
             raise reader.refusal(entry, f'there is no joint "{entry.joint}"', hint)
         if joint.name in positions:
-            raise reader.refusal(entry, f'"{joint.name}" is given twice')
+            raise reader.refusal(entry, f'the state has two positions for "{joint.name}"')
         position = reader.measure(entry.position, _position_of(joint.kind))
         lower, upper = joint.lower, joint.upper
         if position.value < lower - _TOLERANCE or position.value > upper + _TOLERANCE:

@@ -1,4 +1,4 @@
-"""Parameters and groups of a layer: other values from a campaign, and those that nobody uses."""
+"""Parameters and groups of a layer: values from campaigns, and warnings about unused ones."""
 
 from __future__ import annotations
 
@@ -7,8 +7,15 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Final
 
-from grammars.scenery.measure import parse_measure
-from grammars.scenery.model import Group, Parameter, Path, SceneryLayer, Subject, Word
+from grammars.scenery.model import (
+    Group,
+    Parameter,
+    Path,
+    SceneryLayer,
+    Subject,
+    Word,
+    parse_measure,
+)
 from grammars.text.diagnostics import (
     Finding,
     Findings,
@@ -29,10 +36,9 @@ def configure(
 ) -> SceneryLayer:
     """Return ``layer`` with other parameter values and group members.
 
-    ``overrides`` is what a campaign says: a quantity with its unit for a parameter (``"1.3 m"``),
-    a name or a list of names for a group. ``where`` is the place in the campaign, for messages,
-    and ``places`` that of each of them, where it is known.
-    Raises :class:`InputError` with every override that does not fit.
+    ``overrides`` comes from a campaign: a quantity with its unit for a parameter (``"1.3 m"``),
+    a name or a list of names for a group. ``where`` is their place in the campaign, ``places`` has
+    the known places of single overrides. Raises :class:`InputError` with every invalid override.
     """
     if not overrides:
         return layer
@@ -40,14 +46,14 @@ def configure(
     parameters = {parameter.name: parameter for parameter in layer.parameters}
     findings = Findings()
     for key, value in overrides.items():
-        # Campaigns are YAML, where names are written with dashes.
+        # Names in YAML may have dashes.
         name = str(key).replace("-", "_")
         place = (places or {}).get(str(key)) or where or Where(layer.file)
         with findings.collecting():
             if name in groups:
-                groups[name] = _regrouped(groups[name], value, place)
+                groups[name] = _with_members(groups[name], value, place)
             elif name in parameters:
-                parameters[name] = _changed(parameters[name], value, place)
+                parameters[name] = _with_value(parameters[name], value, place)
             else:
                 hint = did_you_mean(name, (*groups, *parameters))
                 findings.error(place, f'layer {layer.name} has no parameter "{key}"', hint)
@@ -57,7 +63,7 @@ def configure(
     )
 
 
-def _regrouped(group: Group, value: object, where: Where) -> Group:
+def _with_members(group: Group, value: object, where: Where) -> Group:
     names = [value] if isinstance(value, str) else value
     if not isinstance(names, list | tuple) or not names:
         raise InputError.at(
@@ -74,30 +80,30 @@ def _regrouped(group: Group, value: object, where: Where) -> Group:
     return Group(group.name, members, where, text=f"group {group.name}: {members}")
 
 
-def _changed(parameter: Parameter, value: object, where: Where) -> Parameter:
+def _with_value(parameter: Parameter, value: object, where: Where) -> Parameter:
     example = f"write {parameter.name}: {parameter.value.text}"
     if not isinstance(value, str | int | float) or isinstance(value, bool):
         raise InputError.at(where, f"{parameter.name} is a quantity", example)
     try:
-        given = parse_measure(str(value), where, parameter.value.dimension)
+        measure = parse_measure(str(value), where, parameter.value.dimension)
     except InputError as error:
         message = f"{parameter.name}: {error.findings[0].message}"
         raise InputError.at(where, message, example) from error
-    text = f"parameter {parameter.name} = {given}"
-    return Parameter(parameter.name, given, where, text=text)
+    text = f"parameter {parameter.name} = {measure}"
+    return Parameter(parameter.name, measure, where, text=text)
 
 
 def unused_parameters(layer: SceneryLayer) -> list[Finding]:
-    """Return a warning for every parameter of a layer that none of its sentences names.
+    """Return a warning for every parameter of a layer that none of its sentences uses.
 
-    No other layer can: parameters are those of their layer alone.
+    Other layers cannot use it.
     """
     used = {value.text for value in _values_in(layer.sentences) if isinstance(value, Word)}
     return [
         Finding(
             parameter.where,
             f"no sentence of {layer.name} uses the parameter {parameter.name}",
-            "leave it out, or write its name in place of a quantity",
+            "remove it, or write its name in place of a quantity",
             Severity.WARNING,
         )
         for parameter in layer.parameters
@@ -106,9 +112,9 @@ def unused_parameters(layer: SceneryLayer) -> list[Finding]:
 
 
 def unused_groups(layer: SceneryLayer, others: Iterable[SceneryLayer] = ()) -> list[Finding]:
-    """Return a warning for every group of a layer that neither it nor one of ``others`` names.
+    """Return a warning for every group of a layer that neither it nor one of ``others`` uses.
 
-    Layers with objects of their own are left out: their groups are an offer to whoever uses them.
+    Layers with objects give no warnings: their groups are for users of the layer.
     """
     if layer.instances or not layer.groups:
         return []
@@ -123,8 +129,8 @@ def unused_groups(layer: SceneryLayer, others: Iterable[SceneryLayer] = ()) -> l
     return [
         Finding(
             group.where,
-            f"no sentence is about the group {group.name}",
-            f"leave it out, or write every {group.name}",
+            f"no sentence uses the group {group.name}",
+            f"remove it, or write every {group.name}",
             Severity.WARNING,
         )
         for group in layer.groups
@@ -133,7 +139,7 @@ def unused_groups(layer: SceneryLayer, others: Iterable[SceneryLayer] = ()) -> l
 
 
 def _values_in(part: Any) -> Iterator[Any]:
-    """Yield every value that a part of a layer is made of."""
+    """Yield all dataclass values inside a part of a layer."""
     if isinstance(part, tuple):
         for one in part:
             yield from _values_in(one)

@@ -1,4 +1,4 @@
-"""Reading what every part of the language has: names, quantities, frames, subjects, options."""
+"""Reader of the common parts of statements: names, quantities, frames, subjects, options."""
 
 from __future__ import annotations
 
@@ -6,8 +6,15 @@ import math
 from collections.abc import Callable, Iterable
 from typing import Any, TypeAlias, TypeVar
 
-from grammars.scenery.measure import Measure, parse_measure
-from grammars.scenery.model import Amount, FrameName, Path, Subject, Word
+from grammars.scenery.model import (
+    Amount,
+    FrameName,
+    Measure,
+    Path,
+    Subject,
+    Word,
+    parse_measure,
+)
 from grammars.text.diagnostics import Findings, InputError, SyntaxNode, Where
 
 T = TypeVar("T")
@@ -17,24 +24,24 @@ Options: TypeAlias = dict[str, SyntaxNode]
 
 
 def rule_of(node: SyntaxNode) -> str:
-    """Return the name of the rule that a node stands for."""
+    """Return the name of the rule of a node."""
     return type(node).__name__
 
 
 class SceneryReader(Findings):
-    """Turns nodes of the syntax tree into values, and gathers what is wrong with them.
+    """Converts nodes of the syntax tree to values and collects findings.
 
-    A broken quantity is reported and read as NaN, so that the rest of its statement is read too.
+    An invalid quantity is reported and becomes NaN, so that the rest of its statement is read too.
     """
 
     def refusal(self, place: SyntaxNode | Where, message: str, hint: str = "") -> InputError:
-        """Return the error that ends the reading of a statement."""
+        """Return an error that ends the reading of a statement."""
         return InputError.at(self.where(place), message, hint)
 
     def read_all(
         self, nodes: Iterable[SyntaxNode], read: Callable[[SceneryReader, SyntaxNode], T]
     ) -> list[T]:
-        """Return the values of all nodes that are in order; the others are reported."""
+        """Return the values of all valid nodes and report the others."""
         values: list[T] = []
         for node in nodes:
             with self.collecting():
@@ -46,14 +53,14 @@ class SceneryReader(Findings):
         return Word(node.text, self.where(node))
 
     def measure(self, node: SyntaxNode, *dimensions: str) -> Measure:
-        """Read a quantity of one of ``dimensions``, or of any."""
+        """Read a quantity of one of ``dimensions``, or of any if none are given."""
         where = self.where(node)
         with self.collecting():
             return parse_measure(node.text, where, *dimensions)
         return Measure(math.nan, "", node.text, where)
 
     def value(self, node: SyntaxNode | None, *dimensions: str) -> float:
-        """Read a quantity of one of ``dimensions`` in SI units; 0 when it is absent."""
+        """Read a quantity of one of ``dimensions`` in SI units; 0 without a node."""
         return 0.0 if node is None else self.measure(node, *dimensions).value
 
     def amount(self, node: SyntaxNode, *dimensions: str) -> Amount:
@@ -61,11 +68,11 @@ class SceneryReader(Findings):
         return self.name(node) if rule_of(node) == "Word" else self.measure(node, *dimensions)
 
     def optional(self, node: SyntaxNode | None, *dimensions: str) -> Amount | None:
-        """Read an amount that may be absent."""
+        """Read an optional amount."""
         return None if node is None else self.amount(node, *dimensions)
 
     def option(self, options: Options, rule: str, *dimensions: str) -> Amount | None:
-        """Read the amount of an option that may be absent."""
+        """Read the amount of an option, if present."""
         return self.amount(options[rule].value, *dimensions) if rule in options else None
 
     def path(self, node: SyntaxNode) -> Path:
@@ -78,16 +85,16 @@ class SceneryReader(Findings):
         return FrameName(node.name, wall, node.part or "", self.where(node))
 
     def subject(self, node: SyntaxNode) -> Subject:
-        """Read whom a sentence is about."""
+        """Read the subject of a sentence."""
         names, exceptions = (tuple(map(self.path, n)) for n in (node.names, node.exceptions))
         return Subject(bool(node.every), names, exceptions, self.where(node))
 
     def options(self, nodes: Iterable[Any]) -> Options:
-        """Return options by the names of their rules; one written twice is an error."""
+        """Return options by the names of their rules; duplicates are errors."""
         options: Options = {}
         for node in nodes:
             if rule_of(node) in options:
                 self.error(node, f'"{node.keyword}" is written twice')
-            # The first one counts for what follows, so that one slip is one message.
+            # The first one counts, so that one mistake gives one message.
             options.setdefault(rule_of(node), node)
         return options

@@ -1,4 +1,4 @@
-"""Reading sentences: where objects stand, how they start, what their joints do, and walks."""
+"""Reader of sentences: placement and start of objects, behaviours of joints, and walks."""
 
 from __future__ import annotations
 
@@ -85,8 +85,8 @@ def _toggles(reader: SceneryReader, node: SyntaxNode, subject: Subject) -> Toggl
     late = options.get("Late")
     if node.waiting is not None:
         for option in (options[rule] for rule in ("Probability", "Late") if rule in options):
-            message = f'"{option.keyword}" is for changes every so often, not after waiting'
-            reader.error(option, message, "leave it out, or write every 30 s")
+            message = f'"{option.keyword}" cannot be combined with "after"'
+            reader.error(option, message, "remove it, or write every 30 s")
         waiting = _waiting(reader, node.waiting)
         return Alternates(subject, first, second, waiting, since, until, motion)
     return Toggles(
@@ -107,15 +107,15 @@ def _goes(reader: SceneryReader, node: SyntaxNode, subject: Subject) -> Goes | R
     """Read ``front_door goes from open to closed when …``: a trigger, or a reaction to an event."""
     options = reader.options(node.options)
     if "When" not in options:
-        hint = "add when the robot is within 1.3 m of its hinge; moves to … at … for given times"
-        raise reader.refusal(subject.where, "when does it go?", hint)
+        hint = "add when the robot is within 1.3 m of its hinge, or write moves to … at …"
+        raise reader.refusal(subject.where, 'the sentence needs a condition with "when"', hint)
     condition = options["When"].condition
     start, end = (reader.amount(n, *_POSITIONS) for n in (node.start, node.end))
     motion = _motion(reader, options)
     if rule_of(condition) == "RobotIsNear":
         if "After" in options:
-            message = "only events are reacted to after some time, not the robot's distance"
-            raise reader.refusal(options["After"], message, "leave it out")
+            message = '"after" is only for events, not for the distance of the robot'
+            raise reader.refusal(options["After"], message, "remove it")
         return Goes(
             subject,
             start,
@@ -128,10 +128,11 @@ def _goes(reader: SceneryReader, node: SyntaxNode, subject: Subject) -> Goes | R
             motion,
         )
     if "Again" in options:
-        raise reader.refusal(options["Again"], "an event is reacted to once", "leave out again …")
+        message = '"again" is only for the distance of the robot: reactions to events happen once'
+        raise reader.refusal(options["Again"], message, "remove again …")
     if "Starting" in options:
-        message = "only what waits for the robot to come near starts elsewhere"
-        raise reader.refusal(options["Starting"], message, "leave out starting at …")
+        message = '"starting at" is only for the distance of the robot'
+        raise reader.refusal(options["Starting"], message, "remove starting at …")
     event = _event(reader, condition)
     after = reader.option(options, "After", "time")
     return Reacts(subject, start, end, event, after, motion)
@@ -142,11 +143,13 @@ def _walks(reader: SceneryReader, node: SyntaxNode, subject: Subject) -> Walks:
     options = reader.options(node.options)
     when = options.get("When")
     if when is None and "After" in options:
-        raise reader.refusal(options["After"], "after what?", "add when …, or write from 5 s")
+        message = '"after" needs an event'
+        raise reader.refusal(options["After"], message, "add when …, or write from 5 s")
     if when is not None and "From" in options:
-        raise reader.refusal(options["From"], "a walk begins at a time or with an event")
+        message = "a walk begins at a time or with an event, not both"
+        raise reader.refusal(options["From"], message)
     if "Yielding" in options and "NotYielding" in options:
-        raise reader.refusal(subject.where, "it yields or it does not")
+        raise reader.refusal(subject.where, '"yielding" and "not yielding" exclude each other')
     facing = options.get("Facing")
     return Walks(
         subject,
@@ -169,7 +172,7 @@ def _event(reader: SceneryReader, node: SyntaxNode) -> EventPhrase:
     match rule_of(node):
         case "LegBegins":
             if node.leg < 1:
-                raise reader.refusal(where, "legs are counted from 1", "when leg 1 begins")
+                raise reader.refusal(where, "legs count from 1", "when leg 1 begins")
             return OnLeg(node.leg, where)
         case "WaypointIsReached":
             return OnWaypoint(node.waypoint.strip('"'), where)
@@ -177,7 +180,7 @@ def _event(reader: SceneryReader, node: SyntaxNode) -> EventPhrase:
             return OnObject(reader.path(node.path), "fires" if node.fires else "moves", where)
     raise reader.refusal(
         where,
-        "walks begin at a time or with an event, not with the robot's distance",
+        "walks begin at a time or with an event, not with the distance of the robot",
         "from 5 s, when leg 2 begins, when waypoint … is reached, when … fires",
     )
 
@@ -198,12 +201,12 @@ def _waiting(reader: SceneryReader, node: SyntaxNode) -> Waiting:
 
 
 def _route(reader: SceneryReader, nodes: list[SyntaxNode]) -> tuple[RoutePoint, ...]:
-    """Read the points of a walk; those without a frame are in the next one, or in the world."""
+    """Read the points of a walk; by default a point is in the next frame, or in the world."""
     if len(nodes) < 2:
-        raise reader.refusal(nodes[0], "a route has two points or more", "add a point")
+        raise reader.refusal(nodes[0], "a route needs two points or more", "add a point")
     frames = [None if node.frame is None else reader.frame(node.frame) for node in nodes]
     if frames[-1] is None and any(frames):
-        raise reader.refusal(nodes[-1], "in which frame is this point?", "add of <frame>")
+        raise reader.refusal(nodes[-1], "the last point needs a frame", "add of <frame>")
     following = FrameName("world", None, "", reader.where(nodes[-1]))
     points: list[RoutePoint] = []
     # Backwards: "(0 m, 0 m), (1 m, 0 m) of hall" are two points of the hall.
@@ -215,13 +218,13 @@ def _route(reader: SceneryReader, nodes: list[SyntaxNode]) -> tuple[RoutePoint, 
 
 
 def _probability(reader: SceneryReader, options: Options) -> float:
-    """Read ``with probability 0.5``, also in percent; an even chance when it is absent."""
+    """Read ``with probability 0.5``, also in percent; the default is 0.5."""
     if "Probability" not in options:
         return 0.5
     node = options["Probability"].value
     share = reader.measure(node, "ratio")
     if share.value < 0.0 or share.value > 1.0:
-        raise reader.refusal(node, "a probability lies between 0 and 1 (0 % and 100 %)")
+        raise reader.refusal(node, "a probability must be between 0 and 1 (0 % and 100 %)")
     return share.value
 
 
@@ -243,15 +246,15 @@ def _motion(reader: SceneryReader, options: Options) -> MotionAs:
 
 def _instance(reader: SceneryReader, node: SyntaxNode, subject: Subject) -> Instance:
     """Read ``door_1 is a hinged_door at hall.walls[1], x 1.2 m``."""
-    named = subject.names[0]
-    if subject.every or len(subject.names) != 1 or subject.exceptions or named.joint:
+    path = subject.names[0]
+    if subject.every or len(subject.names) != 1 or subject.exceptions or path.joint:
         hint = "door_1 is a hinged_door at …"
-        raise reader.refusal(subject.where, "one object is placed at a time", hint)
+        raise reader.refusal(subject.where, "a sentence can place only one object", hint)
     options = reader.options(node.options)
     starts = options.pop("StartsIn", None)
     frozen = options.pop("FrozenOption", None) is not None
     return Instance(
-        named.object,
+        path.object,
         reader.name(node.model),
         _place(reader, node.place, options),
         None if starts is None else reader.amount(starts.position, "angle", "length"),
@@ -267,8 +270,8 @@ def _place(reader: SceneryReader, node: SyntaxNode, options: Options) -> At | In
         _refuse(reader, options, "is for objects placed in an entryway", "write in <entryway>, …")
         return At(reader.frame(node.frame), *at)
     name = reader.name(node.entryway)
-    # x and y mean a place in a space: "in kitchen, x 1 m". Whether kitchen is a space only the
-    # floor plan knows, so this is checked when the layer meets it.
+    # x and y are for spaces: "in kitchen, x 1 m". Composition checks that kitchen is a space of
+    # the floor plan.
     offsets = [rule for rule in options if rule in ("XIs", "YIs")]
     if offsets and not {"Hinge", "Sliding", "Opening", "OnSide", "Recessed"} & set(options):
         at = _offsets(reader, options)
@@ -276,13 +279,13 @@ def _place(reader: SceneryReader, node: SyntaxNode, options: Options) -> At | In
     refused = {rule: options.pop(rule) for rule in offsets}
     _refuse(reader, refused, "is for objects placed at a frame", "write at <frame>, …")
     if "Hinge" in options and "Sliding" in options:
-        raise reader.refusal(options["Sliding"], "a door has a hinge or slides, not both")
+        raise reader.refusal(options["Sliding"], "a door has a hinge or slides, but not both")
     if "Hinge" in options:
         return _hinged(reader, name, options)
     if "Sliding" in options:
         return _sliding(reader, name, options)
     yaw = _value(reader, options, "Turned", "angle")
-    _refuse(reader, options, "needs hinge left, hinge right or sliding …", "say which side")
+    _refuse(reader, options, "needs hinge left, hinge right or sliding …", "add one of them")
     return In(name, yaw=yaw)
 
 
@@ -299,9 +302,9 @@ def _hinged(reader: SceneryReader, entryway: Word, options: Options) -> In:
     opening = options.pop("Opening", None)
     if opening is None:
         hint = "add opening inwards, opening outwards or opening into <space>"
-        raise reader.refusal(hinge, "to which side does the leaf open?", hint)
+        raise reader.refusal(hinge, "a hinged leaf needs a side to open to", hint)
     recess = _value(reader, options, "Recessed", "length")
-    _refuse(reader, options, "is not for doors with a hinge", "leave it out")
+    _refuse(reader, options, "is not for doors with a hinge", "remove it")
     return In(
         entryway,
         manner="hinge",
@@ -315,7 +318,7 @@ def _hinged(reader: SceneryReader, entryway: Word, options: Options) -> In:
 def _sliding(reader: SceneryReader, entryway: Word, options: Options) -> In:
     sliding = options.pop("Sliding")
     side = options.pop("OnSide", None)
-    _refuse(reader, options, "is not for sliding doors", "leave it out")
+    _refuse(reader, options, "is not for sliding doors", "remove it")
     return In(
         entryway,
         manner="sliding",
@@ -337,7 +340,7 @@ def _refuse(reader: SceneryReader, options: Options, because: str, hint: str) ->
 
 
 def _value(reader: SceneryReader, options: Options, rule: str, dimension: str) -> float:
-    """Take an option out and return its SI value; 0 when it is absent."""
+    """Remove an option and return its SI value, by default 0."""
     option = options.pop(rule, None)
     return 0.0 if option is None else reader.value(option.value, dimension)
 

@@ -1,22 +1,43 @@
-"""Meaning of a ``.scenery`` file before it meets a floor plan: one layer of a scenario.
+"""Content of a ``.scenery`` file before composition with a floor plan: one layer of a scenario.
 
-A layer only refers to other layers by name, it never edits them. Everything keeps the place where
-it was written, for diagnostics; quantities keep their unit and text as well, sentences their text.
+Layers refer to each other only by name. All parts keep their place in the file for messages;
+quantities also keep their unit and text, sentences their text.
 """
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
-from typing import Literal, TypeAlias
+from typing import Final, Literal, TypeAlias
 
 from grammars.model.scene import Joint, Link
-from grammars.scenery.measure import Measure
-from grammars.text.diagnostics import Where
+from grammars.text.diagnostics import InputError, Where, with_article
+from grammars.text.quantity import parse_quantity, unit_of
+from grammars.text.words import enumerate_words
+
+LARGEST: Final = 1e6
+"""Largest value of a quantity in a scenery, in SI units."""
+_NUMBER: Final = re.compile(r"\s*([-+]?[\d.,]+(?:[eE][-+]?\d+)?)")
+_DEGREES: Final = {"angle": "deg", "angular speed": "deg/s"}
+"""Units that people prefer over SI."""
+
+
+@dataclass(frozen=True, slots=True)
+class Measure:
+    """``value`` in SI units and radians; ``text`` as in the file."""
+
+    value: float
+    dimension: str
+    text: str
+    where: Where = field(compare=False)
+
+    def __str__(self) -> str:
+        return self.text
 
 
 @dataclass(frozen=True, slots=True)
 class Word:
-    """A name as written, and where."""
+    """A name and its place."""
 
     text: str
     where: Where = field(compare=False)
@@ -27,13 +48,13 @@ class Word:
 
 @dataclass(frozen=True, slots=True)
 class Statement:
-    """Part of a layer that keeps its ``text``: one line, without comments."""
+    """Part of a layer with its source ``text`` on one line, without comments."""
 
     text: str = field(default="", compare=False, repr=False, kw_only=True)
 
 
 Amount: TypeAlias = Measure | Word
-"""A quantity, or the name of a parameter (for joint positions also of a state)."""
+"""A quantity, or the name of a parameter (or of a state, for joint positions)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +70,7 @@ class NamedState:
 class ObjectModel:
     """A kind of articulated object, in its own frame.
 
-    A mover has the planar chain of :mod:`grammars.model.movers` among its links and joints.
+    Links and joints of a mover include the planar chain of :mod:`grammars.model.movers`.
     """
 
     name: str
@@ -76,7 +97,7 @@ class FrameName:
 
 @dataclass(frozen=True, slots=True)
 class At:
-    """Placed in a frame: ``x``, ``y`` [m] and ``yaw`` [rad] in it; ``inside``: of a space."""
+    """Placement in a frame at ``x``, ``y`` [m], ``yaw`` [rad]; ``inside`` requires a space."""
 
     frame: FrameName
     x: float = 0.0
@@ -86,18 +107,18 @@ class At:
 
 
 Towards: TypeAlias = Literal["in", "out"] | Word
-"""A side of a wall: into the first room of an entryway, out of it, or a space by name."""
+"""A side of a wall: in the first room of an entryway, outside it, or a space by name."""
 
 
 @dataclass(frozen=True, slots=True)
 class In:
-    """Placed in an entryway.
+    """Placement in an entryway.
 
-    ``side`` is where the hinge is, or where a slider goes, seen from ``seen_from`` (a space; the
-    entryway's first room when ``None``). ``towards`` is the side of the wall a leaf opens to or a
-    slider hangs on: ``in`` and ``out`` are meant from the first room (``in`` is into it).
-    ``recess`` moves a leaf from that face of the wall into it [m]. Without ``side`` the object's
-    frame stands in the middle of the doorway, turned by ``yaw``.
+    ``side`` is the side of the hinge, or the direction of a slider, seen from ``seen_from`` (a
+    space; by default the first room of the entryway). ``towards`` is the side of the wall to which
+    a leaf opens or on which a slider hangs; ``in`` is the first room. ``recess`` moves a leaf from
+    that face into the wall [m]. Without ``side``, the frame of the object is in the middle of the
+    doorway, turned by ``yaw``.
     """
 
     entryway: Word
@@ -111,7 +132,7 @@ class In:
 
 @dataclass(frozen=True, slots=True)
 class Instance(Statement):
-    """An object placed in a floor plan; ``starts`` is a state, a position or nothing said."""
+    """An object placed in a floor plan; ``starts`` is an optional state or position."""
 
     name: str
     model: Word
@@ -149,7 +170,7 @@ class Subject:
 
 @dataclass(frozen=True, slots=True)
 class Group(Statement):
-    """A named set of objects; a campaign may give it other members."""
+    """A named set of objects; campaigns can change its members."""
 
     name: str
     members: Subject
@@ -158,7 +179,7 @@ class Group(Statement):
 
 @dataclass(frozen=True, slots=True)
 class Parameter(Statement):
-    """A named quantity with its default; a campaign may give it another value."""
+    """A named quantity with its default; campaigns can change its value."""
 
     name: str
     value: Measure
@@ -167,7 +188,7 @@ class Parameter(Statement):
 
 @dataclass(frozen=True, slots=True)
 class SentenceAbout(Statement):
-    """Sentence about a subject, with which it begins."""
+    """A sentence, which begins with its subject."""
 
     subject: Subject
 
@@ -179,7 +200,7 @@ class SentenceAbout(Statement):
 
 @dataclass(frozen=True, slots=True)
 class Starts(SentenceAbout):
-    """The subject starts in another state than its instance says."""
+    """The subject starts in another state than that of its instance."""
 
     position: Amount
 
@@ -194,7 +215,7 @@ Setting: TypeAlias = Starts | Freezes
 
 @dataclass(frozen=True, slots=True)
 class MotionAs:
-    """Motion of a joint to its target; absent numbers are the defaults of the motion."""
+    """Motion of a joint to its target; ``None`` is the default of the motion."""
 
     kind: Literal["jump", "servo", "spring"] = "servo"
     rate: Amount | None = None
@@ -205,16 +226,16 @@ class MotionAs:
 
 @dataclass(frozen=True, slots=True)
 class Stays(SentenceAbout):
-    """Held for the whole run."""
+    """The subject holds a position for the whole run."""
 
     position: Amount
 
 
 @dataclass(frozen=True, slots=True)
 class Moves(SentenceAbout):
-    """Moved at given times: ``frames`` are (position, time).
+    """The subject moves at given times: ``frames`` are (position, time).
 
-    ``listed``: their order is that of the list, whatever their times.
+    ``listed``: frames are played in the order of the list, even if their times are not sorted.
     """
 
     frames: tuple[tuple[Amount, Amount], ...]
@@ -224,7 +245,7 @@ class Moves(SentenceAbout):
 
 @dataclass(frozen=True, slots=True)
 class Toggles(SentenceAbout):
-    """Starts at ``first`` and may change to the other position every so often, by chance."""
+    """The subject starts at ``first`` and randomly changes to the other position every period."""
 
     first: Amount
     second: Amount
@@ -239,9 +260,9 @@ class Toggles(SentenceAbout):
 
 @dataclass(frozen=True, slots=True)
 class Goes(SentenceAbout):
-    """Moves when the robot comes near, and back when it is ``again`` away (if that is given).
+    """The subject moves when the robot comes near, and back beyond the distance ``again``, if any.
 
-    ``begin`` is where it is at first, if that is not ``start``.
+    ``begin`` is its first position if that is not ``start``.
     """
 
     start: Amount
@@ -256,9 +277,10 @@ class Goes(SentenceAbout):
 
 @dataclass(frozen=True, slots=True)
 class Waiting:
-    """A distribution of waiting times: ``first`` is the least or the mean, see ``kind``.
+    """A distribution of waiting times.
 
-    ``second`` is the greatest of a uniform one and the standard deviation of a normal one.
+    ``uniform`` is from ``first`` to ``second``; for other kinds ``first`` is the mean; ``second``
+    is the standard deviation of ``normal``.
     """
 
     kind: Literal["uniform", "exponential", "normal"]
@@ -268,7 +290,7 @@ class Waiting:
 
 @dataclass(frozen=True, slots=True)
 class Alternates(SentenceAbout):
-    """Starts at ``first`` and changes to the other position again and again after waiting."""
+    """The subject starts at ``first`` and changes its position after every random wait."""
 
     first: Amount
     second: Amount
@@ -288,7 +310,7 @@ class OnLeg:
 
 @dataclass(frozen=True, slots=True)
 class OnWaypoint:
-    """The waypoint with this id is reached."""
+    """The robot reaches the waypoint with this id."""
 
     waypoint: str
     where: Where = field(compare=False)
@@ -296,7 +318,7 @@ class OnWaypoint:
 
 @dataclass(frozen=True, slots=True)
 class OnObject:
-    """A joint of ``path`` (any, if it names none) fires or starts to move."""
+    """The joint of ``path`` (or any joint of the object) fires or starts to move."""
 
     path: Path
     act: Literal["fires", "moves"]
@@ -308,7 +330,7 @@ EventPhrase: TypeAlias = OnLeg | OnWaypoint | OnObject
 
 @dataclass(frozen=True, slots=True)
 class Reacts(SentenceAbout):
-    """Moves once when something happens, ``after`` some time."""
+    """The subject moves once, a time ``after`` the event."""
 
     start: Amount
     end: Amount
@@ -328,7 +350,7 @@ class RoutePoint:
 
 @dataclass(frozen=True, slots=True)
 class Walks(SentenceAbout):
-    """A mover walks a route; see :class:`grammars.model.behaviour.Walk` for what it means."""
+    """A mover walks a route, see :class:`grammars.model.behaviour.Walk`."""
 
     route: tuple[RoutePoint, ...]
     speed: Amount | None
@@ -347,7 +369,7 @@ Sentence: TypeAlias = Stays | Moves | Toggles | Goes | Alternates | Reacts | Wal
 
 @dataclass(frozen=True, slots=True)
 class SceneryLayer:
-    """One ``.scenery`` file; ``name`` is the file's name without its ending."""
+    """One ``.scenery`` file; ``name`` is its file name without ending."""
 
     name: str
     file: str
@@ -357,3 +379,47 @@ class SceneryLayer:
     parameters: tuple[Parameter, ...] = ()
     settings: tuple[Setting, ...] = ()
     sentences: tuple[Sentence, ...] = ()
+
+
+def parse_measure(text: str, where: Where, *dimensions: str) -> Measure:
+    """Read ``1.3 m``, of one of ``dimensions`` if any are given.
+
+    Raises :class:`InputError` for anything but a number with such a unit.
+    """
+    # Exactly one blank after the number.
+    spelled = " ".join(_NUMBER.sub(r"\1 ", text, count=1).split())
+    number, _, unit = spelled.partition(" ")
+    if "," in number:
+        raise InputError.at(where, "write decimals with a point", "1.5, not 1,5")
+    if number and not unit and "ratio" not in dimensions:
+        units = [_DEGREES.get(dimension, unit_of(dimension)) for dimension in dimensions]
+        hint = f"write {number} m, {number} rad, {number} s, …"
+        if units:
+            hint = f"write {enumerate_words([f'{number} {unit}' for unit in units], 'or')}"
+        raise InputError.at(where, f"a unit is missing after {number}", hint)
+    quantity = parse_quantity(spelled, where)
+    if abs(quantity.value) > LARGEST:
+        raise InputError.at(where, f"{spelled} is too large", "check the unit")
+    measure = Measure(quantity.value, quantity.dimension, spelled, where)
+    if dimensions:
+        require_dimension(measure, *dimensions)
+    return measure
+
+
+def require_dimension(value: Measure, *dimensions: str) -> float:
+    """Return the SI value of a measure; raises :class:`InputError` for other dimensions."""
+    if value.dimension in dimensions:
+        return value.value
+    expected = enumerate_words([_in_words(d) for d in dimensions], "or")
+    is_ratio = dimensions[0] == "ratio"
+    raise InputError.at(
+        value.where,
+        f"expected {expected}, but {value.text} is {_in_words(value.dimension)}",
+        "write it as 0.5 or 50 %" if is_ratio else f"write it in {unit_of(dimensions[0])}",
+    )
+
+
+def _in_words(dimension: str) -> str:
+    """Return ``a length``, ``an angle``; stiffness and damping have no article."""
+    countless = dimension.endswith(("stiffness", "damping"))
+    return dimension if countless else with_article(dimension)

@@ -1,8 +1,7 @@
-"""One way between value types and JSON: canonical bytes, validated reading, digests.
+"""Conversion between value types and JSON: canonical bytes, validated reading, digests.
 
-Reading validates (missing fields and wrong types are refused) because JSON arrives from files
-and from the network; nothing is ever evaluated or unpickled. Numbers are finite: JSON has no
-others, and who has to write some writes them as text.
+JSON arrives from files and the network, so reading refuses missing fields and wrong types and
+evaluates no code. Numbers are finite, as JSON requires; types that need infinity write it as text.
 """
 
 from __future__ import annotations
@@ -23,8 +22,8 @@ _adapter: Callable[[Any], TypeAdapter[Any]] = functools.cache(TypeAdapter)
 
 
 def _build_reader(kind: Any, exactly: bool) -> SchemaValidator:
-    # allow_inf_nan is a setting of one class: dataclasses inside of it, and unions of them, do not
-    # take it over. So the whole schema is walked, once.
+    # allow_inf_nan applies to one class only; nested dataclasses and unions do not inherit it. So
+    # walk the whole schema once.
     return SchemaValidator(_guarded(_adapter(kind).core_schema, exactly))
 
 
@@ -32,17 +31,17 @@ _reader: Callable[[Any, bool], SchemaValidator] = functools.cache(_build_reader)
 
 
 def _guarded(schema: Any, exactly: bool) -> Any:
-    """Return the schema with every float bound to be finite, and exact types if so wanted.
+    """Return the schema with finite floats only and, with ``exactly``, strict types.
 
-    What writes the infinite as text is left as it is.
+    Classes that write infinity as text stay unchanged.
     """
     if isinstance(schema, dict):
         if (schema.get("config") or {}).get("ser_json_inf_nan") == "strings":
             return schema
-        made = {k: v if k == "metadata" else _guarded(v, exactly) for k, v in schema.items()}
-        finite = {"allow_inf_nan": False} if made.get("type") == "float" else {}
-        strict = {"strict": True} if exactly and made.get("type") in _SCALARS else {}
-        return made | finite | strict
+        guarded = {k: v if k == "metadata" else _guarded(v, exactly) for k, v in schema.items()}
+        finite = {"allow_inf_nan": False} if guarded.get("type") == "float" else {}
+        strict = {"strict": True} if exactly and guarded.get("type") in _SCALARS else {}
+        return guarded | finite | strict
     if type(schema) in (list, tuple):
         return type(schema)(_guarded(part, exactly) for part in schema)
     return schema
@@ -64,10 +63,8 @@ def to_plain(value: Any, kind: Any = None) -> Any:
 def from_json(kind: type[T], data: bytes | str, *, exactly: bool = False) -> T:
     """Read a value type back from JSON.
 
-    ``exactly`` takes only what :func:`to_json` may have written: no unknown fields, no number in
-    quotes, no 1 for true.
-
-    Raises :class:`pydantic.ValidationError` (a ``ValueError``) when the text is not such a value.
+    With ``exactly``, only output of :func:`to_json` is valid: no unknown fields, no numbers in
+    quotes, no 1 for true. Raises :class:`pydantic.ValidationError` (a ``ValueError``).
     """
     extra: Literal["forbid", "ignore"] = "forbid" if exactly else "ignore"
     value: T = _reader(kind, exactly).validate_json(data, extra=extra)
@@ -75,21 +72,21 @@ def from_json(kind: type[T], data: bytes | str, *, exactly: bool = False) -> T:
 
 
 def reading_error(error: ValueError) -> str:
-    """Return in a line for people what :func:`from_json` has against a text: the first of it."""
+    """Return the first problem that :func:`from_json` reports, as one line for people."""
     if not isinstance(error, ValidationError):
         return str(error)
     from grammars.text.documents import plain_message
 
-    found = error.errors(include_url=False)
-    place = ".".join(map(str, found[0]["loc"]))
-    more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
-    return f"{place} {plain_message(found[0])}".strip() + more
+    first, *others = error.errors(include_url=False)
+    place = ".".join(map(str, first["loc"]))
+    more = f" (and {len(others)} more)" if others else ""
+    return f"{place} {plain_message(first)}".strip() + more
 
 
 def from_plain(kind: type[T], data: Any) -> T:
     """Build a value type from dicts, lists, strings and numbers; raises ``ValidationError``.
 
-    Unlike JSON these may hold numbers that are not finite.
+    Unlike JSON, these may hold infinite numbers and NaN.
     """
     value: T = _adapter(kind).validate_python(data)
     return value
@@ -101,6 +98,6 @@ def digest(value: Any) -> str:
 
 
 def warm_up(*kinds: Any) -> None:
-    """Build the validators of ``kinds`` now, for processes that fork before they use them."""
+    """Build the validators of ``kinds`` now, so that forked processes share them."""
     for kind in kinds:
         _reader(kind, False)

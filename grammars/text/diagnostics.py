@@ -1,4 +1,4 @@
-"""Messages for people: where, what is wrong, what to do; and the source texts they point into."""
+"""Messages for people (place, problem, remedy) and the source texts they point into."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ T = TypeVar("T")
 
 
 class Severity(StrEnum):
-    """How bad a finding is: an error stops, a warning does not."""
+    """Severity of a finding: errors stop the work, warnings do not."""
 
     ERROR = "error"
     WARNING = "warning"
@@ -25,7 +25,7 @@ class Severity(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Where:
-    """A place in a source text; lines and columns count from 1, 0 means unknown."""
+    """A place in a source text; lines and columns count from 1 and are 0 if unknown."""
 
     file: str
     line: int = 0
@@ -50,9 +50,9 @@ def _shortened(text: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """Something wrong in a file: ``where: message``, with an optional hint on what to do about it.
+    """A problem in a file: ``where: message``, with an optional hint on how to solve it.
 
-    Message and hint are fit for a terminal, whatever the text they quote, however long.
+    Message and hint are safe for a terminal and bounded in length, even if they quote other text.
     """
 
     where: Where
@@ -71,23 +71,23 @@ class Finding:
 
 
 class ScenarioError(Exception):
-    """Root of everything this project raises on purpose (:mod:`scenario_tui.errors`)."""
+    """Base class of all errors of this project (:mod:`scenario_tui.errors`)."""
 
 
 class InputError(ScenarioError):
-    """Something a person wrote cannot be used; ``findings`` says why, all of it."""
+    """Unusable input of a person; ``findings`` has all reasons."""
 
     def __init__(self, findings: Finding | Iterable[Finding]) -> None:
         self.findings = (findings,) if isinstance(findings, Finding) else tuple(findings)
         super().__init__("\n".join(map(str, self.findings)))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # Subclasses take other arguments, and processes hand errors to each other.
+        # Errors travel between processes, and subclasses take other arguments.
         return _restore_error, (type(self), self.findings)
 
     @classmethod
     def at(cls, where: Where, message: str, hint: str = "") -> InputError:
-        """Return the error of one finding."""
+        """Return an error with a single finding."""
         return cls(Finding(where, message, hint))
 
 
@@ -99,24 +99,24 @@ def _restore_error(kind: type[InputError], findings: tuple[Finding, ...]) -> Inp
 
 def raise_all(problems: Iterable[Finding]) -> None:
     """Raise :class:`InputError` with the problems, each once, if there are any."""
-    found = tuple(dict.fromkeys(problems))
-    if found:
-        raise InputError(found)
+    findings = tuple(dict.fromkeys(problems))
+    if findings:
+        raise InputError(findings)
 
 
 def gather(makes: Iterable[Callable[[], T]]) -> list[T]:
-    """Return the results of all ``makes``; raises :class:`InputError` with the errors of all."""
-    made: list[T] = []
+    """Return the results of all calls; raises :class:`InputError` with the errors of all."""
+    results: list[T] = []
     findings = Findings()
     for make in makes:
         with findings.collecting():
-            made.append(make())
+            results.append(make())
     findings.raise_errors()
-    return made
+    return results
 
 
 _LONGEST_WORD: Final = 80
-"""Comparing takes the square of the length, and no name people write is longer."""
+"""Longest word to compare: the time grows with the square of the length."""
 _MOST_WORDS: Final = 2_000
 
 
@@ -125,24 +125,23 @@ def with_article(noun: str) -> str:
     return f"{'an' if noun[0] in 'aeiouAEIO' else 'a'} {noun}"
 
 
-def closest(word: str, known: Iterable[str]) -> str:
-    """Return the known word that ``word`` was probably meant to be, or nothing."""
+def closest(word: str, words: Iterable[str]) -> str:
+    """Return the entry of ``words`` closest to ``word``, or an empty text if none is close."""
     if len(word) > _LONGEST_WORD:
         return ""
-    close = difflib.get_close_matches(word, sorted(set(known))[:_MOST_WORDS], n=1, cutoff=0.6)
+    close = difflib.get_close_matches(word, sorted(set(words))[:_MOST_WORDS], n=1, cutoff=0.6)
     return close[0] if close else ""
 
 
-def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Return ``did you mean "x"?`` for the closest known word, else the list of known words."""
-    candidates = sorted(set(known))
+def did_you_mean(word: str, words: Iterable[str]) -> str:
+    """Return ``did you mean "x"?`` for the closest of the known ``words``, otherwise a list."""
+    candidates = sorted(set(words))
     close = closest(word, candidates)
     if close:
         return f'did you mean "{close}"?'
     if not candidates:
         return ""
-    shown = ", ".join(candidates[:12]) + (", …" if len(candidates) > 12 else "")
-    return f"known here: {shown}"
+    return f"known here: {', '.join(candidates[:12])}{', …' if len(candidates) > 12 else ''}"
 
 
 SyntaxNode: TypeAlias = Any
@@ -150,27 +149,27 @@ SyntaxNode: TypeAlias = Any
 
 
 class TypedNode:
-    """A node of the textX model with a class of its own; textX fills in what its rule assigns."""
+    """A node of the textX model with its own class; textX sets the attributes of its rule."""
 
     _tx_position: int
     _tx_position_end: int
 
-    def __init__(self, parent: object = None, **written: Any) -> None:
-        vars(self).update(written)
+    def __init__(self, parent: object = None, **attributes: Any) -> None:
+        vars(self).update(attributes)
 
 
 class SourceText:
-    """A text with a name, able to tell line and column of any offset.
+    """A named text that converts offsets to lines and columns.
 
-    ``within`` is where the text begins when it is a part of its file. Only a text of one line can
-    then say more than that: the layout of further lines is up to the file around it.
+    ``within`` is the start of a text that is a part of a file. Offsets into such a text are exact
+    only if it has one line, since the file lays out further lines.
     """
 
     def __init__(self, text: str, file: str, *, within: Where | None = None) -> None:
         self.text = text
         self.file = file
         self._within = within
-        # textX counts lines by "\n" alone; str.splitlines would find more of them.
+        # textX counts only "\n" as a line end; str.splitlines has more.
         self._starts = [0, *(match.end() for match in re.finditer("\n", text))]
 
     @property
@@ -179,7 +178,7 @@ class SourceText:
         return self._within or Where(self.file)
 
     def where(self, offset: int) -> Where:
-        """Return line and column (from 1) of a character offset (from 0)."""
+        """Return the line and column (from 1) of a character offset (from 0)."""
         start = self._within
         if start is not None:
             column = (start.column or 1) + offset
@@ -189,12 +188,12 @@ class SourceText:
         return Where(self.file, line, offset - self._starts[line - 1] + 1)
 
     def at(self, node: SyntaxNode) -> Where:
-        """Return the place where a node of the syntax tree starts."""
+        """Return the start of a node of the syntax tree."""
         return self.where(node._tx_position)
 
 
 class Findings:
-    """Errors and warnings about something that people wrote, in the order of their discovery.
+    """Errors and warnings about input of people, in the order of their discovery.
 
     A place is a :class:`Where`, or a node of the syntax tree of ``source``.
     """
@@ -205,7 +204,7 @@ class Findings:
 
     @property
     def all(self) -> tuple[Finding, ...]:
-        """All of them, each once, in the order of their discovery."""
+        """All findings, each once, in the order of their discovery."""
         return tuple(dict.fromkeys(self._all))
 
     @property
@@ -226,11 +225,11 @@ class Findings:
         return self._source.at(place)
 
     def error(self, place: SyntaxNode | Where, message: str, hint: str = "") -> None:
-        """Add something without a meaning: :meth:`raise_errors` will refuse it."""
+        """Add an error, which :meth:`raise_errors` will raise."""
         self._all.append(Finding(self.where(place), message, hint))
 
     def warning(self, place: SyntaxNode | Where, message: str, hint: str = "") -> None:
-        """Add something that has a meaning, though probably not the intended one."""
+        """Add a warning about valid input whose meaning is probably not the intended one."""
         self._all.append(Finding(self.where(place), message, hint, Severity.WARNING))
 
     def add(self, findings: Iterable[Finding]) -> None:
@@ -239,7 +238,7 @@ class Findings:
 
     @contextmanager
     def collecting(self) -> Iterator[None]:
-        """Add the diagnostics of an :class:`InputError` that ends the block, and go on after it."""
+        """Add the findings of an :class:`InputError` that ends the block, and continue after it."""
         try:
             yield
         except InputError as error:
@@ -251,11 +250,13 @@ class Findings:
             raise_all(in_source_order(self.errors + self.warnings))
 
 
-def in_source_order(diagnostics: Iterable[Finding]) -> tuple[Finding, ...]:
-    """Return the diagnostics sorted by place, file by file as the files first appear.
+def in_source_order(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Return the findings sorted by place; files come in the order of their first finding.
 
-    Diagnostics of one place stay in the order given.
+    Findings of one place keep their order.
     """
-    given = tuple(diagnostics)
-    files = {file: rank for rank, file in enumerate(dict.fromkeys(d.where.file for d in given))}
-    return tuple(sorted(given, key=lambda d: (files[d.where.file], d.where.line, d.where.column)))
+    everything = tuple(findings)
+    files = list(dict.fromkeys(finding.where.file for finding in everything))
+    return tuple(
+        sorted(everything, key=lambda f: (files.index(f.where.file), f.where.line, f.where.column))
+    )

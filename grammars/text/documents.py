@@ -1,8 +1,8 @@
-"""YAML files that people write: strict YAML 1.2, every value with its place in the file.
+"""YAML files of people: strict YAML 1.2, with the place of every value.
 
 Duplicate keys, tags, aliases and unreadable files are reported with line and column.
-:func:`read_model` checks a document against a pydantic model and turns each finding into a
-diagnostic where the offending value stands.
+:func:`read_model` checks a document against a pydantic model and reports each problem at the place
+of its value.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ from grammars.text.yaml_text import flow_text
 M = TypeVar("M", bound="StrictModel")
 
 _MOST_FINDINGS: Final = 50
-"""So many are told of a file; whoever has more will not read them."""
+"""Findings reported for one file at most."""
 _BUILDING: Final = threading.Lock()
 
 
 @dataclass(frozen=True, slots=True)
 class OtherName:
-    """The ``name`` that something has here which people call otherwise, and a ``remark`` on it."""
+    """The ``name`` used here for a key that people know under another one, and a ``remark``."""
 
     name: str
     remark: str = ""
@@ -54,47 +54,46 @@ class OtherName:
 
 @dataclass(frozen=True, slots=True)
 class RemovedKey:
-    """A key of earlier releases, with the ``reason`` why it has no meaning any more."""
+    """A key of earlier releases, with the ``reason`` for its removal."""
 
     reason: str
 
 
 class StrictModel(BaseModel):
-    """Base of models of what people write: unknown keys are errors, values are frozen.
+    """Base of models for files of people: unknown keys are errors, values are frozen.
 
-    Messages show the first of a field's ``examples`` to whoever left it out or gave it another
-    form.
+    Messages about a missing or malformed value show the first of the ``examples`` of its field.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
     elsewhere: ClassVar[Mapping[str, str | OtherName | RemovedKey]] = {}
-    """Keys that people look for here although they belong somewhere else: what to do instead; or
-    are called otherwise, or are gone. That of the empty key is said of keys like no other."""
+    """Advice for keys that belong somewhere else, have another name or were removed; the entry of
+    the empty key is advice for all other unknown keys."""
 
     @classmethod
     def model_validate(cls, obj: Any, **options: Any) -> Self:
-        """Check what was written; the validator is built when it is first needed."""
-        # Of the forty models of a campaign most are never asked. Two threads may ask at once.
+        """Check input; the first call builds the validator."""
+        # Most of the forty models of a campaign are never used. Two threads may call this at once.
         with _BUILDING:
             cls.model_rebuild()
         return super().model_validate(obj, **options)
 
 
 def as_list(value: Any) -> Any:
-    """Return a list as it is, and any other value as a list of it alone."""
+    """Return a list unchanged, and any other value as a list of one item."""
     return value if isinstance(value, list) else [value]
 
 
 ONE_OR_MORE: Final = BeforeValidator(as_list, json_schema_input_type=str | list[str])
-"""Marks a list of texts for which a single text may stand."""
+"""Marks a list of texts that may be written as a single text."""
 
 
 def text_or(*kinds: type[bool | int | float], unit: str = "") -> BeforeValidator:
-    """Mark a text for which a value of ``kinds`` may stand, by itself a count of ``unit``."""
+    """Mark a text that may be written as a value of ``kinds``, then a number of ``unit``."""
 
     def read(value: Any) -> Any:
-        # By its very type: to Python, true is a whole number.
+        # The exact type: in Python, true is an integer.
         return f"{flow_text(value, plain=True)} {unit}".rstrip() if type(value) in kinds else value
 
     return BeforeValidator(read, json_schema_input_type=functools.reduce(operator.or_, kinds, str))
@@ -102,7 +101,7 @@ def text_or(*kinds: type[bool | int | float], unit: str = "") -> BeforeValidator
 
 @dataclass(frozen=True)
 class YamlDocument:
-    """A parsed file: ``data`` as plain dicts, lists and scalars, ``places`` by key path."""
+    """A parsed file: ``data`` in plain dicts, lists and scalars, and ``places`` by key path."""
 
     file: str
     data: Any
@@ -118,12 +117,12 @@ class YamlDocument:
         return Where(self.file)
 
     def where_text(self, *path: str) -> Where:
-        """Return where the text at ``path`` begins, behind its key.
+        """Return the start of the text at ``path``, behind its key.
 
-        It is the line of the key, without a column, when the text is laid out otherwise than it
-        reads: over several lines, with escapes, on a line of its own.
+        The result is the line of the key, without a column, if the file lays the text out
+        differently: over several lines, with escapes, or on the next line.
         """
-        # YAML marks the key; a complaint about a part of the value is to point at that part.
+        # YAML marks the key, but a message about a part of the value points to that part.
         key, value = self.where(path), self.data
         for part in path:
             value = value[part]
@@ -133,7 +132,7 @@ class YamlDocument:
 
 
 def paths_inside(value: Any) -> Iterator[KeyPath]:
-    """Yield the ways to everything inside of a list, a mapping, and what is in them."""
+    """Yield the paths to all values nested in a list or mapping."""
     pairs = enumerate(value) if isinstance(value, list) else ()
     for key, below in value.items() if isinstance(value, Mapping) else pairs:
         yield (key,)
@@ -144,7 +143,7 @@ def paths_inside(value: Any) -> Iterator[KeyPath]:
 def leaves(
     tree: Mapping[str, Any], above: tuple[str, ...] = ()
 ) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """Yield every value of nested mappings with the way to it; an empty mapping is a value."""
+    """Yield the path and value of every leaf of nested mappings; an empty mapping is a leaf."""
     for name, value in tree.items():
         path = (*above, name)
         if isinstance(value, Mapping) and value:
@@ -168,7 +167,7 @@ def parse_yaml(text: str, file: str) -> YamlDocument:
 
 
 _REST_OF_VALUE: Final = re.compile(r"[-+]?\.?\d")
-"""How a key begins that is what a comma cut off: {budget: 60 runs, 10 min}."""
+"""Start of a "key" that is really the end of a value with a comma: {budget: 60 runs, 10 min}."""
 _VALUE: Final = re.compile(r"(?:[^\s:]+\s*:\s+)?([^\s,\]}#]+)")
 
 
@@ -181,40 +180,40 @@ def read_model(document: YamlDocument, model: type[M]) -> M:
         return model.model_validate(document.data)
     except ValidationError as error:
         findings = error.errors(include_url=False)
-        told = [_explain(document, model, finding) for finding in findings[:_MOST_FINDINGS]]
-        if len(findings) > len(told):
-            more = f"and {len(findings) - len(told)} more of the kind"
-            told.append(Finding(Where(document.file), more))
-        raise InputError(told) from None
+        reported = [_explain(document, model, finding) for finding in findings[:_MOST_FINDINGS]]
+        if len(findings) > len(reported):
+            more = f"and {len(findings) - len(reported)} more problems"
+            reported.append(Finding(Where(document.file), more))
+        raise InputError(reported) from None
 
 
 def _explain(document: YamlDocument, model: type[BaseModel], finding: Any) -> Finding:
     path, message, hint = explain_finding(model, finding)
     where = document.where(path)
     if finding["type"] == "string_type" and hint:
-        # 3.10 has become 3.1 and yes may be true elsewhere: show what was written.
-        given = finding["input"]
-        in_it = where.file == document.file
-        written = (source_at(document.text, where, _VALUE) if in_it else "") or str(given)
-        hint = _text_hint(written, given)
+        # YAML has turned 3.10 into 3.1: quote the text of the file.
+        value = finding["input"]
+        is_here = where.file == document.file
+        text = (source_at(document.text, where, _VALUE) if is_here else "") or str(value)
+        hint = _text_hint(text, value)
     return Finding(where, message, hint)
 
 
 def explain_finding(model: type[BaseModel], finding: Any) -> tuple[KeyPath, str, str]:
-    """Return the place, the message and the hint of one of pydantic's errors about ``model``."""
+    """Return path, message and hint for one of pydantic's errors about ``model``."""
     path = tuple(finding["loc"])
     kind = finding["type"]
     if kind in ("extra_forbidden", "unexpected_keyword_argument"):
         key = str(path[-1])
         message, hint = _explain_key(_model_at(model, path[:-1]), key)
         if finding.get("input") is None and _REST_OF_VALUE.match(key):
-            hint = f'inside of {{ }} what has a comma is quoted: "..., {key}"'
+            hint = f'inside {{ }} put a value with a comma in quotes: "..., {key}"'
         return path, message, hint
     if kind == "missing":
         return path[:-1], f'key "{path[-1]}" is missing', _example(model, path)
-    given = finding.get("input")
-    textless = kind == "string_type" and isinstance(given, bool | int | float)
-    hint = _text_hint(str(given), given) if textless else ""
+    value = finding.get("input")
+    is_scalar = kind == "string_type" and isinstance(value, bool | int | float)
+    hint = _text_hint(str(value), value) if is_scalar else ""
     if kind in _SHAPES:
         hint = _example(model, path)
     words = [str(part) for part in path if isinstance(part, str) and part != "[key]"]
@@ -224,16 +223,16 @@ def explain_finding(model: type[BaseModel], finding: Any) -> tuple[KeyPath, str,
 
 def _explain_key(model: Any, key: str) -> tuple[str, str]:
     """Return message and hint for a key that ``model`` does not have."""
-    known, elsewhere = written_fields(model), getattr(model, "elsewhere", {})
+    fields, elsewhere = written_fields(model), getattr(model, "elsewhere", {})
     if key and key in elsewhere:
         if isinstance(elsewhere[key], RemovedKey):
             return f"{key}: {elsewhere[key].reason}", "remove this line"
         renamed = isinstance(elsewhere[key], OtherName)
         wrong = f'unknown key "{key}"' if renamed else f'key "{key}" is in the wrong place'
         return wrong, str(elsewhere[key])
-    meant = "" if closest(key, known) else closest(key, elsewhere)
-    hint = f"{meant}: {elsewhere[meant]}" if meant else did_you_mean(key, known)
-    if not meant and not closest(key, known) and elsewhere.get(""):
+    other = "" if closest(key, fields) else closest(key, elsewhere)
+    hint = f"{other}: {elsewhere[other]}" if other else did_you_mean(key, fields)
+    if not other and not closest(key, fields) and elsewhere.get(""):
         hint = f"{elsewhere['']}; {hint}"
     return f'unknown key "{key}"', hint
 
@@ -242,16 +241,16 @@ _WRONG_FORM: Final = "wrong_form"
 _SHAPES: Final = (
     *("dict_type", "model_type", "dataclass_type", "list_type", "too_short", _WRONG_FORM),
 )
-"""Findings about the form of a value, which an example answers best."""
+"""Findings about the form of a value, for which the hint is an example."""
 
 
 def wrong_form(message: str) -> PydanticCustomError:
-    """Return what a validator raises for a value of another form than the examples of its field."""
+    """Return the error that validators raise for a value unlike the examples of its field."""
     return PydanticCustomError(_WRONG_FORM, "{message}", {"message": message})
 
 
 def _example(model: type[BaseModel], path: KeyPath) -> str:
-    """Return a line that would do at ``path``, empty when its field has no examples."""
+    """Return a valid line for ``path``, empty if its field has no examples."""
     while path and isinstance(path[-1], int):
         path = path[:-1]
     field = written_fields(_model_at(model, path[:-1])).get(str(path[-1])) if path else None
@@ -260,8 +259,8 @@ def _example(model: type[BaseModel], path: KeyPath) -> str:
     return f"such as: {path[-1]}: {flow_text(field.examples[0], plain=True)}"
 
 
-def _text_hint(written: str, given: Any) -> str:
-    return f'{written} is {kind_of(given)}: write it as "{written}"'
+def _text_hint(text: str, value: Any) -> str:
+    return f'{text} is {kind_of(value)}: write it as "{text}"'
 
 
 _PLAIN_MESSAGES: Final = {
@@ -285,11 +284,11 @@ _PLAIN_MESSAGES: Final = {
     "too_long": "must have {max_length} or fewer",
     "string_too_long": "must have {max_length} characters or fewer",
 }
-"""What pydantic's findings mean to the person who wrote the file."""
+"""Messages for the types of pydantic's findings."""
 
 
 def plain_message(finding: Any) -> str:
-    """Return what one of pydantic's findings means, without its words."""
+    """Return one of pydantic's findings in plain words."""
     kind, context = finding["type"], finding.get("ctx", {})
     if kind == "string_pattern_mismatch":
         return _pattern_in_words(context["pattern"])
@@ -315,16 +314,16 @@ def _pattern_in_words(pattern: str) -> str:
     """Describe a pattern of names, such as ``^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$``."""
     if pattern in _PATTERNS:
         return _PATTERNS[pattern]
-    found = re.fullmatch(r"\^\[A-Za-z0-9\]\[A-Za-z0-9(\.?)_-\](?:\*|\{0,(\d+)\})\$", pattern)
-    if found is None:
+    match = re.fullmatch(r"\^\[A-Za-z0-9\]\[A-Za-z0-9(\.?)_-\](?:\*|\{0,(\d+)\})\$", pattern)
+    if match is None:
         return f"must match {pattern}"
-    signs = '".", "_" and "-"' if found[1] else '"_" and "-"'
-    length = f", {int(found[2]) + 1} at most" if found[2] else ""
+    signs = '".", "_" and "-"' if match[1] else '"_" and "-"'
+    length = f", {int(match[2]) + 1} at most" if match[2] else ""
     return f"must be letters (a to z), digits, {signs}{length}, and begin with a letter or digit"
 
 
 def written_fields(kind: Any) -> Mapping[str, FieldInfo]:
-    """Return the fields of a model or dataclass by the keys that people write."""
+    """Return the fields of a model or dataclass by their keys in files."""
     if dataclasses.is_dataclass(kind):
         hints = typing.get_type_hints(kind, include_extras=True)
         names = [field.name for field in dataclasses.fields(kind)]
@@ -348,7 +347,7 @@ def _model_at(model: Any, path: KeyPath) -> Any:
 
 
 def _strip(annotation: Any) -> Any:
-    """Drop ``None`` and ``Annotated`` around an annotation; of a union keep the model."""
+    """Return an annotation without ``None`` and ``Annotated``; of a union, return the model."""
     if typing.get_origin(annotation) is Annotated:
         return _strip(typing.get_args(annotation)[0])
     if typing.get_origin(annotation) in (typing.Union, types.UnionType):

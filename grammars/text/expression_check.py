@@ -1,4 +1,4 @@
-"""Checks of expressions: what they are measured in, and whether like is compared with like."""
+"""Dimension checks of expressions."""
 
 from __future__ import annotations
 
@@ -36,18 +36,18 @@ from grammars.text.units import RATIO, Dimension, read_unit
 
 
 class Unknown(Enum):
-    """Kind of a name without a meaning, and of all that it is a part of: an error is added."""
+    """Kind of an undefined name, and of expressions with it; an error has been added."""
 
     UNKNOWN = "unknown"
 
 
 Kind: TypeAlias = Dimension | None
-"""What an expression is measured in; ``None``: true or false."""
+"""Dimension of an expression; ``None`` for a predicate."""
 MaybeKind: TypeAlias = Kind | Literal[Unknown.UNKNOWN]
 
 
 class Placed(Protocol):
-    """A part of a text, beginning at ``column``."""
+    """A part of a text that begins at ``column``."""
 
     @property
     def column(self) -> int:
@@ -56,10 +56,10 @@ class Placed(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class DimensionCheck:
-    """Finds what the expressions of a text are measured in; adds what does not go together.
+    """Computes the dimensions of the expressions of a text and reports mismatches.
 
-    ``kind_of_name`` adds names that it does not know itself. Beside a value in ``bare`` a number
-    without a unit is in it too, and 0 is in any; without ``bare`` every number has its unit.
+    ``kind_of_name`` reports unknown names itself. With ``bare``, a number without a unit next to a
+    value of that dimension has it too, and 0 fits any dimension.
     """
 
     source: SourceText
@@ -72,23 +72,23 @@ class DimensionCheck:
         self.findings.error(self.source.where(place.column), message, hint)
 
     def kind(self, expression: Expression) -> MaybeKind:
-        """Return what an expression is measured in."""
+        """Return the dimension of an expression, or ``None`` for a predicate."""
         return fold(expression, self._visit)
 
     def quantity(self, expression: Expression) -> Dimension | None:
-        """Return the dimension of a quantity, ``None`` after reporting why there is none."""
+        """Return the dimension of a quantity; otherwise report a problem and return ``None``."""
         return self._quantity(expression, self.kind(expression))
 
     def predicate(self, expression: Expression) -> None:
-        """Report an expression that is not true or false."""
+        """Report an expression that is not a predicate."""
         self._predicate(expression, self.kind(expression))
 
-    def compare(self, left: Dimension, limit: Expression, right: Dimension) -> None:
-        """Report a ``limit``, measured in ``right``, of something that is measured in ``left``."""
-        hint = f"write the limit in {left.unit}" if right == RATIO else ""
+    def compare(self, subject: Dimension, limit: Expression, dimension: Dimension) -> None:
+        """Report a ``limit`` whose ``dimension`` is not that of its ``subject``."""
+        hint = f"write the limit in {subject.unit}" if dimension == RATIO else ""
         if isinstance(limit, Number):
-            hint = with_unit(limit, left)
-        self.error(limit, f"compares {_named(left)} with {_named(right)}", hint)
+            hint = with_unit(limit, subject)
+        self.error(limit, f"compares {_named(subject)} with {_named(dimension)}", hint)
 
     def _visit(self, part: Expression, kinds: Sequence[MaybeKind]) -> MaybeKind:
         operands = list(zip(parts_of(part), kinds, strict=True))
@@ -115,23 +115,23 @@ class DimensionCheck:
         return Unknown.UNKNOWN if result is None else result
 
     def _joined(
-        self, part: Expression, left: Dimension, operand: Expression, right: Dimension
+        self, part: Expression, result: Dimension, operand: Expression, other: Dimension
     ) -> Dimension | None:
-        """Return what ``part`` is measured in with one operand more, ``None`` after a report."""
+        """Return the dimension of ``part`` with one more operand; ``None`` after a report."""
         if isinstance(part, Arithmetic) and part.operator in ("*", "/"):
-            return left * right if part.operator == "*" else left / right
-        if left == right:
-            return left
+            return result * other if part.operator == "*" else result / other
+        if result == other:
+            return result
         first = parts_of(part)[0]
-        for own, against, one in ((left, right, first), (right, left, operand)):
+        for own, against, one in ((result, other, first), (other, result, operand)):
             zero = isinstance(one, Number) and one.value == 0.0
             if self.bare != RATIO and own == RATIO and (against == self.bare or zero):
                 return against
         if isinstance(part, Arithmetic):
             verb = "adds" if part.operator == "+" else "subtracts"
-            self.error(part, f"{verb} {_named(left)} and {_named(right)}")
+            self.error(part, f"{verb} {_named(result)} and {_named(other)}")
         else:
-            self.compare(left, operand, right)
+            self.compare(result, operand, other)
         return None
 
     def _quantity(self, expression: Expression, kind: MaybeKind) -> Dimension | None:
@@ -148,7 +148,7 @@ class DimensionCheck:
 
 
 def with_unit(number: Number, kind: Dimension) -> str:
-    """Return how a number without a unit was probably meant; nothing for one that has a unit."""
+    """Return a hint with the unit that a plain number lacks, empty if it has a unit."""
     if number.dimension != RATIO:
         return ""
     return f"write it in {kind.unit}: {number.text} {kind.unit}"
@@ -159,14 +159,14 @@ def _named(kind: Dimension) -> str:
 
 
 _LONGEST: Final = 1000
-"""Characters of a predicate: it is evaluated for thousands of points."""
+"""Characters of a predicate at most: it is evaluated for thousands of points."""
 _LANGUAGE: Final = ExpressionLanguage(Path(__file__).with_name("expressions.tx"), autokwd=True)
 
 
 def read_predicate(text: str, units: Mapping[str, str], where: Where) -> Expression:
-    """Read a predicate over some names; ``units`` has the unit of each, empty for none.
+    """Read a predicate over the names in ``units``, a mapping to their units (empty for none).
 
-    Raises :class:`InputError` with everything that is wrong with it, at ``where``.
+    Raises :class:`InputError` with all its problems, at ``where``.
     """
     if len(text) > _LONGEST:
         message = f'"{text[:40]}…" is longer than {_LONGEST} characters'

@@ -1,9 +1,8 @@
-"""Sums, comparisons and logic of named values, as every language reads them.
+"""Sums, comparisons and logic of named values, shared by all languages.
 
-The grammar is ``expressions.tx``; what a name means is the business of the language. Every
-expression carries ``column``, the offset of its first character in the text it was read from;
-equal expressions mean the same, wherever and however they were written.
-Nothing here recurses through an expression: a sum of a thousand terms is nested a thousand deep.
+The grammar is ``expressions.tx``; each language defines the meaning of names. ``column`` of an
+expression is the offset of its first character in its source text. Equality ignores places and
+spelling. No function recurses through an expression: a sum of a thousand terms is a thousand deep.
 """
 
 from __future__ import annotations
@@ -26,12 +25,12 @@ T = TypeVar("T")
 
 ComparisonOperator: TypeAlias = Literal["<=", "<", ">=", ">", "==", "!="]
 _TOLERANCE: Final = 1e-9
-"""Values that differ by no more are equal, by this share where they are larger than 1."""
+"""Tolerance of equality: absolute up to 1, relative above."""
 
 
 @dataclass(frozen=True, slots=True)
 class Number:
-    """A constant: SI ``value`` of ``dimension``, and how it was written."""
+    """A constant: SI ``value`` of ``dimension``, and its source text."""
 
     value: float
     dimension: Dimension
@@ -41,7 +40,7 @@ class Number:
 
 @dataclass(frozen=True, slots=True)
 class Name:
-    """A named value, some with arguments: ``clearance(0.35 m, 0.2 m)``."""
+    """A named value, possibly with arguments: ``clearance(0.35 m, 0.2 m)``."""
 
     name: str
     arguments: tuple[Expression, ...] = ()
@@ -60,7 +59,7 @@ class Arithmetic:
 
 @dataclass(frozen=True, slots=True)
 class Function:
-    """A function of expressions: sign change and magnitude of one, ``min`` and ``max`` of any."""
+    """A function of expressions: negation and ``abs`` of one, ``min`` and ``max`` of any number."""
 
     name: Literal["-", "abs", "min", "max"]
     operands: tuple[Expression, ...]
@@ -79,7 +78,7 @@ class Comparison:
 
 @dataclass(frozen=True, slots=True)
 class Not:
-    """True where the operand is false."""
+    """Negation of a predicate."""
 
     operand: Expression
     column: int = field(default=0, compare=False)
@@ -100,9 +99,9 @@ _PLAIN_NAME: Final = re.compile(r"(?!(and|or|not|when|within)$)[^\W\d][\w-]*(\.\
 
 
 def read_expression(node: SyntaxNode, source: SourceText) -> Expression:
-    """Return the expression that a node of the syntax tree of ``source`` means.
+    """Return the expression for a node of the syntax tree of ``source``.
 
-    Raises :class:`InputError` for a number in a unit that nobody knows.
+    Raises :class:`InputError` for an unknown unit.
     """
     column = node._tx_position
     match type(node).__name__:
@@ -114,10 +113,10 @@ def read_expression(node: SyntaxNode, source: SourceText) -> Expression:
         case "Negation":
             return Not(read_expression(node.operand, source), column)
         case "Comparison":
-            left = read_expression(node.left, source)
+            operand = read_expression(node.left, source)
             if not node.right:
-                return left
-            return Comparison(node.operator, left, read_expression(node.right, source), column)
+                return operand
+            return Comparison(node.operator, operand, read_expression(node.right, source), column)
         case "Sum" | "Product":
             result = read_expression(node.first, source)
             for tail in node.rest:
@@ -142,11 +141,11 @@ def read_name(text: str) -> str:
 
 
 def read_number(node: SyntaxNode, source: SourceText) -> Number:
-    """Return a number in SI units; raises :class:`InputError` for a unit that nobody knows."""
+    """Return a number in SI units; raises :class:`InputError` for an unknown unit."""
     text = source.text[node._tx_position : node._tx_position_end]
     unit = " ".join((node.unit or "").split())
     try:
-        # Fifteen digits are what people write, binary fractions have more.
+        # People write up to fifteen digits; binary fractions have more.
         dimension, value = read_unit(unit)[1], float(f"{to_si(float(node.number), unit):.15g}")
     except ValueError as error:
         raise InputError.at(source.at(node), str(error)) from error
@@ -156,10 +155,10 @@ def read_number(node: SyntaxNode, source: SourceText) -> Number:
 
 
 def parts_of(expression: Expression) -> tuple[Expression, ...]:
-    """Return the expressions that one is put together from; arguments of names are no parts."""
+    """Return the operands of an expression; arguments of names are not operands."""
     match expression:
-        case Arithmetic(left=left, right=right) | Comparison(left=left, right=right):
-            return (left, right)
+        case Arithmetic() | Comparison():
+            return (expression.left, expression.right)
         case Function(operands=operands) | Logic(operands=operands):
             return operands
         case Not(operand=operand):
@@ -168,7 +167,7 @@ def parts_of(expression: Expression) -> tuple[Expression, ...]:
 
 
 def walk(expression: Expression) -> Sequence[Expression]:
-    """Return an expression and everything in it, in the order written."""
+    """Return an expression and all its parts, in source order."""
     parts: list[Expression] = []
     pending = [expression]
     while pending:
@@ -178,7 +177,7 @@ def walk(expression: Expression) -> Sequence[Expression]:
 
 
 def fold(expression: Expression, visit: Callable[[Expression, Sequence[T]], T]) -> T:
-    """Return ``visit(expression, results)``, with the results of its parts, from the inside out."""
+    """Return ``visit(expression, results of its parts)``, evaluated from the inside out."""
     results: list[T] = []
     for part in reversed(walk(expression)):
         results.append(visit(part, [results.pop() for _ in parts_of(part)]))
@@ -186,7 +185,7 @@ def fold(expression: Expression, visit: Callable[[Expression, Sequence[T]], T]) 
 
 
 def render(expression: Expression) -> str:
-    """Return ``expression`` as text again; compound parts in parentheses."""
+    """Return ``expression`` as text, with compound parts in parentheses."""
     return fold(expression, _render)
 
 
@@ -214,9 +213,9 @@ def _render(expression: Expression, texts: Sequence[str]) -> str:
 
 
 def evaluate(expression: Expression, value_of: Callable[[Name], float]) -> float:
-    """Return the value [SI] of an expression: of a predicate 1 where it holds, 0 where it does not.
+    """Return the SI value of an expression; a predicate is 1 if true and 0 if false.
 
-    Dividing by zero gives NaN, which is unknown; 0.1 + 0.2 equals 0.3.
+    Division by zero gives NaN (unknown); 0.1 + 0.2 equals 0.3.
     """
 
     def visit(part: Expression, values: Sequence[float]) -> float:
@@ -232,7 +231,7 @@ def evaluate(expression: Expression, value_of: Callable[[Name], float]) -> float
             case Function(name="abs"):
                 return abs(values[0])
             case Function(name=name):
-                # Python's own minimum depends on where among its arguments NaN stands.
+                # Python's min and max depend on the position of NaN among the arguments.
                 extreme = min(values) if name == "min" else max(values)
                 return math.nan if any(map(math.isnan, values)) else extreme
             case Comparison(operator=operator):
@@ -241,38 +240,38 @@ def evaluate(expression: Expression, value_of: Callable[[Name], float]) -> float
                 return 1.0 - values[0]
             case Logic(operator=operator):
                 decisive = 0.0 if operator == "and" else 1.0
-                # Otherwise all are alike, or some are unknown and with them the whole.
+                # Otherwise all values are equal, or some are NaN and so is the result.
                 return decisive if decisive in values else math.fsum(values) / len(values)
 
     return fold(expression, visit)
 
 
-def _calculate(operator: str, left: float, right: float) -> float:
+def _calculate(operator: str, a: float, b: float) -> float:
     match operator:
         case "+":
-            return left + right
+            return a + b
         case "-":
-            return left - right
+            return a - b
         case "*":
-            return left * right
-    return left / right if right else math.nan
+            return a * b
+    return a / b if b else math.nan
 
 
-def _compare(operator: ComparisonOperator, left: float, right: float) -> float:
-    if math.isnan(left - right):
+def _compare(operator: ComparisonOperator, a: float, b: float) -> float:
+    if math.isnan(a - b):
         return math.nan
-    equal = math.isclose(left, right, rel_tol=_TOLERANCE, abs_tol=_TOLERANCE)
+    equal = math.isclose(a, b, rel_tol=_TOLERANCE, abs_tol=_TOLERANCE)
     if operator in ("==", "!="):
         return float(equal is (operator == "=="))
-    differs = left < right if operator in ("<", "<=") else left > right
+    differs = a < b if operator in ("<", "<=") else a > b
     return float((differs and not equal) or (equal and operator in ("<=", ">=")))
 
 
 class ExpressionLanguage(Language):
-    """Expressions alone, or with words of a language around them on the same line."""
+    """Language of expressions, also with words of another language around them."""
 
     def message(self, fault: SyntaxFault) -> str:
-        """Return what is wrong with the word that stands there."""
+        """Return the message about an unexpected word."""
         if not fault.word:
             return "the text ends too early: a parenthesis, a name or a quantity is missing"
         if fault.word in "<>=!" and re.search(r"[<>=]", fault.done):

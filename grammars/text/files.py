@@ -1,7 +1,6 @@
-"""Files that are there as a whole or not at all, also after a power cut.
+"""Atomic file writes, durable across a power cut, and listings that tolerate concurrent removal.
 
-Every part of the product that keeps something for others to read writes it this way. Folders
-that other processes clear meanwhile are listed without surprise.
+Every part of the product that stores data for other readers writes it through this module.
 """
 
 from __future__ import annotations
@@ -18,10 +17,10 @@ from pathlib import Path
 def write_atomically(
     path: Path, data: bytes, *, durable: bool = True, mode: int | None = None
 ) -> None:
-    """Write ``data`` so that ``path`` holds either all of it or what it held before.
+    """Write ``data`` so that ``path`` holds either all of it or its previous content.
 
-    Also after a power cut, unless ``durable`` is off: that saves waiting for the disk where
-    what is written can be made again. ``mode`` are the permissions of the file. Raises ``OSError``.
+    This holds after a power cut too, unless ``durable`` is off: files that can be made again need
+    not wait for the disk. ``mode`` sets the permissions. Raises ``OSError``.
     """
     with replacing(path, mode=mode, durable=durable) as temporary:
         temporary.write_bytes(data)
@@ -29,17 +28,17 @@ def write_atomically(
 
 @contextmanager
 def replacing(path: Path, *, mode: int | None = None, durable: bool = True) -> Iterator[Path]:
-    """Give the path of a file to be written, beside ``path``, that takes its place afterwards.
+    """Yield the path of a temporary file beside ``path`` that replaces it after the block.
 
-    When the block raises, ``path`` keeps what it held and nothing is left. ``mode`` are the
-    permissions of the new file: with them it is there, empty, when the block begins.
+    If the block raises, ``path`` keeps its content and the temporary file is removed. With
+    ``mode``, its permissions, the file exists (empty) when the block begins.
     """
-    # The name is random, not the process id: two threads may write the same file. The doctor
-    # knows what a killed process left behind by the dot and the suffix.
+    # A random name, because two threads may write the same file. The doctor recognises files of
+    # killed processes by the dot and the suffix.
     temporary = path.with_name(f".{path.name}.{os.urandom(4).hex()}.tmp")
     try:
         if mode is not None:
-            # Created with them, not given them later: nobody else ever reads a byte of it.
+            # Set at creation, not later, so that no other user ever reads a byte of it.
             os.close(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode | stat.S_IWUSR))
         yield temporary
         if mode is not None:
@@ -49,14 +48,14 @@ def replacing(path: Path, *, mode: int | None = None, durable: bool = True) -> I
         else:
             temporary.replace(path)
     finally:
-        # Also when all went well: of two hard links to one file, rename(2) removes neither.
+        # Needed after success too: rename(2) between two hard links of one file removes neither.
         temporary.unlink(missing_ok=True)
 
 
 def move_durably(source: Path, target: Path) -> None:
-    """Give a complete file its name in the same file system, for good; raises ``OSError``."""
-    # First the content: a rename may reach the disk before the data of the file does, and then a
-    # power cut leaves an empty file under the good name. Then the folder, for the rename itself.
+    """Rename a complete file durably within its file system; raises ``OSError``."""
+    # Sync the content first: if the rename reaches the disk before the data, a power cut leaves an
+    # empty file under the final name. Then sync the folder for the rename itself.
     with source.open("rb") as file:
         os.fsync(file.fileno())
     source.replace(target)
@@ -73,13 +72,13 @@ def sync_directory(folder: Path) -> None:
 
 
 def private_folder(folder: Path) -> Path:
-    """Make ``folder`` unless it is there, ours alone; raises ``OSError`` where it cannot be."""
+    """Create ``folder`` if needed and make it private to this user; raises ``OSError``."""
     folder.mkdir(mode=0o700, exist_ok=True)
-    # Below /tmp somebody else may have been faster, with a folder or a link to one of ours.
-    found = folder.lstat()
-    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid():
+    # Below /tmp another user may have created the folder first, or a link to one of ours.
+    status = folder.lstat()
+    if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.getuid():
         raise PermissionError(errno.EPERM, "belongs to somebody else", str(folder))
-    if found.st_mode & (stat.S_IRWXG | stat.S_IRWXO):
+    if status.st_mode & (stat.S_IRWXG | stat.S_IRWXO):
         folder.chmod(0o700)
     return folder
 
@@ -87,7 +86,7 @@ def private_folder(folder: Path) -> Path:
 def matching_paths(folder: Path, pattern: str) -> Iterator[Path]:
     """Yield the paths below ``folder`` that match, like ``Path.glob``; ``**`` follows links.
 
-    Folders that others remove meanwhile, or that cannot be read, count as empty.
+    Unreadable folders and folders removed meanwhile count as empty.
     """
     # ``Path.glob`` of Python before 3.13 raises ``FileNotFoundError`` for them.
     names = glob.iglob(pattern, root_dir=folder, recursive=True, include_hidden=True)  # noqa: PTH207

@@ -1,8 +1,8 @@
-"""Values that one file gives to keys of another, by dotted keys: ``start.y``, ``laser.noise``.
+"""Overrides: values that one file sets for dotted keys of another (``start.y``, ``laser.noise``).
 
-A key leads through mappings by their keys and through lists of named things by the names of these:
-``waypoints.kitchen.x``. The values are checked like those of the file itself, and what is wrong
-with them is told where they are written.
+A dotted key leads through mappings by key and through lists by the names of their items:
+``waypoints.kitchen.x``. Overrides are checked like values of the file itself; messages point to
+the override.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from grammars.text.diagnostics import Finding, InputError, Where, did_you_mean
 from grammars.text.documents import KeyPath, YamlDocument, leaves
 
 _NAME_KEYS: Final = ("id", "name")
-"""Keys by which the items of a list are told apart."""
+"""Keys that hold the name of a list item."""
 
 
 @dataclass(frozen=True, slots=True)
 class Override:
-    """A value for a dotted key, as it would be written there, and where it is written."""
+    """A value for a dotted key, in the form of the other file, and the place of the override."""
 
     key: str
     value: Any
@@ -32,7 +32,7 @@ class Override:
 def flatten_overrides(
     values: Mapping[str, Any], where: Callable[[KeyPath], Where]
 ) -> tuple[Override, ...]:
-    """Return one override for each value of nested mappings; ``where`` places the value at a path.
+    """Return one override for each leaf of nested mappings; ``where`` maps a path to its place.
 
     ``{start: {y: 0.1}}`` and ``{start.y: 0.1}`` are the same.
     """
@@ -40,11 +40,11 @@ def flatten_overrides(
 
 
 def override_document(document: YamlDocument, overrides: Iterable[Override]) -> YamlDocument:
-    """Return a document with other values at some keys; a value that is not there is added.
+    """Return a document with overridden values; missing values are added.
 
-    Places of what is changed, and of what it is in, are those of the overrides. Raises
-    :class:`InputError` with every key that leads nowhere; whether the file may have a key is for
-    its model to say.
+    Overridden values and the values around them take the places of the overrides. Raises
+    :class:`InputError` with every key that leads nowhere; the model of the file checks whether a
+    key is allowed.
     """
     data = copy.deepcopy(document.data)
     places = dict(document.places)
@@ -62,19 +62,18 @@ def override_document(document: YamlDocument, overrides: Iterable[Override]) -> 
 
 
 def key_paths(data: Any, override: Override) -> list[KeyPath]:
-    """Return the paths to which the key of an override leads, written there or not.
+    """Return the paths to which the key of an override leads, even if they do not exist yet.
 
-    Several items of one name are one thing. Raises :class:`InputError` for a key that leads
-    nowhere.
+    List items of one name all match. Raises :class:`InputError` for a key that leads nowhere.
     """
     if not override.key:
         raise InputError.at(override.where, "a value without a key", "write KEY: VALUE")
-    found: list[KeyPath] = []
+    paths: list[KeyPath] = []
     open_ends: list[tuple[Any, KeyPath, str]] = [(data, (), override.key)]
     while open_ends:
         node, path, rest = open_ends.pop(0)
         if not rest:
-            found.append(path)
+            paths.append(path)
         elif isinstance(node, Mapping):
             key, rest = split_key(node, rest)
             open_ends.append((node.get(key), (*path, key), rest))
@@ -94,11 +93,11 @@ def key_paths(data: Any, override: Override) -> list[KeyPath]:
             above = override.key.removesuffix(rest).rstrip(".")
             message = f'{above} is {kind}, it has no "{rest}"'
             raise InputError.at(override.where, message, f"write {above}: {node}")
-    return found
+    return paths
 
 
 def placed_at(document: YamlDocument, where: Where) -> YamlDocument:
-    """Return a document of which that is told at ``where`` which is about it as a whole."""
+    """Return a document whose findings about the whole file are reported at ``where``."""
     return replace(document, places={**document.places, (): where})
 
 
@@ -107,7 +106,7 @@ def _is_named(data: Any) -> bool:
 
 
 def item_names(items: Sequence[Mapping[str, Any]], key: str) -> list[str]:
-    """Return what the items of a list below ``key`` are called: ``waypoint-1`` without a name."""
+    """Return the names of the items of a list below ``key``: ``waypoint-1`` without a name."""
     singular = key.removesuffix("s")
     return [
         next((str(item[k]) for k in _NAME_KEYS if item.get(k)), f"{singular}-{number}")
@@ -115,12 +114,12 @@ def item_names(items: Sequence[Mapping[str, Any]], key: str) -> list[str]:
     ]
 
 
-def split_key(known: Iterable[str], key: str, signs: str = ".") -> tuple[str, str]:
-    """Return the first part of a key and the rest; names that are ``known`` may have dots."""
-    # The longest first: "a.b" may be a name although "a" is one as well.
+def split_key(names: Iterable[str], key: str, signs: str = ".") -> tuple[str, str]:
+    """Return the first part of a key and the rest; known ``names`` may contain dots."""
+    # The longest match counts: "a.b" and "a" may both be names.
     ends = [match.start() for match in re.finditer(f"[{re.escape(signs)}]", key)] + [len(key)]
-    names = set(known)
-    end = next((end for end in reversed(ends) if key[:end] in names), ends[0])
+    known_names = set(names)
+    end = next((end for end in reversed(ends) if key[:end] in known_names), ends[0])
     return key[:end], key[end + 1 :]
 
 
@@ -133,7 +132,7 @@ def _put(data: Any, path: KeyPath, value: Any) -> None:
 
 
 def _move(places: dict[KeyPath, Where], path: KeyPath, where: Where) -> None:
-    """Put the places of a value and of what it is in where its override stands."""
+    """Give a value and the values around it the place of the override."""
     for inside in [place for place in places if place[: len(path)] == path]:
         del places[inside]
     for length in range(1, len(path) + 1):

@@ -1,6 +1,6 @@
-"""The front end of our languages: from text to textX's syntax tree, or to what is wrong with it.
+"""The front end of our languages: from text to the syntax tree of textX, or to syntax errors.
 
-A :class:`Language` is a grammar and the words in which its syntax errors are told to people.
+A :class:`Language` is a grammar together with the words for its syntax errors.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ from grammars.text.words import enumerate_words
 
 _MOST_ERRORS: Final = 20
 _LONGEST: Final = 40
-"""Characters shown of a word that is wrong."""
+"""Characters that a message quotes of a wrong word."""
 _COMMENT: Final = re.compile(r"(\"[^\"\n]*\"|'[^'\n]*')|//[^\n]*")
 
 _BRACKET: Final = re.compile(r"[()\[\]{}]")
 _EXPRESSIONS: Final = Path(__file__).with_name("expressions.tx")
 
-# textX reads every grammar with one parser of the textX language, memoised for the whole process:
-# two threads that load a language at once disturb each other's parse tree.
+# textX reads all grammars with one parser, cached for the whole process: two threads that load
+# languages at once disturb each other's parse tree.
 _TEXTX_LOCK: Final = threading.Lock()
 
 
 def load_metamodel(grammar: Path, *, classes: Sequence[type] = (), autokwd: bool = False) -> Any:
-    """Return textX's metamodel of a language; safe from any thread.
+    """Return the textX metamodel of a language; safe from any thread.
 
-    ``classes`` are made for the nodes of the rules they are named after.
+    Nodes of a rule are instances of the class in ``classes`` with the name of the rule.
     """
     from textx import metamodel_from_str
 
@@ -51,12 +51,11 @@ def load_metamodel(grammar: Path, *, classes: Sequence[type] = (), autokwd: bool
 
 
 def grammar_text(grammar: Path) -> str:
-    """Return a grammar with everything that all languages share.
+    """Return a grammar with the shared parts of all languages filled in.
 
-    ``{expressions}`` stands for those rules of ``expressions.tx`` that the grammar does not have
-    itself. In a pattern ``{unit}`` stands for a product of the units of
-    :mod:`grammars.text.units` and ``{factor}`` for one of its factors, ``{keyword}`` for any word
-    that the grammar has in quotes.
+    ``{expressions}`` stands for the rules of ``expressions.tx`` that the grammar does not define.
+    In patterns, ``{unit}`` stands for a product of units (:mod:`grammars.text.units`), ``{factor}``
+    for one factor of it, ``{keyword}`` for any quoted word of the grammar.
     """
     text = grammar.read_text(encoding="utf-8")
     if "{expressions}" in text:
@@ -71,22 +70,22 @@ def grammar_text(grammar: Path) -> str:
 
 
 def keywords_of(grammar: str) -> list[str]:
-    """Return the words that the text of a grammar has in quotes."""
+    """Return the quoted words of a grammar."""
     return sorted(set(re.findall(r"'([a-z]+)'", grammar)))
 
 
 def without_comments(text: str) -> str:
     """Return ``text`` with every comment replaced by as many blanks; quoted text stays."""
-    return _COMMENT.sub(lambda found: found[1] or " " * len(found[0]), text)
+    return _COMMENT.sub(lambda match: match[1] or " " * len(match[0]), text)
 
 
 @dataclass(frozen=True, slots=True)
 class SyntaxFault:
-    """Where a parser could not read on, and what it would have read there.
+    """The place where a parser stopped, and its expectations there.
 
-    ``word`` stands at ``offset`` of ``text`` (empty at its end), ``done`` was read before it, less
-    the blanks and comments in between. ``expected`` are the keys of what could stand there:
-    keywords and patterns as they are in the grammar, rules that have words of their own by name.
+    ``word`` stands at ``offset`` of ``text`` (empty at its end); ``done`` is the text read so far
+    without trailing blanks and comments. ``expected`` has keywords and patterns of the grammar, and
+    the names of rules that have an entry in ``Language.words``.
     """
 
     text: str
@@ -97,30 +96,30 @@ class SyntaxFault:
 
     @property
     def rest(self) -> str:
-        """The text that was not read."""
+        """The unread text."""
         return self.text[self.offset :] if self.word else ""
 
     @property
     def on_new_line(self) -> bool:
-        """Whether a line ends between what was read and what was not."""
+        """``True`` if a line ends between the read and the unread text."""
         return "\n" in without_comments(self.text[: self.offset])[len(self.done) :]
 
 
 class Language:
     """A language with a textX grammar.
 
-    Each language says in a subclass how its statements begin and how its errors read; what a word
-    is, where an error is told and how many are found in one go is decided here.
+    Subclasses define how statements begin and how errors read. This class defines words, the places
+    of errors, and how many errors one pass reports.
     """
 
     classes: ClassVar[Sequence[type]] = ()
     """Classes of nodes, named like their rules."""
     words: ClassVar[Mapping[str, str]] = {}
-    """What rules and patterns of the grammar are called in messages."""
+    """Names of rules and patterns of the grammar in messages."""
     openers: ClassVar[frozenset[str]] = frozenset()
-    """Expected keys with which a statement begins; empty where errors end no statement."""
+    """Expected keys with which a statement begins; empty if an error ends the reading."""
     token: ClassVar = re.compile(r"[+-]?[\d.]*\d[\w.]*|\w+|\S")
-    """What is shown of the text that cannot be read."""
+    """Pattern of the word that a message quotes from unreadable text."""
 
     def __init__(self, grammar: Path, *, autokwd: bool = False) -> None:
         self._grammar = grammar
@@ -139,9 +138,9 @@ class Language:
         return tree
 
     def parse_sound(self, source: SourceText, findings: Findings) -> SyntaxNode | None:
-        """Return the tree of all statements that can be read; ``None`` when reading ends early.
+        """Return the tree of all valid statements; ``None`` if reading ends early.
 
-        Each other statement adds one error: it is blanked out and the rest is read again. Raises
+        Each invalid statement adds one error, is blanked out, and the rest is read again. Raises
         :class:`InputError` for a text that is nested too deeply.
         """
         from textx import TextXSyntaxError
@@ -158,7 +157,7 @@ class Language:
             except TextXSyntaxError as error:
                 fault = self._fault(text, error)
                 findings.add([self.explain(source, fault)])
-                # What stands where a statement may begin is wrong itself; else the one before is.
+                # If a statement may begin here, this one is wrong; otherwise the previous one is.
                 last = fault.offset - self.openers.isdisjoint(fault.expected)
                 broken = next((s for s in reversed(statements) if s[0] <= last), None)
                 if broken is None:
@@ -171,31 +170,31 @@ class Language:
     def _tree(self, text: str) -> SyntaxNode:
         if not self.classes:
             return self._metamodel.model_from_str(text)
-        # While textX builds nodes of given classes it replaces methods of these classes, and counts
-        # without a lock of its own how many parsers do so at the moment.
+        # While textX builds nodes it replaces methods of their classes, and counts the parsers that
+        # do so without a lock.
         with self._lock:
             return self._metamodel.model_from_str(text)
 
     def _fault(self, text: str, error: Any) -> SyntaxFault:
         offset = min(len(text), offset_of(text, error.line, error.col))
-        found = self.token.match(text, offset)
+        word = self.token.match(text, offset)
         done = without_comments(text[:offset]).rstrip()
         keys = tuple(self._keys(error.expected_rules))
-        return SyntaxFault(text, offset, found[0] if found else "", done, keys)
+        return SyntaxFault(text, offset, word[0] if word else "", done, keys)
 
     def _keys(self, rules: Iterable[Any]) -> Iterable[str]:
-        """Return what a parser expected, each once; comments, which may stand anywhere, are not."""
+        """Return the expectations of a parser, each once, without comments."""
         keys = dict.fromkeys(
             rule.rule_name
             if rule.rule_name in self.words
             else str(getattr(rule, "to_match", rule.rule_name))
             for rule in rules
         )
-        # Rules that only look ahead match nothing.
+        # Look-ahead rules have an empty key.
         return (key for key in keys if key not in ("", "Comment") and not key.startswith(r"\/\/"))
 
     def explain(self, source: SourceText, fault: SyntaxFault) -> Finding:
-        """Return what is wrong at ``fault``: where it stands, or where something is missing."""
+        """Return the finding for ``fault``, at the wrong word or where a word is missing."""
         if self.ends_early(fault):
             last = re.split(r"\s", fault.done)[-1][-_LONGEST:]
             message = f'expected {enumerate_words(self.phrases(fault), "or")} after "{last}"'
@@ -204,30 +203,30 @@ class Language:
         return Finding(source.where(fault.offset), self.message(fault), self.hint(fault))
 
     def statement_starts(self, text: str) -> Sequence[int]:
-        """Return where the statements of ``text`` begin; none: reading ends at the first error."""
+        """Return the offsets of statements; if empty, reading ends at the first error."""
         return ()
 
     def ends_early(self, fault: SyntaxFault) -> bool:
-        """Return whether something is missing at the end of a line, whatever comes after it."""
+        """Return whether the statement is incomplete at the end of a line."""
         starts_anew = not self.openers or not self.openers.isdisjoint(fault.expected)
         return bool(fault.done) and fault.on_new_line and not starts_anew
 
     def phrases(self, fault: SyntaxFault) -> Sequence[str]:
-        """Return what could stand there, in words."""
+        """Return the expectations in words."""
         return sorted(self.words.get(key, f'"{key}"') for key in fault.expected)
 
     def message(self, fault: SyntaxFault) -> str:
-        """Return what is wrong with the word that stands there."""
-        found = f'"{fault.word[:_LONGEST]}"' if fault.word else "the end of the file"
-        return f"unexpected {found}; expected {enumerate_words(self.phrases(fault), 'or')}"
+        """Return the message about an unexpected word."""
+        word = f'"{fault.word[:_LONGEST]}"' if fault.word else "the end of the file"
+        return f"unexpected {word}; expected {enumerate_words(self.phrases(fault), 'or')}"
 
     def hint(self, fault: SyntaxFault) -> str:
-        """Return advice on ``fault``, or nothing."""
+        """Return advice on ``fault``, if any."""
         return ""
 
 
 def _deepest(source: SourceText) -> Where:
-    """Return where the innermost brackets of a text open; its start when there are none."""
+    """Return the opening of the innermost brackets of a text, otherwise its start."""
     depth, deepest, place = 0, 0, 0
     for match in _BRACKET.finditer(without_comments(source.text)):
         depth += 1 if match[0] in "([{" else -1

@@ -1,7 +1,7 @@
-"""Numbers with units: ``0.35 m``, ``20 min``, ``80 %``, read into SI values with a dimension.
+"""Numbers with units (``0.35 m``, ``20 min``, ``80 %``), read as SI values with a dimension.
 
-Angles are a dimension of their own here (a plain number is never an angle), so comparing radians
-with metres or with a bare number is an error and not a surprise.
+Angle is a dimension of its own, so comparing radians with metres or with a plain number is an
+error.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _PATTERN: Final = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A value in SI units and its dimension (a key of the table of SI units)."""
+    """A value in SI units and its dimension (a key of ``SI_UNITS``)."""
 
     value: float
     dimension: str
@@ -49,7 +49,7 @@ def read_quantity(text: str) -> Quantity:
     unit = " ".join(match["unit"].split())
     dimension = NAMES.get(read_unit(unit)[1])
     if dimension is None:
-        raise ValueError(f'"{unit}" is a unit of nothing that is measured here')
+        raise ValueError(f'"{unit}" is not a unit of any quantity used here')
     return Quantity(to_si(number, unit), dimension)
 
 
@@ -62,10 +62,10 @@ def read_as(text: str | float | int, dimension: str) -> float:
         raise ValueError(f"expected {with_article(dimension)} such as {_example(dimension)}")
     quantity = read_quantity(text) if isinstance(text, str) else Quantity(float(text), "ratio")
     if quantity.dimension != dimension:
-        given = f'"{text}"' if isinstance(text, str) else str(text)
-        has = "has no unit" if quantity.dimension == "ratio" else f"is in {quantity.unit}"
+        value = f'"{text}"' if isinstance(text, str) else str(text)
+        problem = "has no unit" if quantity.dimension == "ratio" else f"is in {quantity.unit}"
         raise ValueError(
-            f"{given} {has}, expected {with_article(dimension)} such as {_example(dimension)}"
+            f"{value} {problem}, expected {with_article(dimension)} such as {_example(dimension)}"
         )
     return quantity.value
 
@@ -74,8 +74,8 @@ def read_as(text: str | float | int, dimension: str) -> float:
 class QuantityField:
     """Marks a field that people write as a quantity of ``dimension``; JSON holds its SI value.
 
-    With ``plain``, a number without a unit is taken as SI. The JSON schema carries the mark as
-    ``quantity``, for whoever tells editors what may be written.
+    With ``plain``, a number without a unit is an SI value. The JSON schema carries the mark as
+    ``quantity``, so that editors can tell which texts are valid.
     """
 
     dimension: str
@@ -110,7 +110,7 @@ Ratio: TypeAlias = Annotated[float, QuantityField("ratio")]
 
 
 def parse_quantity(text: str, where: Where) -> Quantity:
-    """Like :func:`read_quantity`, raising :class:`InputError` with the place."""
+    """Read like :func:`read_quantity`, but raise :class:`InputError` with the place."""
     try:
         return read_quantity(text)
     except ValueError as error:
@@ -118,20 +118,20 @@ def parse_quantity(text: str, where: Where) -> Quantity:
 
 
 def parse_in(text: str, unit: str, subject: str, where: Where) -> float:
-    """Return the SI value of a quantity that must be in ``unit``, as ``subject`` is.
+    """Return the SI value of a quantity that must be in ``unit``, the unit of ``subject``.
 
     Raises :class:`InputError` with the place.
     """
-    found = parse_quantity(text, where)
-    if found.unit != unit:
-        given = "has no unit" if found.unit == "1" else f"is in {found.unit}"
-        wanted = "a plain number" if unit == "1" else f"in {unit}"
-        raise InputError.at(where, f'"{text}" {given}, {subject} is {wanted}')
-    return found.value
+    quantity = parse_quantity(text, where)
+    if quantity.unit != unit:
+        problem = "has no unit" if quantity.unit == "1" else f"is in {quantity.unit}"
+        expected = "a plain number" if unit == "1" else f"in {unit}"
+        raise InputError.at(where, f'"{text}" {problem}, {subject} is {expected}')
+    return quantity.value
 
 
 def unit_of(dimension: str) -> str:
-    """Return the SI unit values of ``dimension`` are kept in."""
+    """Return the SI unit of ``dimension``."""
     return SI_UNITS[dimension]
 
 

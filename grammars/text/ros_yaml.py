@@ -1,9 +1,8 @@
-"""ROS parameter files: the YAML that ``rosparam load`` reads, every value with its place.
+"""ROS parameter files: YAML as ``rosparam load`` reads it, with the place of every value.
 
-Robots' files are YAML 1.1 and hold what a strict reader refuses: a key twice in one mapping (ROS
-takes the last one), ``yes`` for true, anchors, angles in degrees. All of it is read here the way
-ROS reads it; what is probably a slip is a warning. Nothing is run, and a file is bounded in
-size, depth and number of values. PyYAML is what rosparam reads with.
+These files are YAML 1.1 with duplicate keys (ROS takes the last one), ``yes`` for true, anchors
+and angles in degrees. This reader follows ROS, which uses PyYAML too, and warns of probable
+mistakes. It runs no code and bounds size, depth and number of values.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from grammars.text.yaml_composer import mark_place, yaml_loader
 
 _DEEPEST: Final = 20
 _MOST_VALUES: Final = 20_000
-"""More than any robot has; aliases of aliases end here."""
+"""More values than any robot has; this bounds nested aliases."""
 _PLAIN: Final = frozenset(f"tag:yaml.org,2002:{kind}" for kind in ("bool", "int", "float", "str"))
 _COLLECTIONS: Final = frozenset(f"tag:yaml.org,2002:{kind}" for kind in ("map", "seq"))
 _NULL: Final = "tag:yaml.org,2002:null"
@@ -44,10 +43,10 @@ _ARITHMETIC: Final[dict[type[ast.operator], Callable[[float, float], float]]] = 
 
 @dataclass(frozen=True, slots=True)
 class ParameterValue:
-    """A value and where it stands; a list is one value.
+    """A value and its place; a list is one value.
 
-    ``missing`` says what keeps it from being the value meant, if anything does; ``inside`` holds
-    the places of what is in a list, by the way to it.
+    ``missing`` has the reasons why the value is unknown, if any; ``inside`` maps the paths inside
+    a list to their places.
     """
 
     value: Any
@@ -57,13 +56,13 @@ class ParameterValue:
 
 
 Locate: TypeAlias = Callable[[int, int], Where]
-"""Where in a file a line and column (from 1) of a text stands that is a part of it."""
+"""Maps a line and column (from 1) of a part of a file to the place in that file."""
 
 
 def load_ros_yaml(path: str | Path) -> tuple[YamlDocument, tuple[Finding, ...]]:
     """Read a ROS parameter file; the second value holds warnings.
 
-    Raises :class:`InputError` for what is no YAML, no mapping, or larger than files of people.
+    Raises :class:`InputError` for invalid YAML, anything but a mapping, and too large files.
     """
     return parse_ros_yaml(read_text(path), str(path))
 
@@ -73,8 +72,8 @@ def parse_ros_yaml(
 ) -> tuple[YamlDocument, tuple[Finding, ...]]:
     """Parse the text of a ROS parameter file; ``file`` is the name used in messages.
 
-    ``locate`` places a text that is a part of its file. With ``any_value`` the text may be a
-    list or a single value as well, otherwise it is a mapping.
+    ``locate`` places a text that is a part of its file. With ``any_value``, the text may also be a
+    list or a single value instead of a mapping.
     """
     whole = SourceText(text, file)
 
@@ -103,7 +102,7 @@ def parse_ros_yaml(
 
 
 def _refuse_monstrous(events: Iterable[Any], place: Callable[[Any], Where]) -> None:
-    """Refuse what is too large or too deep, before it is put together: that recurses."""
+    """Refuse too large or too deep documents before composing them, which recurses."""
     depth = 0
     for count, event in enumerate(events):
         if isinstance(event, yaml.CollectionStartEvent):
@@ -145,7 +144,7 @@ class _RosYamlReader:
         return self.scalar(node)
 
     def mapping(self, node: Any, path: KeyPath) -> dict[str, Any]:
-        """Return a mapping; of a name written twice ROS takes the last value."""
+        """Return a mapping; for a duplicate name ROS takes the last value."""
         result: dict[str, Any] = {}
         for key, value in self.pairs(node):
             name = str(key.value)
@@ -160,7 +159,7 @@ class _RosYamlReader:
         return result
 
     def pairs(self, node: Any) -> list[tuple[Any, Any]]:
-        """Return keys and values, those that ``<<`` brings in first."""
+        """Return keys and values, first those merged by ``<<``."""
         own, merged = [], []
         for key, value in node.value:
             if key.id != "scalar":
@@ -172,55 +171,54 @@ class _RosYamlReader:
                 if part.id != "mapping":
                     raise InputError.at(self.place(part), "<< takes mappings only")
                 merged += part.value
-        # What a mapping says itself wins over what << brings in, wherever the << stands.
+        # Keys of the mapping itself win over merged ones, wherever the << stands.
         names = {key.value for key, _ in own}
         return [pair for pair in merged if pair[0].value not in names] + own
 
     def scalar(self, node: Any) -> Any:
-        """Return a number, text or truth value as YAML 1.1 reads it."""
+        """Return a number, text or truth value by the rules of YAML 1.1."""
         if node.tag == _NULL:
-            raise InputError.at(self.place(node), "is no value", _NO_VALUE)
+            raise InputError.at(self.place(node), "has no value", _NO_VALUE)
         if node.tag in _ANGLE_TAGS:
-            written = _ANGLE.match(node.value.strip())
-            text = node.value if written is None else written[2]
-            return self.angle(node, _ANGLE_TAGS[node.tag], text)
+            match = _ANGLE.match(node.value.strip())
+            return self.angle(node, _ANGLE_TAGS[node.tag], match[2] if match else node.value)
         if node.tag not in _PLAIN:
-            # A date stays the text it is: no parameter of a robot is one.
+            # Dates are text: no parameter of a robot is a date.
             if node.tag == _DATE:
                 return str(node.value)
             raise InputError.at(self.place(node), f"tag {node.tag} is not read here")
-        found = _ANGLE.match(node.value) if node.tag.endswith(":str") else None
-        if found:
-            return self.angle(node, found[1], found[2])
+        match = _ANGLE.match(node.value) if node.tag.endswith(":str") else None
+        if match:
+            return self.angle(node, match[1], match[2])
         try:
             return self.constructor.construct_object(node)
         except (ValueError, LookupError) as error:
-            message = f'"{node.value}" is no {node.tag.rpartition(":")[2]}'
+            message = f'"{node.value}" is not a valid {node.tag.rpartition(":")[2]}'
             raise InputError.at(self.place(node), message) from error
 
     def angle(self, node: Any, unit: str, text: str) -> float:
-        """Return an angle in radians; one in radians may be worked out of pi, as in rad(pi/2)."""
+        """Return an angle in radians; radians may be arithmetic with pi, such as rad(pi/2)."""
         try:
             return math.radians(float(text)) if unit == "deg" else _work_out(text)
         except (ValueError, ArithmeticError) as error:
-            raise InputError.at(self.place(node), f'"{text}" is no angle') from error
+            raise InputError.at(self.place(node), f'"{text}" is not an angle') from error
 
     def forget(self, path: KeyPath) -> None:
-        """Drop the places of a value that another one replaces."""
+        """Remove the places of a replaced value."""
         for place in [p for p in self.places if p[: len(path)] == path]:
             del self.places[place]
 
     def place(self, node: Any) -> Where:
-        """Return where a node begins."""
+        """Return the start of a node."""
         return self.locate(node.start_mark)
 
     def warn(self, node: Any, message: str, hint: str) -> None:
-        """Note something that reads well and is probably a slip."""
+        """Add a warning about valid input that is probably a mistake."""
         self.warnings.append(Finding(self.place(node), message, hint, Severity.WARNING))
 
 
 def _work_out(text: str) -> float:
-    """Return the value of numbers and pi with + - * /; raises ``ValueError``."""
+    """Evaluate an expression of numbers, pi and + - * /; raises ``ValueError``."""
     if len(text) > _LONGEST_ANGLE:
         raise ValueError("too long to be an angle")
     try:

@@ -1,7 +1,7 @@
-"""Files that people name: whether they are there, and their text, within bounds.
+"""Bounded reading of files that people name.
 
-What a file names may be a folder, a pipe that never ends, a name too long for any file system or a
-circle of links: none of that is an error of the machine, and all of it is said to people.
+A path may lead to a folder, an endless pipe or a circle of links, or be too long for the file
+system. All of these are reported as errors of the input.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Final
 from grammars.text.diagnostics import InputError, Where, did_you_mean
 
 MAX_BYTES: Final = 8 * 1024 * 1024
-"""A file written by a person is never larger than this; a larger one is refused."""
+"""Largest accepted file [bytes]; files written by people are smaller."""
 _JSONLD: Final = (".jsonld", ".json")
 _MOST_NEIGHBOURS: Final = 2_000
 _REASONS: Final = {
@@ -29,23 +29,23 @@ _REASONS: Final = {
 
 
 _read: ContextVar[dict[Path, None] | None] = ContextVar("read", default=None)
-"""The files that are read, where somebody wants to know."""
+"""The files read so far, while :func:`recording_reads` is active."""
 
 
 @contextmanager
 def recording_reads() -> Iterator[dict[Path, None]]:
-    """Give the files that people named and that are read meanwhile by this thread, in order."""
-    found: dict[Path, None] = {}
-    token = _read.set(found)
+    """Yield a record of the named files that this thread reads during the block, in order."""
+    reads: dict[Path, None] = {}
+    token = _read.set(reads)
     try:
-        yield found
+        yield reads
     finally:
         _read.reset(token)
 
 
 @contextmanager
 def not_recording() -> Iterator[None]:
-    """Read files meanwhile that say nothing about what is made: they are not recorded."""
+    """Pause :func:`recording_reads`: files read in the block do not affect the result."""
     token = _read.set(None)
     try:
         yield
@@ -54,23 +54,23 @@ def not_recording() -> Iterator[None]:
 
 
 def note_read(path: Path) -> None:
-    """Say that a file is going to be read."""
-    read = _read.get()
-    if read is not None:
-        read[path] = None
+    """Record that a file is going to be read."""
+    reads = _read.get()
+    if reads is not None:
+        reads[path] = None
 
 
 def is_file(path: Path) -> bool:
-    """Return whether there is an ordinary file of a name, however that name looks."""
+    """Return whether a path is a regular file; ``False`` for impossible names."""
     try:
         return path.is_file()
     except (OSError, ValueError):
-        # Longer than the file system takes, or with a zero byte: no file has such a name.
+        # Too long for the file system, or with a zero byte.
         return False
 
 
 def is_folder(path: Path) -> bool:
-    """Return whether there is a folder of a name, however that name looks."""
+    """Return whether a path is a folder; ``False`` for impossible names."""
     try:
         return path.is_dir()
     except (OSError, ValueError):
@@ -78,43 +78,42 @@ def is_folder(path: Path) -> bool:
 
 
 def is_jsonld(path: Path) -> bool:
-    """Return whether a path is a JSON-LD file by its ending, or a folder that holds some."""
+    """Return whether a path has a JSON-LD ending or is a folder of JSON-LD files."""
     return bool(model_files(path)) if is_folder(path) else path.suffix in _JSONLD
 
 
 def model_files(path: Path) -> tuple[Path, ...]:
-    """Return the file that a path names, or the files of a folder in order.
+    """Return the file that a path names, or the JSON-LD files of a folder in order.
 
-    Of a folder these are the ``.json`` files, otherwise the ``.jsonld`` files: an export of ours
-    has the same plan both ways.
+    A folder with ``.json`` files yields only these: our export writes each plan with both endings.
     """
     if not is_folder(path):
         return (path,)
     for ending in reversed(_JSONLD):
-        found = sorted(file for file in path.iterdir() if file.suffix == ending)
-        if found:
-            return tuple(found)
+        files = sorted(file for file in path.iterdir() if file.suffix == ending)
+        if files:
+            return tuple(files)
     return ()
 
 
-def names_in(folder: Path, wanted: Callable[[Path], bool] = is_file) -> list[str]:
-    """Return names in a folder, those of files; none when it cannot be read."""
+def names_in(folder: Path, accept: Callable[[Path], bool] = is_file) -> list[str]:
+    """Return the names of files in a folder; an empty list if the folder cannot be read."""
     try:
-        return [path.name for path in islice(folder.iterdir(), _MOST_NEIGHBOURS) if wanted(path)]
+        return [path.name for path in islice(folder.iterdir(), _MOST_NEIGHBOURS) if accept(path)]
     except (OSError, ValueError):
         return []
 
 
 def _inside(folder: Path) -> str:
-    """Suggest the campaign that lies in a folder, which is what people mean by it."""
+    """Suggest the campaign in a folder: people name the folder and mean the campaign."""
     campaign = folder / "campaign.yaml"
     return f'did you mean "{campaign}"?' if is_file(campaign) else ""
 
 
-def refuse_unreadable(path: str | Path, what: str = "the file", most: int = MAX_BYTES) -> None:
-    """Raise :class:`InputError` for what is no ordinary file of at most ``most`` bytes.
+def refuse_unreadable(path: str | Path, label: str = "the file", most: int = MAX_BYTES) -> None:
+    """Raise :class:`InputError` unless ``path`` is a regular file of at most ``most`` bytes.
 
-    A pipe or a device may have no end. ``what`` the file is, such as ``the plan``, is said.
+    Pipes and devices may have no end. ``label`` names the file in messages: ``the plan``.
     """
     file, where = Path(path), Where(str(path))
     note_read(file)
@@ -123,22 +122,22 @@ def refuse_unreadable(path: str | Path, what: str = "the file", most: int = MAX_
     except FileNotFoundError:
         raise InputError.at(where, "no such file", _neighbours(file)) from None
     except (OSError, ValueError) as error:
-        raise InputError.at(where, f"{what} cannot be read: {reason_of(error)}") from error
+        raise InputError.at(where, f"{label} cannot be read: {reason_of(error)}") from error
     if stat.S_ISDIR(status.st_mode):
         raise InputError.at(where, "is a folder, expected a file", _inside(file))
     if not stat.S_ISREG(status.st_mode):
-        raise InputError.at(where, "is no ordinary file", "copy what it holds into one")
+        raise InputError.at(where, "is not a regular file", "copy its content into a file")
     if status.st_size > most:
         size = f"{most >> 20} MiB" if most >= 1 << 20 else f"{most} bytes"
         raise InputError.at(where, f"is larger than {size}")
 
 
-def read_text(path: str | Path, what: str = "the file", *, keep_line_ends: bool = False) -> str:
-    """Return the text (UTF-8) of a file that a person wrote, its lines ended by ``\\n``.
+def read_text(path: str | Path, label: str = "the file", *, keep_line_ends: bool = False) -> str:
+    """Return the UTF-8 text of a file that a person wrote, with ``\\n`` as line end.
 
-    ``keep_line_ends`` leaves them as they are. Raises :class:`InputError` when it cannot be read.
+    ``keep_line_ends`` keeps other line ends. Raises :class:`InputError` for unreadable files.
     """
-    refuse_unreadable(path, what)
+    refuse_unreadable(path, label)
     try:
         # Editors on Windows begin a file with a byte order mark.
         newline = "" if keep_line_ends else None
@@ -146,16 +145,16 @@ def read_text(path: str | Path, what: str = "the file", *, keep_line_ends: bool 
             return file.read()
     except UnicodeDecodeError as error:
         raise InputError.at(
-            Where(str(path)), f"{what} is not UTF-8 text (byte {error.start})", "save it as UTF-8"
+            Where(str(path)), f"{label} is not UTF-8 text (byte {error.start})", "save it as UTF-8"
         ) from None
     except OSError as error:
         raise InputError.at(
-            Where(str(path)), f"{what} cannot be read: {reason_of(error)}"
+            Where(str(path)), f"{label} cannot be read: {reason_of(error)}"
         ) from error
 
 
 def reason_of(error: OSError | ValueError) -> str:
-    """Return in a few words why a file cannot be reached."""
+    """Return a short reason why a file cannot be reached."""
     number = getattr(error, "errno", None)
     return _REASONS.get(number or 0) or getattr(error, "strerror", None) or str(error)
 
@@ -169,5 +168,5 @@ def _neighbours(file: Path) -> str:
 
 def shipped_folder() -> Path:
     """Return the folder of the campaigns, robots and systems that ship with the project."""
-    # The packages of the project lie beside each other, in a checkout and installed.
+    # The packages of the project are siblings, both in a checkout and installed.
     return Path(__file__).resolve().parents[2] / "campaigns"

@@ -1,7 +1,7 @@
-"""Units people write, in every language alike: words, their products, and both in SI.
+"""Units of all languages: unit words, their products, and conversion to SI.
 
-The words are those of length, angle, time, mass, frequency and force, with the prefixes milli,
-centi and kilo. Products such as ``N m s/rad`` follow from them.
+Words exist for length, angle, time, mass, frequency and force, with the prefixes milli, centi and
+kilo. Products such as ``N m s/rad`` combine them.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Dimension:
         return f"{' '.join(above) or '1'}/{'/'.join(below)}" if below else " ".join(above)
 
     def factors(self, sign: int = 1) -> list[str]:
-        """Return the powers of base units, ``m``, ``s^2``, whose exponents have this sign."""
+        """Return the powers of base units (``m``, ``s^2``) whose exponents have this sign."""
         powers = zip(("m", "rad", "s", "kg"), self.exponents, strict=True)
         signed = ((unit, power * sign) for unit, power in powers if power * sign > 0)
         return [unit if power == 1 else f"{unit}^{power:g}" for unit, power in signed]
@@ -83,7 +83,7 @@ SI_UNITS: Final = {
     "noise per root angle": "rad/rad^0.5",
     "drift per root length": "rad/m^0.5",
 }
-"""The dimensions people write, each with the SI unit its values are kept in."""
+"""SI unit of each named dimension."""
 
 _PREFIXES: Final = (("milli", "m", 1e-3), ("centi", "c", 1e-2), ("kilo", "k", 1e3))
 _DEGREE: Final = math.pi / 180.0
@@ -91,7 +91,7 @@ _DEGREE: Final = math.pi / 180.0
 
 @dataclass(frozen=True, slots=True)
 class _BaseUnit:
-    """Words for one unit, its factor to SI, and whether they take prefixes."""
+    """Names and symbols of one unit, its factor to SI, and whether prefixes are allowed."""
 
     names: tuple[str, ...]
     symbols: tuple[str, ...]
@@ -126,12 +126,12 @@ def _words() -> dict[str, tuple[float, Dimension]]:
 
 
 UNIT_WORDS: Final = _words()
-"""Factor to SI and dimension of every word that is a unit."""
+"""Factor to SI and dimension of every unit word."""
 _COMMON: Final = ("m", "cm", "s", "min", "rad", "deg", "kg", "N", "N m", "Hz", "m/s", "rad/s")
 
 
 def words_of(*dimensions: Dimension) -> str:
-    """Return a regular expression for the unit words of some dimensions, or of all."""
+    """Return a regular expression for the unit words of the given dimensions, or of all."""
     bases = [base for base in _BASES if not dimensions or base.dimension in dimensions]
     forms = []
     for prefixed, long, short in ((True, "(?:milli|centi|kilo)?", "[mck]?"), (False, "", "")):
@@ -142,15 +142,15 @@ def words_of(*dimensions: Dimension) -> str:
     return f"(?:{'|'.join(forms)})"
 
 
-# Powers are bounded, and so is the number of factors: a file from elsewhere may hold anything.
+# Powers and the number of factors are bounded, since files may come from untrusted sources.
 _POWER: Final = r"(?:\^(?:[1-4](?:\.\d)?|0?\.5)|[²³])?"
 FACTOR: Final = rf"{words_of()}(?![^\W²³]){_POWER}"
 """Regular expression for a unit word and its power."""
 UNIT: Final = rf"{FACTOR}(?:(?:[ \t]*[*/][ \t]*|[ \t]+){FACTOR}){{0,5}}"
-"""Regular expression for a product of units; it ends before the next word of a sentence."""
+"""Regular expression for a product of units; the match ends before the next word of a sentence."""
 _WRITTEN: Final = r"(?:[A-Za-z°]+|%)(?:\^[\d.]+|[²³])?"
 WRITTEN_UNIT: Final = rf"{_WRITTEN}(?:(?:\s*[*/]\s*|\s+){_WRITTEN}){{0,5}}"
-"""Regular expression for what looks like a unit, also one that nobody knows."""
+"""Regular expression for anything that looks like a unit, known or unknown."""
 _PART: Final = re.compile(
     rf"(?P<by>[ \t]*[*/][ \t]*|[ \t]+|^)(?P<word>[A-Za-z°]+|%)(?P<power>{_POWER})"
 )
@@ -160,7 +160,7 @@ _MOST_FACTORS: Final = 6
 
 @functools.cache
 def read_unit(text: str) -> tuple[float, Dimension]:
-    """Return (factor to SI, dimension) of a product of units; an empty text is a plain number.
+    """Return the factor to SI and the dimension of a product of units; no text is a plain number.
 
     Raises :class:`ValueError` with a message for people.
     """
@@ -188,12 +188,12 @@ def to_si(number: float, unit: str) -> float:
     """Return the SI value of a number in a unit."""
     factor, _ = read_unit(unit)
     inverse = round(1.0 / factor)
-    # Dividing is exact where multiplying is not: 95 % is 0.95, not 0.9500000000000001.
+    # Division is exact where multiplication is not: 95 % is 0.95, not 0.9500000000000001.
     return number / inverse if _is_inverse(inverse, factor) else number * factor
 
 
 def from_si(value: float, unit: str) -> float:
-    """Return the number that means an SI value in a unit."""
+    """Return an SI value as a number of ``unit``."""
     factor, _ = read_unit(unit)
     inverse = round(1.0 / factor)
     return value * inverse if _is_inverse(inverse, factor) else value / factor
@@ -206,6 +206,6 @@ def _is_inverse(inverse: int, factor: float) -> bool:
 DIMENSIONS: Final = {
     name: RATIO if unit == "1" else read_unit(unit)[1] for name, unit in SI_UNITS.items()
 }
-"""The dimensions by name."""
+"""Dimensions by name."""
 NAMES: Final = {dimension: name for name, dimension in DIMENSIONS.items()}
-"""The names of dimensions."""
+"""Names of dimensions."""

@@ -20,25 +20,22 @@ def count_noun(number: int, noun: str, plural: str = "") -> str:
 
 
 def enumerate_words(words: Sequence[str], conjunction: str = "and") -> str:
-    """Return ``a, b and c``; nothing for no words."""
+    """Return ``a, b and c``; an empty text for no words."""
     return f" {conjunction} ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
 
 
 def command_line(*words: object) -> str:
-    """Return a command for people to type, each word quoted for a shell where it has to be.
-
-    Of ``report`` and a path it is ``scenario report 'my results'``.
-    """
+    """Return a command line for people, quoted for a shell: ``scenario report 'my results'``."""
     return shlex.join(("scenario", *map(str, words)))
 
 
 def format_quantity(
     value: float | None, unit: str = "", *, signed: bool = False, digits: int = 3
 ) -> str:
-    """Return a value in so many significant digits with its unit: ``+0.0312 m``; ``–`` for none.
+    """Return a value with its unit and ``digits`` significant digits: ``+0.0312 m``; ``–`` if none.
 
-    Less than a millionth of a unit is 0 and keeps its sign: a limit may be broken by that.
-    Numbers without a unit may be as small as they like.
+    Values with a unit below a millionth of it read as 0 but keep their sign, since they may still
+    break a limit.
     """
     if value is None or math.isnan(value):
         return NOTHING
@@ -46,11 +43,11 @@ def format_quantity(
     if math.isinf(value):
         return f"{sign}∞" if value > 0 else "−∞"
     bare = unit in ("", "1")
-    # The margin of a strict limit that is met exactly is less than nothing, by nothing.
+    # An exactly met strict limit has a margin just below 0: the smallest negative numbers.
     zero = abs(value) < (sys.float_info.min * 2 if bare else _ZERO)
     rounded = math.copysign(0.0, value) if zero else value
     number = f"{rounded:{sign}.{digits}g}"
-    # The format turns to powers of ten early; up to a million digits are read faster.
+    # "g" switches to powers of ten early; below a million, plain digits read faster.
     if "e" in number and 1e-4 <= abs(value) < 1e6:
         number = f"{value:{sign}.0f}"
     elif "e-" in number and not bare:
@@ -60,7 +57,7 @@ def format_quantity(
 
 
 def duration_text(seconds: float | None) -> str:
-    """Return a span of time: ``8 s``, ``3 min 20 s``, ``2 h 05 min``, ``2 d 7 h``."""
+    """Return a duration as ``8 s``, ``3 min 20 s``, ``2 h 05 min`` or ``2 d 7 h``."""
     if seconds is None or not math.isfinite(seconds):
         return NOTHING
     whole = max(0, round(seconds))

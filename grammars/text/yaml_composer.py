@@ -1,8 +1,7 @@
-"""From the text of a YAML 1.2 document to plain data, with the place of every key and list item.
+"""Reader of YAML 1.2 documents: plain data with the place of every key and list item.
 
-Events come from PyYAML: by libyaml, or by its own parser where it was built without. What a plain
-scalar means is said in this module alone: YAML 1.2, core schema, with underscores in numbers and
-binary numbers as well.
+PyYAML yields the events, by libyaml or by its own parser. This module alone defines the meaning of
+plain scalars: YAML 1.2, core schema, plus underscores in numbers and binary numbers.
 """
 
 from __future__ import annotations
@@ -20,50 +19,50 @@ KeyPath: TypeAlias = tuple[Key, ...]
 Places: TypeAlias = dict[KeyPath, Where]
 
 _DEEPEST: Final = 50
-"""Levels of nesting: reading recurses, and nobody follows a file that deep."""
+"""Levels of nesting at most: reading recurses."""
 _MOST_NODES: Final = 150_000
-"""Keys and values of a document; more are refused: no campaign of people comes near."""
+"""Keys and values of a document at most, far more than a real campaign has."""
 _LARGEST: Final = 2**64
-"""Whole numbers from here on fit no 64 bits, neither in a ledger nor in what reads our JSON."""
+"""The first whole number that does not fit into 64 bits, as ledgers and readers of JSON need."""
 _LONGEST_NUMBER: Final = 400
 _MOST_FINDINGS: Final = 20
 
 _CONTROL: Final = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-"""What YAML 1.2 allows in no document, escaped in quotes aside."""
+"""Characters that YAML 1.2 allows only as escapes in quotes."""
 
 
 def compose(text: str, file: str) -> tuple[Any, Places]:
     """Return the data of a document and the places in it; ``file`` is its name in messages.
 
-    Data are dicts with text as keys, lists, text, numbers, truth values and ``None``. The place of
-    a value in a mapping is that of its key. Raises :class:`InputError` with line and column for
-    what is no YAML, is written twice, no text as a key, nested or larger than a person writes it,
-    and for aliases, merge keys and tags.
+    Data are dicts with text keys, lists, text, numbers, truth values and ``None``. The place of a
+    value in a mapping is that of its key. Raises :class:`InputError` with line and column for
+    invalid YAML, duplicate keys, keys other than text, too deep or too large documents, aliases,
+    merge keys and tags.
     """
     source = SourceText(text, file)
     control = _CONTROL.search(text)
     if control is not None:
         sign = f"U+{ord(control[0]):04X}"
         message = f"is not valid YAML: holds the control character {sign}"
-        raise InputError.at(source.where(control.start()), message, "take it out")
+        raise InputError.at(source.where(control.start()), message, "remove it")
     composer = _Composer(source)
     try:
         return composer.read(yaml.parse(text, Loader=yaml_loader()))
     except yaml.YAMLError as error:
         raise InputError(_explain(source, error)) from None
     except (ValueError, OverflowError) as error:
-        # Its scanner has no words of its own for the escape of a sign there is none of.
+        # The scanner raises plain errors for escapes of characters that do not exist.
         message = f"is not valid YAML: {error}"
         raise InputError.at(composer.last_place, message) from None
 
 
 def yaml_loader() -> Any:
-    """Return PyYAML's loader on libyaml, its own where the wheel came without."""
+    """Return PyYAML's loader on libyaml, or its own loader if the wheel has no libyaml."""
     return getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 class _Composer:
-    """Reads the events of one document; what can be said of several places is said at once."""
+    """Reads the events of one document and collects findings that do not end the reading."""
 
     def __init__(self, source: SourceText) -> None:
         self.last_place = source.where(0)
@@ -74,7 +73,7 @@ class _Composer:
         self._nodes = 0
 
     def read(self, events: Iterator[Any]) -> tuple[Any, Places]:
-        """Return data and places; raises :class:`InputError` and what reading events raises."""
+        """Return data and places; raises :class:`InputError` and the errors of the events."""
         self._events = events
         data, documents = None, 0
         for event in events:
@@ -83,7 +82,7 @@ class _Composer:
                 documents += 1
                 if documents > 1:
                     message = "is not valid YAML: a second document begins here (---)"
-                    raise InputError.at(self._place(event), message, "write a file for each")
+                    raise InputError.at(self._place(event), message, "write each in its own file")
                 data = self._value(next(events), ())
         if self._findings:
             raise InputError(self._findings)
@@ -103,7 +102,7 @@ class _Composer:
                 return self._mapping(path)
 
     def _check(self, event: Any, depth: int) -> Where:
-        """Refuse what nobody writes to be read: aliases, merges, tags, endless nesting."""
+        """Refuse aliases, merge keys, tags and excessive nesting or size."""
         where = self.last_place = self._place(event)
         self._nodes += 1
         name = type(event).__name__
@@ -111,7 +110,7 @@ class _Composer:
             raise InputError.at(
                 where,
                 "YAML aliases (*name) are not used here",
-                'write it out again; a scenario shares what another says with "like: <scenario>"',
+                'repeat the value; a scenario can extend another one with "like: <scenario>"',
             )
         if event.tag is not None:
             raise InputError.at(where, f"YAML tags ({event.tag}) are not used here")
@@ -132,7 +131,7 @@ class _Composer:
         else:
             value = read_plain(event.value)
         if isinstance(value, int) and abs(value) >= _LARGEST:
-            self._note(where, "is a number too large to be meant")
+            self._note(where, "this number is too large")
         return value
 
     def _sequence(self, path: KeyPath) -> list[Any]:
@@ -156,15 +155,15 @@ class _Composer:
         return result
 
     def _key(self, event: Any, path: KeyPath, where: Where) -> str:
-        """Return a key; one that is no text is noted, and the text it is written as returned."""
+        """Return a key as text; report a key that is not text."""
         value = self._value(event, (*path, ""))
         if isinstance(value, str):
             return value
-        written = source_at(self._source.text, where, _KEY) or str(value)
-        message = f"key {written} is {kind_of(value)}, not text"
-        hint = "" if isinstance(value, list | dict) else f'write it as "{written}"'
+        text = source_at(self._source.text, where, _KEY) or str(value)
+        message = f"key {text} is {kind_of(value)}, not text"
+        hint = "" if isinstance(value, list | dict) else f'write it as "{text}"'
         self._note(where, message, hint)
-        return written
+        return text
 
     def _note(self, where: Where, message: str, hint: str = "") -> None:
         if len(self._findings) < _MOST_FINDINGS:
@@ -190,7 +189,7 @@ _BASES: Final = {"": 10, "0b": 2, "0o": 8, "0x": 16}
 
 
 def read_plain(text: str) -> str | int | float | bool | None:
-    """Return what a scalar without quotes means in YAML 1.2; dates are text."""
+    """Return the YAML 1.2 value of a scalar without quotes; dates are text."""
     if not text or text[0] not in _FIRST:
         return None if text in _NOTHING else _TRUTH.get(text, text)
     if _FLOAT.fullmatch(text):
@@ -210,7 +209,7 @@ def _is_number(text: str) -> bool:
 
 
 def kind_of(value: Any) -> str:
-    """Return what YAML took something for that a person may have meant as text."""
+    """Return a phrase for the YAML type of a value."""
     if isinstance(value, bool):
         return "true or false"
     if isinstance(value, int | float):
@@ -222,9 +221,9 @@ _KEY: Final = re.compile(r"[^\s:]+")
 
 
 def source_at(text: str, where: Where, pattern: re.Pattern[str]) -> str:
-    """Return what the file says at a place, empty when it is not what the pattern expects."""
-    found = pattern.match(source_line(text, where), max(0, where.column - 1))
-    return "" if found is None else found[found.lastindex or 0]
+    """Return the match of ``pattern`` (its last group) at a place, empty if there is none."""
+    match = pattern.match(source_line(text, where), max(0, where.column - 1))
+    return "" if match is None else match[match.lastindex or 0]
 
 
 def source_line(text: str, where: Where) -> str:
@@ -235,11 +234,11 @@ def source_line(text: str, where: Where) -> str:
 
 def mark_place(source: SourceText, mark: Any) -> Where:
     """Return the place of a mark of PyYAML."""
-    # Its offset alone: YAML 1.1 ends lines at U+0085, U+2028 and U+2029 too, where editors do not.
+    # Use only its offset: YAML 1.1 also ends lines at U+0085, U+2028 and U+2029, unlike editors.
     return source.where(min(mark.index, len(source.text)))
 
 
-# PyYAML tells its errors apart by nothing but their text.
+# Only the text tells PyYAML's errors apart.
 _REMEDIES: Final = (
     ("found character", "", "put quotes around a value that starts with @ ` % & or *"),
     ("line break", "a value starts with > or |", "put the value in quotes"),
@@ -250,11 +249,11 @@ _REMEDIES: Final = (
         "put text with a colon in quotes",
     ),
 )
-"""What YAML's own messages mean to a person: part of the message, our words, what to do."""
+"""Part of a message of PyYAML, our message (empty: the same), hint."""
 
 
 def _explain(source: SourceText, error: Any) -> Finding:
-    """Return what is wrong in the words of people."""
+    """Return the finding for an error of PyYAML."""
     mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
     if mark is None:
         first_line = str(error).splitlines()[0] if str(error) else type(error).__name__
@@ -262,7 +261,7 @@ def _explain(source: SourceText, error: Any) -> Finding:
         return Finding(source.where(position or 0), f"is not valid YAML: {first_line}")
     where = mark_place(source, mark)
     problem = str(error.problem or error.context or "is not valid YAML").splitlines()[0]
-    # libyaml and PyYAML's own parser say these two in words that have nothing in common.
+    # libyaml and PyYAML's own parser have different messages for these two.
     if source.text.startswith("\t", mark.index):
         return Finding(where, "is not valid YAML: indents with a tab", "indent with spaces")
     if mark.index >= len(source.text) and "expected" in problem.split():

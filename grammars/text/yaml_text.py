@@ -1,4 +1,4 @@
-"""Values as YAML that the readers of this project, and any other, read as the same values."""
+"""Writer of YAML that every reader reads back as the same values."""
 
 from __future__ import annotations
 
@@ -14,14 +14,13 @@ _PLAIN_WORDS: Final = re.compile(
     r"(?:-?[0-9]|[A-Za-z_]|\.\./)[A-Za-z0-9_./^%+-]*(?: [A-Za-z0-9_./^%*+<>=-]+)*\Z"
 )
 _FLAGS: Final = frozenset({"yes", "no", "on", "off"})
-"""Text to YAML 1.2 and flags to older readers."""
+"""Words that are text in YAML 1.2 and flags for older readers."""
 
 
 def yaml_text(tree: Mapping[str, Any], indent: str = "", *, plain: bool = False) -> str:
-    """Return mappings as block YAML, everything else as JSON, which YAML 1.2 reads the same.
+    """Return mappings as block YAML and all other values as JSON, which is valid YAML 1.2.
 
-    JSON writes the shortest text that reads back as the same number: the run is the very same.
-    With ``plain`` text and keys that can do without are written without quotes.
+    Numbers read back exactly. With ``plain``, text and keys have quotes only where required.
     """
     lines = []
     for key, value in tree.items():
@@ -37,7 +36,7 @@ def yaml_text(tree: Mapping[str, Any], indent: str = "", *, plain: bool = False)
 
 
 def comment_text(text: str) -> str:
-    """Return text as lines of a comment, empty when there is none."""
+    """Return text as comment lines."""
     return "".join(f"# {line}".rstrip() + "\n" for line in text.splitlines())
 
 
@@ -56,13 +55,13 @@ def flow_text(value: Any, plain: bool) -> str:
     if plain and isinstance(value, str) and not _quoted(value):
         return value
     if isinstance(value, float):
-        # YAML 1.1 takes 1e-07 for text.
+        # YAML 1.1 reads 1e-07 as text.
         return re.sub(r"^(-?[0-9]+)e", r"\1.0e", json.dumps(value))
     return json.dumps(value, ensure_ascii=False)
 
 
 def _quoted(text: str) -> bool:
-    """Return whether a text would be something else without quotes."""
+    """Return whether a text has another meaning without quotes."""
     if not _PLAIN_WORDS.match(text) or text.lower() in _FLAGS:
         return True
     return read_plain(text) != text

@@ -1,10 +1,10 @@
-"""Variation language: families of floor plans, drawn from distributions, that still make sense.
+"""Variation language: families of sound floor plans, drawn from distributions.
 
-A ``.variation`` file imports one plan and says what differs between its variants::
+A ``.variation`` file imports one plan and describes the differences between its variants::
 
     import "kitchen.fpm"
 
-    let wide = uniform(0.8 m .. 1.4 m)               // one draw, used wherever it is named
+    let wide = uniform(0.8 m .. 1.4 m)               // one draw, used by name
 
     ceiling: uniform([2.4, 2.7, 3.0])                // a variable of the plan, one of a list
     corridor: {
@@ -18,23 +18,24 @@ A ``.variation`` file imports one plan and says what differs between its variant
     require corridor.area >= 12 m^2                  // draw again until all of these hold
     require distance(hall.pillar, door) > 0.8 m
 
-Spaces and openings are addressed by their names, features by ``space.feature``, variables of the
-plan by their names alone. Numbers without a unit are in the unit of the plan's text. In a
-``require`` stand numbers, named draws, variables, attributes (``door.shape.width``) and measures:
-``area``, ``perimeter``, ``thickness`` and ``height`` of a space, ``width``, ``height``, ``depth``
-and ``sill`` of an opening, ``height`` of a feature, ``distance(a, b)`` between two elements; with
-``+ - * /``, ``abs``, ``min``, ``max``, comparisons, ``and``, ``or`` and ``not``.
+Spaces, openings and variables are addressed by name, features by ``space.feature``. Numbers without
+a unit are in the unit of the plan's text. A ``require`` has numbers, named draws, variables,
+attributes (``door.shape.width``) and measures: ``area``, ``perimeter``, ``thickness`` and
+``height`` of a space, ``width``, ``height``, ``depth`` and ``sill`` of an opening, ``height`` of a
+feature, ``distance(a, b)`` between two elements; with ``+ - * /``, ``abs``, ``min``, ``max``,
+comparisons, ``and``, ``or`` and ``not``.
 
-Comments and layout of the plan survive in its variants: sampled numbers replace those in its
-text. What a plan does not write is not varied.
+Sampled numbers replace those in the text of the plan, so that comments and layout stay. Only
+attributes written in the plan can vary.
 """
 
 from grammars.variation._distributions import Categorical, Fixed, Normal, Range
-from grammars.variation._fixed import draw_unit, fix_draws
 from grammars.variation._load import (
     Variant,
     VariantValue,
     Variation,
+    draw_unit,
+    fix_draws,
     load_variation,
     parse_variation,
 )

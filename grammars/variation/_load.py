@@ -1,11 +1,12 @@
-"""Variations and their variants as values, and from a variation file to what it means."""
+"""Variations and variants as values, the reader of variation files, and fixed draws."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from grammars.floorplan import FloorPlan, parse_floorplan
 from grammars.text import sources
@@ -21,8 +22,9 @@ from grammars.text.diagnostics import (
 )
 from grammars.text.expression_check import DimensionCheck
 from grammars.text.expressions import Expression, Name, Number, read_expression, walk
-from grammars.text.units import DIMENSIONS, LENGTH, RATIO, Dimension, read_unit
-from grammars.variation._distributions import Distribution, read_distribution
+from grammars.text.quantity import parse_quantity
+from grammars.text.units import DIMENSIONS, LENGTH, RATIO, Dimension, from_si, read_unit
+from grammars.variation._distributions import Distribution, Fixed, read_distribution
 from grammars.variation._names import Meaning, NameReader, PlanMeasure, dimension_name
 from grammars.variation._syntax import DISTRIBUTIONS, parse
 from grammars.variation.plan_text import PlanElement, PlanText, Slot
@@ -30,7 +32,7 @@ from grammars.variation.plan_text import PlanElement, PlanText, Slot
 
 @dataclass(frozen=True, slots=True)
 class VariationDraw:
-    """One value to draw; ``unit`` is empty when none was written."""
+    """A value to draw; ``unit`` is empty if the file has none."""
 
     name: str
     distribution: Distribution
@@ -40,7 +42,7 @@ class VariationDraw:
 
 @dataclass(frozen=True, slots=True)
 class Assignment:
-    """A slot and where its value comes from: a draw by name, or arithmetic over named draws."""
+    """A slot and the source of its value: a draw by name, or arithmetic over named draws."""
 
     slot: Slot
     source: str | Expression
@@ -50,9 +52,9 @@ class Assignment:
 
 @dataclass(frozen=True, slots=True)
 class Requirement:
-    """A predicate that every variant must fulfil; ``text`` is how it was written.
+    """A predicate that every variant must fulfil, with its source ``text``.
 
-    ``needs_plan``: something must be measured on the compiled plan.
+    ``needs_plan``: it measures the compiled plan.
     """
 
     predicate: Expression
@@ -63,11 +65,11 @@ class Requirement:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Variation:
-    """A loaded variation: the plan as text and as geometry, what is drawn and what must hold.
+    """A loaded variation: the plan as text and as geometry, with draws and requirements.
 
-    ``draws`` are in file order, the order they take numbers from a random stream; ``meanings`` has
-    what the names in assignments and requirements mean; ``reported`` names the values of a variant
-    (named draws and attributes) in file order.
+    ``draws`` are in file order, in which they take numbers from a random stream; ``meanings`` has
+    the meanings of names in assignments and requirements; ``reported`` has the names of the values
+    of a variant (named draws and attributes) in file order.
     """
 
     file: str
@@ -83,13 +85,13 @@ class Variation:
 
     @property
     def plan_name(self) -> str:
-        """The name of the plan that is varied."""
+        """Name of the plan."""
         return self.source.name
 
 
 @dataclass(frozen=True, slots=True)
 class VariantValue:
-    """A value of one variant: a named draw, a variable or an attribute; in ``unit`` as written."""
+    """A value of one variant, in ``unit``: a named draw, a variable or an attribute."""
 
     name: str
     number: float
@@ -98,10 +100,10 @@ class VariantValue:
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """One sampled plan: its text (``.fpm``) and what the text means.
+    """One sampled plan, as text (``.fpm``) and compiled.
 
     ``name`` is ``<plan>_<seed>``, also the stem of its file; ``tries`` counts the draws until
-    everything required held.
+    all requirements held.
     """
 
     seed: int
@@ -115,15 +117,15 @@ class Variant:
 def load_variation(path: str | Path) -> Variation:
     """Read a ``.variation`` file (UTF-8) and the plan it imports.
 
-    Raises :class:`InputError` with everything that is wrong with either file.
+    Raises :class:`InputError` with all problems of both files.
     """
     return parse_variation(read_text(Path(path), "variation"), str(path), Path(path).parent)
 
 
 def parse_variation(text: str, file: str, folder: Path) -> Variation:
-    """Compile the text of a variation; its plan is looked for from ``folder``.
+    """Compile the text of a variation whose plan is relative to ``folder``.
 
-    Raises :class:`InputError` with everything that is wrong with it or its plan.
+    Raises :class:`InputError` with all problems of it and its plan.
     """
     source = SourceText(text, file)
     tree = parse(source)
@@ -152,11 +154,11 @@ def parse_variation(text: str, file: str, folder: Path) -> Variation:
     )
 
 
-def read_text(path: Path, what: str) -> str:
-    """Return a text as it is, line ends included; raises :class:`InputError`."""
-    text = sources.read_text(path, f"the {what}", keep_line_ends=True)
-    # Line ends stay: a variant differs from its plan in nothing but what is varied. A lone \r ends
-    # no line for the parser, so these are made into ends it knows.
+def read_text(path: Path, noun: str) -> str:
+    """Return a text with its line ends; raises :class:`InputError`."""
+    text = sources.read_text(path, f"the {noun}", keep_line_ends=True)
+    # Line ends stay, because a variant differs from its plan only in varied values. The parser
+    # does not know a lone \r as a line end.
     lone = "\r" in text.replace("\r\n", "")
     return text.replace("\r\n", "\n").replace("\r", "\n") if lone else text
 
@@ -164,27 +166,27 @@ def read_text(path: Path, what: str) -> str:
 def _imported(
     statements: Sequence[SyntaxNode], folder: Path, source: SourceText, findings: Findings
 ) -> Path:
-    """Return the plan's path; nothing else can be checked without it."""
+    """Return the path of the plan, without which no other checks are possible."""
     imports = [node for node in statements if _rule(node) == "Import"]
     example = 'write first: import "plan.fpm"'
     if not imports:
         raise InputError.at(source.where(0), "imports no plan", example)
     if imports[0] is not statements[0]:
-        findings.error(imports[0], "the import comes first", example)
+        findings.error(imports[0], "the import must come first", example)
     for node in imports[1:]:
-        findings.error(node, "a variation varies one plan", "write one file per plan")
+        findings.error(node, "a variation can vary only one plan", "write one file per plan")
     name: str = imports[0].file[1:-1]
     path = folder / name
     if not sources.is_file(path):
-        beside = sources.names_in(folder, lambda beside: beside.suffix == ".fpm")
-        findings.error(imports[0], f'there is no plan "{name}"', did_you_mean(name, beside))
+        plans = sources.names_in(folder, lambda file: file.suffix == ".fpm")
+        findings.error(imports[0], f'there is no plan "{name}"', did_you_mean(name, plans))
         raise InputError(findings.errors)
     return path
 
 
 @dataclass(slots=True)
 class _VariationReader:
-    """Reads statement by statement; draws keep the order they are written in."""
+    """Reads statement by statement; draws keep the order of the file."""
 
     source: SourceText
     findings: Findings
@@ -211,29 +213,29 @@ class _VariationReader:
                 self._assign(node, slot, node.value)
 
     def finish(self, tree: SyntaxNode) -> None:
-        """Report what shows only at the end; raises :class:`InputError` for everything found."""
+        """Report unused draws; raise :class:`InputError` if there are any errors."""
         meanings = self.names.meanings.values()
         for name, node in self._lets.items():
             if name not in meanings and not self.findings.errors:
                 self.findings.warning(node, f'the draw "{name}" is never used')
         if not self.assignments and not self.findings.errors:
-            self.findings.error(tree, "nothing is varied", 'add "NAME: uniform([1.0, 2.0])"')
+            self.findings.error(tree, "the file varies no value", 'add "NAME: uniform([1.0, 2.0])"')
         self.findings.raise_errors()
 
     def _let(self, node: SyntaxNode) -> None:
         name = node.name
         if name in self._lets:
             line = self.source.at(self._lets[name]).line
-            self.findings.error(node, f'the draw "{name}" is already named in line {line}')
+            self.findings.error(node, f'the draw "{name}" is already defined in line {line}')
             return
         if name in self.names.plan.variables or name in self.names.plan.elements:
-            self.findings.error(node, f'"{name}" is already the name of something in the plan')
+            self.findings.error(node, f'the plan already uses the name "{name}"')
             return
         self._lets[name] = node
         self.names.draws[name] = RATIO
         if _rule(node.value) not in DISTRIBUTIONS:
             hint = f"let {name} = uniform(0.8 m .. 1.2 m)"
-            self.findings.error(node, "let names a distribution", hint)
+            self.findings.error(node, "let needs a distribution", hint)
             return
         with self.findings.collecting():
             distribution, unit = read_distribution(node.value, self.source)
@@ -244,8 +246,8 @@ class _VariationReader:
     def _block(self, node: SyntaxNode) -> None:
         address = ".".join(node.target.parts)
         if not node.attributes:
-            hint = "write what to vary between the braces"
-            self.findings.error(node, f'nothing of "{address}" is varied', hint)
+            hint = "write attributes between the braces"
+            self.findings.error(node, f'the block of "{address}" is empty', hint)
         element = self.names.element(address, node.target)
         for attribute in node.attributes:
             path = ".".join(attribute.path.parts)
@@ -260,13 +262,13 @@ class _VariationReader:
             return
         if any(part.key == "spaced" for part in element.node.parts):
             message = f'"{element.address}" is spaced: its y translation cannot be varied'
-            self.findings.error(node, message, "vary the wall thickness, or take out spaced")
+            self.findings.error(node, message, "vary the wall thickness, or remove spaced")
 
     def _assign(self, node: SyntaxNode, slot: Slot | None, value: SyntaxNode) -> None:
-        """Read the value of an attribute or variable; ``slot`` is missing when it was refused."""
+        """Read the value of an attribute or variable; without ``slot``, only check it."""
         if slot is not None and slot.number is None:
-            hint = f'write "{slot.remedy}" there, then vary it'
-            self.findings.error(node, f"{slot.name} is not written in the plan", hint)
+            hint = f'write "{slot.remedy}" in the plan first'
+            self.findings.error(node, f"the plan does not contain {slot.name}", hint)
             slot = None
         if slot is not None and slot.name in self._varied:
             line = self.source.at(self._varied[slot.name]).line
@@ -296,7 +298,7 @@ class _VariationReader:
         if dimension is None or slot is None:
             return
         if zero or self._fits(node, slot, dimension):
-            # A draw alone keeps the unit it is drawn in.
+            # A draw alone keeps its unit.
             source = expression.name if isinstance(expression, Name) else expression
             self.assignments.append(Assignment(slot, source, dimension, self.source.at(node)))
             self.reported.append(slot.name)
@@ -308,21 +310,82 @@ class _VariationReader:
     def _fits(self, node: SyntaxNode, slot: Slot, dimension: Dimension) -> bool:
         if dimension in (RATIO, DIMENSIONS[slot.kind]):
             return True
-        given = dimension_name(dimension)
         hint = "lengths are in m" if slot.kind == "length" else "angles are in deg or rad"
-        self.findings.error(node, f"{slot.name} is {with_article(slot.kind)}, not {given}", hint)
+        message = f"{slot.name} is {with_article(slot.kind)}, not {dimension_name(dimension)}"
+        self.findings.error(node, message, hint)
         return False
 
     def _require(self, node: SyntaxNode) -> None:
         predicate = read_expression(node.predicate, self.source)
         self._check().predicate(predicate)
-        written = self.source.text[node._tx_position : node._tx_position_end]
+        text = " ".join(self.source.text[node._tx_position : node._tx_position_end].split())
         names = (part for part in walk(predicate) if isinstance(part, Name))
         needs_plan = any(isinstance(self.names.meanings.get(name), PlanMeasure) for name in names)
-        text, where = " ".join(written.split()), self.source.at(node)
-        self.requirements.append(Requirement(predicate, text, where, needs_plan))
+        self.requirements.append(Requirement(predicate, text, self.source.at(node), needs_plan))
 
 
 def _rule(node: SyntaxNode) -> str:
-    """Return the rule of the grammar that a node follows."""
+    """Return the name of the grammar rule of a node."""
     return type(node).__name__
+
+
+def draw_unit(variation: Variation, draw: VariationDraw) -> str:
+    """Return the unit of a draw, by default that of its attribute; empty for plain numbers."""
+    if draw.unit:
+        return draw.unit
+    slots = (a.slot for a in variation.assignments if a.source == draw.name)
+    return next((slot.unit for slot in slots), "")
+
+
+def fix_draws(
+    variation: Variation, values: Mapping[str, Any], where: Where, places: Mapping[str, Where]
+) -> Variation:
+    """Return a variation with some draws fixed to ``values``.
+
+    A number without a unit is in the unit of the draw. ``places`` has the places of single values,
+    ``where`` that of all others. Raises :class:`InputError` with all invalid values.
+    """
+    draws = {draw.name: draw for draw in variation.draws}
+    findings: list[Finding] = []
+    for key, value in values.items():
+        place = places.get(key, where)
+        name = key if key in draws else key.replace("-", "_")
+        if name not in draws:
+            findings.append(_unknown(variation, key, place))
+            continue
+        try:
+            number = _number(value, draw_unit(variation, draws[name]), name, place)
+        except InputError as error:
+            findings.extend(error.findings)
+            continue
+        old = draws[name].distribution
+        fixed = Fixed(number, old.replaced if isinstance(old, Fixed) else old)
+        draws[name] = replace(draws[name], distribution=fixed)
+    if findings:
+        raise InputError(findings)
+    return replace(variation, draws=tuple(draws.values()))
+
+
+def _unknown(variation: Variation, key: str, where: Where) -> Finding:
+    names = [draw.name for draw in variation.draws]
+    message = f'variation of {variation.plan_name} has no draw "{key}"'
+    if key in variation.reported:
+        hint = f"it is calculated; the draws are: {', '.join(names)}"
+        return Finding(where, message, hint)
+    return Finding(where, message, did_you_mean(key, names))
+
+
+def _number(value: Any, unit: str, name: str, where: Where) -> float:
+    """Return a value in the unit of its draw; raises :class:`InputError`."""
+    if not isinstance(value, str | int | float) or isinstance(value, bool):
+        message = f"{name} is one value, not {value}"
+        raise InputError.at(where, message, f"write {name}: 1 {unit}".rstrip())
+    quantity = parse_quantity(str(value), where)
+    dimension = DIMENSIONS[quantity.dimension]
+    if dimension == RATIO:
+        return quantity.value
+    if dimension != read_unit(unit)[1]:
+        expected = f"in {unit}" if unit else "a plain number"
+        message = f"{name} is {expected}, not {with_article(quantity.dimension)}"
+        raise InputError.at(where, message, f"write {name}: 1 {unit}".rstrip())
+    return from_si(quantity.value, unit)

@@ -1,6 +1,6 @@
-"""Names of a variation: draws, elements of the plan, their attributes and what is measured on them.
+"""Names of a variation: draws, elements of the plan, their attributes and measures.
 
-What is not in the plan is reported with what could have been meant.
+Unknown names are reported with suggestions.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ _OLD_SPELLINGS: Final = (
     ("wall.", "defaults.wall."),
     ("walls.", "defaults.wall."),
 )
-"""Spellings of older versions of the language, each with today's."""
+"""Spellings of older versions of the language, each with the current one."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlanMeasure:
-    """Something measured on the compiled plan, and its dimension."""
+    """A measure of the compiled plan, and its dimension."""
 
     dimension: Dimension
     take: Callable[[FloorPlan], float]
@@ -51,10 +51,10 @@ Meaning: TypeAlias = str | Slot | PlanMeasure
 
 @dataclass(frozen=True, slots=True)
 class NameReader:
-    """Looks up names; adds an error for each that is not there.
+    """Looks up names and reports unknown ones.
 
-    ``draws`` has the dimension of each named draw, ``meanings`` what each name of an expression
-    turned out to mean.
+    ``draws`` has the dimension of each named draw, ``meanings`` the meaning of each name in an
+    expression.
     """
 
     plan: PlanText
@@ -64,7 +64,7 @@ class NameReader:
     meanings: dict[Name, Meaning] = field(default_factory=dict)
 
     def element(self, address: str, place: SyntaxNode | Where) -> PlanElement | None:
-        """Return the element an address such as ``hall`` or ``hall.pillar`` names."""
+        """Return the element of an address such as ``hall`` or ``hall.pillar``."""
         elements = self.plan.elements.get(address, [])
         if len(elements) == 1:
             return elements[0]
@@ -80,21 +80,21 @@ class NameReader:
         if address in self.plan.variables:
             return f'it is a variable: write "{address}: uniform([…])"'
         if address == self.plan.name:
-            return "the plan itself has nothing to vary"
+            return "the plan itself has no attributes to vary"
         inside = [name for name in self.plan.elements if name.endswith(f".{address}")]
         if inside:
             return f"write {' or '.join(inside)}: features are addressed by their space"
         return did_you_mean(address, self.plan.elements)
 
     def variable(self, name: str, place: SyntaxNode) -> Slot | None:
-        """Return the variable that a statement such as ``ceiling: uniform(…)`` names."""
+        """Return the variable of a statement such as ``ceiling: uniform(…)``."""
         slot = self.plan.variables.get(name)
         if slot is not None:
             return slot
         if name in self.plan.elements:
-            known = ", ".join(self.plan.elements[name][0].paths())
-            hint = f'say what to vary: "{name}: {{ … }}" with {known}'
-            self.findings.error(place, f'"{name}" is no variable of the plan', hint)
+            paths = ", ".join(self.plan.elements[name][0].paths())
+            hint = f'write its attributes: "{name}: {{ … }}" with {paths}'
+            self.findings.error(place, f'"{name}" is not a variable of the plan', hint)
         else:
             hint = did_you_mean(name, self.plan.variables) or "the plan has no variables"
             self.findings.error(place, f'the plan has no variable "{name}"', hint)
@@ -103,7 +103,7 @@ class NameReader:
     def attribute(
         self, element: PlanElement, path: str, place: SyntaxNode | Where, more: Sequence[str] = ()
     ) -> Slot | None:
-        """Return the slot of an attribute; ``more`` are words that could have been meant too."""
+        """Return the slot of an attribute; ``more`` has further words to suggest."""
         slot = self.plan.slot(element, path)
         if slot is None:
             label = f'{element.kind} "{element.address}"'
@@ -112,9 +112,9 @@ class NameReader:
         return slot
 
     def kind_of(self, name: Name, *, draws_only: bool = False) -> MaybeKind:
-        """Return the dimension of a name in a requirement, or in a value: made of draws only."""
+        """Return the dimension of a name in a requirement; with ``draws_only``, in a value."""
         place = self.source.where(name.column)
-        # Blanks may stand around the dots.
+        # There may be blanks around dots.
         text = ".".join(part.strip() for part in name.name.split("."))
         if name.arguments and text != "distance":
             hint = did_you_mean(text, FUNCTIONS)
@@ -142,17 +142,17 @@ class NameReader:
         return meaning.dimension
 
     def _refuse(self, name: Name, text: str, place: Where) -> None:
-        """Add an error for a name that is no draw where nothing else can stand."""
-        message = f'there is no draw called "{text}"'
+        """Report a name that is not a draw, in a value that allows only draws."""
+        message = f'there is no draw "{text}"'
         if name.arguments:
-            message = "values are made of distributions and named draws, not of the plan"
-            hint = did_you_mean("", self.draws) or 'name one: "let wide = uniform(…)"'
+            message = "values can use distributions and named draws, but no measures of the plan"
+            hint = did_you_mean("", self.draws) or 'define one: "let wide = uniform(…)"'
         elif closest(text, self.draws):
             hint = did_you_mean(text, self.draws)
         elif "." in text:
-            hint = "values are made of distributions and draws named by let"
+            hint = "values can use distributions and draws defined by let"
         else:
-            hint = f'name it before: "let {text} = uniform(…)"'
+            hint = f'define it first: "let {text} = uniform(…)"'
         self.findings.error(place, message, hint)
 
     def _distance(self, name: Name, place: Where) -> PlanMeasure | None:
@@ -181,16 +181,16 @@ class NameReader:
         slot = self.plan.variables.get(name)
         if slot is None and name in self.plan.elements:
             element = self.plan.elements[name][0]
-            known = ", ".join([*_measures_of(element), *element.paths()])
+            words = ", ".join([*_measures_of(element), *element.paths()])
             message = f'"{name}" is {with_article(element.kind)}'
-            self.findings.error(place, message, f"it has: {known}")
+            self.findings.error(place, message, f"it has: {words}")
         elif slot is None:
             hint = did_you_mean(name, [*self.draws, *self.plan.variables])
-            self.findings.error(place, f'there is no draw or variable called "{name}"', hint)
+            self.findings.error(place, f'there is no draw or variable "{name}"', hint)
         return slot
 
     def _of_element(self, text: str, place: Where) -> Slot | PlanMeasure | None:
-        """Return what ``hall.pillar.height`` means."""
+        """Return the meaning of a path such as ``hall.pillar.height``."""
         words = text.split(".")
         for count in (1, 2):
             address, path = ".".join(words[:count]), ".".join(words[count:])
@@ -213,27 +213,27 @@ class NameReader:
 
 
 def _suggested_path(path: str, element: PlanElement, more: Sequence[str]) -> str:
-    """Return ``did you mean …?`` where something is close, and every path there is."""
-    known = [*more, *element.paths()]
-    meant = _closest_path(path, known)
-    question = f'did you mean "{meant}"? ' if meant else ""
+    """Return ``did you mean …?`` if a path is close, followed by all paths."""
+    paths = [*more, *element.paths()]
+    close = _closest_path(path, paths)
+    question = f'did you mean "{close}"? ' if close else ""
     points = isinstance(element.node.shape, PolygonNode) and path.startswith("shape")
-    note = "; points are varied through variables of the plan" if points else ""
-    return f"{question}it has: {', '.join(known)}{note}"
+    note = "; use variables of the plan to vary points" if points else ""
+    return f"{question}it has: {', '.join(paths)}{note}"
 
 
-def _closest_path(path: str, known: Sequence[str]) -> str:
+def _closest_path(path: str, paths: Sequence[str]) -> str:
     for old, new in _OLD_SPELLINGS:
-        if path.startswith(old) and new + path.removeprefix(old) in known:
+        if path.startswith(old) and new + path.removeprefix(old) in paths:
             return new + path.removeprefix(old)
-    ending = [name for name in known if name.endswith(f".{path}")]
-    return ending[0] if len(ending) == 1 else closest(path, known)
+    endings = [name for name in paths if name.endswith(f".{path}")]
+    return endings[0] if len(endings) == 1 else closest(path, paths)
 
 
 def dimension_name(dimension: Dimension) -> str:
     """Return ``a length``, ``an area``, or the unit of other dimensions."""
-    known = {RATIO: "a plain number", LENGTH: "a length", _AREA: "an area", ANGLE: "an angle"}
-    return known.get(dimension, dimension.unit)
+    names = {RATIO: "a plain number", LENGTH: "a length", _AREA: "an area", ANGLE: "an angle"}
+    return names.get(dimension, dimension.unit)
 
 
 _Part: TypeAlias = Space | Feature | Opening
@@ -246,7 +246,7 @@ def _area(space: Space) -> float:
     return float(shapely.Polygon(space.outline).area)
 
 
-# What is measured, by the word people write: its dimension and how to take it from the part.
+# Measures by keyword, each with its dimension and a function of the part.
 _OF_SPACES: Final[_Measures] = {
     "area": (_AREA, _area),
     "perimeter": (LENGTH, lambda space: sum(wall.length for wall in space.walls)),
@@ -269,7 +269,7 @@ def _measures_of(element: PlanElement) -> _Measures:
 
 
 def _find_part(plan: FloorPlan, element: PlanElement) -> _Part:
-    """Return the part of the compiled plan that an element of its text became."""
+    """Return the part of the compiled plan for an element of its text."""
     *space, name = element.address.split(".")
     if element.kind == "space":
         return next(part for part in plan.spaces if part.name == name)

@@ -1,4 +1,4 @@
-"""Sampling: from a variation to plans that hold everything required of them."""
+"""Sampling: from a variation to plans that fulfil all requirements."""
 
 from __future__ import annotations
 
@@ -40,21 +40,21 @@ def sample(
 ) -> tuple[Variant, ...]:
     """Return variants of a plan; variant ``k`` has the seed ``seed + k``.
 
-    ``random`` draws every distribution in file order from
-    ``numpy.random.RandomState(seed + k)``, as the published tool does, so a variant depends on its
-    own seed only. The other methods are designs over all variants; ``seed`` scrambles ``halton``
-    and ``lhs``. ``grid`` takes every combination of ``levels`` values per range or normal
-    distribution and of all listed values; there ``n`` is only an upper bound.
+    ``random`` draws all distributions in file order from ``numpy.random.RandomState(seed + k)``,
+    like the published tool, so a variant depends only on its own seed. The other methods are
+    designs over all variants; ``seed`` scrambles ``halton`` and ``lhs``. ``grid`` combines
+    ``levels`` values per range or normal distribution and all listed values; there ``n`` is only
+    an upper bound.
 
-    When a point is rejected (a ``require`` does not hold, the plan cannot be compiled or is
-    unsound) the next one is taken, at most ``tries`` for one variant, of a grid all there are.
+    After a rejected point (a ``require`` does not hold, the plan does not compile or is unsound)
+    the next one is tried, at most ``tries`` for one variant; a grid tries all its points.
 
-    ``check`` is the radius [m] of a robot that must reach every space of a sound plan; ``None``
-    leaves soundness unchecked. ``suffix`` writes the seed into the plan's name.
+    ``check`` is the radius [m] of a robot that must reach all spaces of a sound plan; ``None``
+    skips the check of soundness. ``suffix`` writes the seed into the name of the plan.
 
-    Raises :class:`InputError` when nothing fulfils the requirements, saying which of them
-    rejected how often, or when a design has more than ``n`` points; :class:`ValueError` for
-    arguments out of range.
+    Raises :class:`InputError` if no point fulfils the requirements (with the number of rejections
+    for each reason), or if a design has more than ``n`` points; :class:`ValueError` for arguments
+    out of range.
     """
     if method not in METHODS:
         raise ValueError(f"method must be one of {', '.join(METHODS)}")
@@ -73,7 +73,7 @@ def sample(
         return _grid_variants(builder, n, levels)
     assert n is not None
     if method == "random":
-        streams = [_drawn(variation, seed + k) for k in range(n)]
+        streams = [_random_points(variation, seed + k) for k in range(n)]
     else:
         streams = [_design(variation, method, n, seed)] * n
     return tuple(_variant(builder, stream, tries) for stream in streams)
@@ -89,15 +89,14 @@ def variant_plans(
 ) -> tuple[tuple[str, FloorPlan], ...]:
     """Return the variants of a variation as compiled plans, each named ``<plan>_<seed>``.
 
-    For campaigns: nothing is written, and every plan carries its own name. Raises
-    :class:`InputError` like :func:`sample`.
+    Raises :class:`InputError` like :func:`sample`.
     """
     variants = sample(variation, n, seed=seed, method=method, check=check, suffix=True)
     return tuple((variant.name, variant.plan) for variant in variants)
 
 
 def source_defects(variation: Variation, radius: float) -> tuple[Finding, ...]:
-    """Return as warnings what is unsound in the plan itself; variants may keep it."""
+    """Return warnings about flaws of the plan itself, which variants may keep."""
     return tuple(
         Finding(flaw.where, flaw.message, "its variants may keep this", Severity.WARNING)
         for flaw in flaws_of(variation.source, radius)
@@ -108,10 +107,10 @@ def source_defects(variation: Variation, radius: float) -> tuple[Finding, ...]:
 _SeededPoint: TypeAlias = tuple[int, Sequence[float]]
 
 
-def _drawn(variation: Variation, seed: int) -> Iterator[_SeededPoint]:
-    """Return the points of a seed's stream, all of them under this seed."""
-    # Rejected draws go on in the stream of their seed: no variant depends on how many of the others
-    # were rejected, so any of them can be drawn alone.
+def _random_points(variation: Variation, seed: int) -> Iterator[_SeededPoint]:
+    """Yield random points from the stream of a seed, all with this seed."""
+    # After a rejection, draw from the same stream, so that a variant does not depend on rejections
+    # of other variants.
     stream = np.random.RandomState(seed)
     while True:
         yield seed, [draw.distribution.draw(stream) for draw in variation.draws]
@@ -125,38 +124,38 @@ def _design(variation: Variation, method: Method, n: int, seed: int) -> Iterator
         if method == "halton"
         else latin_hypercubes(len(distributions), n, seed)
     )
-    # Rejected points keep their number: a requirement more leaves the others their names.
+    # Rejected points keep their number, so that new requirements do not rename other variants.
     return zip(itertools.count(seed), points_at(distributions, quantiles))
 
 
 def _variant(builder: VariantBuilder, points: Iterator[_SeededPoint], tries: int) -> Variant:
-    """Return the variant of the first point that nothing rejects."""
-    rejected = Rejections()
+    """Return the variant of the first accepted point."""
+    rejections = Rejections()
     seed = 0
     for attempt, (seed, point) in enumerate(itertools.islice(points, tries), start=1):
-        variant = builder.variant(point, seed, rejected, attempt)
+        variant = builder.variant(point, seed, rejections, attempt)
         if variant is not None:
             return variant
-    message = f"seed {seed}: none of {tries} draws fulfils everything required"
-    raise rejected.error(_top(builder.variation), message)
+    message = f"seed {seed}: none of {tries} draws fulfils all requirements"
+    raise rejections.error(_top(builder.variation), message)
 
 
 def _grid_variants(builder: VariantBuilder, n: int | None, levels: int) -> tuple[Variant, ...]:
-    """Return the variants of all points of a grid but those that are rejected."""
+    """Return the variants of all accepted points of a grid."""
     where = _top(builder.variation)
-    rejected = Rejections()
+    rejections = Rejections()
     variants: list[Variant] = []
     distributions = [draw.distribution for draw in builder.variation.draws]
     for seed, point in enumerate(grid(distributions, levels, where), start=builder.seed):
-        variant = builder.variant(point, seed, rejected)
+        variant = builder.variant(point, seed, rejections)
         if variant is not None:
             variants.append(variant)
         if n is not None and len(variants) > n:
             message = f"the grid has more than {n} variants"
-            hint = "allow more, lower the levels, or take random, halton or lhs"
+            hint = "allow more, lower the levels, or use random, halton or lhs"
             raise InputError.at(where, message, hint)
     if not variants:
-        raise rejected.error(where, "no point of the grid fulfils everything required")
+        raise rejections.error(where, "no point of the grid fulfils all requirements")
     return tuple(variants)
 
 

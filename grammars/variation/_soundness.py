@@ -1,6 +1,6 @@
-"""Soundness of a sampled plan: it has no flaw that the plan it comes from does not have.
+"""Soundness of a sampled plan: it has no flaws beyond those of its source plan.
 
-A flaw that the source plan already has, to the same extent, is the author's choice.
+Flaws of the source plan, to the same extent, are the choice of its author.
 """
 
 from __future__ import annotations
@@ -13,23 +13,23 @@ from grammars.floorplan import Flaw, FloorPlan, Opening, geometric_flaws
 from grammars.text.diagnostics import Finding
 
 _AREA: Final = 1e-3
-"""Area by which openings may run into each other [m²]."""
+"""Overlap of openings that is accepted [m²]."""
 _LOW: Final = 1.0
-"""Height below which solids are in the way [m]; lintels are above, sills below."""
+"""Height below which solids are obstacles [m]; lintels are above, sills below."""
 _STANDING: Final = 1e-4
-"""Area [m²] the centre of the robot needs in a space to have been there."""
+"""Area [m²] for the centre of the robot that a reachable space must have."""
 
 
 def check_soundness(
     plan: FloorPlan, source: Mapping[str, float], radius: float
 ) -> tuple[Finding, ...]:
-    """Return what is unsound in ``plan``; ``source`` has the extents of the flaws it may have.
+    """Return the flaws of ``plan`` beyond ``source``, the extents of accepted flaws.
 
-    Suspicious geometry, openings that run into each other, walls without thickness or height, and
+    Flaws are suspicious geometry, overlapping openings, walls without thickness or height, and
     spaces that a disc of ``radius`` [m] cannot reach from the others through entryways.
     """
     worse = _worse(_geometric(plan), source)
-    # The free floor of a broken building means nothing.
+    # The free floor of a broken building has no meaning.
     return worse or _worse(_unreachable(plan, radius), source)
 
 
@@ -42,16 +42,16 @@ def _worse(flaws: Iterable[Flaw], source: Mapping[str, float]) -> tuple[Finding,
 
 
 def flaws_of(plan: FloorPlan, radius: float) -> tuple[Flaw, ...]:
-    """Return every flaw of a plan, also those within their slack."""
+    """Return all flaws of a plan, including those within their slack."""
     return (*_geometric(plan), *_unreachable(plan, radius))
 
 
 def _geometric(plan: FloorPlan) -> Iterator[Flaw]:
     for space in plan.spaces:
-        for what in ("thickness", "height"):
-            size = getattr(space.walls[0], what)
-            message = f"the walls of {space.name} have no {what}"
-            yield Flaw(f"{what} {space.name}", float(size <= 0.0), 0.0, space.where, message)
+        for dimension in ("thickness", "height"):
+            size = getattr(space.walls[0], dimension)
+            message = f"the walls of {space.name} have no {dimension}"
+            yield Flaw(f"{dimension} {space.name}", float(size <= 0.0), 0.0, space.where, message)
     yield from geometric_flaws(plan)
     yield from _colliding_openings(plan)
 
@@ -70,14 +70,14 @@ def _colliding_openings(plan: FloorPlan) -> Iterator[Flaw]:
             shapely.Polygon([(to_wall.apply((x, y))[0], z) for x, y, z in o.near]) for o in openings
         ]
         for (one, shape), (other, second) in combinations(zip(openings, shapes, strict=True), 2):
-            message = f"{one.name} and {other.name} run into each other"
+            message = f"{one.name} and {other.name} overlap"
             key = f"openings {one.name} {other.name}"
             area = float(shape.intersection(second).area)
             yield Flaw(key, area, _AREA, other.where, message)
 
 
 def _unreachable(plan: FloorPlan, radius: float) -> Iterator[Flaw]:
-    """Yield the spaces outside of the part of the free floor that touches most spaces."""
+    """Yield the spaces outside the part of the free floor that reaches most spaces."""
     import shapely
 
     from grammars.model.free_space import FreeSpace
@@ -85,11 +85,11 @@ def _unreachable(plan: FloorPlan, radius: float) -> Iterator[Flaw]:
 
     parts = FreeSpace(compile_scene(plan, ()), _LOW).for_radius(radius).parts
     rooms = [shapely.Polygon(space.outline) for space in plan.spaces]
-    touched = [
+    reachable = [
         {k for k, room in enumerate(rooms) if part.intersection(room).area > _STANDING}
         for part in parts
     ]
-    main: set[int] = max(touched, key=len, default=set())
+    main: set[int] = max(reachable, key=len, default=set())
     for k, space in enumerate(plan.spaces):
         if k not in main:
             message = f"{space.name} cannot be reached with a radius of {radius:g} m"

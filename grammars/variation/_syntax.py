@@ -1,4 +1,4 @@
-"""The textX side of the variation language: its syntax errors in its own words."""
+"""Parser of the variation language, with messages for its syntax errors."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from grammars.text.diagnostics import (
 from grammars.text.parsing import Language, SyntaxFault, without_comments
 
 DISTRIBUTIONS: Final = ("Uniform", "Discrete", "Normal")
-"""Rules of distributions; the value of an attribute may also be a sum."""
+"""Rules of distributions; other values are sums."""
 _LARGEST: Final = 200_000
 
 _START: Final = re.compile(
     r"import\s*[\"']|let\s+[^\d\W]\w*(?!\w|\s*[:.])|require(?!\w)(?!\s*:)|[^\d\W]\w*(?:\s*\.\s*[^\d\W]\w*){0,9}\s*:"
 )
-"""Beginning of a statement. Names have few parts: looking for its end takes little time."""
+"""Start of a statement. The bounded number of name parts keeps the search fast."""
 _BRACE: Final = re.compile(r"[{}]")
 _DISTRIBUTIONS: Final = tuple(map(str.lower, DISTRIBUTIONS))
 FUNCTIONS: Final = ("abs", "min", "max", "distance")
@@ -41,7 +41,7 @@ _HINTS: Final = {
     "#": "comments start with //",
     "/": "comments start with // and end with the line",
     ";": "statements end without a mark",
-    "range": "a range is written uniform(0.8 .. 1.2)",
+    "range": "write a range as uniform(0.8 .. 1.2)",
     "std": 'mean and standard deviation belong together: "normal(mean=1.0, std=0.2)"',
 }
 
@@ -51,7 +51,7 @@ class _VariationLanguage(Language):
     openers = frozenset({"let"})
 
     def statement_starts(self, text: str) -> Sequence[int]:
-        """Return where every statement outside of braces begins."""
+        """Return the offsets of statements outside braces."""
         bare = without_comments(text)
         starts, depth, at = [], 0, 0
         while at < len(bare):
@@ -70,17 +70,17 @@ class _VariationLanguage(Language):
         return at_end or super().ends_early(fault)
 
     def phrases(self, fault: SyntaxFault) -> Sequence[str]:
-        left = {key for key in fault.expected if not key.startswith("(abs")}
+        keys = {key for key in fault.expected if not key.startswith("(abs")}
         phrases: list[str] = []
-        if {"let", "require"} <= left:
+        if {"let", "require"} <= keys:
             phrases.append("the next statement")
-            left -= {"let", "require", "import", "ID", *_CONTINUES}
-        elif left >= set(_DISTRIBUTIONS):
+            keys -= {"let", "require", "import", "ID", *_CONTINUES}
+        elif keys >= set(_DISTRIBUTIONS):
             phrases.append("a distribution (uniform, discrete or normal)")
-            left -= {*_DISTRIBUTIONS, "(", "-", "UNSIGNED"}
-        elif len(left) > 1 and not left <= _CONTINUES:
-            left -= _CONTINUES
-        phrases = sorted({_WORDS.get(key, f'"{key}"') for key in left}) + phrases
+            keys -= {*_DISTRIBUTIONS, "(", "-", "UNSIGNED"}
+        elif len(keys) > 1 and not keys <= _CONTINUES:
+            keys -= _CONTINUES
+        phrases = sorted({_WORDS.get(key, f'"{key}"') for key in keys}) + phrases
         return phrases or ["something else"]
 
     def hint(self, fault: SyntaxFault) -> str:
@@ -89,19 +89,19 @@ class _VariationLanguage(Language):
             return 'a variation starts with the plan it varies: import "plan.fpm"'
         if word in _HINTS:
             return _HINTS[word]
-        called = re.search(r"(\w+)\s*\([^()]*$", done)
-        if called and called[1] not in (*_DISTRIBUTIONS, *FUNCTIONS):
-            return did_you_mean(called[1], _DISTRIBUTIONS)
+        function = re.search(r"(\w+)\s*\([^()]*$", done)
+        if function and function[1] not in (*_DISTRIBUTIONS, *FUNCTIONS):
+            return did_you_mean(function[1], _DISTRIBUTIONS)
         if done.endswith(",") and word in ("]", ")"):
-            return "no comma behind the last one"
+            return "remove the comma after the last value"
         if word == "," and "," not in keys and done.endswith(")"):
-            return "statements and attributes are not separated by commas"
+            return "do not separate statements and attributes by commas"
         if re.search(r"[\d.]$", done) and re.match(r"[^\W\d]", word) and "UNIT" in keys:
             return "lengths are in m, cm or mm, angles in deg or rad"
         if re.match(r"[+-]?[\d.]+[^\W\d]", word):
             return "write a blank between a number and its unit: 4.0 m"
         if re.search(r"uniform\s*\(\s*[^\[\s][^\n]*$", done):
-            return "a list is written uniform([1.0, 2.0]), a range uniform(1.0 .. 2.0)"
+            return "write a list as uniform([1.0, 2.0]), a range as uniform(1.0 .. 2.0)"
         close = closest(word, (key for key in set(keys) - set(_WORDS) if key.isalpha()))
         return f'did you mean "{close}"?' if close else ""
 
@@ -112,7 +112,7 @@ _LANGUAGE: Final = _VariationLanguage(Path(__file__).with_name("variation.tx"), 
 def parse(source: SourceText) -> SyntaxNode:
     """Return the syntax tree of ``source``.
 
-    Raises :class:`InputError` with one diagnostic per statement that cannot be read.
+    Raises :class:`InputError` with one finding per invalid statement.
     """
     if len(source.text) > _LARGEST:
         raise InputError.at(source.where(0), f"is longer than {_LARGEST} characters")

@@ -1,4 +1,4 @@
-"""One variant: from a point of a sampling to its plan, or what rejects it, and to its file."""
+"""Variants: from a point of a sampling to a plan, or reasons for its rejection, and to a file."""
 
 from __future__ import annotations
 
@@ -21,44 +21,43 @@ from grammars.variation.designs import Method
 from grammars.variation.plan_text import Slot, SlotValue, rewrite
 
 _HEADER_LINES: Final = 2
-"""Lines above the text of the plan: where a variant comes from, and its seed."""
-_LISTED: Final = 12
+"""Lines above the text of the plan: the source of a variant, and its seed."""
+_MOST_REASONS: Final = 12
 _DECIMALS: Final = 9
-"""Of numbers that were calculated: without the noise of 0.1 + 0.2."""
+"""Decimals of calculated numbers, without the noise of 0.1 + 0.2."""
 _NUMBER: Final = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 
 
 class Rejections:
-    """Counts of rejected points by reason; messages that differ in their numbers count as one."""
+    """Counts of rejected points by reason; numbers in messages are ignored."""
 
     def __init__(self) -> None:
         self._counts: dict[tuple[Where, str], int] = {}
         self._first: dict[tuple[Where, str], Finding] = {}
 
     def add(self, reasons: Iterable[Finding]) -> None:
-        """Count the reasons against one point."""
+        """Count the reasons for the rejection of one point."""
         for reason in reasons:
-            # Sizes and distances differ from draw to draw; the reason is the same.
+            # Sizes and distances differ between draws.
             key = (reason.where, _NUMBER.sub("#", reason.message))
             self._counts[key] = self._counts.get(key, 0) + 1
             self._first.setdefault(key, reason)
 
     def error(self, where: Where, message: str) -> InputError:
-        """Return ``message`` as an error, with what rejected most often first."""
-        hint = "loosen what is required, or the distributions it is about"
-        findings = [Finding(where, message, hint)]
-        for key, count in sorted(self._counts.items(), key=lambda item: -item[1])[:_LISTED]:
+        """Return ``message`` as an error, followed by the reasons, the most frequent one first."""
+        findings = [Finding(where, message, "loosen the requirements or the distributions")]
+        for key, count in sorted(self._counts.items(), key=lambda item: -item[1])[:_MOST_REASONS]:
             reason = self._first[key]
             findings.append(Finding(reason.where, f"rejected {count} times: {reason.message}"))
-        if len(self._counts) > _LISTED:
-            more = f"and {len(self._counts) - _LISTED} more reasons"
+        if len(self._counts) > _MOST_REASONS:
+            more = f"and {len(self._counts) - _MOST_REASONS} more reasons"
             findings.append(Finding(where, more))
         return InputError(findings)
 
 
 @dataclass(slots=True)
 class VariantBuilder:
-    """Turns points into variants; ``radius`` is that of the robot a sound plan has room for."""
+    """Turns points into variants; ``radius`` is that of the robot for the check of soundness."""
 
     variation: Variation
     method: Method
@@ -73,63 +72,63 @@ class VariantBuilder:
         self._source = {flaw.key: max(flaw.extent, 0.0) for flaw in flaws}
 
     def variant(
-        self, point: Sequence[float], seed: int, rejected: Rejections, tries: int = 1
+        self, point: Sequence[float], seed: int, rejections: Rejections, tries: int = 1
     ) -> Variant | None:
-        """Return the variant of one point, or ``None`` after noting what rejected it."""
-        drawn = SampledPoint(self.variation, point)
-        # What is about draws alone is asked before anything is written and compiled.
+        """Return the variant of one point, or ``None`` after counting the reasons against it."""
+        sampled = SampledPoint(self.variation, point)
+        # Check requirements about draws alone first, without a compiled plan.
         cheap = [r for r in self.variation.requirements if not r.needs_plan]
-        failing = _failing(cheap, drawn)
+        failing = _failing(cheap, sampled)
         if failing:
-            rejected.add(failing)
+            rejections.add(failing)
             return None
         name = f"{self.variation.plan_name}_{seed}"
         edited = rewrite(
-            self.variation.plan_text, drawn.settings.values(), name=name if self.suffix else ""
+            self.variation.plan_text, sampled.settings.values(), name=name if self.suffix else ""
         )
         text = self._header(seed) + edited
-        plan = self._sound(drawn, text, name, rejected)
-        return None if plan is None else Variant(seed, drawn.values(), text, name, plan, tries)
+        plan = self._sound(sampled, text, name, rejections)
+        return None if plan is None else Variant(seed, sampled.values(), text, name, plan, tries)
 
     def _sound(
-        self, drawn: SampledPoint, text: str, name: str, rejected: Rejections
+        self, sampled: SampledPoint, text: str, name: str, rejections: Rejections
     ) -> FloorPlan | None:
         try:
             plan = parse_floorplan(text, f"{name}.fpm")
-            drawn.compiled = plan
+            sampled.compiled = plan
             costly = [r for r in self.variation.requirements if r.needs_plan]
-            failing = _failing(costly, drawn)
+            failing = _failing(costly, sampled)
             if not failing and self.radius is not None:
                 failing = self._in_source(check_soundness(plan, self._source, self.radius))
         except InputError as error:
             errors = [d for d in error.findings if d.severity is Severity.ERROR]
             failing = self._in_source(errors)
-        rejected.add(failing)
+        rejections.add(failing)
         return None if failing else plan
 
     def _header(self, seed: int) -> str:
         plan, newline = self.variation.plan_text, self.variation.plan_text.newline
-        how = f", {self.method} design {self.seed}" if self.method != "random" else ""
-        # A file name may hold anything, but must not end the comment it stands in.
+        design = f", {self.method} design {self.seed}" if self.method != "random" else ""
+        # A file name must not end the comment around it.
         file = printable(" ".join(self.variation.plan_file.name.splitlines()))
         source = f"{plan.name} ({file})"
-        return f"// Source plan: {source}{newline}// Seed: {seed}{how}{newline}"
+        return f"// Source plan: {source}{newline}// Seed: {seed}{design}{newline}"
 
     def _in_source(self, findings: Iterable[Finding]) -> list[Finding]:
-        """Return findings about a variant at the lines of the plan it comes from."""
-        moved = []
+        """Return findings about a variant with places in its source plan."""
+        result = []
         for finding in findings:
             line = max(0, finding.where.line - _HEADER_LINES)
             where = Where(str(self.variation.plan_file), line, finding.where.column)
-            moved.append(Finding(where, finding.message))
-        return moved
+            result.append(Finding(where, finding.message))
+        return result
 
 
-def _failing(requirements: Iterable[Requirement], drawn: SampledPoint) -> list[Finding]:
+def _failing(requirements: Iterable[Requirement], sampled: SampledPoint) -> list[Finding]:
     return [
-        Finding(required.where, required.text)
-        for required in requirements
-        if evaluate(required.predicate, drawn.value_of) != 1.0
+        Finding(requirement.where, requirement.text)
+        for requirement in requirements
+        if evaluate(requirement.predicate, sampled.value_of) != 1.0
     ]
 
 
@@ -155,18 +154,18 @@ class SampledPoint:
         return SlotValue(slot, round(number, _DECIMALS) if math.isfinite(number) else number)
 
     def values(self) -> tuple[VariantValue, ...]:
-        """Return everything drawn and set, in file order."""
-        found = []
+        """Return the values of all draws and settings, in file order."""
+        values = []
         for name in self._variation.reported:
             setting = self.settings.get(name)
             if setting is None:
-                found.append(VariantValue(name, self._numbers[name], self._units[name]))
+                values.append(VariantValue(name, self._numbers[name], self._units[name]))
             else:
-                found.append(VariantValue(name, setting.number, setting.unit or setting.slot.unit))
-        return tuple(found)
+                values.append(VariantValue(name, setting.number, setting.unit or setting.slot.unit))
+        return tuple(values)
 
     def value_of(self, name: Name) -> float:
-        """Return what a name means [m, rad or plain]; measures need the compiled plan."""
+        """Return the value of a name [m, rad or plain]; measures need the compiled plan."""
         meaning = self._variation.meanings[name]
         if isinstance(meaning, str):
             return to_si(self._numbers[meaning], self._units[meaning])
@@ -176,7 +175,7 @@ class SampledPoint:
         return meaning.take(self.compiled)
 
     def _attribute(self, slot: Slot) -> float:
-        """Return what the sampled plan says at a place [m or rad]."""
+        """Return the value of a slot in the sampled plan [m or rad]."""
         setting = self.settings.get(slot.name)
         if setting is not None:
             return to_si(setting.number, setting.unit or slot.unit)
@@ -191,7 +190,7 @@ WriteOutcome: TypeAlias = Literal["written", "overwritten", "unchanged", "kept"]
 
 @dataclass(frozen=True, slots=True)
 class VariantFile:
-    """File of a variant: new, replaced, the same already, or kept as it was; and its draw."""
+    """File of a variant: the outcome of its writing, and its values."""
 
     path: Path
     outcome: WriteOutcome
@@ -202,7 +201,7 @@ class VariantFile:
 
 @dataclass(frozen=True, slots=True)
 class WrittenVariants:
-    """Files of the variants of a ``plan``; ``variation`` is the file that describes them."""
+    """Files of the variants of ``plan``, as described by the file ``variation``."""
 
     variation: str
     plan: Path
@@ -216,10 +215,10 @@ def write_variants(
     overwrite: bool = False,
     source: str | Path | None = None,
 ) -> tuple[VariantFile, ...]:
-    """Write every variant to ``<folder>/<plan>_<seed>.fpm``; the folder is made when missing.
+    """Write every variant to ``<folder>/<plan>_<seed>.fpm``; create the folder if necessary.
 
-    Files that exist are kept unless ``overwrite``; ``source``, the plan the variants come from, is
-    never overwritten. Raises :class:`InputError` when a file cannot be written.
+    Existing files stay unless ``overwrite`` is set; ``source``, the plan of the variants, is never
+    overwritten. Raises :class:`InputError` if a file cannot be written.
     """
     directory = Path(folder)
     try:
@@ -243,8 +242,8 @@ def _write(path: Path, data: bytes, overwrite: bool, source: str | Path | None) 
             return "unchanged"
         if source is not None and path.samefile(source):
             message = "is the plan itself and is not overwritten"
-            raise InputError.at(Where(str(path)), message, "take another folder or seed")
+            raise InputError.at(Where(str(path)), message, "use another folder or seed")
         if not overwrite:
             return "kept"
-    write_atomically(path, data, durable=False)  # thousands of plans, drawn again in no time
+    write_atomically(path, data, durable=False)  # Thousands of plans are quickly drawn again.
     return "overwritten" if existed else "written"

@@ -1,7 +1,7 @@
-"""Designs: which values the variants take, when they are not drawn one by one.
+"""Sampling designs: points with one number per draw, planned over all variants.
 
-Every design is a sequence of points, one number per draw. Quantiles of space-filling designs are
-mapped through each draw's distribution, so weights and shapes keep their meaning.
+Quantiles of space-filling designs are mapped through the distribution of each draw, so weights and
+shapes keep their meaning.
 """
 
 from __future__ import annotations
@@ -17,32 +17,32 @@ from grammars.variation._distributions import Distribution
 Method: TypeAlias = Literal["random", "grid", "halton", "lhs"]
 METHODS: Final[tuple[str, ...]] = get_args(Method)
 MAX_POINTS: Final = 100_000
-"""Points a design may have."""
+"""Points of a design at most."""
 _BLOCK: Final = 64
-"""Points of a sequence that are made at a time."""
+"""Points of a sequence computed at a time."""
 
 Point: TypeAlias = tuple[float, ...]
 
 
 def grid(distributions: Sequence[Distribution], levels: int, where: Where) -> Iterator[Point]:
-    """Return every combination of every draw's levels; the last draw changes fastest.
+    """Return all combinations of the levels of all draws; the last draw changes fastest.
 
-    Raises :class:`InputError` when there are more than ``MAX_POINTS``.
+    Raises :class:`InputError` for more than ``MAX_POINTS`` points.
     """
     axes = [distribution.levels(levels) for distribution in distributions]
     size = math.prod(len(axis) for axis in axes)
     if size > MAX_POINTS:
         message = f"the full grid has {size:,} points, more than {MAX_POINTS:,}"
-        raise InputError.at(where, message, "lower the levels, or take lhs")
+        raise InputError.at(where, message, "lower the levels, or use lhs")
     return itertools.product(*axes)
 
 
 def halton_points(dimensions: int, seed: int) -> Iterator[Point]:
-    """Return points in the unit cube [0, 1) of a scrambled Halton sequence, without an end.
+    """Yield endless points in the unit cube [0, 1) of a scrambled Halton sequence.
 
     Owen: A randomized Halton algorithm in R (2017).
     """
-    # Half a second, which processes that draw at random do without.
+    # This import takes half a second, and random draws do not need it.
     from scipy.stats import qmc
 
     engine = qmc.Halton(dimensions, rng=seed)
@@ -51,7 +51,7 @@ def halton_points(dimensions: int, seed: int) -> Iterator[Point]:
 
 
 def latin_hypercubes(dimensions: int, n: int, seed: int) -> Iterator[Point]:
-    """Return ``n`` points with one in each of ``n`` equal slices of every axis, and ``n`` more …
+    """Yield endless blocks of ``n`` points with one in each of ``n`` equal slices of every axis.
 
     McKay, Beckman, Conover: A comparison of three methods for selecting values of input variables
     in the analysis of output from a computer code, Technometrics 21 (1979).
@@ -64,6 +64,6 @@ def latin_hypercubes(dimensions: int, n: int, seed: int) -> Iterator[Point]:
 
 
 def points_at(distributions: Sequence[Distribution], quantiles: Iterator[Point]) -> Iterator[Point]:
-    """Return the values of the draws at their quantiles, point by point."""
+    """Yield the values of the draws at their quantiles, point by point."""
     for row in quantiles:
         yield tuple(d.at(share) for d, share in zip(distributions, row, strict=True))

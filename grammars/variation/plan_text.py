@@ -1,6 +1,6 @@
-"""The plan that is varied, as text: its elements by address, its attributes as places to write in.
+"""The text of a plan: its elements by address, and its attributes as slots for values.
 
-Values take the place of those that are written: comments, order and layout stay as they are.
+New values replace existing ones in the text, so comments, order and layout stay.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _AXES: Final = {
 
 @dataclass(frozen=True, slots=True)
 class VariableReference:
-    """A use of a variable, perhaps with a minus in front."""
+    """A use of a variable, possibly negated."""
 
     variable: str
     sign: float
@@ -38,10 +38,10 @@ class VariableReference:
 class Slot:
     """An attribute or variable as a place in the text of the plan.
 
-    ``number`` is where the number (or the reference to a variable) stands, ``unit_at`` where its
-    unit does. What is not written has neither: it can be asked about, not varied; ``remedy`` is
-    what to write. ``unit`` is the one that a number without a unit takes. ``value`` is what the
-    plan says now, in metres or radians.
+    ``number`` is the span of the number (or the reference to a variable), ``unit_at`` that of its
+    unit. An attribute missing in the text has neither: it has a value but cannot vary; ``remedy``
+    is the text to add. ``unit`` applies to numbers without a unit. ``value`` is the current value
+    in metres or radians.
     """
 
     name: str
@@ -55,7 +55,7 @@ class Slot:
 
 @dataclass(frozen=True, slots=True)
 class PlanElement:
-    """A space, feature or opening: ``address`` as written in variations, ``kind`` in lower case."""
+    """A space, feature or opening: ``address`` as in variations, ``kind`` in lower case."""
 
     address: str
     kind: str
@@ -63,11 +63,11 @@ class PlanElement:
 
     @property
     def is_opening(self) -> bool:
-        """True for doors and windows, which hang in a wall."""
+        """True for entryways and windows, which are in a wall."""
         return self.kind in ("entryway", "window")
 
     def paths(self) -> list[str]:
-        """Return every path that can be varied."""
+        """Return the paths of all attributes that can vary."""
         axes = _AXES["wall" if self.is_opening else "floor"]
         location = [f"location.{part}.{axis}" for part in axes for axis in axes[part]]
         shape = [f"shape.{size}" for size in _sizes(self.node.shape)]
@@ -88,10 +88,10 @@ def _sizes(shape: SyntaxNode) -> dict[str, SyntaxNode]:
 
 
 class PlanText:
-    """A plan as text; raises :class:`InputError` when it cannot be parsed.
+    """A plan as text; raises :class:`InputError` for syntax errors.
 
-    ``elements`` maps addresses to everything that has the address (a space and an opening may
-    share a name), ``variables`` names to slots.
+    ``elements`` maps addresses to their elements (a space and an opening may share a name),
+    ``variables`` maps names to slots.
     """
 
     def __init__(self, text: str, file: str) -> None:
@@ -115,33 +115,33 @@ class PlanText:
 
     @property
     def name(self) -> str:
-        """The name of the plan."""
+        """Name of the plan."""
         return str(self.tree.name)
 
     @property
     def name_at(self) -> Span:
-        """Place of the name of the plan in the text."""
+        """Span of the name of the plan in the text."""
         colon = self.bare.index(":", self.tree._tx_position)
         start = self.bare.index(self.name, colon)
         return start, start + len(self.name)
 
     def _add(self, address: str, kind: str, node: SyntaxNode) -> None:
-        known = self.elements.setdefault(address, [])
-        known.append(PlanElement(address, kind, node))
-        known.sort(key=lambda element: element.node._tx_position)
+        elements = self.elements.setdefault(address, [])
+        elements.append(PlanElement(address, kind, node))
+        elements.sort(key=lambda element: element.node._tx_position)
 
     def _variable(self, node: SyntaxNode) -> Slot:
         sign = self.bare.index("=", node._tx_position)
-        found = _REAL.search(self.bare, sign)
-        assert found is not None
+        number = _REAL.search(self.bare, sign)
+        assert number is not None
         end = node._tx_position_end
         value = to_si(float(node.number), node.unit)
         unit_at = (end - len(node.unit), end)
         kind = NAMES[read_unit(node.unit)[1]]
-        return Slot(node.name, kind, node.unit, value, found.span(), unit_at)
+        return Slot(node.name, kind, node.unit, value, number.span(), unit_at)
 
     def slot(self, element: PlanElement, path: str) -> Slot | None:
-        """Return the place of an attribute, or ``None`` when the element has no such path."""
+        """Return the slot of an attribute, or ``None`` for an unknown path."""
         if path not in element.paths():
             return None
         name = f"{element.address}.{path}"
@@ -159,11 +159,11 @@ class PlanText:
             unit = self.variables[node.variable].unit
             reference = VariableReference(node.variable, -1.0 if node.negated else 1.0)
             return Slot(name, kind, unit, reference, (start, end))
-        found = _REAL.match(self.bare, start)
-        assert found is not None
+        number = _REAL.match(self.bare, start)
+        assert number is not None
         unit = node.unit or _DEFAULT_UNIT[kind]
         unit_at = (end - len(node.unit), end) if node.unit else None
-        return Slot(name, kind, unit, to_si(float(node.number), unit), found.span(), unit_at)
+        return Slot(name, kind, unit, to_si(float(node.number), unit), number.span(), unit_at)
 
     def _component_slot(self, element: PlanElement, name: str, part: str, axis: str) -> Slot:
         kind = "length" if part == "translation" else "angle"
@@ -181,8 +181,8 @@ class PlanText:
             return self._quantity(name, own[key], "length")
         shared = {d.key: d.value for d in self._defaults.dimensions}
         inherited = self._quantity(name, shared[key], "length")
-        written = self.text[shared[key]._tx_position : shared[key]._tx_position_end]
-        remedy = f"walls: {key}: {written}"
+        default = self.text[shared[key]._tx_position : shared[key]._tx_position_end]
+        remedy = f"walls: {key}: {default}"
         return Slot(name, "length", "m", inherited.value, remedy=remedy)
 
 
@@ -196,13 +196,13 @@ class SlotValue:
 
 
 def rewrite(plan: PlanText, settings: Iterable[SlotValue], *, name: str = "") -> str:
-    """Return the text of ``plan`` with all settings written into it, and perhaps a new name."""
-    replaced = [one for setting in settings for one in _replacements(setting)]
+    """Return the text of ``plan`` with all settings and, if given, a new name."""
+    replacements = [one for setting in settings for one in _replacements(setting)]
     if name:
-        replaced.append((plan.name_at, name))
+        replacements.append((plan.name_at, name))
     pieces: list[str] = []
     at = 0
-    for (start, end), new in sorted(replaced):
+    for (start, end), new in sorted(replacements):
         pieces += (plan.text[at:start], new)
         at = end
     return "".join((*pieces, plan.text[at:]))
@@ -221,5 +221,5 @@ def _replacements(setting: SlotValue) -> list[tuple[Span, str]]:
 
 
 def _text(setting: SlotValue) -> str:
-    # Shortest text that reads back as the same number; + 0.0 makes -0.0 plain.
+    # The shortest text that reads back as the same number; + 0.0 turns -0.0 into 0.0.
     return repr(setting.number + 0.0)

@@ -166,7 +166,7 @@ def test_unknown_cells_that_an_alpha_channel_changes_are_told(tmp_path, around):
     image = shades("LA", [(0, 255), around, (254, 255), (254, 255)])
     image.save(tmp_path / "room.png")
     (warning,) = read_map(room(tmp_path, image="room.png")).warnings
-    assert "room.yaml:1:1: warning: 25% of the cells are not what their colour says" in str(warning)
+    assert "room.yaml:1:1: warning: 25% of the cells differ from their colour" in str(warning)
     assert "without an alpha channel" in warning.hint
     image.convert("L").save(tmp_path / "room.png")
     assert not read_map(room(tmp_path, image="room.png")).warnings

@@ -15,8 +15,7 @@ from grammars.model.kinematics import link_poses
 from grammars.model.movers import is_mover
 from grammars.model.scene import SceneObject
 from grammars.scenery import configure, load_scenery, parse_scenery
-from grammars.scenery.measure import Measure
-from grammars.scenery.model import FrameName, Path, Subject, Word
+from grammars.scenery.model import FrameName, Measure, Path, Subject, Word
 from grammars.text.diagnostics import InputError, Where
 from tests.languages.plans import DOOR, HERE, PEOPLE
 

@@ -124,7 +124,7 @@ require door.width > 0"""
     with pytest.raises(InputError) as caught:
         sample(vary(tmp_path, statements), 3, seed=7, tries=100)
     first, *reasons = [str(d) for d in caught.value.findings]
-    assert first.startswith("test.variation:1:1: seed 7: none of 100 draws fulfils everything")
+    assert first.startswith("test.variation:1:1: seed 7: none of 100 draws fulfils all")
     assert len(reasons) == 2
     counts = {r.rsplit(": ", 1)[1]: int(r.split("rejected ")[1].split()[0]) for r in reasons}
     assert set(counts) == {"require gap > 1 m", "require gap <= 1 m"}

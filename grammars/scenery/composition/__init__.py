@@ -1,6 +1,6 @@
-"""Composition: a floor plan and scenery layers become one world, sentences become behaviours.
+"""Composition of a floor plan and scenery layers to a scene, and of sentences to behaviours.
 
-Layers meet here by name and nowhere else; what does not fit together is reported with both places.
+Only this package connects layers, by name; it reports conflicts with both places.
 """
 
 from grammars.scenery.composition._behaviours import ResolvedBehaviours, resolve_behaviours
@@ -8,7 +8,6 @@ from grammars.scenery.composition._building import static_segments
 from grammars.scenery.composition._catalogue import Catalogue
 from grammars.scenery.composition._chance import RandomWaits
 from grammars.scenery.composition._compiler import compile_scene
-from grammars.scenery.composition._convex_pieces import convex_rings
 from grammars.scenery.composition._placement import (
     ObjectPlacement,
     frame_named,
@@ -17,7 +16,7 @@ from grammars.scenery.composition._placement import (
     mirrored_links,
     place_instance,
 )
-from grammars.scenery.composition._rings import is_convex
+from grammars.scenery.composition._rings import convex_rings, is_convex
 
 __all__ = [
     "Catalogue",

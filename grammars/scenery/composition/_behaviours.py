@@ -1,7 +1,6 @@
 """From sentences about objects to concrete behaviours of joints.
 
-Everything random is drawn here, once, from a seed: what a run specification then says is exactly
-what the doors do.
+All random numbers are drawn here from a seed, so that a run specification is deterministic.
 """
 
 from __future__ import annotations
@@ -33,10 +32,10 @@ from grammars.text.words import enumerate_words
 
 @dataclass(frozen=True, slots=True)
 class ResolvedBehaviours:
-    """One behaviour per joint at most, in scene order, and who gave way to whom.
+    """At most one behaviour per joint, in scene order, with warnings about replaced sentences.
 
     ``overridden`` has one warning for each sentence that a later layer replaced for some joints.
-    ``places`` gives for every joint the place of the sentence that won.
+    ``places`` has for every joint the place of the effective sentence.
     """
 
     behaviours: tuple[Behaviour, ...]
@@ -59,22 +58,22 @@ def resolve_behaviours(
     limit: float,
     overrides: Mapping[str, Mapping[str, object]] | None = None,
 ) -> ResolvedBehaviours:
-    """Return what the joints of ``scene`` do in a run of ``limit`` seconds.
+    """Return the behaviours of the joints of ``scene`` in a run of ``limit`` seconds.
 
-    ``layers`` are all layers of the scenario, those with the objects included, in order; later
-    layers win on the same joint. ``overrides`` gives by layer name the values a campaign wants
-    (see :func:`grammars.scenery.configure`). Random toggles are drawn from a child of ``seed`` per
-    joint that depends on nothing but the joint's name, so another door changes none of the others.
+    ``layers`` are all layers of the scenario in order, including those with the objects; later
+    layers win on the same joint. ``overrides`` has the values of the campaign by layer name (see
+    :func:`grammars.scenery.configure`). Random numbers of a joint come from a child of ``seed``
+    that depends only on the name of the joint, so that another door does not change the others.
 
-    Raises :class:`InputError` for unknown names, wrong units, positions outside of joint limits,
-    and two sentences of one layer about the same joint (both places are named).
+    Raises :class:`InputError` for unknown names, wrong units, positions outside joint limits, and
+    two sentences of one layer about the same joint (with both places).
     """
     layers = _configured(layers, overrides or {})
     catalogue = Catalogue(layers)
     refuse_unapplied(scene, layers, catalogue)
     bodies = {body.name: body for body in scene.objects}
     frames = dict(scene.frames)
-    said: dict[str, _AppliedSentence] = {}
+    applied: dict[str, _AppliedSentence] = {}
     overridden: dict[tuple[Where, Where], list[str]] = {}
     findings = Findings()
     for number, layer in enumerate(layers):
@@ -83,20 +82,20 @@ def resolve_behaviours(
             with findings.collecting():
                 for behaviour in _behaviours(context, catalogue, bodies, sentence):
                     new = _AppliedSentence(number, sentence.where, behaviour)
-                    old = said.get(behaviour.joint)
+                    old = applied.get(behaviour.joint)
                     if old is not None:
                         _refuse_second(old, new)
                         places = (new.where, old.where)
                         overridden.setdefault(places, []).append(_subject(behaviour))
-                    # A walk moves all three joints of its mover: one place for all of them.
-                    said.update(dict.fromkeys(_joints(behaviour), new))
+                    # A walk moves all three joints of its mover.
+                    applied.update(dict.fromkeys(_joints(behaviour), new))
     findings.raise_errors()
-    # In scene order: the order of layers and sentences must not show in the specification of a run.
-    order = [joint for joint in scene.joint_names if joint in said]
+    # The specification of a run must not depend on the order of layers and sentences.
+    order = [(joint, applied[joint]) for joint in scene.joint_names if joint in applied]
     return ResolvedBehaviours(
-        tuple(said[joint].behaviour for joint in order if said[joint].behaviour.joint == joint),
+        tuple(one.behaviour for joint, one in order if one.behaviour.joint == joint),
         tuple(_replaced(joints, *places) for places, joints in overridden.items()),
-        tuple((joint, said[joint].where) for joint in order),
+        tuple((joint, one.where) for joint, one in order),
     )
 
 
@@ -120,25 +119,25 @@ def _subject(behaviour: Behaviour) -> str:
 
 
 def _refuse_second(old: _AppliedSentence, new: _AppliedSentence) -> None:
-    """Raise :class:`InputError` when one layer says two things of one joint."""
+    """Raise :class:`InputError` for two behaviours of one joint in the same layer."""
     if old.layer == new.layer:
         raise InputError.at(
             new.where,
             f"{_subject(new.behaviour)} already has a behaviour in this layer",
-            f"the other one: {old.where}; leave one out (every … except …)",
+            f"the other one: {old.where}; remove one (every … except …)",
         )
 
 
-_MOST_NAMED: Final = 3
-"""So many joints are named, of more how many they are."""
+_MOST_NAMES: Final = 3
+"""Names in a message at most; the last one may be a count."""
 
 
 def _replaced(joints: Sequence[str], new: Where, old: Where) -> Finding:
-    named = list(joints[:_MOST_NAMED])
-    if len(joints) > _MOST_NAMED:
-        named[-1] = f"{len(joints) - _MOST_NAMED + 1} more"
+    names = list(joints[:_MOST_NAMES])
+    if len(joints) > _MOST_NAMES:
+        names[-1] = f"{len(joints) - _MOST_NAMES + 1} more"
     follow = "follow" if len(joints) > 1 else "follows"
-    message = f"{enumerate_words(named)} {follow} this sentence, not the one at {old}"
+    message = f"{enumerate_words(names)} {follow} this sentence, not the one at {old}"
     return Finding(new, message, severity=Severity.WARNING)
 
 
@@ -148,8 +147,8 @@ def _behaviours(
     bodies: Mapping[str, SceneObject],
     sentence: Sentence,
 ) -> list[Behaviour]:
-    found: list[Behaviour] = []
+    behaviours: list[Behaviour] = []
     for target in catalogue.targets(context.layer, sentence.subject):
         resolver = SentenceResolver(context, catalogue, bodies, target.object, target.joint)
-        found.extend(resolver.resolve(sentence))
-    return found
+        behaviours.extend(resolver.resolve(sentence))
+    return behaviours

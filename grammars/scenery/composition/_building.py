@@ -1,8 +1,8 @@
 """The building: walls, columns and dividers as convex solids with the openings cut out, and the
-outline of everything that stands still at a given height: what a laser plane can hit.
+outline of all solids at a given height, which a laser plane can hit.
 
-Walls and features are prisms on the floor, openings are prisms through the walls they name
-(FloorPlan language). A wall is cut only by openings that list it.
+Walls and features are prisms on the floor, openings are prisms through the walls that they list
+(FloorPlan language).
 """
 
 from __future__ import annotations
@@ -23,19 +23,18 @@ from grammars.model.free_space import valid_polygon
 from grammars.model.geometry import Floats
 from grammars.model.kinematics import is_cut
 from grammars.model.scene import Scene, Solid
-from grammars.scenery.composition._convex_pieces import convex_rings
-from grammars.scenery.composition._rings import polygons_of, rounded
+from grammars.scenery.composition._rings import convex_rings, polygons_of, rounded
 
-# The published mesh generator thickens openings by 5 cm on both sides for the same reason.
+# The published mesh generator also extends openings by 5 cm on both sides.
 MARGIN: Final = 0.05
-"""How far a cut goes beyond the faces of the walls [m], so that no skin is left standing."""
+"""Extension of a cut beyond the faces of the walls [m], so that no thin skin remains."""
 _STEP: Final = 0.05
-"""Height of the steps that stand for a sloped edge of an opening [m]."""
+"""Height of the steps that approximate a sloped edge of an opening [m]."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Cut:
-    """A vertical prism to take away."""
+    """A vertical prism to remove."""
 
     area: Polygon
     z_min: float
@@ -46,7 +45,7 @@ class _Cut:
 def solids_of(plan: FloorPlan) -> tuple[Solid, ...]:
     """Return the convex solids of ``plan``: walls in source order, then features.
 
-    The scenarios of a campaign share few plans, and those of building C take 20 ms each time.
+    The scenarios of a campaign share few plans; building C takes 20 ms.
     """
     cuts: dict[str, list[_Cut]] = {}
     for opening in plan.openings:
@@ -82,28 +81,28 @@ def _wall_solids(wall: Wall, cuts: list[_Cut]) -> list[Solid]:
 def _split(
     piece: tuple[BaseGeometry, tuple[_Cut, ...]], cut: _Cut
 ) -> list[tuple[BaseGeometry, tuple[_Cut, ...]]]:
-    """Split a piece seen from above into what is outside and what is inside of a cut."""
+    """Split a piece, seen from above, into the parts outside and inside a cut."""
     area, cuts = piece
     inside = area.intersection(cut.area)
     if not polygons_of(inside):
         return [piece]
     outside = area.difference(cut.area)
-    kept = [(outside, cuts)] if polygons_of(outside) else []
-    return [*kept, (inside, (*cuts, cut))]
+    rest = [(outside, cuts)] if polygons_of(outside) else []
+    return [*rest, (inside, (*cuts, cut))]
 
 
 def _standing(height: float, cuts: tuple[_Cut, ...]) -> list[tuple[float, float]]:
-    """Return the heights at which wall is left: below, between and above the cuts."""
-    left: list[tuple[float, float]] = []
+    """Return the height ranges of remaining wall: below, between and above the cuts."""
+    ranges: list[tuple[float, float]] = []
     floor = 0.0
-    # From the floor up; cuts may overlap, a window above a door for one.
+    # From the floor up; cuts may overlap, such as a window above a door.
     for cut in sorted(cuts, key=lambda c: (c.z_min, c.z_max)):
         if cut.z_min > floor:
-            left.append((floor, min(cut.z_min, height)))
+            ranges.append((floor, min(cut.z_min, height)))
         floor = max(floor, cut.z_max)
     if floor < height:
-        left.append((floor, height))
-    return left
+        ranges.append((floor, height))
+    return ranges
 
 
 def _cuts(opening: Opening) -> list[_Cut]:
@@ -129,7 +128,7 @@ def _cuts(opening: Opening) -> list[_Cut]:
 
 
 def _is_upright(ring: tuple[Point3, ...]) -> bool:
-    """Return whether a ring of four has only level and plumb edges."""
+    """Return whether a ring of four corners has only level and plumb edges."""
     edges = zip(ring, (*ring[1:], ring[0]), strict=True)
     return len(ring) == 4 and all(
         abs(a[2] - b[2]) < 1e-9 or abs(a[0] - b[0]) + abs(a[1] - b[1]) < 1e-9 for a, b in edges
@@ -163,14 +162,14 @@ def _prism(
     return _Cut(Polygon(ring), rounded(z_min), rounded(z_max))
 
 
-# _GRID < _STRAIGHT < _JOG: what snapping moved by a grid step must still count as straight, and
-# what is left of faces that nearly coincide must go before straight edges are joined.
+# _GRID < _STRAIGHT < _JOG: corners moved by a grid step must still count as straight, and remains
+# of nearly coinciding faces must be removed before joining straight edges.
 _GRID: Final = 1e-6
 """Snapping distance [m]: faces closer than this are one face."""
 _JOG: Final = 1e-4
-"""Shorter edges [m] are left over from faces that nearly coincide."""
+"""Shorter edges [m] are remains of nearly coinciding faces and are removed."""
 _STRAIGHT: Final = 2e-5
-"""A corner this near [m] to the line between its neighbours is none."""
+"""Corners this near [m] to the line between their neighbours are removed."""
 
 
 def static_segments(
@@ -179,8 +178,8 @@ def static_segments(
     """Return the boundary of the union of all solids that cross height ``z`` [m].
 
     Returns ``segments`` (n, 4) as x0, y0, x1, y1 [m], ``owner`` (n,) as an index into the third
-    value, the owners' names in scene order. The inside lies to the left of every segment; there
-    are no edges inside the union, and edges in line with each other are merged per owner.
+    value, and the names of owners in scene order. The inside lies to the left of every segment;
+    the union has no inner edges, and collinear edges of one owner are merged.
     """
     owners = tuple(dict.fromkeys(s.owner for s in scene.solids))
     standing = [s for s in scene.solids if is_cut(s, z)]
@@ -204,17 +203,19 @@ def static_segments(
 
 
 def _rings(polygon: Any) -> list[Floats]:
-    """Return the corners of the outer ring counter-clockwise and of the holes clockwise."""
-    # Outer rings counter-clockwise, holes clockwise: so the inside lies to the left of every edge.
-    outer = _without_jogs(_turned(shapely.get_coordinates(polygon.exterior)[:-1], True))
+    """Return the corners of the outer ring counter-clockwise and of the holes clockwise.
+
+    So the inside lies to the left of every edge.
+    """
+    outer = _without_jogs(_directed(shapely.get_coordinates(polygon.exterior)[:-1], True))
     holes = [
-        _without_jogs(_turned(shapely.get_coordinates(hole)[:-1], False))
+        _without_jogs(_directed(shapely.get_coordinates(hole)[:-1], False))
         for hole in polygon.interiors
     ]
     return [ring for ring in (outer, *holes) if len(ring) >= 3]
 
 
-def _turned(corners: Floats, counter_clockwise: bool) -> Floats:
+def _directed(corners: Floats, counter_clockwise: bool) -> Floats:
     x, y = (corners - corners[0]).T
     area = float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
     return corners if (area > 0.0) == counter_clockwise else corners[::-1].copy()
@@ -222,8 +223,8 @@ def _turned(corners: Floats, counter_clockwise: bool) -> Floats:
 
 def _without_jogs(corners: Floats) -> Floats:
     lengths = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
-    kept: Floats = corners[lengths >= _JOG]
-    return kept
+    remaining: Floats = corners[lengths >= _JOG]
+    return remaining
 
 
 def _edges(corners: Floats) -> Floats:
@@ -233,12 +234,11 @@ def _edges(corners: Floats) -> Floats:
 def _owners(
     edges: Floats, shapes: npt.NDArray[Any], owner_of: npt.NDArray[np.int32]
 ) -> npt.NDArray[np.int32]:
-    """Return whose edge each is: of the solids whose outline it lies on, the first in the scene."""
+    """Return the owner of each edge: the first solid of the scene with the edge on its outline."""
     middles: Any = shapely.points((edges[:, 0:2] + edges[:, 2:4]) / 2)
     outlines = shapely.boundary(shapes)
     edge, shape = shapely.STRtree(outlines).query(middles, predicate="dwithin", distance=_STRAIGHT)
-    # Where outlines touch an edge belongs to the first solid of the scene, whatever the order in
-    # which the tree finds them.
+    # The tree returns touching outlines in any order.
     first = np.full(len(edges), len(shapes), np.int64)
     np.minimum.at(first, edge, shape)
     missing = np.flatnonzero(first == len(shapes))
@@ -249,7 +249,7 @@ def _owners(
 
 
 def _merge(edges: Floats, owner: npt.NDArray[np.int32]) -> tuple[Floats, npt.NDArray[np.int32]]:
-    """Join consecutive edges of one ring that are in line and have the same owner."""
+    """Join consecutive collinear edges of one ring with the same owner."""
     ahead = edges[:, 2:4] - edges[:, 0:2]
     behind = np.roll(ahead, 1, axis=0)
     chord = np.linalg.norm(ahead + behind, axis=1)

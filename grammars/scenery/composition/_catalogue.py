@@ -1,4 +1,4 @@
-"""Names across layers: which objects a sentence is about."""
+"""Names across layers, and the targets of sentences."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _WARNING: Final = Severity.WARNING
 
 @dataclass(frozen=True, slots=True)
 class SubjectTarget:
-    """An object, or one joint of it (``joint`` empty: all of them)."""
+    """An object, or one of its joints (empty ``joint``: all joints)."""
 
     object: str
     joint: str
@@ -31,7 +31,7 @@ class SubjectTarget:
 
 
 class Catalogue:
-    """Models, instances and groups of several layers; raises for names that are taken twice."""
+    """Models, instances and groups of several layers; raises for duplicate names."""
 
     def __init__(self, layers: Sequence[SceneryLayer]) -> None:
         findings = Findings()
@@ -48,7 +48,7 @@ class Catalogue:
         findings.raise_errors()
 
     def model_of(self, name: str) -> ObjectModel:
-        """Return the model of the instance called ``name``."""
+        """Return the model of the instance ``name``."""
         return self.models[self.instances[name].model.text]
 
     def joints(self) -> Iterator[tuple[Joint, ...]]:
@@ -58,12 +58,12 @@ class Catalogue:
     def targets(
         self, layer: SceneryLayer, subject: Subject, trail: tuple[str, ...] = ()
     ) -> tuple[SubjectTarget, ...]:
-        """Return whom ``subject``, written in ``layer``, is about: each once, in order.
+        """Return the targets of ``subject`` in ``layer``, each once, in order.
 
-        ``trail`` names the groups that it is written in. Raises :class:`InputError` for unknown
+        ``trail`` has the names of the groups around it. Raises :class:`InputError` for unknown
         names, with the closest known one.
         """
-        left_out = {
+        excluded = {
             target.object
             for path in subject.exceptions
             for target in self._one_or_many(layer, path, trail)
@@ -72,12 +72,12 @@ class Catalogue:
         for path in subject.names:
             members = self._many(layer, path, trail) if subject.every else (self._one(layer, path),)
             for target in members:
-                if target.object not in left_out:
+                if target.object not in excluded:
                     targets.setdefault((target.object, target.joint), target)
         return tuple(targets.values())
 
     def unknown_members(self) -> list[Finding]:
-        """Return a warning for every group, used or not, with members that are not there."""
+        """Return a warning for every group, used or not, with unknown members."""
         findings: list[Finding] = []
         for layer in self._layers:
             for group in layer.groups:
@@ -114,9 +114,10 @@ class Catalogue:
             self._check_joint(path, names)
             return tuple(SubjectTarget(name, path.joint, path.where) for name in names)
         if path.object in self.instances:
-            raise InputError.at(path.where, f'"{path.object}" is one object', "leave out every")
-        known = (*self.models, *(g.name for other in self._layers for g in other.groups))
-        hint = did_you_mean(path.object, known)
+            message = f'"{path.object}" is a single object'
+            raise InputError.at(path.where, message, 'remove "every"')
+        names = (*self.models, *(g.name for other in self._layers for g in other.groups))
+        hint = did_you_mean(path.object, names)
         message = f'there is no group or object model "{path.object}"'
         raise InputError.at(path.where, message, hint)
 
@@ -129,7 +130,7 @@ class Catalogue:
             raise InputError.at(path.where, f'"{path.object}" may mean several groups', places)
         if group.name in trail:
             raise InputError.at(group.where, f'group "{group.name}" contains itself')
-        # Each group once: groups of groups of groups would take twice as long with every level.
+        # Expand each group once: nested groups would double the time with every level.
         if id(group) not in self._expanded:
             targets = self.targets(home, group.members, (*trail, group.name))
             self._expanded[id(group)] = targets
@@ -147,7 +148,7 @@ class Catalogue:
         return self._many(layer, path, trail)
 
     def _groups(self, layer: SceneryLayer, name: str) -> list[tuple[SceneryLayer, Group]]:
-        # A group of the layer itself hides those of other layers.
+        # A group of the layer hides groups of other layers.
         own = [(layer, g) for g in layer.groups if g.name == name]
         return own or [(other, g) for other in self._layers for g in other.groups if g.name == name]
 
@@ -164,7 +165,7 @@ def _index(items: Iterable[Named], kind: str, findings: Findings) -> dict[str, N
     index: dict[str, Named] = {}
     for item in items:
         if item.name in index:
-            message = f'there are two {kind}s called "{item.name}"'
+            message = f'two {kind}s have the name "{item.name}"'
             findings.error(item.where, message, f"the other one: {index[item.name].where}")
         index.setdefault(item.name, item)
     return index

@@ -1,4 +1,4 @@
-"""Chance, drawn once: joints that change between two positions at random times."""
+"""Random key frames of joints that change between two positions."""
 
 from __future__ import annotations
 
@@ -12,19 +12,17 @@ from grammars.model.behaviour import KeyFrame
 from grammars.scenery.composition._rings import rounded
 
 MOST_DRAWS: Final = 100_000
-"""More draws than this for one joint are a mistake in the units."""
-
-
+"""Draws for one joint at most; more are a mistake in the units."""
 SHORTEST: Final = 0.01
-"""Least time between two changes [s]: one tick of the simulation."""
+"""Shortest time between two changes [s]: one tick of the simulation."""
 
 
 @dataclass(frozen=True, slots=True)
 class RandomWaits:
-    """Waiting times [s] between changes, from ``since`` to ``until``, of one distribution.
+    """Random waiting times [s] between changes from ``since`` to ``until``.
 
     ``uniform`` from ``first`` to ``second``; ``exponential`` with mean ``first``; ``normal`` with
-    mean ``first`` and deviation ``second``, where a draw that is not positive is drawn again.
+    mean ``first`` and deviation ``second``, where non-positive draws are repeated.
     """
 
     kind: Literal["uniform", "exponential", "normal"]
@@ -35,7 +33,7 @@ class RandomWaits:
 
     @property
     def count(self) -> float:
-        """About how many changes that makes."""
+        """Approximate number of changes."""
         mean = (self.first + self.second) / 2 if self.kind == "uniform" else self.first
         return max(0.0, self.until - self.since) / mean
 
@@ -45,21 +43,21 @@ class RandomWaits:
             return float(generator.uniform(self.first, self.second))
         if self.kind == "exponential":
             return float(generator.exponential(self.first))
-        drawn = 0.0
-        while drawn <= 0.0:
-            drawn = float(generator.normal(self.first, self.second))
-        return drawn
+        wait = 0.0
+        while wait <= 0.0:
+            wait = float(generator.normal(self.first, self.second))
+        return wait
 
     def draw(
         self, seed: np.random.SeedSequence, first: float, second: float
     ) -> tuple[KeyFrame, ...]:
-        """Return key frames from ``first`` at 0 s on, changing after every waiting time."""
-        # One by one, as normal waits may be drawn again: nobody knows how many numbers it takes.
+        """Return key frames that start with ``first`` at 0 s and change after every wait."""
+        # One by one, since the number of repeated draws is unknown.
         generator = np.random.default_rng(seed)
         frames = [KeyFrame(0.0, first)]
         time = self.since
         while True:
-            # A wait of less than a tick would put two key frames into one.
+            # A shorter wait would put two key frames into one tick.
             time += max(SHORTEST, self.one(generator))
             if time > self.until:
                 return tuple(frames)
@@ -69,10 +67,10 @@ class RandomWaits:
 
 @dataclass(frozen=True, slots=True)
 class RandomToggles:
-    """A draw at ``since``, ``since + period``, … up to ``until`` [s].
+    """Random changes at ``since``, ``since + period``, … up to ``until`` [s].
 
-    Each changes the joint with ``probability``, late by a uniform share of ``delay`` [s], rounded
-    down to multiples of ``step`` [s] unless that is 0.
+    Each draw changes the joint with ``probability``, late by a uniform share of ``delay`` [s],
+    rounded down to multiples of ``step`` [s] unless that is 0.
     """
 
     period: float
@@ -85,7 +83,7 @@ class RandomToggles:
 
     @property
     def count(self) -> int:
-        """How many draws that makes."""
+        """Number of draws."""
         if self.until < self.since:
             return 0
         return int(min((self.until - self.since) / self.period + 1e-9, 1e12)) + 1
@@ -93,10 +91,10 @@ class RandomToggles:
     def draw(
         self, seed: np.random.SeedSequence, first: float, second: float
     ) -> tuple[KeyFrame, ...]:
-        """Return key frames from ``first`` at 0 s on; none later than ``limit`` [s].
+        """Return key frames that start with ``first`` at 0 s and end by ``limit`` [s].
 
-        Two numbers are used for every draw whether it changes anything or not, so another
-        probability or lateness does not shift the rest.
+        Every draw takes two random numbers, even without a change, so that another probability or
+        delay does not shift the rest.
         """
         draws = np.random.default_rng(seed).random((self.count, 2))
         frames = [KeyFrame(0.0, first)]
@@ -119,8 +117,8 @@ class RandomToggles:
 
 
 def child_seed(seed: np.random.SeedSequence, name: str) -> np.random.SeedSequence:
-    """Return the child of ``seed`` for ``name``: a stable hash of it is the spawn key."""
-    # Not SeedSequence.spawn, which counts: a door more would shift the chance of all others.
+    """Return the child of ``seed`` for ``name``, with a stable hash of the name as spawn key."""
+    # SeedSequence.spawn counts, so that an additional door would change all others.
     digest = hashlib.sha256(name.encode()).digest()
     words = tuple(int.from_bytes(digest[i : i + 4], "little") for i in range(0, 16, 4))
     return np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, *words))

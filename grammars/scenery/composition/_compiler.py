@@ -1,4 +1,4 @@
-"""From a floor plan and scenery layers to one :class:`Scene`: objects placed, settings applied."""
+"""From a floor plan and scenery layers to a :class:`Scene` with placed objects and settings."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from grammars.text.diagnostics import Findings, gather
 def apply_settings(
     layers: Sequence[SceneryLayer], catalogue: Catalogue, placed: Mapping[str, SceneObject]
 ) -> dict[str, SceneObject]:
-    """Return the objects as the settings of all layers leave them; later layers win.
+    """Return the objects with the settings of all layers applied; later layers win.
 
     Raises :class:`InputError` for unknown names, states and units.
     """
@@ -56,39 +56,39 @@ def _with(catalogue: Catalogue, body: SceneObject, setting: Setting, joint: str)
 
 
 def refuse_unapplied(scene: Scene, layers: Sequence[SceneryLayer], catalogue: Catalogue) -> None:
-    """Raise for objects and settings in ``layers`` that ``scene`` was compiled without.
+    """Raise for objects and settings in ``layers`` that are not part of ``scene``.
 
-    What stands where and how it starts belongs to the scene; a layer that says so must take part
-    in compiling it, or its words would be lost without notice.
+    Layers with objects or settings must take part in compiling the scene, because behaviours
+    cannot add them.
     """
     bodies = {body.name: body for body in scene.objects}
     hint = "name this layer among the objects, not only among the behaviours"
     findings = Findings()
     for instance in catalogue.instances.values():
         if instance.name not in bodies:
-            findings.error(instance.where, f"{instance.name} does not stand in the scene", hint)
+            findings.error(instance.where, f"{instance.name} is not in the scene", hint)
     findings.raise_errors()
-    # Settings are compared by what they change: one that says what is so already is no loss.
+    # Settings without an effect are accepted.
     objects = apply_settings(layers, catalogue, bodies)
     for layer in layers:
         for setting in layer.settings:
             for target in catalogue.targets(layer, setting.subject):
                 if objects[target.object] != bodies[target.object]:
-                    findings.error(setting.where, f"{target.object} is not so in the scene", hint)
+                    message = f"the scene lacks this setting of {target.object}"
+                    findings.error(setting.where, message, hint)
     findings.raise_errors()
 
 
 _STANDS_IN: Final = 0.5
-"""Share of a closed leaf that must lie in a doorway for the object to count as standing in it."""
+"""Share of a closed leaf that must lie in a doorway for its object to count as standing in it."""
 
 
 def compile_scene(plan: FloorPlan, layers: Sequence[SceneryLayer] = ()) -> Scene:
-    """Return the world of ``plan`` with the objects of ``layers`` in it.
+    """Return the scene of ``plan`` with the objects of ``layers``, in layer order.
 
-    Walls are cut by the openings that list them and become convex solids; objects stand in layer
-    order. All coordinates are rounded to 1e-9 m, so that equal input gives equal digests.
-    Raises :class:`InputError` with every object that cannot be placed, otherwise with every
-    setting of them that makes no sense.
+    Walls become convex solids with their openings cut out. Coordinates are rounded to 1e-9 m, so
+    that equal input gives equal digests. Raises :class:`InputError` with all objects that cannot
+    be placed, otherwise with all invalid settings.
     """
     doorways = _doorways(plan)
     catalogue = Catalogue(layers)
@@ -104,7 +104,7 @@ def compile_scene(plan: FloorPlan, layers: Sequence[SceneryLayer] = ()) -> Scene
         doorways,
         solids_of(plan),
         tuple(placed.values()),
-        # Only routes of movers need them, and whatever is in a scene counts in its digest.
+        # Only routes of movers need them, and they change the digest of the scene.
         frames if any(map(is_mover, catalogue.joints())) else (),
     )
 
@@ -125,7 +125,7 @@ def _doorways(plan: FloorPlan) -> tuple[Doorway, ...]:
             rounded(o.z_max),
         )
         for o in plan.openings
-        # A wall of no thickness, which is warned about, has a line for a hole: no passage.
+        # A wall without thickness (reported elsewhere) has a line as footprint: no passage.
         if o.kind == "entryway" and len(ring := canonical_ring(o.footprint)) > 2
     )
 
@@ -134,23 +134,23 @@ def _object(
     plan: FloorPlan, doorways: tuple[Doorway, ...], catalogue: Catalogue, instance: Instance
 ) -> SceneObject:
     model = catalogue.models[instance.model.text]
-    placed = place_instance(plan, instance, model)
+    placement = place_instance(plan, instance, model)
     links, joints = model.links, model.joints
-    if placed.mirrored:
-        links = mirrored_links(links, placed.across)
-        joints = mirrored_joints(joints, placed.across)
-    # The limits were mirrored with the joints; positions of states are as the model has them.
-    signs = [-1.0 if placed.mirrored and j.kind == "revolute" else 1.0 for j in joints]
+    if placement.mirrored:
+        links = mirrored_links(links, placement.across)
+        joints = mirrored_joints(joints, placement.across)
+    # Joint limits are mirrored already, positions of states are not.
+    signs = [-1.0 if placement.mirrored and j.kind == "revolute" else 1.0 for j in joints]
     closed = tuple(s * p + 0.0 for s, p in zip(signs, closed_positions(model), strict=True))
     body = SceneObject(
         instance.name,
         model.name,
-        rounded_pose(placed.pose),
+        rounded_pose(placement.pose),
         tuple(map(_rounded_link, links)),
         tuple(map(_rounded_joint, joints)),
         closed,
         instance.frozen,
-        mirrored=placed.mirrored,
+        mirrored=placement.mirrored,
     )
     initial = dict(zip((j.name for j in joints), closed, strict=True))
     if instance.starts is not None:
@@ -186,7 +186,7 @@ def _rounded_joint(joint: Joint) -> Joint:
 def _doorway_around(
     body: SceneObject, closed: tuple[float, ...], doorways: tuple[Doorway, ...]
 ) -> str:
-    """Return the doorway that most of the closed moving links lie in, or nothing."""
+    """Return the doorway that contains most of the closed moving links, otherwise an empty text."""
     moving = {j.child for j in body.joints}
     poses = link_poses(body, closed)
     leaves = [
@@ -195,7 +195,6 @@ def _doorway_around(
         if link.name in moving
         for ring in link.polygons
     ]
-    # Closed, since a door that stands open lies in no doorway.
     best, name = _STANDS_IN * sum(leaf.area for leaf in leaves), ""
     for doorway in doorways if leaves else ():
         passage = Polygon(doorway.footprint)

@@ -1,5 +1,5 @@
-"""Where objects stand: in a frame of the floor plan, or fitted into an entryway, hinge at the jamb
-and leaf in the plane of the wall, as modelled or seen in a mirror.
+"""Placement of objects in a frame of the floor plan, or fitted into an entryway: the hinge at the
+jamb and the leaf in the plane of the wall, mirrored if necessary.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ def mirrored_links(links: tuple[Link, ...], across: Point2) -> tuple[Link, ...]:
 
 
 def mirrored_joints(joints: tuple[Joint, ...], across: Point2) -> tuple[Joint, ...]:
-    """Return joints reflected the same way; what turned left turns right."""
+    """Return joints reflected the same way; the direction of rotation reverses."""
     return tuple(
         dataclasses.replace(joint, axis=_reflect(joint.axis, across))
         if joint.kind == "prismatic"
         else dataclasses.replace(
             joint,
             anchor=_reflect(joint.anchor, across),
-            # Adding 0.0 makes 0.0 of -0.0: equal doors have equal bytes.
+            # Adding 0.0 turns -0.0 into 0.0, so that equal doors have equal bytes.
             lower=-joint.upper + 0.0,
             upper=-joint.lower + 0.0,
             rest=-joint.rest + 0.0,
@@ -55,18 +55,18 @@ def _reflect(point: Point2, across: Point2) -> Point2:
 
 
 SLIDER_GAP: Final = 0.01
-"""Between a sliding leaf and the face of the wall it hangs on [m]."""
+"""Gap between a sliding leaf and the face of its wall [m]."""
 _FIT: Final = 1e-3
-# So far may a leaf reach above its doorway [m] before it is said to be too high.
 _HIGHER: Final = 0.01
-# Steps off the faces of a wall to see whose floor is there [m]: past rounding, not past a room.
+"""Tolerance for leaves higher than their doorway [m]."""
 _PROBE: Final = 0.15
+"""Distance from the faces of a wall at which its spaces are looked up [m]."""
 _AXES: Final[tuple[Point2, ...]] = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 
 
 @dataclass(frozen=True, slots=True)
 class ObjectPlacement:
-    """Pose of an object frame in the world; a mirrored object is its model seen in a mirror."""
+    """Pose of an object frame in the world; a mirrored object is the mirror image of its model."""
 
     pose: Pose2
     mirrored: bool = False
@@ -75,10 +75,10 @@ class ObjectPlacement:
 
 @dataclass(frozen=True, slots=True)
 class _Gap:
-    """The hole in the wall, in the opening's frame: x from ``start`` to ``end``, y into the wall.
+    """The hole in a wall in the frame of the opening: x from ``start`` to ``end``, y into the wall.
 
-    ``left`` says at which end the hinge is or to which a slider goes, ``outwards`` which face of
-    the wall counts, both seen from the first room.
+    With ``left``, the hinge is (or the slider goes) on the left; with ``outwards``, the outer face
+    of the wall counts; both are seen from the first room.
     """
 
     opening: Opening
@@ -99,10 +99,10 @@ class _Gap:
 def place_in_entryway(
     plan: FloorPlan, instance: Instance, model: ObjectModel, how: In
 ) -> ObjectPlacement:
-    """Return where an object stands that is placed in an entryway.
+    """Return the placement of an object in an entryway.
 
-    Raises :class:`InputError` for unknown entryways and spaces, for objects of another kind than
-    the sentence is about, and for doors wider than the hole.
+    Raises :class:`InputError` for unknown entryways and spaces, for objects that do not match the
+    sentence, and for doors wider than the hole.
     """
     opening = _entryway(plan, how.entryway)
     xs = [opening.frame.inverse().apply((p[0], p[1]))[0] for p in opening.near]
@@ -115,14 +115,14 @@ def place_in_entryway(
         return _sliding(instance, model, how, gap)
     joints = own_joints(model.joints)
     if len(joints) == 1 and joints[0].kind == "revolute":
-        message = f"{instance.name}: on which side is the hinge?"
+        message = f"{instance.name}: the side of the hinge is missing"
         hint = "add hinge left or hinge right, and opening inwards or outwards"
         raise InputError.at(how.entryway.where, message, hint)
     return ObjectPlacement(opening.frame @ Pose2(gap.middle, opening.depth / 2, how.yaw))
 
 
 def _towards(plan: FloorPlan, opening: Opening, side: str | Word) -> str:
-    """Return ``in`` or ``out``; a space is looked for on both sides of the wall."""
+    """Return ``in`` or ``out``; a space is searched on both sides of the wall."""
     if isinstance(side, str):
         return side
     outlines = {s.name: Polygon(s.outline, s.holes) for s in plan.spaces}
@@ -138,8 +138,8 @@ def _towards(plan: FloorPlan, opening: Opening, side: str | Word) -> str:
     }
     owners = {w.id: w.space for w in plan.walls}
     walls = [owners.get(w, "") for w in opening.walls]
-    # The walls an entryway lists say which spaces it joins. Looking at the floor on both sides is
-    # for plans in which only one wall was listed.
+    # The listed walls of an entryway determine its spaces. The floor on both sides matters for
+    # plans that list only one wall.
     by_wall = dict(zip(walls, ("in", "out"), strict=False))
     beside_it = [way for way, p in probes.items() if outlines[side.text].covers(p)]
     if not walls and len(beside_it) > 1:
@@ -148,8 +148,8 @@ def _towards(plan: FloorPlan, opening: Opening, side: str | Word) -> str:
             f"{side} lies on both sides of {opening.name}",
             "write opening inwards (to the right, seen along the entryway) or outwards",
         )
-    found = by_wall.get(side.text) or next(iter(beside_it), None)
-    if found is None:
+    direction = by_wall.get(side.text) or next(iter(beside_it), None)
+    if direction is None:
         beside = sorted(
             {n for n, o in outlines.items() if any(o.covers(p) for p in probes.values())}
             | {name for name in walls if name}
@@ -159,7 +159,7 @@ def _towards(plan: FloorPlan, opening: Opening, side: str | Word) -> str:
             f"{opening.name} does not lead to {side}",
             f"it leads to {' and '.join(beside)}" if beside else "",
         )
-    return found
+    return direction
 
 
 def _only_joint(instance: Instance, model: ObjectModel, how: In, kind: str) -> Joint:
@@ -173,38 +173,38 @@ def _only_joint(instance: Instance, model: ObjectModel, how: In, kind: str) -> J
 
 
 def _opening_way(joint: Joint, closed: float) -> float:
-    """Return the sign of the joint motion that opens: towards the farther limit."""
-    # A door of -5 to 110 degrees opens towards 110, whatever the sign its author preferred.
+    """Return the sign of the opening motion of a joint: towards the farther limit."""
+    # So a door with limits of -5 and 110 degrees opens towards 110.
     return 1.0 if joint.upper - closed >= closed - joint.lower else -1.0
 
 
 def _hinged(instance: Instance, model: ObjectModel, how: In, gap: _Gap) -> ObjectPlacement:
-    """Put the hinge side flush with the jamb, the leaf flush with the face it opens to."""
+    """Return the pose with the hinge at the jamb and the leaf flush with the face it opens to."""
     joint = _only_joint(instance, model, how, "revolute")
     turns = _opening_way(joint, _closed(model, joint))
     leaf = _corners(model, joint.child)
     along = _leaf_direction(leaf, joint.anchor)
-    # All links, not the leaf alone: a post or frame has to go through the hole as well.
+    # All links count: a post or frame must also fit into the hole.
     low, high = _extent([c for link in model.links for c in _corners(model, link.name)], along)
     if high - low > gap.width + _FIT:
         name, width = instance.name, high - low
         message = f"{name} is {width:.3f} m wide, {gap.opening.name} only {gap.width:.3f} m"
         findings = Findings()
-        hint = "take a narrower door or widen the entryway"
+        hint = "use a narrower door or widen the entryway"
         findings.error(how.entryway.where, message, hint)
-        # A door that hangs nowhere is compared with no doorway later.
+        # Check the height here too, because no later check sees a door without a place.
         link = next(link for link in model.links if link.name == joint.child)
         problem = height_problem(name, link, gap.opening)
         if problem:
             findings.error(instance.where, *problem)
         findings.raise_errors()
-    wanted = 1.0 if gap.left else -1.0
+    side = 1.0 if gap.left else -1.0
     face = 1.0 if gap.outwards else -1.0
-    # A leaf that hangs on the wanted side but would open the wrong way is hung as its mirror image.
-    mirrored = wanted * turns != face
+    # A leaf on the right side that would open in the wrong direction is mirrored.
+    mirrored = side * turns != face
     depth = _extent(leaf, (-along[1] * turns, along[0] * turns))[1] + how.recess
     pose = Pose2(
-        (gap.start if gap.left else gap.end) - wanted * low,
+        (gap.start if gap.left else gap.end) - side * low,
         (gap.opening.depth if gap.outwards else 0.0) - face * depth,
         (0.0 if gap.left else math.pi) - math.atan2(along[1], along[0]),
     )
@@ -212,18 +212,17 @@ def _hinged(instance: Instance, model: ObjectModel, how: In, gap: _Gap) -> Objec
 
 
 def height_problem(name: str, leaf: Link, hole: Opening | Doorway) -> tuple[str, str] | None:
-    """Return that a leaf of the object ``name`` is higher than a doorway, and what to do."""
+    """Return a message and a hint if the leaf of object ``name`` is higher than a doorway."""
     if leaf.z_max <= hole.z_max + _HIGHER:
         return None
     message = (
-        f"the {leaf.name} of {name} reaches {leaf.z_max:.2f} m high, "
-        f"{hole.name} only {hole.z_max:.2f} m"
+        f"the {leaf.name} of {name} is {leaf.z_max:.2f} m high, {hole.name} only {hole.z_max:.2f} m"
     )
-    return message, "take a lower door or make the entryway higher"
+    return message, "use a lower door or make the entryway higher"
 
 
 def _sliding(instance: Instance, model: ObjectModel, how: In, gap: _Gap) -> ObjectPlacement:
-    """Hang the leaf in front of the hole, just off the face of the wall."""
+    """Return the pose with the leaf in front of the hole, close to the face of the wall."""
     joint = _only_joint(instance, model, how, "prismatic")
     way = _opening_way(joint, _closed(model, joint))
     slides = math.atan2(joint.axis[1] * way, joint.axis[0] * way)
@@ -232,7 +231,7 @@ def _sliding(instance: Instance, model: ObjectModel, how: In, gap: _Gap) -> Obje
     everything = [turned.apply(c) for link in model.links for c in _corners(model, link.name)]
     low, high = _extent(leaf, (1.0, 0.0))
     near, far = _extent(everything, (0.0, 1.0))
-    # The nearest part of the object, a rail perhaps, keeps the gap to the wall.
+    # The gap is between the wall and the nearest part of the object, such as a rail.
     y = gap.opening.depth + SLIDER_GAP - near if gap.outwards else -SLIDER_GAP - far
     return ObjectPlacement(gap.opening.frame @ Pose2(gap.middle - (low + high) / 2, y, turned.yaw))
 
@@ -242,7 +241,7 @@ def _closed(model: ObjectModel, joint: Joint) -> float:
 
 
 def _corners(model: ObjectModel, name: str) -> list[Point2]:
-    """Return the corners of a link with the object closed, in the object frame."""
+    """Return the corners of a link of the closed object, in the object frame."""
     closed = closed_positions(model)
     body = SceneObject(model.name, model.name, Pose2(), model.links, model.joints, closed)
     pose = link_poses(body, closed)[name]
@@ -268,12 +267,13 @@ def _entryway(plan: FloorPlan, name: Word) -> Opening:
         hint = "it is a window" if window else did_you_mean(name.text, entryways)
         if any(s.name == name.text for s in plan.spaces):
             hint = f"it is a space: write at {name}, or in {name}, x 1 m, y 50 cm"
-        raise InputError.at(name.where, f'there is no entryway "{name}" in the floor plan', hint)
+        message = f'there is no entryway "{name}" in the floor plan'
+        raise InputError.at(name.where, message, hint)
     return entryways[name.text]
 
 
 def place_instance(plan: FloorPlan, instance: Instance, model: ObjectModel) -> ObjectPlacement:
-    """Return where ``instance`` stands; raises :class:`InputError` for what cannot be."""
+    """Return the placement of ``instance``; raises :class:`InputError` if there is none."""
     if isinstance(instance.place, At):
         at = instance.place
         if at.inside:
@@ -283,21 +283,21 @@ def place_instance(plan: FloorPlan, instance: Instance, model: ObjectModel) -> O
 
 
 def _check_space(plan: FloorPlan, name: FrameName) -> None:
-    """Only a space has an inside that ``x`` and ``y`` could be meant in."""
+    """Raise :class:`InputError` unless ``name`` is a space, where ``x`` and ``y`` make sense."""
     spaces = [s.name for s in plan.spaces]
     if name.name in spaces:
         return
     if any(o.name == name.name for o in plan.openings):
-        message = f"x and y are meant in a space, {name} is an opening"
+        message = f"x and y need a space, but {name} is an opening"
         raise InputError.at(name.where, message, f"write at {name}, x …")
     hint = did_you_mean(name.name, spaces)
     raise InputError.at(name.where, f'there is no space "{name}"', hint)
 
 
 def frames_of(plan: FloorPlan) -> dict[str, Pose2]:
-    """Return the world poses of all frames that have a name, except ``world``.
+    """Return the world poses of all named frames except ``world``.
 
-    Of several things of one name, spaces go before openings and openings before features.
+    For one name, spaces have priority over openings, and openings over features.
     """
     frames: dict[str, Pose2] = {}
     for space in plan.spaces:
@@ -306,11 +306,11 @@ def frames_of(plan: FloorPlan) -> dict[str, Pose2]:
             frames[f"{space.name}.walls[{number}]"] = wall.frame
     for opening in plan.openings:
         frames.setdefault(opening.name, opening.frame)
-    named = Counter(feature.name for feature in plan.features)
+    counts = Counter(feature.name for feature in plan.features)
     for feature in plan.features:
         frames.setdefault(_full_name(feature), feature.frame)
         frames.setdefault(feature.id, feature.frame)
-        if named[feature.name] == 1:
+        if counts[feature.name] == 1:
             frames.setdefault(feature.name, feature.frame)
     return frames
 
@@ -333,7 +333,7 @@ def frame_named(plan: FloorPlan, name: FrameName) -> Pose2:
         raise InputError.at(name.where, f"there is no {name}", hint)
     if space is not None:
         inside = [f.name for f in plan.features if f.space == space.name]
-        message = f'there is no feature in {space.name} "{name.part}" in the floor plan'
+        message = f'there is no feature "{name.part}" in {space.name}'
         raise InputError.at(name.where, message, did_you_mean(name.part, inside))
     doubles = [f for f in plan.features if f.name == name.name]
     if doubles:

@@ -1,8 +1,10 @@
-"""What a sentence means for one object: behaviours of its joints, and what they wait for."""
+"""From a sentence to the behaviours of one object."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
+from typing import Final, Literal, TypeAlias
 
 from grammars.model.behaviour import (
     Behaviour,
@@ -18,8 +20,10 @@ from grammars.model.behaviour import (
     Servo,
     Spring,
     Trigger,
+    Walk,
     WaypointReached,
 )
+from grammars.model.geometry import Point2, Pose2
 from grammars.model.movers import PLANAR_JOINTS, is_fixed, is_mover
 from grammars.model.scene import SceneObject
 from grammars.scenery.composition._amounts import SentenceContext, joint_of, joint_positions
@@ -30,46 +34,33 @@ from grammars.scenery.composition._chance import (
     RandomWaits,
     child_seed,
 )
-from grammars.scenery.composition._walks import walk_of
+from grammars.scenery.composition._rings import rounded, rounded_point
 from grammars.scenery.model import (
     Alternates,
     Amount,
     EventPhrase,
     Goes,
+    Measure,
     MotionAs,
     Moves,
     OnLeg,
     OnWaypoint,
     Reacts,
+    RoutePoint,
     Sentence,
     Stays,
     Subject,
     Toggles,
     Walks,
+    Word,
 )
-from grammars.text.diagnostics import InputError
+from grammars.text.diagnostics import InputError, did_you_mean
 
-
-def event_of(
-    context: SentenceContext,
-    catalogue: Catalogue,
-    bodies: Mapping[str, SceneObject],
-    said: EventPhrase,
-) -> Event:
-    """Return the concrete event; raises :class:`InputError` for unknown objects and joints."""
-    if isinstance(said, OnLeg):
-        return LegBegins(said.leg)
-    if isinstance(said, OnWaypoint):
-        return WaypointReached(said.waypoint)
-    path = said.path
-    (target,) = catalogue.targets(context.layer, Subject(False, (path,), (), path.where))
-    body = bodies[target.object]
-    joints = tuple(joint for joint in body.joints if not is_fixed(joint))
-    names = [target.joint] if target.joint else [joint.name for joint in joints]
-    if not names:
-        hint = "wait for something with a joint"
-        raise InputError.at(path.where, f"{body.name} has no joint that moves", hint)
-    return JointActs(tuple(f"{body.name}.{name}" for name in names), said.act)
+_SHORTEST: Final = 0.01
+"""Shortest distance between points of a route [m]."""
+_PACE: Final = 1.0
+"""Default walking speed [m/s]."""
+_Facing: TypeAlias = Literal["ahead", "sideways", "fixed"]
 
 
 class SentenceResolver:
@@ -89,172 +80,213 @@ class SentenceResolver:
         self._model = catalogue.model_of(name)
         self._joint = joint
 
-    def resolve(self, said: Sentence) -> list[Behaviour]:
-        """Return one behaviour for each joint the sentence moves."""
-        match said:
+    def resolve(self, sentence: Sentence) -> list[Behaviour]:
+        """Return one behaviour for each joint that the sentence moves."""
+        match sentence:
             case Stays():
-                return self._stays(said)
+                return self._stays(sentence)
             case Moves():
-                return self._moves(said)
+                return self._moves(sentence)
             case Toggles() | Alternates():
-                return self._changes(said)
+                return self._changes(sentence)
             case Goes():
-                return self._goes(said)
+                return self._goes(sentence)
             case Reacts():
-                return self._reacts(said)
+                return self._reacts(sentence)
             case Walks():
-                return self._walks(said)
+                return self._walks(sentence)
 
-    def _stays(self, said: Stays) -> list[Behaviour]:
-        positions = self._positions(said.position)
+    def _stays(self, sentence: Stays) -> list[Behaviour]:
+        positions = self._positions(sentence.position)
         return [Hold(self._full(joint), position) for joint, position in positions.items()]
 
-    def _moves(self, said: Moves) -> list[Behaviour]:
+    def _moves(self, sentence: Moves) -> list[Behaviour]:
         frames: dict[str, list[KeyFrame]] = {}
         last = -1.0
-        for position, time in said.frames:
+        for position, time in sentence.frames:
             at = self._time(time)
-            # Key frames of one sentence are in order of time, so that it reads as it happens;
-            # who means another order says so.
+            # Key frames must be sorted by time unless the sentence has "as listed".
             if at == last:
                 message = f"two key frames at {at:g} s"
-                raise InputError.at(time.where, message, "leave one of them out")
-            if at < last and not said.listed:
+                raise InputError.at(time.where, message, "remove one of them")
+            if at < last and not sentence.listed:
                 message = f"{at:g} s is not after {last:g} s"
-                hint = "put them in order, or add as listed: each is played after the one before it"
+                hint = "sort them by time, or add as listed to play them in this order"
                 raise InputError.at(time.where, message, hint)
             last = at
             for joint, value in self._positions(position).items():
                 frames.setdefault(joint, []).append(KeyFrame(at, value))
         return [
-            KeyFrames(self._full(joint), tuple(f), self._motion(said.motion, joint))
+            KeyFrames(self._full(joint), tuple(f), self._motion(sentence.motion, joint))
             for joint, f in frames.items()
         ]
 
-    def _changes(self, said: Toggles | Alternates) -> list[Behaviour]:
-        """Return key frames drawn for each joint, of a seed that depends on its name alone."""
-        first, second = self._positions(said.first), self._positions(said.second)
-        self._same_joints(said, first, second)
-        chance = self._toggles(said) if isinstance(said, Toggles) else self._waits(said)
-        often = said.every if isinstance(said, Toggles) else said.waiting.first
+    def _changes(self, sentence: Toggles | Alternates) -> list[Behaviour]:
+        """Return random key frames for each joint, from a seed that depends only on its name."""
+        first, second = self._positions(sentence.first), self._positions(sentence.second)
+        self._same_joints(sentence, first, second)
+        chance = self._toggles(sentence) if isinstance(sentence, Toggles) else self._waits(sentence)
+        period = sentence.every if isinstance(sentence, Toggles) else sentence.waiting.first
         if chance.count > MOST_DRAWS:
-            message = f"that makes more than {MOST_DRAWS} draws"
-            raise InputError.at(often.where, message, "are the units right?")
+            message = f"this needs more than {MOST_DRAWS} draws"
+            raise InputError.at(period.where, message, "check the units")
         return [
             KeyFrames(
                 self._full(joint),
                 chance.draw(
                     child_seed(self._context.seed, self._full(joint)), start, second[joint]
                 ),
-                self._motion(said.motion, joint),
+                self._motion(sentence.motion, joint),
             )
             for joint, start in first.items()
         ]
 
-    def _toggles(self, said: Toggles) -> RandomToggles:
-        period = self._time(said.every)
+    def _toggles(self, sentence: Toggles) -> RandomToggles:
+        period = self._time(sentence.every)
         if period <= 0.0:
-            raise InputError.at(said.every.where, "the period is greater than 0 s")
+            raise InputError.at(sentence.every.where, "the period must be greater than 0 s")
         chance = RandomToggles(
             period=period,
-            since=self._time(said.since, period),
-            until=self._until(said),
+            since=self._time(sentence.since, period),
+            until=self._until(sentence),
             limit=self._context.limit,
-            probability=said.probability,
-            delay=self._time(said.delay),
-            step=self._time(said.step),
+            probability=sentence.probability,
+            delay=self._time(sentence.delay),
+            step=self._time(sentence.step),
         )
         if chance.delay > period:
             raise InputError.at(
-                said.where, "a change may come later than the next one", "delay it less"
+                sentence.where, "a change may come later than the next one", "use a shorter delay"
             )
         return chance
 
-    def _waits(self, said: Alternates) -> RandomWaits:
-        waiting = said.waiting
+    def _waits(self, sentence: Alternates) -> RandomWaits:
+        waiting = sentence.waiting
         first, second = self._time(waiting.first), self._time(waiting.second)
         if waiting.kind == "uniform" and second < first:
-            raise InputError.at(said.where, "the longest wait is less than the shortest")
+            raise InputError.at(sentence.where, "the longest wait is shorter than the shortest")
         if (second if waiting.kind == "uniform" else first) <= 0.0:
-            raise InputError.at(waiting.first.where, "it waits longer than 0 s")
-        return RandomWaits(waiting.kind, first, second, self._time(said.since), self._until(said))
+            raise InputError.at(waiting.first.where, "the wait must be longer than 0 s")
+        return RandomWaits(
+            waiting.kind, first, second, self._time(sentence.since), self._until(sentence)
+        )
 
-    def _until(self, said: Toggles | Alternates) -> float:
+    def _until(self, sentence: Toggles | Alternates) -> float:
         limit = self._context.limit
-        return min(limit, self._time(said.until, limit))
+        return min(limit, self._time(sentence.until, limit))
 
-    def _goes(self, said: Goes) -> list[Behaviour]:
-        start, end = self._positions(said.start), self._positions(said.end)
-        distance = self._context.value(said.distance, "length")
-        rearm = None if said.again is None else self._context.value(said.again, "length")
+    def _goes(self, sentence: Goes) -> list[Behaviour]:
+        start, end = self._positions(sentence.start), self._positions(sentence.end)
+        distance = self._context.value(sentence.distance, "length")
+        rearm = None if sentence.again is None else self._context.value(sentence.again, "length")
         if distance <= 0.0:
-            raise InputError.at(said.distance.where, "a distance is greater than 0 m")
-        if rearm is not None and said.again is not None and rearm <= distance:
-            message = f"it would be ready again at {rearm:g} m, inside of {distance:g} m"
-            raise InputError.at(said.again.where, message, "again beyond a larger distance")
-        begin = start if said.begin is None else self._positions(said.begin)
-        self._same_joints(said, start, begin)
-        self._same_joints(said, start, end)
-        if said.begin is not None and said.motion.kind == "jump":
-            message = "what jumps is where it goes from at once"
-            raise InputError.at(said.begin.where, message, "leave out starting at …")
-        if said.of == "doorway" and not self._body.doorway:
+            raise InputError.at(sentence.distance.where, "the distance must be greater than 0 m")
+        if rearm is not None and sentence.again is not None and rearm <= distance:
+            message = f"again beyond {rearm:g} m is not farther than {distance:g} m"
+            raise InputError.at(sentence.again.where, message, "use a larger distance")
+        begin = start if sentence.begin is None else self._positions(sentence.begin)
+        self._same_joints(sentence, start, begin)
+        self._same_joints(sentence, start, end)
+        if sentence.begin is not None and sentence.motion.kind == "jump":
+            message = "a jump cannot start at another position"
+            raise InputError.at(sentence.begin.where, message, "remove starting at …")
+        if sentence.of == "doorway" and not self._body.doorway:
             message = f"{self._body.name} does not stand in a doorway"
-            raise InputError.at(said.where, message, "measure from its hinge or leaf")
+            raise InputError.at(sentence.where, message, "measure from its hinge or leaf")
         return [
             Trigger(
                 self._full(joint),
                 start[joint],
                 end[joint],
                 distance,
-                self._motion(said.motion, joint),
-                said.of,
-                said.to,
+                self._motion(sentence.motion, joint),
+                sentence.of,
+                sentence.to,
                 rearm,
-                None if said.begin is None else begin[joint],
+                None if sentence.begin is None else begin[joint],
             )
             for joint in start
         ]
 
-    def _reacts(self, said: Reacts) -> list[Behaviour]:
-        start, end = self._positions(said.start), self._positions(said.end)
-        self._same_joints(said, start, end)
-        event = self._event(said.occasion)
-        delay = self._time(said.after)
+    def _reacts(self, sentence: Reacts) -> list[Behaviour]:
+        start, end = self._positions(sentence.start), self._positions(sentence.end)
+        self._same_joints(sentence, start, end)
+        event = self._event(sentence.occasion)
+        delay = self._time(sentence.after)
         return [
             Reaction(
                 self._full(joint),
                 start[joint],
                 end[joint],
                 event,
-                self._motion(said.motion, joint),
+                self._motion(sentence.motion, joint),
                 delay,
             )
             for joint in start
         ]
 
-    def _walks(self, said: Walks) -> list[Behaviour]:
+    def _walks(self, sentence: Walks) -> list[Behaviour]:
         if self._joint:
-            raise InputError.at(said.where, f"{self._body.name} walks as a whole")
-        event = None if said.occasion is None else self._event(said.occasion)
-        return [walk_of(self._context, self._body, said, event)]
+            message = f"only {self._body.name} as a whole can walk"
+            raise InputError.at(sentence.where, message, f"remove .{self._joint}")
+        body, context = self._body, self._context
+        if not is_mover(body.joints):
+            message = f"{body.name} cannot walk: {body.model} is an object, not a mover"
+            raise InputError.at(sentence.where, message, f"write mover {body.model} …")
+        pause = context.optional(sentence.pause, 0.0, "time")
+        since = context.optional(sentence.since, 0.0, "time")
+        if pause < 0.0 or since < 0.0:
+            raise InputError.at(sentence.where, "times of a walk must not be negative")
+        if sentence.manner == "once" and pause > 0.0 and not sentence.everywhere:
+            hint = "add back and forth, or write pausing … at every point"
+            raise InputError.at(sentence.where, "a walk done once has no stops to pause at", hint)
+        facing, yaw = _facing(context, sentence)
+        yielding = sentence.yielding
+        walk = Walk(
+            body.name,
+            _route(context.frames, sentence),
+            self._positive(sentence.speed, _PACE, "speed"),
+            self._positive(sentence.acceleration, 1.0, "acceleration"),
+            sentence.manner,
+            pause,
+            "points" if sentence.everywhere else "ends",
+            since,
+            None if sentence.occasion is None else self._event(sentence.occasion),
+            facing,
+            yaw,
+            yielding if yielding is None else self._positive(yielding, 0.0, "length"),
+        )
+        return [walk]
 
-    def _event(self, said: EventPhrase) -> Event:
-        return event_of(self._context, self._catalogue, self._bodies, said)
+    def _event(self, phrase: EventPhrase) -> Event:
+        """Return the event of a phrase; raises :class:`InputError` for unknown names."""
+        if isinstance(phrase, OnLeg):
+            return LegBegins(phrase.leg)
+        if isinstance(phrase, OnWaypoint):
+            return WaypointReached(phrase.waypoint)
+        path = phrase.path
+        subject = Subject(False, (path,), (), path.where)
+        (target,) = self._catalogue.targets(self._context.layer, subject)
+        body = self._bodies[target.object]
+        joints = (joint.name for joint in body.joints if not is_fixed(joint))
+        names = [target.joint] if target.joint else list(joints)
+        if not names:
+            raise InputError.at(path.where, f"{body.name} has no joint that moves")
+        return JointActs(tuple(f"{body.name}.{name}" for name in names), phrase.act)
 
     def _same_joints(
         self,
-        said: Toggles | Goes | Alternates | Reacts,
+        sentence: Toggles | Goes | Alternates | Reacts,
         one: Mapping[str, float],
         other: Mapping[str, float],
     ) -> None:
         if set(one) != set(other):
             first, second = (
-                (said.start, said.end)
-                if isinstance(said, Goes | Reacts)
-                else (said.first, said.second)
+                (sentence.start, sentence.end)
+                if isinstance(sentence, Goes | Reacts)
+                else (sentence.first, sentence.second)
             )
-            raise InputError.at(said.where, f"{first} and {second} move different joints")
+            raise InputError.at(sentence.where, f"{first} and {second} move different joints")
 
     def _full(self, joint: str) -> str:
         return f"{self._body.name}.{joint}"
@@ -264,13 +296,13 @@ class SentenceResolver:
             self._body, self._model, position, self._joint, self._context.parameters
         )
         if is_mover(self._body.joints) and set(PLANAR_JOINTS) & set(positions):
-            message = f"{self._body.name} is a mover: it walks, or stands where it is placed"
+            message = f"{self._body.name} is a mover: sentences cannot set its position"
             hint = f"{self._body.name} walks along …"
             raise InputError.at(position.where, message, hint)
         return positions
 
     def _time(self, amount: Amount | None, default: float = 0.0) -> float:
-        """Return a time [s] since the start of the run, ``default`` when nothing was said."""
+        """Return a time [s] since the start of the run, or ``default`` without an amount."""
         if amount is None:
             return default
         value = self._context.value(amount, "time")
@@ -279,28 +311,64 @@ class SentenceResolver:
             raise InputError.at(amount.where, message, "times count from 0 s")
         return value
 
-    def _motion(self, said: MotionAs, joint: str) -> Motion:
-        value = self._context.optional
+    def _motion(self, motion: MotionAs, joint: str) -> Motion:
         turns = joint_of(self._body, joint).kind == "revolute"
         kind = "torsional " if turns else ""
-        if said.kind == "jump":
+        if motion.kind == "jump":
             return Jump()
-        if said.kind == "servo":
-            # What is not said is what the motion itself has as default: one place for the numbers.
-            plain = Servo()
-            rate = value(said.rate, plain.rate, "angular speed" if turns else "speed")
-            effort = value(said.effort, plain.effort, "torque" if turns else "force")
-            self._positive(said.rate, rate)
-            self._positive(said.effort, effort)
-            return Servo(rate, effort)
+        if motion.kind == "servo":
+            default = Servo()
+            return Servo(
+                self._positive(motion.rate, default.rate, "angular speed" if turns else "speed"),
+                self._positive(motion.effort, default.effort, "torque" if turns else "force"),
+            )
         soft = Spring()
-        stiffness = value(said.stiffness, soft.stiffness, f"{kind}stiffness")
-        damping = value(said.damping, soft.damping, f"{kind}damping")
-        self._positive(said.stiffness, stiffness)
-        if damping < 0.0 and said.damping is not None:
-            raise InputError.at(said.damping.where, "damping is never negative")
+        stiffness = self._positive(motion.stiffness, soft.stiffness, f"{kind}stiffness")
+        damping = self._context.optional(motion.damping, soft.damping, f"{kind}damping")
+        if damping < 0.0 and motion.damping is not None:
+            raise InputError.at(motion.damping.where, "damping must not be negative")
         return Spring(stiffness, damping)
 
-    def _positive(self, amount: Amount | None, value: float) -> None:
+    def _positive(self, amount: Amount | None, default: float, dimension: str) -> float:
+        value = self._context.optional(amount, default, dimension)
         if amount is not None and value <= 0.0:
             raise InputError.at(amount.where, "this must be greater than 0")
+        return value
+
+
+def _facing(context: SentenceContext, sentence: Walks) -> tuple[_Facing, float]:
+    if isinstance(sentence.facing, Word | Measure):
+        angle = context.value(sentence.facing, "angle")
+        frame = _frame_in(context.frames, sentence.route[-1])
+        return "fixed", rounded((frame @ Pose2(yaw=angle)).yaw, 12)
+    return sentence.facing, 0.0
+
+
+def _route(frames: Mapping[str, Pose2], sentence: Walks) -> tuple[Point2, ...]:
+    if len(sentence.route) < 2:
+        raise InputError.at(sentence.where, "a route needs two points or more", "add a point")
+    points: list[Point2] = []
+    for point in sentence.route:
+        spot = rounded_point(_frame_in(frames, point).apply((point.x, point.y)))
+        if points and math.dist(spot, points[-1]) < _SHORTEST:
+            message = "two points of the route are the same"
+            raise InputError.at(sentence.where, message, "use pausing … to wait at points")
+        points.append(spot)
+    if sentence.manner == "round" and math.dist(points[0], points[-1]) < _SHORTEST:
+        points.pop()  # The route closes itself.
+    if sentence.manner == "round" and len(points) < 3:
+        message = "a round needs three points or more"
+        raise InputError.at(sentence.where, message, "write back and forth")
+    return tuple(points)
+
+
+def _frame_in(frames: Mapping[str, Pose2], point: RoutePoint) -> Pose2:
+    """Return the world pose of the frame of ``point``; raises for unknown names."""
+    name = str(point.frame)
+    if name == "world":
+        return Pose2()
+    if name not in frames:
+        hint = did_you_mean(name, (*frames, "world"))
+        message = f'there is no frame "{name}" in the floor plan'
+        raise InputError.at(point.frame.where, message, hint)
+    return frames[name]

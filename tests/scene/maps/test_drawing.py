@@ -169,7 +169,7 @@ def spoil(change):
         (lambda p: p.write_bytes(b""), {}, "is not a DXF drawing"),
         (lambda p: p.write_text("walls: hut\nspaces: {}\n"), {}, "is not a DXF drawing"),
         (lambda p: None, {}, "no such file"),
-        (lambda p: os.mkfifo(p), {}, "is no ordinary file"),
+        (lambda p: os.mkfifo(p), {}, "is not a regular file"),
         (lambda p: draw(p, unit=0), {}, "no known unit\n    give its unit with --unit: mm, cm"),
         (lambda p: draw(p, unit=3), {}, "names no known unit"),
         (draw, {"unit": "km"}, 'unknown unit "km"'),

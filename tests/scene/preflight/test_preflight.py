@@ -54,11 +54,11 @@ def test_objects_have_names_of_their_own_and_joints_start_within_their_limits():
     scene = scene_with(FREE)
     (body,) = scene.objects
     twice = dataclasses.replace(scene, objects=(body, body))
-    assert 'there are two objects called "d"' in found(twice)
+    assert 'two objects have the name "d"' in found(twice)
     for initial, outside in ((0.0, 0), (2.0, 0), (-1e-6, 1), (2.000001, 1)):
         moved = dataclasses.replace(body, initial=(initial,))
         texts = found(dataclasses.replace(scene, objects=(moved,)))
-        message = f"d.hinge starts at {initial:g}, outside of its limits"
+        message = f"d.hinge starts at {initial:g}, outside its limits"
         assert [text for text in texts if "limits" in text] == [message] * outside
 
 
@@ -77,7 +77,7 @@ def test_findings_are_where_their_object_or_waypoint_was_written():
 def test_a_robot_fits_under_a_lintel_by_its_height_and_through_a_gap_by_its_narrow_side():
     tall = dataclasses.replace(ROBILE, height=2.1)
     (message,) = messages("", mission((0.5, 2.2)), robot=tall)
-    assert message.startswith("waypoint w0 is inside of ")
+    assert message.startswith("waypoint w0 is inside ")
     narrow = ((0.3, 0.2), (-0.4, 0.2), (-0.4, -0.2), (0.3, -0.2))
     assert inscribed_radius(narrow) == pytest.approx(0.2)
 
