@@ -182,34 +182,27 @@ def version_problem(attachment: zenoh.ZBytes | None, who: str) -> str:
     return f"versions differ: {who} has {words}, this is {speaker().decode()}"
 
 
+_RAISED: Final[dict[ErrorKind, type[DaemonError]]] = {
+    ErrorKind.REFUSED: Refused,
+    ErrorKind.FAILED: Failed,
+    ErrorKind.OTHER_LEDGER: OtherLedger,
+    ErrorKind.UNAVAILABLE: Unavailable,  # last, since the two before are subclasses
+}
+
+
 def error_reply(words: str, error: object) -> ErrorReply:
     """Return the reply, with ``words``, to a request that raised ``error``."""
-    match error:
-        case Rejected(rejection=rejection):
-            return ErrorReply(words, ErrorKind.REFUSED, rejection)
-        case Refused():
-            return ErrorReply(words, ErrorKind.REFUSED)
-        case OtherLedger():
-            return ErrorReply(words, ErrorKind.OTHER_LEDGER)
-        case Unreachable() if not isinstance(error, Failed):
-            return ErrorReply(words, ErrorKind.UNAVAILABLE)
-    # Any other error says nothing about the request.
-    return ErrorReply(words, ErrorKind.FAILED)
+    rejection = error.rejection if isinstance(error, Rejected) else None
+    kinds = (kind for kind, raised in _RAISED.items() if isinstance(error, raised))
+    # Unexpected errors say nothing about the request.
+    return ErrorReply(words, next(kinds, ErrorKind.FAILED), rejection)
 
 
 def reply_error(reply: ErrorReply) -> DaemonError:
     """Return the exception that an error reply raises in the client."""
     if reply.rejection is not None:
         return Rejected(reply.problem, reply.rejection)
-    match reply.kind:
-        case ErrorKind.REFUSED:
-            return Refused(reply.problem)
-        case ErrorKind.UNAVAILABLE:
-            return Unavailable(reply.problem)
-        case ErrorKind.FAILED:
-            return Failed(reply.problem)
-        case ErrorKind.OTHER_LEDGER:
-            return OtherLedger(reply.problem)
+    return _RAISED[reply.kind](reply.problem)
 
 
 def ask(

@@ -5,8 +5,8 @@ CREATE TABLE meta (
 
 INSERT INTO meta VALUES ('token', 0);
 
--- The starts of daemons on this ledger, and the latest lease before each. No other ledger has them;
--- a copy has those up to the time when it was made.
+-- The starts of daemons on this ledger, and the latest lease before each. They are unique to this
+-- ledger; a copy has only those from before it was made.
 CREATE TABLE era (
     serial INTEGER PRIMARY KEY,
     id     TEXT NOT NULL UNIQUE,
@@ -29,16 +29,16 @@ CREATE TABLE campaign (
     paused       INTEGER NOT NULL DEFAULT 0,
     priority     INTEGER NOT NULL DEFAULT 0,
     served       INTEGER NOT NULL DEFAULT 0, -- token of its latest lease
-    origin       BLOB NOT NULL DEFAULT x'',  -- its file and the commit it was written at
-    lacks        TEXT NOT NULL DEFAULT '',   -- it waits for this: 'scene DIGEST', 'file DIGEST', 'engine N'
-    acknowledged INTEGER NOT NULL DEFAULT 0  -- 1: somebody knows everything that went wrong in it
+    origin       BLOB NOT NULL DEFAULT x'',  -- its file and commit
+    lacks        TEXT NOT NULL DEFAULT '',   -- missing input: 'scene DIGEST', 'file DIGEST', 'engine N'
+    acknowledged INTEGER NOT NULL DEFAULT 0  -- 1: a person has seen all its bad runs
 ) STRICT;
 
--- Whose turn it is: campaigns of one priority take turns.
+-- Campaigns of one priority take turns.
 CREATE INDEX campaign_turn ON campaign (priority DESC, served, serial) WHERE finished_at IS NULL;
 CREATE INDEX campaign_name ON campaign (name, serial);
 
--- What runs of a campaign share: cells (runs without repeat, seed and behaviours) and behaviours.
+-- Common parts of a campaign's runs: cells (without repeat, seed and behaviours) and behaviours.
 CREATE TABLE cell (
     campaign TEXT NOT NULL REFERENCES campaign (id) ON DELETE CASCADE,
     number   INTEGER NOT NULL,
@@ -53,9 +53,8 @@ CREATE TABLE script (
     PRIMARY KEY (campaign, number)
 ) STRICT, WITHOUT ROWID;
 
--- One row per run, kept small: lists read nothing else. Empty text means "none yet". In the state
--- "reserve" is a repeat that is queued when the repeats before do not decide its cell; nobody sees
--- it before.
+-- One row per run, small, since lists read only these. Empty text means "none yet". A repeat in the
+-- state "reserve" is hidden until the repeats before leave its cell undecided; then it is queued.
 CREATE TABLE run (
     serial      INTEGER PRIMARY KEY,
     id          TEXT NOT NULL UNIQUE,
@@ -85,15 +84,15 @@ CREATE TABLE run (
     finished_at REAL,
     seed        TEXT NOT NULL DEFAULT '0',
     cached      TEXT NOT NULL DEFAULT '',
-    granted     INTEGER NOT NULL DEFAULT 0,  -- token of its latest lease, also when that is over
-    leased_at   REAL NOT NULL DEFAULT 0,     -- when that was granted
+    granted     INTEGER NOT NULL DEFAULT 0,  -- token of its latest lease, even if that is over
+    leased_at   REAL NOT NULL DEFAULT 0,     -- time of that lease
     trace_at    TEXT NOT NULL DEFAULT '',    -- URL of its trace, empty for the state directory
     kind        TEXT NOT NULL DEFAULT '',    -- of its system under test
-    repeatable  INTEGER NOT NULL DEFAULT 1,  -- 0: its system answers otherwise each time
-    doubted     INTEGER NOT NULL DEFAULT 0,  -- 1: its specification once came out differently
-    outdated    INTEGER NOT NULL DEFAULT 0,  -- leases up to this token are of before a retry
-    lapses      INTEGER NOT NULL DEFAULT 0,  -- leases in a row that nobody renewed in time
-    nondeterministic INTEGER NOT NULL DEFAULT 0, -- 1: it came out differently, "reason" says how
+    repeatable  INTEGER NOT NULL DEFAULT 1,  -- 0: its system answers differently each time
+    doubted     INTEGER NOT NULL DEFAULT 0,  -- 1: its specification has had different results
+    outdated    INTEGER NOT NULL DEFAULT 0,  -- leases up to this token are from before a retry
+    lapses      INTEGER NOT NULL DEFAULT 0,  -- lapsed leases in a row
+    nondeterministic INTEGER NOT NULL DEFAULT 0, -- 1: it has had different results, see "reason"
     UNIQUE (campaign, position),
     UNIQUE (trace_name),
     FOREIGN KEY (campaign, cell) REFERENCES cell (campaign, number),
@@ -101,18 +100,18 @@ CREATE TABLE run (
 ) STRICT;
 
 CREATE INDEX run_queue ON run (state, serial);
--- Ready to be leased, those first that were leased less often.
+-- Runs ready for a lease, those with fewer leases first.
 CREATE INDEX run_ready ON run (campaign, attempt, serial) WHERE state = 'queued';
--- What each worker has: asked with every request for work and every renewal.
+-- Runs of each worker, read with every request for work and every renewal.
 CREATE INDEX run_working ON run (worker, token) WHERE state = 'running';
--- The first lets a new run find an old result of the same specification.
+-- Old results of the same specification, for new runs.
 CREATE INDEX run_result ON run (digest) WHERE result <> '';
--- Who took the result of a run, when that is to be removed.
+-- Runs that reuse the result of a run, for its removal.
 CREATE INDEX run_cached ON run (cached) WHERE cached <> '';
 CREATE INDEX run_doubted ON run (digest) WHERE doubted = 1;
 CREATE INDEX run_finished ON run (finished_at) WHERE finished_at IS NOT NULL;
 
--- The primary key is what makes a result exactly one.
+-- The primary key ensures one result per run.
 CREATE TABLE result (
     run     TEXT PRIMARY KEY REFERENCES run (id) ON DELETE CASCADE,
     attempt INTEGER NOT NULL,
@@ -132,8 +131,8 @@ CREATE TABLE event (
     note     TEXT NOT NULL DEFAULT ''
 ) STRICT;
 
--- How many runs stand how, so that counting never reads them: who enters runs counts them, many
--- at a time, and a trigger counts them anew when they change.
+-- Numbers of runs by state and outcome, so that counting never reads the runs. Entering runs counts
+-- them, many at a time; a trigger updates the numbers when runs change.
 CREATE TABLE tally (
     campaign TEXT NOT NULL REFERENCES campaign (id) ON DELETE CASCADE,
     state    TEXT NOT NULL,
@@ -150,8 +149,8 @@ WHEN old.state <> new.state OR old.outcome <> new.outcome BEGIN
         ON CONFLICT DO UPDATE SET runs = runs + 1;
 END;
 
--- Somebody acknowledges what went wrong so far. News ends that: a run that settles badly or comes out
--- differently, or that is executed again.
+-- An acknowledgement covers the bad runs so far. It ends with a new bad run, with a different result,
+-- and with a retry.
 CREATE TRIGGER news AFTER UPDATE OF state, outcome, nondeterministic ON run
 WHEN (new.state = 'lost' AND old.state <> 'lost')
     OR (new.outcome IN ('fail', 'error', 'inconclusive') AND new.outcome <> old.outcome)
@@ -160,8 +159,8 @@ WHEN (new.state = 'lost' AND old.state <> 'lost')
     UPDATE campaign SET acknowledged = 0 WHERE id = new.campaign AND acknowledged;
 END;
 
--- Campaigns whose runs a client proposes one after the other; ``file`` is the campaign file as it
--- was typed. ``task`` and ``progress``, the latest word of the client, are JSON.
+-- Campaigns whose runs a client proposes one by one; ``file`` is the campaign file as typed.
+-- ``task`` and ``progress``, the latest report of the client, are JSON.
 CREATE TABLE search (
     campaign TEXT PRIMARY KEY REFERENCES campaign (id) ON DELETE CASCADE,
     task     BLOB NOT NULL,
@@ -170,7 +169,7 @@ CREATE TABLE search (
     progress BLOB NOT NULL
 ) STRICT, WITHOUT ROWID;
 
--- What each run of a search is about, in JSON.
+-- The proposal of each run of a search, in JSON.
 CREATE TABLE proposal (
     run  TEXT PRIMARY KEY REFERENCES run (id) ON DELETE CASCADE,
     body BLOB NOT NULL
