@@ -23,7 +23,6 @@ from grammars.jsonld.vocabulary import (
     local_name,
     namespace_of,
 )
-from grammars.text.diagnostics import InputError
 
 _MOST_SHOWN: Final = 4
 _MOST_LOOPS: Final = 50
@@ -56,8 +55,7 @@ def check_nodes(nodes: NodeGraph, *, partial: bool = False) -> None:
 def refuse_broken(nodes: NodeGraph, *, partial: bool = False) -> None:
     """Check ``nodes``: add warnings to their findings, raise ``InputError`` for errors."""
     check_nodes(nodes, partial=partial)
-    if nodes.errors:
-        raise InputError(nodes.errors)
+    nodes.raise_errors()
 
 
 _OF_THE_PLAN: Final = (REL["with-respect-to"], COORD["as-seen-by"], OBJ["world"])

@@ -39,8 +39,7 @@ def read_layers(nodes: NodeGraph, file: str) -> tuple[SceneryLayer, ...]:
     loose = reader.loose()
     if loose is not None:
         read.append(loose)
-    if nodes.errors:
-        raise InputError(nodes.errors)
+    nodes.raise_errors()
     return tuple(read)
 
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
-from grammars.text.diagnostics import Finding, Severity, Where
+from grammars.text.diagnostics import Finding, InputError, Severity, Where
 
 
 class Ref(str):
@@ -111,6 +111,11 @@ class NodeGraph:
         """The errors among the findings, each once."""
         errors = (d for d in self.findings if d.severity is Severity.ERROR)
         return tuple(dict.fromkeys(errors))
+
+    def raise_errors(self) -> None:
+        """Raise :class:`InputError` with the errors, if any."""
+        if self.errors:
+            raise InputError(self.errors)
 
     def add_error(self, id: str, message: str, hint: str = "") -> None:
         """Add an error about ``id``."""

@@ -69,14 +69,14 @@ class _PlanReader:
             self.nodes.add_error(root.id, "the plan or a space has no name: its IRI ends with /")
         if len(self.outlines) < sum(space is not None for space in spaces):
             self.nodes.add_error(root.id, "two spaces have the same name")
-        self._refuse()
+        self.nodes.raise_errors()
         features = self._features(root)
         openings = [
             self._opening(node)
             for kind in ("Entryway", "Window")
             for node in self.nodes.of_type(FP[kind])
         ]
-        self._refuse()
+        self.nodes.raise_errors()
         # A plan need not list its openings: the list only gives their order.
         listed = {str(iri): k for k, iri in enumerate(root.refs(FP["openings"]))}
         readable = [o for o in openings if o is not None]
@@ -92,7 +92,9 @@ class _PlanReader:
             features,
             tuple(opening for _, opening in readable),
         )
-        return replace(plan, warnings=self._warnings(plan))
+        findings = Findings()
+        warn_of(geometric_flaws(plan), findings)
+        return replace(plan, warnings=(*self.nodes.findings, *findings.warnings))
 
     def _root(self) -> Node:
         plans = self.nodes.of_type(FP["FloorPlan"])
@@ -315,15 +317,6 @@ class _PlanReader:
         where = self.nodes.where(node.id, Where(self.file, 1, 1))
         placement = self._placement(*near)
         return node.id, opening_at(kind, name, walls, placed.pose, prism, where, placement)
-
-    def _refuse(self) -> None:
-        if self.nodes.errors:
-            raise InputError(self.nodes.errors)
-
-    def _warnings(self, plan: FloorPlan) -> tuple[Finding, ...]:
-        findings = Findings()
-        warn_of(geometric_flaws(plan), findings)
-        return (*self.nodes.findings, *findings.warnings)
 
 
 def _name(node: Node) -> str:
