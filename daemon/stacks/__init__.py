@@ -1,6 +1,6 @@
-"""The systems under test that ship here: ``idle``, ``pilot``, ``ros`` and ``ros2``.
+"""Systems under test that ship with the project: ``idle``, ``pilot``, ``ros`` and ``ros2``.
 
-A system under test knows what :mod:`daemon.model.sut` gives it and no more: never the simulator.
+A system under test knows only :mod:`daemon.model.sut`, never the simulator.
 """
 
 from __future__ import annotations

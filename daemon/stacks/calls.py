@@ -1,4 +1,4 @@
-"""Calling a system under test: whatever goes wrong in it comes back as one kind of error."""
+"""Calls of a system under test: every failure in it becomes a :class:`SutError`."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from daemon.stacks.registry import make_sut
 from grammars.model.geometry import Floats, Pose2
 
 _MAKING_LIMIT: Final = 60.0
-"""Seconds of wall clock in which a system under test has to be made for a run. Longer than what a
-check of a campaign allows, for machines that are full of runs."""
+"""Wall clock for making the system under test of a run [s]. Longer than the limit of a check,
+because the machine may be full of runs."""
 
 
 class SutError(Exception):
-    """The system under test raised; ``note`` says what, for the result and the trace.
+    """A failure of the system under test; ``note`` describes it for the result and the trace.
 
-    ``events`` are what it had to say before that. It was ``stopped`` if the wall clock ended it.
+    ``events`` are the system's last messages. ``stopped``: the wall clock ended it.
     """
 
     def __init__(self, error: BaseException) -> None:
-        # The innermost frame: where in the system under test it happened. Not
-        # ``grammars.text.plugins``, whose sentence differs: this one stands in recorded traces.
+        # The innermost frame is the place in the system under test. ``grammars.text.plugins``
+        # words this differently, but recorded traces contain the sentence below.
         where = error.__traceback__
         while where is not None and where.tb_next is not None:
             where = where.tb_next
@@ -40,17 +40,16 @@ class SutError(Exception):
         self.note = f"the system under test crashed: {type(error).__name__}: {error}{place}"
         if self.stopped or isinstance(error, SutFailure):
             self.note = str(error)
-        # It may quote what a program printed, and that may be no text at all.
+        # The message may quote a program's output, which need not be valid text.
         self.note = self.note.encode("utf-8", "backslashreplace").decode()
         super().__init__(self.note)
 
 
-class sut_call:  # noqa: N801  (used as a function is)
-    """Raise :class:`SutError` for what a call of a system under test raises.
+class sut_call:  # noqa: N801  (used like a function)
+    """Context of calls of a system under test, which turns its failures into :class:`SutError`.
 
-    Also for leaving the interpreter, and for not returning before the wall clock limit of
-    :mod:`daemon.model.deadline`. ``name`` is the call, for what is said then; one of these is good
-    for many calls.
+    A failure is any exception, leaving the interpreter, or exceeding the wall clock limit of
+    :mod:`daemon.model.deadline`. Messages call it ``name``. One instance serves many calls.
     """
 
     __slots__ = ("_call",)
@@ -82,7 +81,7 @@ def make_in_time(kind: str, parameters: Mapping[str, Any]) -> SystemUnderTest:
     """Make a system under test.
 
     Raises ``ValueError`` as :func:`daemon.stacks.registry.make_sut` does, and :class:`SutError`
-    for a system that is not made in time, which the trace of its run says.
+    for a system that is not made in time. The trace of the run then contains the reason.
     """
     try:
         with wall_clock_limit(_MAKING_LIMIT), interruptible("its factory"):
@@ -92,7 +91,7 @@ def make_in_time(kind: str, parameters: Mapping[str, Any]) -> SystemUnderTest:
 
 
 def check_decision(decision: object) -> None:
-    """Raise for an answer that is no decision or has numbers that are none."""
+    """Raise ``TypeError`` for anything but a decision, ``ValueError`` for numbers not finite."""
     if not isinstance(decision, Decision):
         raise TypeError(f"update() must return a Decision, not {type(decision).__name__}")
     if decision.estimate is not None:

@@ -39,10 +39,7 @@ class ParameterFindings:
 
 
 class ParameterError(ValueError):
-    """Parameters no robot could be driven with: ``problems`` holds everything wrong.
-
-    ``findings`` are the warnings about the other values.
-    """
+    """Unusable parameters: ``problems`` are the errors, ``findings`` the warnings."""
 
     def __init__(
         self, problems: Iterable[ParameterFinding], findings: ParameterFindings | None = None
@@ -54,7 +51,7 @@ class ParameterError(ValueError):
 
 @dataclass(slots=True)
 class FindingCollector:
-    """Collects findings while a tree is read."""
+    """Collector of findings while a tree is read."""
 
     fatal: list[ParameterFinding] = field(default_factory=list)
     problems: list[ParameterFinding] = field(default_factory=list)

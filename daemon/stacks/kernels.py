@@ -1,4 +1,4 @@
-"""The exact distance transform, which several stacks use."""
+"""Exact distance transform, shared by several stacks."""
 
 from __future__ import annotations
 
@@ -13,18 +13,17 @@ from daemon.model.kernels import kernel
 Singles: TypeAlias = npt.NDArray[np.float32]
 Integers: TypeAlias = npt.NDArray[np.int32]
 
-
 FAR = 1.0e6
-"""Distance reported where there is no solid cell at all [cells]."""
+"""Distance on a grid without any solid cell [cells]."""
 
 
 @kernel
 def distance_transform(solid: npt.NDArray[np.uint8]) -> Singles:
     """Return the distance from each cell centre to the nearest solid cell centre [cells].
 
-    ``solid`` is (rows, columns), non-zero where solid; solid cells have distance 0 and all cells
-    ``FAR`` when nothing is solid. Each row takes the lower envelope of the parabolas that its
-    column distances span.
+    ``solid`` is (rows, columns), non-zero where solid. Solid cells have distance 0. Without any
+    solid cell all distances are ``FAR``. Each row takes the lower envelope of the parabolas that
+    its column distances span.
     """
     rows, columns = solid.shape
     result = np.empty((rows, columns), dtype=np.float32)

@@ -1,7 +1,4 @@
-"""A kind of system under test: how its parameters are read and checked, how a system is made.
-
-And the simplest one, ``idle``.
-"""
+"""Interface of a kind of system under test, and the simplest kind, ``idle``."""
 
 from __future__ import annotations
 
@@ -22,28 +19,28 @@ S = TypeVar("S")
 
 
 class StackKind(ABC, Generic[S]):
-    """A kind of system under test; ``S`` is the form into which it reads its parameters.
+    """A kind of system under test; ``S`` is the type of its settings.
 
-    Only :meth:`make` may load a compiler or a link to a stack: all else is for checks.
+    Only :meth:`make` may load a compiler or a link to a stack. Checks use all other methods.
     """
 
     name: str
     """The ``kind`` of SUT files."""
     external: ClassVar[bool] = False
-    """The system lives outside of the simulation: no two runs of it need be equal."""
+    """The system runs outside of the simulation, so two equal runs may differ."""
     plain_numbers: ClassVar[bool] = False
-    """Parameters are in SI units, so that a quantity with a unit may stand for a number."""
+    """Parameters are in SI units: a SUT file may write a quantity with a unit for a number."""
     keys: ClassVar[tuple[str, ...]] = ()
-    """Keys at the top of a SUT file that take the place of ``parameters``."""
+    """Keys at the top of a SUT file that replace ``parameters``."""
     files: ClassVar[Literal["none", "parameters", "attached"]] = "none"
-    """``files`` of a SUT file are refused, are ROS parameter files, or travel with each run."""
+    """Use of ``files`` in a SUT file: refused, ROS parameter files, or attached to each run."""
 
     @abstractmethod
     def read(self, parameters: Mapping[str, Any]) -> S:
         """Return the settings in a tree of parameters.
 
-        Raises ``ValueError`` for parameters that cannot be used; its subclass
-        :class:`~daemon.stacks.findings.ParameterError` says where in the tree each problem stands.
+        Raises ``ValueError`` for unusable parameters. Its subclass
+        :class:`~daemon.stacks.findings.ParameterError` locates each problem in the tree.
         """
 
     @abstractmethod
@@ -59,15 +56,15 @@ class StackKind(ABC, Generic[S]):
         return ()
 
     def top_speed(self, settings: S, robot: Robot) -> float:
-        """Return a bound of the robot's speed over ground [m/s]; infinite without any limit."""
+        """Return an upper bound of the robot's speed over ground [m/s]; infinite if unlimited."""
         return speed_over_ground(robot.drive)
 
     def defaults(self) -> Mapping[str, Any]:
-        """Return the default of each parameter, of kinds whose parameters have no namespaces."""
+        """Return the default of each parameter; empty if parameters have namespaces."""
         return {}
 
     def schemas(self) -> dict[str, dict[str, Any]]:
-        """Return JSON Schemas for editors by name; that of the kind's name is of all parameters."""
+        """Return JSON Schemas for editors; the one of all parameters has the kind's name."""
         return {}
 
 
@@ -78,7 +75,7 @@ def speed_over_ground(drive: Drive, along: float = math.inf) -> float:
 
 
 class Idle:
-    """Stands still and reaches nothing: for benchmarks, and for watching a scene."""
+    """A system that stands still, for benchmarks and for watching a scene."""
 
     period = 0.05
     needs_ground_truth = False

@@ -1,9 +1,9 @@
-"""Systems under test by name: the ones that ship here and those that plug in.
+"""Systems under test by name, built in or from plug-ins.
 
-A package of one's own adds a stack by an entry point in the group ``scenario.suts``: its name is
-the ``kind`` written in SUT files, its object a function from parameters to a
-:class:`daemon.model.sut.SystemUnderTest`, with ``ValueError`` for parameters it does not take.
-Files written below ``files`` in a SUT file reach it as the parameter ``files``: paths, by name.
+Another package adds a stack by an entry point in the group ``scenario.suts``. Its name is the
+``kind`` in SUT files. Its object is a function from parameters to a
+:class:`daemon.model.sut.SystemUnderTest` that raises ``ValueError`` for parameters it refuses.
+Files below ``files`` in a SUT file reach it as the parameter ``files``: paths by name.
 """
 
 from __future__ import annotations
@@ -30,19 +30,19 @@ from grammars.text.plugins import explain_plugin_error, installed, plugin_origin
 Factory: TypeAlias = Callable[[Mapping[str, Any]], SystemUnderTest]
 ENTRY_POINT_GROUP: Final = "scenario.suts"
 CHECK_LIMIT: Final = 10.0
-"""Seconds of wall clock in which a check makes a system that plugs in."""
+"""Wall clock in which a check makes a system from a plug-in [s]."""
 _ROUNDING: Final = 1e-6
-"""How far a period may be off a whole number of ticks: 0.07 s is 7.000000000000001 of them."""
+"""Tolerance of a period in ticks: 0.07 s is 7.000000000000001 of them."""
 _BUILT_IN: Final[dict[str, StackKind[Any]]] = {kind.name: kind for kind in (IDLE, PILOT, ROS, ROS2)}
 
 
 def sut_kinds() -> tuple[str, ...]:
-    """Names of every kind of system under test that is installed."""
+    """Return the names of all installed kinds of systems under test."""
     return tuple(sorted({*installed(ENTRY_POINT_GROUP), *_BUILT_IN}))
 
 
 def stack_kind(name: str) -> StackKind[Any]:
-    """Return a kind by its name; raises :class:`SutMissing` for one that is not installed."""
+    """Return the kind of this name; raises :class:`SutMissing` if it is not installed."""
     if name in _BUILT_IN:
         return _BUILT_IN[name]
     entry = installed(ENTRY_POINT_GROUP).get(name)
@@ -55,22 +55,22 @@ def stack_kind(name: str) -> StackKind[Any]:
 def make_sut(kind: str, parameters: Mapping[str, Any]) -> SystemUnderTest:
     """Make a fresh system under test.
 
-    Raises ``ValueError`` for parameters it does not take, and for a plugged one that cannot be
-    made or is no system under test; :class:`daemon.model.attachments.SutMissing`, a
-    ``ValueError`` too, for a kind that is unknown on this machine or cannot be loaded.
+    Raises ``ValueError`` for parameters it refuses, and for a plug-in that fails or makes no
+    system under test. Raises its subclass :class:`daemon.model.attachments.SutMissing` for a kind
+    that this machine lacks or cannot load.
     """
     system_kind = stack_kind(kind)
     return system_kind.make(system_kind.read(parameters))
 
 
 def check_parameters(kind: str, parameters: Mapping[str, Any]) -> ParameterFindings:
-    """Return the warnings of a kind about parameters; raises ``ValueError`` as it does."""
+    """Return the warnings of a kind about parameters; raises ``ValueError`` if it refuses them."""
     system_kind = stack_kind(kind)
     return system_kind.findings(system_kind.read(parameters))
 
 
 class PluggedKind(StackKind[Mapping[str, Any]]):
-    """A kind from another package: its factory alone knows what it takes."""
+    """A kind from another package; only its factory knows the parameters."""
 
     files: ClassVar[Literal["attached"]] = "attached"
 
@@ -79,12 +79,12 @@ class PluggedKind(StackKind[Mapping[str, Any]]):
         self._entry = entry
 
     def read(self, parameters: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return the parameters as they are."""
+        """Return the parameters unchanged."""
         return parameters
 
     def make(self, settings: Mapping[str, Any]) -> SystemUnderTest:
-        """Call the factory: code of other people, of which anything may come."""
-        # Another worker may have a package that does not load here. A factory that fails with these
+        """Call the factory, which is foreign code and may raise anything."""
+        # Another worker may be able to load the package. A factory that fails with these
         # parameters fails everywhere.
         try:
             factory: Factory = self._entry.load()
@@ -99,15 +99,15 @@ class PluggedKind(StackKind[Mapping[str, Any]]):
         problem = _unlike_protocol(system)
         if problem:
             raise ValueError(
-                f'what the system under test "{self.name}" makes {problem}, see scenario_tui/sut.py'
+                f'the object that "{self.name}" makes {problem}, see scenario_tui/sut.py'
             )
         return system
 
     def findings(self, settings: Mapping[str, Any]) -> ParameterFindings:
-        """Make the system once, in this process, for what it refuses.
+        """Make the system once in this process, to see whether it refuses the parameters.
 
-        It has :data:`CHECK_LIMIT` seconds. Its output goes to standard error, so that it spoils
-        no answer of a command.
+        The limit is :data:`CHECK_LIMIT`. Its output goes to standard error, so that it does not
+        mix with the output of a command.
         """
         try:
             with (
@@ -117,23 +117,24 @@ class PluggedKind(StackKind[Mapping[str, Any]]):
             ):
                 self.make(settings)
         except OutOfTime as error:
-            hint = "what takes longer belongs into start()"
+            hint = "longer work belongs into start()"
             raise ValueError(f"{self._title()} was not made: {error}; {hint}") from error
         except (ParameterError, SutMissing):
             raise
         except ValueError as error:
-            raise ValueError(codec.reading_error(error) or "ValueError without a word") from error
+            message = codec.reading_error(error) or "ValueError without a message"
+            raise ValueError(message) from error
         return ParameterFindings()
 
     def _title(self) -> str:
         return f'the system under test "{self.name}" ({plugin_origin(self._entry)})'
 
-    def _cannot(self, done: str, error: BaseException) -> str:
-        return explain_plugin_error(f"{self._title()} cannot be {done}", error, __file__)
+    def _cannot(self, verb: str, error: BaseException) -> str:
+        return explain_plugin_error(f"{self._title()} cannot be {verb}", error, __file__)
 
 
 def _unlike_protocol(system: object) -> str:
-    """Say what keeps an object from being a system under test, empty when nothing does."""
+    """Return the reason why an object is not a system under test, or an empty text."""
     for name in ("start", "update"):
         if not callable(getattr(system, name, None)):
             return f"has no method {name}()"

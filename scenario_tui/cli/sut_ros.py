@@ -131,7 +131,7 @@ def _source_text(source: ObservationSource) -> str:
 
 def _wiring(read: RosParameters) -> dict[str, tuple[str, ...]]:
     """Return the lasers in the file that each part of the stack hears."""
-    return dataclasses.asdict(read.topics.heard(read.topics.lasers()))
+    return dataclasses.asdict(read.topics.wire(read.topics.lasers()))
 
 
 def print_wiring(read: RosParameters) -> None:

@@ -101,7 +101,7 @@ def test_only_the_blind_costmaps_do_not_hear_the_scan(campaigns):
     for name in ("a2s", "fro-diff", "fro-omni", "a2s-blind"):
         read = read_ros(parameters(campaigns, name))
         heard = () if name == "a2s-blind" else ONE_LASER
-        assert read.topics.heard(ONE_LASER) == Wiring(ONE_LASER, heard, heard)
+        assert read.topics.wire(ONE_LASER) == Wiring(ONE_LASER, heard, heard)
         assert read.findings.problems == ()
 
 

@@ -106,7 +106,7 @@ def test_a_check_makes_a_stack_without_another_process(installed, monkeypatch):
         ("factory-leaves", "cannot be made: SystemExit: 2"),
         ("factory-refuses", '^"speed" must be positive$'),
         ("factory-reads-with-a-library", "^speed must be a number"),
-        ("factory-has-no-words", "ValueError without a word"),
+        ("factory-has-no-words", "ValueError without a message"),
     ],
 )
 def test_a_check_says_what_a_factory_refuses(installed, kind, words):

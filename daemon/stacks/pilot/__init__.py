@@ -1,9 +1,8 @@
-"""The small stack that ships with the project.
+"""The pilot, a small navigation stack that ships with the project.
 
-The pilot is an honest stack: scan matching on the map's signed distance field fused with
-odometry, A* and a smoothed path, a layer of obstacles the map does not show, pure pursuit
-behind a guard that sweeps the footprint. It knows what :mod:`daemon.model.sut` gives it and no
-more.
+Scan matching on the map's signed distance field, fused with odometry. A* with a smoothed path. A
+layer of obstacles that the map lacks. Pure pursuit behind a guard that sweeps the footprint. The
+pilot knows only :mod:`daemon.model.sut`.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ class _PilotKind(StackKind[PilotParameters]):
         return read_parameters(parameters)
 
     def make(self, settings: PilotParameters) -> SystemUnderTest:
-        # Compiled kernels are only needed to drive, not to check a campaign's parameters.
+        # Only driving needs compiled kernels; a check of parameters does not.
         from daemon.stacks.pilot.driver import Pilot
 
         return Pilot(settings)

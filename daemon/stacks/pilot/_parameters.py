@@ -1,4 +1,4 @@
-"""The pilot's parameters: every one with a default, a unit and a range."""
+"""Parameters of the pilot, each with a default, a unit and a range."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class PilotParameters:
     """Settings of the pilot: plain numbers in SI units, radians."""
 
     start_sigma: _Positive = 0.05
-    """[m] How far the start position it is told may be off, standard deviation."""
+    """[m] Standard deviation of the start position that the pilot receives."""
     start_yaw_sigma: _Positive = 0.03
-    """[rad] How far the start heading it is told may be off, standard deviation."""
+    """[rad] Standard deviation of the start heading that the pilot receives."""
     max_speed: _Positive = 0.5
     """[m/s] Also bounded by the drive."""
     max_turn: _Positive = 1.0
@@ -35,41 +35,40 @@ class PilotParameters:
     lookahead: _Positive = 0.45
     """[m] Of the pure pursuit at low speed."""
     goal_tolerance: _Positive = 0.15
-    """[m] A waypoint is reached within this distance, as far as the pilot knows."""
+    """[m] A waypoint is reached within this distance of the estimated position."""
     yaw_tolerance: _Positive = 0.1
-    """[rad] And with its heading this near, when it asks for one."""
+    """[rad] Tolerance of the heading at a waypoint that has one."""
     preferred_clearance: _Positive = 1.0
-    """[m] Of the base's centre to walls, where there is room."""
+    """[m] Clearance of the base's centre to walls where there is room."""
     obstacle_memory: _Positive = 45.0
-    """[s] An obstacle out of sight is forgotten after this; less than patience, so that the robot
-    looks again before it gives up."""
+    """[s] An obstacle out of sight is forgotten after this time. Less than patience, so that the
+    robot looks again before it gives up."""
     safety_margin: _NotNegative = 0.05
-    """[m] Around the footprint in motion."""
+    """[m] Margin around the footprint in motion."""
     stop_distance: _NotNegative = 0.3
-    """[m] Kept, at full speed, to whatever the map does not show on the way it drives; in
-    proportion less when it is slower. Not kept to what is beside it: a person may come nearer."""
+    """[m] Distance at full speed to obstacles ahead that the map lacks, in proportion less at lower
+    speed. Obstacles beside the robot may come nearer: a person, for instance."""
     blocked_distance: _NotNegative = 0.8
-    """[m] The robot waits this far before something that blocks its way, which leaves a door room
-    to swing."""
+    """[m] Waiting distance before an obstacle in the way; it leaves a door room to swing."""
     wait_before_replanning: _NotNegative = 3.0
     """[s] A blocked robot waits this long before it looks for another way."""
     patience: _Positive = 60.0
-    """[s] After waiting this long without any way the mission is given up."""
+    """[s] The pilot gives the mission up after waiting this long without any way."""
     recoveries: _Count = 6
-    """How often it tries to free itself without getting further."""
+    """Number of attempts to get free without progress in between."""
 
 
-def read_parameters(given: Mapping[str, object]) -> PilotParameters:
-    """Return validated parameters; raises :class:`ParameterError` with everything wrong."""
-    known = tuple(field.name for field in fields(PilotParameters))
+def read_parameters(values: Mapping[str, object]) -> PilotParameters:
+    """Return validated parameters; raises :class:`ParameterError` with all errors."""
+    names = tuple(field.name for field in fields(PilotParameters))
     problems = [
         ParameterFinding(
-            (name,), f'no parameter "{name}" in the pilot', did_you_mean(str(name), known)
+            (name,), f'no parameter "{name}" in the pilot', did_you_mean(str(name), names)
         )
-        for name in given
-        if name not in known
+        for name in values
+        if name not in names
     ]
-    usable: dict[str, Any] = {name: given[name] for name in known if name in given}
+    usable: dict[str, Any] = {name: values[name] for name in names if name in values}
     parameters = PilotParameters()
     try:
         parameters = PilotParameters(**usable)

@@ -25,36 +25,36 @@ from grammars.model.geometry import Floats, Pose2, Twist2, wrap_angle
 from grammars.model.mission import Waypoint
 
 _SETTLED: Final = 2.0
-"""Standing this long, a robot within the tolerance is there, else within half of it [s]."""
+"""A robot that stands this long may use the whole tolerance, before that half of it [s]."""
 _WATCHED: Final = 4.0
-"""Length of the path ahead that is watched for obstacles [m]."""
+"""Length of the path ahead that is checked for obstacles [m]."""
 _OFF_PATH: Final = 0.6
-"""Farther than this from its path the robot plans a new one [m]."""
+"""Distance from the path beyond which the robot plans a new one [m]."""
 _CLEARANCE: Final = 0.02
-"""Kept free beyond the inscribed circle of the footprint [m]."""
+"""Free space beyond the inscribed circle of the footprint [m]."""
 _STUCK: Final = 4.0
-"""Standing for this long, a robot that wants to move is stuck [s]."""
+"""A robot that stands this long although it wants to move is stuck [s]."""
 _MAKE_ROOM: Final = 8.0
-"""Blocked for this long without another way, the robot backs off, for a door to swing [s]."""
+"""A robot blocked this long without another way backs off, to let a door swing [s]."""
 _RETREATS: Final = 3
-"""How often it does so at most; it stays within sight of what blocks its way."""
+"""Most retreats to make room, so that the obstacle stays within sight."""
 _TOO_CLOSE: Final = 0.4
-"""From something that comes closer than this the standing robot backs off [m]."""
+"""A standing robot backs off from something that comes closer than this [m]."""
 _APPROACH: Final = 0.05
-"""How much closer it must have come since the previous scan [m]."""
+"""Approach since the previous scan that counts as coming closer [m]."""
 _TOUCHING: Final = 0.05
-"""From something this near the standing robot backs off even if it does not move [m]."""
+"""A standing robot backs off from something this near even if it does not move [m]."""
 _LEANING: Final = 1.0
-"""Standing this long, it takes something that near for leaning on it [s]."""
+"""After standing this long, something that near leans on the robot [s]."""
 _SHORTEST, _LONGEST = 0.4, 3.0
-"""A way out is free for at least this long, and is followed for at most this long [s]."""
+"""Shortest and longest duration of a way out [s]."""
 _GAINED: Final = 1.0
-"""Coming this much closer to the waypoint renews the patience [m]."""
+"""Progress towards the waypoint that renews the patience [m]."""
 
 
 @dataclass(slots=True)
 class _Blockage:
-    """The way is blocked since ``since``, ``distance`` ahead [m]; look again at ``retry`` [s]."""
+    """An obstacle ``distance`` [m] ahead since ``since`` [s]; plan again at ``retry`` [s]."""
 
     since: float
     retry: float
@@ -63,7 +63,7 @@ class _Blockage:
 
 
 class Pilot:
-    """The small navigation stack of the project, as a system under test. It localises itself."""
+    """The pilot as a system under test. It localises itself."""
 
     period = 0.05
     needs_ground_truth = False
@@ -88,7 +88,7 @@ class Pilot:
         self._new_plan: Floats | None = None
         self._events: list[str] = []
         self._nearest = math.inf
-        # How long it stands, and how often it tried to get free since it last came closer.
+        # Time at a standstill [s], and attempts to get free since the last progress.
         self._standing, self._attempts = 0.0, 0
         self._reached = -1
         self._begin_waypoint()
@@ -99,7 +99,7 @@ class Pilot:
         self._blockage: _Blockage | None = None
         self._escape, self._escapes_until = STILL, 0.0
         self._turning = False
-        # How long it stood since it was nearest to the waypoint, and how near that was.
+        # Waiting time since the least remaining way [s], and that way [m].
         self._waited, self._closest = 0.0, math.inf
 
     def update(self, observation: Observation) -> Decision:
@@ -108,16 +108,16 @@ class Pilot:
         self._new_plan = None
         estimate = self._sensing.take(observation)
         pose, now = self._sensing.pose, observation.time
-        wanted = self._wanted_velocity(now, pose)
+        target = self._target_velocity(now, pose)
         if self._state == "active":
-            # Accelerations first, the guard last: what it allows is what is sent.
-            ramped = self._limits.ramp(self._command, wanted, self.period)
+            # Accelerations first, the guard last: it has the final word.
+            ramped = self._limits.ramp(self._command, target, self.period)
             self._command = self._guard.limit(ramped, pose, self._sensing.around)
         else:
             self._command = STILL
         stands = abs(self._command.vx) <= 0.03 and abs(self._command.wz) <= 0.05
         self._standing = self._standing + self.period if stands else 0.0
-        # Patience is for waiting: what passes in motion does not count.
+        # Only waiting wears patience down, not time in motion.
         self._waited += self.period if stands else 0.0
         last = max(0, len(self._waypoints) - 1)
         return Decision(
@@ -128,8 +128,8 @@ class Pilot:
             events=tuple(self._events),
         )
 
-    def _wanted_velocity(self, now: float, pose: Pose2) -> Twist2:
-        """Return the velocity wanted now, before accelerations and the guard have their say."""
+    def _target_velocity(self, now: float, pose: Pose2) -> Twist2:
+        """Return the velocity to aim at, before accelerations and the guard limit it."""
         while self._reached < len(self._waypoints):
             goal = self._waypoints[self._reached]
             if not self._is_reached(pose, goal):
@@ -141,7 +141,7 @@ class Pilot:
         return STILL
 
     def _is_reached(self, pose: Pose2, goal: Waypoint) -> bool:
-        """Tell whether the robot is there: first the position counts, then the heading if any."""
+        """Tell whether the robot is there: first by position, then by heading if any."""
         share = 1.0 if self._standing >= _SETTLED else 0.5
         away = math.hypot(goal.x - pose.x, goal.y - pose.y) / self._parameters.goal_tolerance
         self._turning = away <= (1.5 if self._turning else share)
@@ -150,7 +150,7 @@ class Pilot:
         return abs(wrap_angle(goal.yaw - pose.yaw)) <= share * self._parameters.yaw_tolerance
 
     def _towards(self, now: float, pose: Pose2, goal: Waypoint) -> Twist2:
-        # Getting free goes before everything: a path is of no use to a robot that cannot move.
+        # Getting free comes first: a robot that cannot move has no use for a path.
         if now >= self._escapes_until:
             self._get_free_if_needed(now, pose)
         if now < self._escapes_until or self._state != "active":
@@ -168,17 +168,17 @@ class Pilot:
         self._watch(now, pose, goal, pursuit)
         if self._pursuit is not pursuit:
             return STILL
-        wanted = pursuit.steer(pose, self._command.vx)
+        target = pursuit.steer(pose, self._command.vx)
         if self._blockage is None:
-            return wanted
+            return target
         if self._attempts:
             return STILL
         room = self._blockage.distance - self._front - self._parameters.blocked_distance
         allowed = stoppable(room, self._limits.acceleration)
-        return scaled(wanted, allowed / wanted.vx) if wanted.vx > allowed else wanted
+        return scaled(target, allowed / target.vx) if target.vx > allowed else target
 
     def _find_way(self, pose: Pose2, goal: Waypoint) -> Pursuit | None:
-        """Plan to ``goal`` around what is known to be in the way, else as the map says."""
+        """Plan to ``goal`` around the known obstacles, or by the map alone if they leave no way."""
         path = self._plan_around(pose, goal)
         path = path or self._planner.plan((pose.x, pose.y), (goal.x, goal.y))
         if path is None:
@@ -226,14 +226,14 @@ class Pilot:
             self._log("blocked, waiting")
 
     def _get_free_if_needed(self, now: float, pose: Pose2) -> None:
-        """Start a way out when something comes close, leans on the robot or holds it.
+        """Start a way out if something comes close, leans on the robot or holds it.
 
-        Gives up when the patience ends.
+        Give up when the patience ends.
         """
-        before, self._nearest = self._nearest, self._guard.nearest
+        previous, self._nearest = self._nearest, self._guard.nearest
         blocked = self._blockage is not None
         may_try = self._attempts < self._parameters.recoveries
-        comes = self._standing > 0.0 and self._nearest < min(_TOO_CLOSE, before - _APPROACH)
+        comes = self._standing > 0.0 and self._nearest < min(_TOO_CLOSE, previous - _APPROACH)
         leans = self._standing > _LEANING and self._nearest < _TOUCHING and may_try
         if self._waited >= self._parameters.patience:
             why = "no way to" if blocked else "stuck on the way to"
@@ -250,7 +250,7 @@ class Pilot:
     def _start_escape(
         self, now: float, pose: Pose2, words: str, *, hurry: float = 1.0, turns: bool = True
     ) -> None:
-        """Start the motion that stays free longest, backing off first among equals, if any does."""
+        """Start the motion that stays free longest, if any; backing off wins a tie."""
         longest = _SHORTEST
         for name, usual in ESCAPES if turns else ESCAPES[:1]:
             command = scaled(usual, hurry)

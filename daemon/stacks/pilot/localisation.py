@@ -3,7 +3,7 @@
 Gauss-Newton on the signed distance of the returns to the painted walls, as in direct scan
 matching on a map gradient (Kohlbrecher et al. 2011, Hector SLAM), but signed: a wall pulls from
 both sides and its painted thickness does no harm. The odometry enters through its information
-matrix, which makes the solution the update of an iterated Kalman filter.
+matrix, so the solution is the update of an iterated Kalman filter.
 """
 
 from __future__ import annotations
@@ -23,15 +23,13 @@ from grammars.model.robot import Laser, OdometryNoise
 Triple: TypeAlias = tuple[float, float, float]
 
 _INSET = 0.5
-"""Mean depth of a wall behind its painted edge where it paints every cell it touches [cells]."""
-_INSET = 0.5
-"""Mean depth of a wall behind its painted edge where it paints every cell it touches [cells]."""
+"""Mean depth of a wall behind its painted edge, as maps paint every cell a wall touches [cells]."""
 _STENCIL = 1.5
-"""Half the width over which the direction of a wall is taken from the field [cells]."""
+"""Half the width over which the field gives the direction of a wall [cells]."""
 _LEAST_SLOPE, _MOST_SLOPE = 0.3, 1.5
-"""A distance field has slope 1; ridges between walls and edges of the known map have not."""
+"""Bounds of the slope: 1 in a distance field, not so on ridges and at edges of the known map."""
 _FEIGNED = 0.02
-"""Part of the information across a corridor that its raster feigns along it."""
+"""Part of the information across a corridor that its raster seems to give along it."""
 _ITERATIONS = 12
 _LEAST_INLIERS = 8
 _NARROW = 0.05
@@ -72,12 +70,12 @@ def _normal_equations(
         residual = interpolate(surface, u, v) + _INSET * size
         if abs(residual) > 3.0 * width:
             continue
-        # Right at a slanted wall the field follows the steps of its raster; its direction shows
-        # from a little further away.
+        # Right at a slanted wall the field follows the steps of the raster. A little further away
+        # it shows the direction.
         gx = interpolate(surface, u + _STENCIL, v) - interpolate(surface, u - _STENCIL, v)
         gy = interpolate(surface, u, v + _STENCIL) - interpolate(surface, u, v - _STENCIL)
         steep = math.hypot(gx, gy)
-        # A laser sees faces that look towards it, never the back of a wall.
+        # A laser sees only faces that look towards it.
         faces = gx * (points[i, 0] - eye[0]) + gy * (points[i, 1] - eye[1]) <= 0.0
         sloped = _LEAST_SLOPE < steep / (2.0 * _STENCIL * size) < _MOST_SLOPE
         if not (faces and sloped):
@@ -95,10 +93,10 @@ def _normal_equations(
 
 @kernel
 def _distrust_weak_direction(sums: Floats) -> None:
-    """Take what the raster of the map feigns off the direction that is seen worst, in place.
+    """Remove false information of the map's raster from the worst direction, in place.
 
-    The gradients of a painted wall are off by some degrees, so a corridor seems to tell a little
-    about the position along it.
+    The gradients of a painted wall are off by some degrees, so a corridor seems to give some
+    information about the position along it.
     """
     a, b, c = sums[0, 0], sums[0, 1], sums[1, 1]
     middle, spread = 0.5 * (a + c), math.hypot(0.5 * (a - c), b)
@@ -140,10 +138,10 @@ def match_scan(
 ) -> Triple:
     """Return the pose (x, y, yaw) of the base that fits a scan.
 
-    ``points`` (n, 2) are its returns in the map as seen from the pose ``mean``, by a laser at
-    ``eye``; ``sigma`` is the standard deviation of one of them [m]. The weights narrow from
-    ``width`` to ``_NARROW`` [m] (graduated non-convexity). ``covariance`` (3, 3) is that of the
-    predicted pose and becomes that of the result. With too few inliers nothing changes.
+    ``points`` (n, 2) are its returns in the map, seen from the pose ``mean`` by a laser at
+    ``eye``; ``sigma`` is the standard deviation of a return [m]. The weights narrow from
+    ``width`` to ``_NARROW`` [m] (graduated non-convexity). ``covariance`` (3, 3) of the predicted
+    pose becomes that of the result. Too few inliers change nothing.
     """
     prior, inverse = np.empty((3, 3)), np.empty((3, 3))
     pose, step = np.array(mean), np.empty(3)
@@ -167,7 +165,7 @@ def match_scan(
         if settled and width <= _NARROW:
             break
         width = max(_NARROW, 0.6 * width)
-    # Element by element: for arrays of two shapes numba compiles the words of an error, in 3 s.
+    # Element by element: for arrays of two shapes numba compiles an error message, in 3 s.
     for k in range(3):
         for j in range(3):
             covariance[k, j] = inverse[k, j]
@@ -190,26 +188,26 @@ def spread(covariance: Floats, dx: float, dy: float, along: float, around: float
 
 
 _WIDE: Final = 0.45
-"""Width of the matcher's weights when the pose is not sure [m]."""
+"""Width of the matcher's weights when the pose is unsure [m]."""
 _RASTER: Final = 0.015
 """Error of one return beyond the laser's own noise, mostly the raster of the map [m]."""
 _ALIKE: Final = 2.0
 """Number of neighbouring rays that share the error of a map cell and count as one."""
 _MAP_COVARIANCE: Final = np.diag([0.02**2, 0.02**2, 0.005**2])
-"""Systematic error of the map, which no number of scans averages away [m^2, rad^2]."""
+"""Systematic error of the map, which more scans do not average away [m^2, rad^2]."""
 _LEVER: Final = 2.0
-"""Distance at which an error in heading is felt [m]."""
+"""Lever arm that turns an error in heading into one in position [m]."""
 _CAUTION: Final = 1.5
-"""Odometry is trusted with this many times the variance its description gives."""
+"""Factor on the variance in the odometry's description."""
 _LEAST_NOISE: Final = 0.002**2
-"""Variance of a displacement beyond what the odometry's description says, per metre or radian."""
+"""Variance of a displacement on top of the odometry's description, per metre or radian."""
 
 
 class Localiser:
     """An iterated extended Kalman filter over x, y, yaw in the map frame.
 
-    Odometry noise follows the robot's description. Errors of the map itself do not average out
-    over scans; they are added to the covariance that is reported, not to the filter's own.
+    Odometry noise follows the robot's description. Errors of the map do not average out over
+    scans, so they enter the reported covariance, not the filter's own.
 
     Attributes:
         pose: the best estimate of the base's pose in the map frame.
@@ -249,7 +247,7 @@ class Localiser:
             self._move_to(last.pose @ Pose2(twist.vx * gap, twist.vy * gap, twist.wz * gap))
 
     def correct(self, points: Floats, laser: Laser) -> None:
-        """Match returns ``points`` (n, 2) of a laser, which are in the map as seen at the pose."""
+        """Match ``points`` (n, 2), the returns of a laser in the map as seen from the pose."""
         self._spread()
         covariance, pose = self._covariance, self.pose
         unsure = math.sqrt(covariance[0, 0] + covariance[1, 1])
@@ -267,10 +265,10 @@ class Localiser:
         self._turn += abs(step.yaw)
 
     def _spread(self) -> None:
-        """Let the covariance grow by the way since it last did."""
-        noise, before = self._noise, self._spread_at
+        """Let the covariance grow by the way since its last growth."""
+        noise, previous = self._noise, self._spread_at
         along = (_CAUTION * noise.translation**2 + _LEAST_NOISE) * self._distance
         around = (_CAUTION * noise.rotation**2 + _LEAST_NOISE) * self._turn
         around += (_CAUTION * noise.drift**2 + _LEAST_NOISE) * self._distance
-        spread(self._covariance, self.pose.x - before.x, self.pose.y - before.y, along, around)
+        spread(self._covariance, self.pose.x - previous.x, self.pose.y - previous.y, along, around)
         self._spread_at, self._distance, self._turn = self.pose, 0.0, 0.0

@@ -1,4 +1,4 @@
-"""The building as the pilot knows it: the map as distance fields, and obstacles the map lacks."""
+"""The pilot's picture of the building: distance fields of the map, and obstacles the map lacks."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from grammars.model.geometry import Floats
 from grammars.model.grid import FREE, OCCUPIED, OccupancyGrid
 
 _BORDER = 2
-"""Unknown cells kept around the known part of the map."""
+"""Border of unknown cells around the known part of the map."""
 _EXPLAINED = 0.15
-"""Returns nearer to a wall of the map than this are the wall [m]."""
+"""Returns nearer to a wall of the map than this belong to the wall [m]."""
 _NEIGHBOURS = 5
-"""Returns this near, in rays, to one the map does not explain may belong to the same thing."""
+"""Returns this near, in rays, to an unexplained one may belong to the same object."""
 _REACH = 4.0
-"""Returns farther from the base than this are not remembered [m]."""
+"""Greatest distance from the base of a remembered return [m]."""
 
 
 class MapField(NamedTuple):
@@ -27,9 +27,9 @@ class MapField(NamedTuple):
 
     The lower-left corner of cell (0, 0) lies at (``x``, ``y``). ``surface`` is the signed
     distance of a cell centre to the painted surface of the walls: positive outside occupied
-    cells, negative inside, zero on the edge between the last free and the first occupied cell,
-    which is where a laser sees the wall. ``clearance`` is the distance to the nearest cell that
-    is not free, 0 in such cells.
+    cells, negative inside. It is zero on the edge between the last free and the first occupied
+    cell, where a laser sees the wall. ``clearance`` is the distance to the nearest cell that is
+    not free, 0 in such cells.
     """
 
     surface: Singles
@@ -47,14 +47,14 @@ class MapField(NamedTuple):
 def map_field(grid: OccupancyGrid) -> MapField:
     """Prepare the distance fields of ``grid``; raises ``ValueError`` for a map without free cells.
 
-    Distances run between cell centres, so the surface lies half a cell before the first centre on
-    the other side.
+    Distances run between cell centres, so the surface lies half a cell before the first centre
+    beyond it.
     """
     free = grid.cells == FREE
     if not free.any():
         raise ValueError("the map has no free cell: nothing can be planned on it")
-    known = (grid.cells == OCCUPIED) | free
-    rows, columns = _extent(known.any(axis=1)), _extent(known.any(axis=0))
+    is_known = (grid.cells == OCCUPIED) | free
+    rows, columns = _extent(is_known.any(axis=1)), _extent(is_known.any(axis=0))
     cells = grid.cells[rows, columns]
     half = np.float32(0.5)
     to_occupied = distance_transform((cells == OCCUPIED).astype(np.uint8))
@@ -71,9 +71,9 @@ def map_field(grid: OccupancyGrid) -> MapField:
     )
 
 
-def _extent(used: np.ndarray) -> slice:
+def _extent(flags: np.ndarray) -> slice:
     """Return the range of true entries, with a border."""
-    indices = np.flatnonzero(used)
+    indices = np.flatnonzero(flags)
     return slice(max(0, int(indices[0]) - _BORDER), int(indices[-1]) + 1 + _BORDER)
 
 
@@ -90,52 +90,52 @@ def interpolate(values: Singles, u: float, v: float) -> float:
 
 
 Scan: TypeAlias = tuple[Singles, tuple[float, float, float], tuple[float, float, float, float]]
-"""A scan: its ranges (rays,) [m]; the pose (x, y, yaw) of the laser in the map; the angle of the
-first ray, that between two rays [rad], the least and the longest range [m]."""
+"""A scan: ranges (rays,) [m]; pose (x, y, yaw) of the laser in the map; angle of the first ray and
+between two rays [rad], least and longest range [m]."""
 
 
 @kernel
 def project(field: MapField, scan: Scan) -> tuple[Floats, np.ndarray, Floats]:
-    """Return the returns of a scan (n, 2) in the map, which it explains (n,), and the sure ones.
+    """Return the returns of a scan (n, 2) in the map, flags of walls (n,), and the sure returns.
 
-    Rays that are lost or saw nothing are left out (REP 117). The map explains a return near a
-    painted wall or behind it: 1, else 0. Neighbours of others are not sure: the end of a leaf
-    that touches its wall would turn the wall with it.
+    Lost rays and rays without a return are left out (REP 117). A flag is 1 for a return near or
+    behind a painted wall, otherwise 0. Neighbours of returns with 0 are not sure: the end of a
+    leaf that touches its wall would turn the wall with it.
     """
     rows, columns = field.surface.shape
     ranges, (sx, sy, yaw), (first, step, least, most) = scan
     points, sure = np.empty((ranges.shape[0], 2)), np.empty((ranges.shape[0], 2))
-    known = np.empty(ranges.shape[0], dtype=np.uint8)
+    is_wall = np.empty(ranges.shape[0], dtype=np.uint8)
     c, s = math.cos(yaw + first), math.sin(yaw + first)
     turn_c, turn_s = math.cos(step), math.sin(step)
     count = sures = 0
     for i in range(ranges.shape[0]):
         away = float(ranges[i])
         x, y = sx + away * c, sy + away * s
-        # Turned from ray to ray: a sine for each would take most of the time.
+        # Turn from ray to ray, because a sine for each would take most of the time.
         c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
         if not (least <= away <= most):
             continue
         column = math.floor((x - field.x) / field.resolution)
         row = math.floor((y - field.y) / field.resolution)
         inside = 0 <= row < rows and 0 <= column < columns
-        known[count] = inside and field.surface[row, column] <= _EXPLAINED
+        is_wall[count] = inside and field.surface[row, column] <= _EXPLAINED
         points[count, 0], points[count, 1] = x, y
         count += 1
     odd = -_NEIGHBOURS - 1
     for i in range(count + _NEIGHBOURS):
-        if i < count and not known[i]:
+        if i < count and not is_wall[i]:
             odd = i
         k = i - _NEIGHBOURS
         if k >= 0 and k - odd > _NEIGHBOURS:
             sure[sures, 0], sure[sures, 1] = points[k, 0], points[k, 1]
             sures += 1
-    return points[:count], known[:count], sure[:sures]
+    return points[:count], is_wall[:count], sure[:sures]
 
 
 @kernel
 def _is_seen_through(scan: Scan, x: float, y: float, margin: float) -> bool:
-    """Tell whether the ray towards a point goes on beyond it by ``margin`` [m]."""
+    """Tell whether the ray towards a point reaches more than ``margin`` [m] beyond it."""
     ranges, (sx, sy, yaw), (first, step, _, most) = scan
     away = math.hypot(x - sx, y - sy)
     angle = math.atan2(y - sy, x - sx) - yaw - first
@@ -152,21 +152,21 @@ def update_marks(
     field: MapField,
     centres: Floats,
     stamps: Integers,
-    seen: tuple[int, int],
+    numbers: tuple[int, int],
     scan: Scan,
     points: Floats,
-    known: np.ndarray,
+    is_wall: np.ndarray,
 ) -> Floats:
     """Return the centres of the marked cells (n, 2) [m] after one scan.
 
     ``stamps`` (rows, columns) change in place: the number of the scan that saw a cell last, 0 in
-    unmarked cells. ``seen`` is the number of this scan and the oldest one that is not forgotten.
-    Cells that a ray looks through go. Each marked cell asks the ray that points at it: this costs
-    nothing for the empty space that other rays cross and leaves no gaps between rays. Then the
-    returns that the map does not explain are marked.
+    unmarked cells. ``numbers`` are that of this scan and that of the oldest one that counts. A
+    marked cell goes when the ray that points at it looks through it. Asking cells instead of
+    following rays costs nothing in empty space and leaves no gaps between rays. Then the returns
+    that are no walls are marked.
     """
-    size, (now, oldest) = field.resolution, seen
-    kept = np.empty((centres.shape[0] + points.shape[0], 2))
+    size, (now, oldest) = field.resolution, numbers
+    marks = np.empty((centres.shape[0] + points.shape[0], 2))
     count = 0
     for i in range(centres.shape[0]):
         x, y = centres[i, 0], centres[i, 1]
@@ -174,25 +174,25 @@ def update_marks(
         if stamps[row, column] < oldest or _is_seen_through(scan, x, y, 2.0 * size):
             stamps[row, column] = 0
         else:
-            kept[count, 0], kept[count, 1] = x, y
+            marks[count, 0], marks[count, 1] = x, y
             count += 1
     for i in range(points.shape[0]):
         x, y = points[i, 0], points[i, 1]
         row, column = math.floor((y - field.y) / size), math.floor((x - field.x) / size)
         inside = 0 <= row < stamps.shape[0] and 0 <= column < stamps.shape[1]
-        if known[i] or not inside or math.hypot(x - scan[1][0], y - scan[1][1]) > _REACH:
+        if is_wall[i] or not inside or math.hypot(x - scan[1][0], y - scan[1][1]) > _REACH:
             continue
         if stamps[row, column] == 0:
-            kept[count, 0] = field.x + (column + 0.5) * size
-            kept[count, 1] = field.y + (row + 0.5) * size
+            marks[count, 0] = field.x + (column + 0.5) * size
+            marks[count, 1] = field.y + (row + 0.5) * size
             count += 1
         stamps[row, column] = now
-    return kept[:count]
+    return marks[:count]
 
 
 @kernel
 def first_blocked(path: Floats, centres: Floats, radius: float) -> int:
-    """Return the index of the first point of ``path`` (n, 2) this near to a mark, or -1."""
+    """Return the index of the first point of ``path`` (n, 2) within ``radius`` of a mark, or -1."""
     for i in range(path.shape[0]):
         for k in range(centres.shape[0]):
             dx, dy = path[i, 0] - centres[k, 0], path[i, 1] - centres[k, 1]
@@ -202,38 +202,38 @@ def first_blocked(path: Floats, centres: Floats, radius: float) -> int:
 
 
 class UnmappedObstacles:
-    """Cells that scans show occupied although the map says free.
+    """Cells that are occupied in scans but free in the map.
 
     Attributes:
         centres: the centres of the marked cells (n, 2) in the map [m].
     """
 
     def __init__(self, field: MapField, memory: int) -> None:
-        """Keep a cell for ``memory`` scans, of whatever laser, after it was last seen."""
+        """Keep a cell for ``memory`` scans of any laser after it was last seen."""
         self._field, self._memory, self._now = field, memory, 0
         self._stamps = np.zeros(field.clearance.shape, dtype=np.int32)
         self.centres = np.empty((0, 2))
 
-    def update(self, scan: Scan, points: Floats, known: np.ndarray) -> None:
-        """Take a scan as it was projected."""
+    def update(self, scan: Scan, points: Floats, is_wall: np.ndarray) -> None:
+        """Take a projected scan."""
         self._now += 1
-        seen = self._now, self._now - self._memory
+        numbers = self._now, self._now - self._memory
         self.centres = update_marks(
-            self._field, self.centres, self._stamps, seen, scan, points, known
+            self._field, self.centres, self._stamps, numbers, scan, points, is_wall
         )
 
     def clearance(self, reach: float) -> Singles:
-        """Return the clearance of the map with the marks, which count out to ``reach`` [m]."""
+        """Return the clearance of the map and the marks, which matter up to ``reach`` [m]."""
         field = self._field
         combined = field.clearance.copy()
         if len(self.centres):
             cells = (self.centres - (field.x, field.y)) / field.resolution
             columns, rows = cells.astype(np.int64).T
             span = math.ceil(reach / field.resolution)
-            top, left = max(0, rows.min() - span), max(0, columns.min() - span)
-            part = combined[top : rows.max() + span + 1, left : columns.max() + span + 1]
+            row0, column0 = max(0, rows.min() - span), max(0, columns.min() - span)
+            part = combined[row0 : rows.max() + span + 1, column0 : columns.max() + span + 1]
             solid = np.zeros(part.shape, dtype=np.uint8)
-            solid[rows - top, columns - left] = 1
+            solid[rows - row0, columns - column0] = 1
             away = (distance_transform(solid) - np.float32(0.5)) * np.float32(field.resolution)
             np.minimum(part, away.clip(0.0), out=part)
         return combined

@@ -1,10 +1,9 @@
 """Motion: pure pursuit of a path (Coulter 1992), a guard behind it, ways out of a tight spot.
 
-The guard lets no command through that could not be stopped before the footprint meets something.
-It sweeps the footprint along the arc of the command. The obstacles are returns of the lasers,
-remembered obstacles beside and behind the robot and the walls of the map. A point already closer
-than the margin only stops motion that brings it closer still, so that a robot can always back
-out of a tight spot.
+The guard passes a command only if the robot can stop before the footprint meets something. It
+sweeps the footprint along the arc of the command. Obstacles are returns of the lasers, remembered
+obstacles and the walls of the map. A point closer than the margin only stops motion that brings
+it closer still, so that a robot can always back out of a tight spot.
 """
 
 from __future__ import annotations
@@ -28,9 +27,9 @@ ESCAPES: Final = (
     ("turning left", Twist2(0.0, 0.0, 0.5)),
     ("turning right", Twist2(0.0, 0.0, -0.5)),
 )
-"""Motions out of a tight spot, by their names."""
+"""Motions out of a tight spot by name."""
 _TURN_IN_PLACE, _TURNED = 0.9, 0.25
-"""Bearing of the target at which turning on the spot begins and ends [rad]."""
+"""Bearing of the target where turning on the spot begins and ends [rad]."""
 _GAIN: Final = 2.0
 """Turn rate per bearing error [1/s]."""
 _TURN_ACCELERATION: Final = 1.5
@@ -38,11 +37,11 @@ _TURN_ACCELERATION: Final = 1.5
 _LATERAL: Final = 0.6
 """Highest lateral acceleration in a bend [m/s^2]."""
 _LOOKAHEAD_TIME: Final = 0.6
-"""Seconds of driving that speed adds to the lookahead."""
+"""Driving time that extends the lookahead [s]."""
 
 
 class DriveLimits:
-    """Limits that both the drive and the parameters allow: m/s, rad/s, m/s^2, rad/s^2."""
+    """Limits of the drive and the parameters together: m/s, rad/s, m/s^2, rad/s^2."""
 
     def __init__(self, drive: Drive, parameters: PilotParameters) -> None:
         self.speed = min(drive.max_vx, parameters.max_speed)
@@ -52,23 +51,23 @@ class DriveLimits:
         self.turn_acceleration = min(drive.max_az, _TURN_ACCELERATION)
 
     def towards(self, bearing: float) -> float:
-        """Return the turn rate that takes off a bearing error [rad]."""
+        """Return the turn rate that reduces a bearing error [rad]."""
         rate = math.sqrt(1.6 * self.turn_acceleration * abs(bearing))
         return math.copysign(min(self.turn, _GAIN * abs(bearing), rate), bearing)
 
-    def ramp(self, last: Twist2, wanted: Twist2, period: float) -> Twist2:
-        """Return ``wanted`` as far as accelerations allow within ``period`` [s] of ``last``."""
+    def ramp(self, last: Twist2, target: Twist2, period: float) -> Twist2:
+        """Return the velocity towards ``target`` that is possible ``period`` [s] after ``last``."""
         turning = self.turn_acceleration * period
         speeding, braking = self.acceleration * period, self.braking * period
         return Twist2(
-            _ramp_axis(last.vx, wanted.vx, speeding, braking), 0.0,
-            _ramp_axis(last.wz, wanted.wz, turning, 2.0 * turning),
+            _ramp_axis(last.vx, target.vx, speeding, braking), 0.0,
+            _ramp_axis(last.wz, target.wz, turning, 2.0 * turning),
         )  # fmt: skip
 
 
-def _ramp_axis(last: float, wanted: float, speeding: float, braking: float) -> float:
-    """Move ``last`` towards ``wanted``: towards zero by ``braking``, away by ``speeding``."""
-    change = wanted - last
+def _ramp_axis(last: float, target: float, speeding: float, braking: float) -> float:
+    """Move ``last`` towards ``target``: towards zero by ``braking``, away by ``speeding``."""
+    change = target - last
     most = braking if last * change < 0.0 else speeding
     return last + max(-most, min(most, change))
 
@@ -79,12 +78,12 @@ def scaled(command: Twist2, scale: float) -> Twist2:
 
 
 def stoppable(distance: float, braking: float) -> float:
-    """Return the speed from which one can stop within ``distance``."""
+    """Return the highest speed that still allows a stop within ``distance``."""
     return math.sqrt(2.0 * braking * max(0.0, distance))
 
 
 class Pursuit:
-    """Follows one path: remembers how far it has come and whether it turns on the spot.
+    """Pursuit of one path, with the progress along it and whether the robot turns on the spot.
 
     Attributes:
         index: the point of the path nearest to the base.
@@ -102,7 +101,7 @@ class Pursuit:
         return (len(self._points) - 1 - self.index) * self.path.spacing
 
     def locate(self, pose: Pose2) -> float:
-        """Move on while the path comes nearer to ``pose``; return the distance to it [m]."""
+        """Advance while the path comes nearer to ``pose``; return the distance to it [m]."""
         here = (pose.x, pose.y)
         away = math.dist(self._points[self.index], here)
         for point in self._points[self.index + 1 :]:
@@ -113,7 +112,7 @@ class Pursuit:
         return away
 
     def steer(self, pose: Pose2, speed: float) -> Twist2:
-        """Return the wanted body-frame velocity at ``pose`` when driving at ``speed`` [m/s]."""
+        """Return the body-frame velocity to aim at, at ``pose`` and ``speed`` [m/s]."""
         limits = self._limits
         ahead = math.ceil((self._lookahead + _LOOKAHEAD_TIME * speed) / self.path.spacing)
         x, y = self._points[min(len(self._points) - 1, self.index + ahead)]
@@ -132,8 +131,8 @@ class Pursuit:
 class Hull(NamedTuple):
     """A convex footprint: its edges ``planes`` (m, 3) and points ``rim`` (n, 2) on them [m].
 
-    An edge is its outward unit normal and offset: a point is outside by
-    ``max(normal . p - offset)`` metres, exact beside edges, less at corners.
+    An edge is its outward unit normal and offset. A point is outside by
+    ``max(normal . p - offset)`` metres: exact beside edges, less at corners.
     """
 
     planes: Floats
@@ -154,7 +153,7 @@ def hull_of(footprint: Ring, spacing: float = 0.1) -> Hull:
 
 @kernel
 def _distance_outside(planes: Floats, x: float, y: float) -> float:
-    """Return by how much a point of the base frame lies outside the footprint [m]."""
+    """Return the distance of a point of the base frame outside the footprint [m]."""
     most = -1e9
     for k in range(planes.shape[0]):
         most = max(most, planes[k, 0] * x + planes[k, 1] * y - planes[k, 2])
@@ -170,16 +169,15 @@ def keep_clear(
     command: tuple[float, float],
     look: tuple[float, float, float, float],
 ) -> tuple[float, float, float, float]:
-    """Return how clear the command (vx, wz) keeps the footprint: two times, two distances.
+    """Return two times [s] and two distances [m] for the command (vx, wz).
 
-    The times until something the map shows comes too near, and until anything else does [s]. The
-    least distance to points that are passed without being met, and that to the nearest thing that
-    a laser sees now and the map does not show [m].
+    The times pass until a wall of the map, and until anything else, comes too near. The distances
+    are the least one to points beside the way, and the one to the nearest return that is no wall.
 
-    ``look`` are the horizon [s], at which times end, the step of the sweep [s], the margin around
-    the footprint [m] and the distance from the base beyond which points do not matter [m].
+    ``look`` holds the horizon of the times [s], the step of the sweep [s], the margin around the
+    footprint [m] and the greatest distance of points from the base that matter [m].
     """
-    # One kernel: the sweep is computed once and serves points and walls.
+    # One kernel, because the same sweep serves points and walls.
     (vx, wz), (horizon, step, margin, reach) = command, look
     planes, rim, points = hull.planes, hull.rim, around.points
     steps = max(1, math.ceil(horizon / step))
@@ -199,31 +197,31 @@ def keep_clear(
             continue
         x, y = c0 * x + s0 * y, c0 * y - s0 * x
         before = _distance_outside(planes, x, y)
-        wall = i < around.known.shape[0] and around.known[i] != 0
-        if i < around.known.shape[0] and not wall:
+        wall = i < around.is_wall.shape[0] and around.is_wall[i] != 0
+        if i < around.is_wall.shape[0] and not wall:
             nearest = min(nearest, before)
-        # Closer than the margin already: only coming closer still, by more than 2 mm, is in the
-        # way, or the robot could never leave a tight spot.
+        # A point within the margin only counts if it comes closer by more than 2 mm. Otherwise the
+        # robot could never leave a tight spot.
         limit = min(margin, before - 0.002)
         end = walls if wall else others
-        least, away, met, closing = before, before, False, False
+        least, away, is_met, is_closing = before, before, False, False
         for k in range(1, steps + 1):
             if k * step > end:
                 break
             dx, dy, c, s = x - sweep[k, 0], y - sweep[k, 1], sweep[k, 2], sweep[k, 3]
             previous, away = away, _distance_outside(planes, c * dx + s * dy, c * dy - s * dx)
-            closing = away < previous - 1e-6
+            is_closing = away < previous - 1e-6
             least = min(least, away)
             if away < limit:
-                met = True
+                is_met = True
                 if wall:
                     walls = (k - 1) * step
                 else:
                     others = (k - 1) * step
                 break
-        # Points still ahead at the end of the sweep, or left behind by it, are not beside the way.
-        left = least >= before and away > before + 0.01
-        if not met and not closing and not left:
+        # Points ahead of the end of the sweep, and points behind it, are not beside the way.
+        is_behind = least >= before and away > before + 0.01
+        if not is_met and not is_closing and not is_behind:
             room = min(room, least)
     for i in range(rim.shape[0]):
         limit = margin
@@ -246,26 +244,26 @@ def keep_clear(
 _REACTION: Final = 0.15
 """Time from a scan to the brakes [s]."""
 _STRIDE: Final = 0.04
-"""Farthest a point of the footprint moves between two checks of the sweep [m]."""
+"""Farthest motion of a point of the footprint between two checks of the sweep [m]."""
 _AMPLE: Final = 0.35
-"""With less room beside it the robot slows down [m]."""
+"""Room beside the robot below which it slows down [m]."""
 _KEPT_OFF: Final = 0.02
-"""Distance kept around the footprint on a way out [m]."""
+"""Margin around the footprint on a way out [m]."""
 _BESIDE: Final = 0.5
-"""Points farther than this from the footprint on its way do not matter [m]."""
+"""Greatest distance of points from the swept footprint that matter [m]."""
 _TIGHT: Final = 0.3
-"""Part of the safety margin that is kept when creeping through a tight spot."""
+"""Part of the safety margin that remains in a tight spot."""
 _LONGEST: Final = 3.0
 """Longest look ahead [s]."""
 _CREEP: Final = 0.12
-"""The speed it slows down to [m/s]."""
+"""Speed in tight spots [m/s]."""
 
 
 class CollisionGuard:
-    """Lets no command through that could not be stopped before the footprint meets something.
+    """Guard that slows commands down so that the footprint meets nothing.
 
     Attributes:
-        nearest: the distance to the nearest thing a laser sees that the map does not show [m].
+        nearest: the distance to the nearest return that is no wall of the map [m].
     """
 
     def __init__(
@@ -281,11 +279,11 @@ class CollisionGuard:
         self._keep_clear = machine_code(keep_clear, *sample)
 
     def limit(self, command: Twist2, pose: Pose2, around: Surroundings) -> Twist2:
-        """Return ``command`` slowed down on its own arc until it is safe; ``STILL`` if it is not.
+        """Return ``command`` slowed down on its own arc until it is safe, down to ``STILL``.
 
-        The base can always stop before walls of the map. Before anything else it also keeps a
-        distance that grows with its speed, to ``stop_distance`` at full speed: things that the
-        map does not show may move. With little room beside it, it slows down.
+        The base can always stop before walls of the map. Other things may move, so it also keeps
+        a distance to them that grows with its speed, up to ``stop_distance``. With little room
+        beside it, it slows down.
         """
         pace = self._pace(command)
         if pace < 1e-3:
@@ -294,13 +292,13 @@ class CollisionGuard:
         safe = self._slowed(command, pose, around, self._margin)
         if self._pace(safe) >= min(self._creep, pace) - 1e-6:
             return safe
-        # A tight spot may be passed with less room, as slowly as it can be watched.
+        # The robot may pass a tight spot with less room if it creeps.
         slow = scaled(command, min(1.0, self._creep / pace))
         tight = self._slowed(slow, pose, around, _TIGHT * self._margin)
         return max(safe, tight, key=self._pace)
 
     def _pace(self, command: Twist2) -> float:
-        """Return how fast the fastest point of the footprint may move [m/s]."""
+        """Return a bound of the speed of any point of the footprint [m/s]."""
         return abs(command.vx) + self._radius * abs(command.wz)
 
     def _slowed(self, command: Twist2, pose: Pose2, around: Surroundings, margin: float) -> Twist2:
@@ -319,7 +317,7 @@ class CollisionGuard:
                 way = speed * (walls - _REACTION)
                 allowed = min(allowed, stoppable(way, limits.braking))
             if others < horizon:
-                # The speed v from which braking and stop_distance * v / top fit into the way.
+                # The highest speed v so that braking and stop_distance * v / top fit into the way.
                 way = max(0.0, speed * (others - _REACTION))
                 spare, braking = self._spare / limits.speed, limits.braking
                 keeping_off = math.sqrt(spare * spare + 2.0 * way / braking) - spare
@@ -332,7 +330,7 @@ class CollisionGuard:
         return scaled(command, min(1.0, fast / turn))
 
     def free(self, command: Twist2, pose: Pose2, around: Surroundings, horizon: float) -> float:
-        """Return how long [s], at most ``horizon``, a way out of a tight spot stays free."""
+        """Return the time [s], at most ``horizon``, for which a way out stays free."""
         walls, others, _ = self._look(command, pose, around, horizon, _KEPT_OFF)
         return min(walls, others)
 

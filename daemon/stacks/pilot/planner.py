@@ -1,7 +1,7 @@
-"""Global planner: from here to a waypoint on the map, keeping off walls and obstacles.
+"""Global planner of the pilot.
 
-A* on the clearance field (eight neighbours, a cost that keeps off the walls), then smoothing and
-even resampling.
+A* on the clearance field (eight neighbours, costs that grow near walls), then smoothing and even
+resampling.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from daemon.stacks.pilot.maps import MapField
 from grammars.model.geometry import Floats, Point2
 
 _WEIGHT = 6.0
-"""How much more a metre costs at the tightest passable place than in the open."""
+"""Extra cost of a metre at the tightest passable place, relative to the open."""
 
 
 @kernel
@@ -34,7 +34,7 @@ def cost_factor(clearance: float, lethal: float, preferred: float) -> float:
 @kernel
 def search_astar(
     clearance: Singles,
-    spent: Singles,
+    costs: Singles,
     start: tuple[int, int],
     goal: tuple[int, int],
     lethal: float,
@@ -43,19 +43,19 @@ def search_astar(
     """Return the cheapest path as flat cell indices from start to goal, empty if there is none.
 
     Cells with ``clearance`` below ``lethal`` [m] are closed. A step costs its length times the
-    mean cost factor of its two cells; a diagonal needs both cells beside it. ``spent``
+    mean cost factor of its two cells; a diagonal needs both cells beside it. ``costs``
     (rows * columns,), infinite everywhere, receives the cost of reaching each cell [cells].
     """
     rows, columns = clearance.shape
     came = np.empty(rows * columns, dtype=np.int32)
     first, last = start[0] * columns + start[1], goal[0] * columns + goal[1]
-    spent[first] = 0.0
+    costs[first] = 0.0
     queue = [(np.float32(0.0), np.float32(0.0), first)]
     while queue:
         _, cost, here = heapq.heappop(queue)
         if here == last:
             break
-        if cost > spent[here]:
+        if cost > costs[here]:
             continue
         row, column = here // columns, here % columns
         factor = cost_factor(clearance[row, column], lethal, preferred)
@@ -64,8 +64,8 @@ def search_astar(
             if r < 0 or c < 0 or r >= rows or c >= columns:
                 continue
             there = r * columns + c
-            # Most neighbours are nearer to the start, which takes no more than a look.
-            if spent[there] <= cost:
+            # Most neighbours are nearer to the start: skip them first.
+            if costs[there] <= cost:
                 continue
             if clearance[row, c] < lethal or clearance[r, column] < lethal:
                 continue
@@ -73,11 +73,11 @@ def search_astar(
             length = 0.5 * math.sqrt((r - row) ** 2 + (c - column) ** 2)
             other = cost_factor(clearance[r, c], lethal, preferred)
             total = np.float32(cost + length * (factor + other))
-            if total < spent[there]:
-                spent[there], came[there] = total, here
+            if total < costs[there]:
+                costs[there], came[there] = total, here
                 ahead = math.sqrt((r - goal[0]) ** 2 + (c - goal[1]) ** 2)
                 heapq.heappush(queue, (np.float32(total + ahead), total, there))
-    if math.isinf(spent[last]):
+    if math.isinf(costs[last]):
         return np.empty(0, dtype=np.int32)
     path = [last]
     while path[-1] != first:
@@ -86,11 +86,11 @@ def search_astar(
 
 
 _SPACING: Final = 0.05
-"""Distance between two points of a path, at most [m]."""
+"""Longest distance between two points of a path [m]."""
 _ESCAPE: Final = 0.45
-"""Around the start, tight cells may be crossed out to here [m]."""
+"""Radius around the start where the path may cross tight cells [m]."""
 _SMOOTHING: Final = 8
-"""How often the path is smoothed."""
+"""Number of smoothing passes."""
 
 
 class PlannedPath(NamedTuple):
@@ -102,11 +102,10 @@ class PlannedPath(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Planner:
-    """Plans on a map. Distances in metres.
+    """Planner on one map. Distances in metres.
 
-    ``lethal`` is the least clearance of the base's centre, ``preferred`` the clearance beyond
-    which nothing is gained. ``tolerance`` is how far from a goal that cannot be stood on the path
-    may end.
+    ``lethal`` is the least clearance of the base's centre. Clearance beyond ``preferred`` is no
+    better. The path may end within ``tolerance`` of a goal where the robot cannot stand.
     """
 
     field: MapField
@@ -117,9 +116,9 @@ class Planner:
     def plan(
         self, start: Point2, goal: Point2, clearance: Singles | None = None
     ) -> PlannedPath | None:
-        """Return the cheapest path, or ``None`` when there is none.
+        """Return the cheapest path, or ``None`` if there is no path.
 
-        ``clearance`` replaces the map's own field, to plan around obstacles it does not show.
+        ``clearance`` replaces the map's own field, to plan around obstacles the map lacks.
         """
         field = self.field
         clearance = field.clearance if clearance is None else clearance
@@ -129,8 +128,8 @@ class Planner:
             return None
         if clearance[here] < self.lethal:
             clearance = self._with_way_out(clearance, here)
-        spent = np.full(clearance.size, np.inf, dtype=np.float32)
-        cells = search_astar(clearance, spent, here, there, self.lethal, self.preferred)
+        costs = np.full(clearance.size, np.inf, dtype=np.float32)
+        cells = search_astar(clearance, costs, here, there, self.lethal, self.preferred)
         if cells.size == 0:
             return None
         cells = np.column_stack(np.divmod(cells, columns)).astype(np.float64)
@@ -138,34 +137,34 @@ class Planner:
             # Each point goes to the middle of its neighbours: the steps of the grid vanish.
             cells[1:-1] = 0.25 * (cells[:-2] + 2.0 * cells[1:-1] + cells[2:])
         points = (cells[:, ::-1] + 0.5) * field.resolution + (field.x, field.y)
-        # The first and last cell centre would only be a kink beside the true start and goal.
+        # The first and last cell centre would put kinks beside the true start and goal.
         end = goal if there == field.cell(*goal) else points[-1]
         return _resampled(np.concatenate(([start], points[1:-1], [end])))
 
     def _with_way_out(self, clearance: Singles, start: tuple[int, int]) -> Singles:
-        """Return ``clearance`` with tight cells opened around a start that is too tight itself.
+        """Return ``clearance`` with tight cells opened around a start that is itself too tight.
 
-        Cells with less than half of the least clearance stay closed.
+        Cells below half of the least clearance stay closed.
         """
         opened = clearance.copy()
         span = math.floor(_ESCAPE / self.field.resolution)
-        top, left = max(0, start[0] - span), max(0, start[1] - span)
-        part = opened[top : start[0] + span + 1, left : start[1] + span + 1]
+        row0, column0 = max(0, start[0] - span), max(0, start[1] - span)
+        part = opened[row0 : start[0] + span + 1, column0 : start[1] + span + 1]
         part[(part >= 0.5 * self.lethal) & (part < self.lethal)] = self.lethal
         return opened
 
     def _footing(self, goal: Point2, clearance: Singles) -> tuple[int, int] | None:
-        """Return the cell nearest to ``goal`` the robot can stand on, within the tolerance."""
+        """Return the nearest cell within the tolerance of ``goal`` where the robot can stand."""
         row, column = self.field.cell(*goal)
         span = math.floor(self.tolerance / self.field.resolution)
-        top, left = max(0, row - span), max(0, column - span)
-        part = clearance[top : max(0, row + span + 1), left : max(0, column + span + 1)]
+        row0, column0 = max(0, row - span), max(0, column - span)
+        part = clearance[row0 : max(0, row + span + 1), column0 : max(0, column + span + 1)]
         rows, columns = np.nonzero(part >= self.lethal)
-        away = np.hypot(rows + top - row, columns + left - column)
+        away = np.hypot(rows + row0 - row, columns + column0 - column)
         if not away.size or away.min() > span:
             return None
         best = away.argmin()
-        return int(rows[best] + top), int(columns[best] + left)
+        return int(rows[best] + row0), int(columns[best] + column0)
 
 
 def _resampled(corners: Floats) -> PlannedPath:

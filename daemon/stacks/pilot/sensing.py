@@ -1,4 +1,4 @@
-"""Sensing: observations in, a pose, the things around the base and the obstacles out."""
+"""Sensing: from observations to the pose, the surroundings and the obstacles."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from grammars.model.robot import Laser
 
 
 class Surroundings(NamedTuple):
-    """The things around the base: ``points`` (n, 2) in the map.
+    """Points around the base: ``points`` (n, 2) in the map.
 
-    The first are the returns of the latest scan of each laser, of which ``known`` (m,) tells
-    whether they are walls of the map; the others are remembered.
+    The first m are the returns of the latest scan of each laser; ``is_wall`` (m,) flags those on
+    walls of the map. The others are remembered obstacles.
     """
 
     points: Floats
-    known: npt.NDArray[np.uint8]
+    is_wall: npt.NDArray[np.uint8]
 
 
 class Sensing:
-    """Keeps the pose, the latest scan of each laser and the obstacles up to date.
+    """State of the pose, the latest scan of each laser and the obstacles.
 
-    All lasers see obstacles. Those at the height of the first, at which the map is drawn, also
-    tell the pose: at another height there are other walls.
+    All lasers see obstacles. The map is drawn at the height of the first laser. Only lasers at
+    that height also correct the pose, because other heights may have other walls.
 
     Attributes:
         obstacles: the obstacles that the map lacks.
@@ -72,21 +72,21 @@ class Sensing:
         return localiser.estimate(observation.time) if observation.scans else None
 
     def _look(self, scan: LaserScan) -> None:
-        """Correct the pose by a scan, take its obstacles and note what is around the base."""
+        """Correct the pose by a scan, then update the obstacles and the surroundings."""
         laser = self._lasers[scan.laser]
         if laser.z == self._map_height:
             _, _, sure = self._project(self._field, self._placed(scan, laser))
             self._localiser.correct(sure, laser)
         placed = self._placed(scan, laser)
-        points, known, _ = self._project(self._field, placed)
-        self.obstacles.update(placed, points, known)
-        self._returns[scan.laser] = points, known
-        returns, shown = zip(*self._returns.values(), strict=True)
+        points, is_wall, _ = self._project(self._field, placed)
+        self.obstacles.update(placed, points, is_wall)
+        self._returns[scan.laser] = points, is_wall
+        returns, flags = zip(*self._returns.values(), strict=True)
         everything = np.concatenate((*returns, self.obstacles.centres))
-        self.around = Surroundings(everything, np.concatenate(shown))
+        self.around = Surroundings(everything, np.concatenate(flags))
 
     def _placed(self, scan: LaserScan, laser: Laser) -> Scan:
-        """Return a scan at the pose; raises ``ValueError`` for other rays than the laser's."""
+        """Return a scan at the pose; raises ``ValueError`` for a wrong number of rays."""
         if scan.ranges.shape != (laser.rays,):
             raise ValueError(f"a scan of {scan.ranges.size} rays from a laser of {laser.rays}")
         at = self.pose @ laser.mount

@@ -24,7 +24,7 @@ class _RosKind(StackKind["RosParameters"]):
     files: ClassVar[Literal["parameters"]] = "parameters"
 
     def read(self, parameters: Mapping[str, Any]) -> RosParameters:
-        # Here and below: who tests another stack waits for none of the imports.
+        # Here and below: a late import, so that tests of other stacks need not wait for it.
         from daemon.stacks.ros1.configuration import read_ros
 
         return read_ros(parameters)

@@ -1,8 +1,8 @@
-"""The whole configuration of the ROS stack, from the tree of parameters people have.
+"""Configuration of the whole ROS stack, read from a tree of parameters.
 
-The tree holds what a parameter server holds, by namespace (``amcl``, ``move_base`` with
-``global_costmap``, ``local_costmap``, the planners and the recoveries in it), and four sections
-that are not ROS's: ``dispatcher``, ``topics`` and ``quirks``.
+The tree has the namespaces of a parameter server: ``amcl``, and ``move_base`` with
+``global_costmap``, ``local_costmap``, the planners and the recoveries in it. Three sections are
+not ROS's: ``dispatcher``, ``topics`` and ``quirks``.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from grammars.text.diagnostics import did_you_mean
 
 _SECTIONS: Final = ("amcl", "move_base", "dispatcher", "topics", "quirks")
 _BODY: Final = ("footprint", "robot_radius", "obstacle_range", "raytrace_range")
-"""What costmaps find in the namespace of move_base when theirs has none."""
+"""Names that costmaps look up in the namespace of move_base if their own lacks them."""
 _ROTATION_OWN: Final = frozenset({"sim_granularity", "frequency"})
 
 
@@ -50,10 +50,10 @@ _ROTATION_OWN: Final = frozenset({"sim_granularity", "frequency"})
 class RosParameters:
     """A checked configuration.
 
-    ``local_planner`` has the controller frequency it inherits from move_base where it has none of
-    its own; ``topics`` says who listens where; ``resets`` holds the parameters of each reset
-    recovery by its name; ``rotate_recovery`` has the limits of ``TrajectoryPlannerROS``, or those
-    of DWA when :attr:`Quirks.rotate_reads_other_namespace` is off.
+    ``local_planner`` includes the controller frequency that it may inherit from move_base.
+    ``resets`` holds the parameters of each reset recovery by its name. ``rotate_recovery`` has the
+    limits of ``TrajectoryPlannerROS``, or those of DWA if
+    :attr:`Quirks.rotate_reads_other_namespace` is off.
     """
 
     amcl: AmclParameters
@@ -73,8 +73,8 @@ class RosParameters:
 def read_ros(parameters: Mapping[str, Any]) -> RosParameters:
     """Return the configuration in a tree of parameters.
 
-    Raises :class:`~daemon.stacks.ros1.parameters.ParameterError` with everything that is wrong;
-    what a run can live with is in ``findings``.
+    Raises :class:`~daemon.stacks.findings.ParameterError` with all errors. Warnings are in
+    ``findings``.
     """
     report = FindingCollector()
     _check_sections(parameters, report)
@@ -155,7 +155,7 @@ def _listed(entries: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 def _read_resets(
     tree: ParameterTree, move_base: MoveBaseParameters, costmaps: Iterable[LayeredCostmap]
 ) -> dict[str, ClearCostmapParameters]:
-    """Return the parameters of each reset recovery; warn of one whose layers no costmap has."""
+    """Return the parameters of each reset recovery; warn if no costmap has its layers."""
     names: Iterable[str] = ("conservative_reset", "aggressive_reset")
     if move_base.recovery_behaviors is not None:
         names = [each.name for each in move_base.recovery_behaviors if each.type == CLEAR]
@@ -179,7 +179,7 @@ def _read_rotation(
     planner: LocalPlannerChoice,
     quirks: Quirks,
 ) -> RotateRecoveryParameters:
-    """Return the turn on the spot: its own namespace and the limits of another one."""
+    """Return the turn on the spot: its own namespace, and limits from another one."""
     turns = [b.name for b in move_base.recovery_behaviors or () if b.type == ROTATE]
     own = ("move_base", turns[0] if turns else "rotate_recovery")
     places: dict[str, tuple[str, ...]] = {name: (*own, name) for name in tree.at(*own)}
@@ -204,9 +204,9 @@ def _read_rotation(
 
 
 def _limit_places(tree: ParameterTree, local_planner: str) -> dict[str, tuple[str, ...]]:
-    """Return where the limits of the turn stand that ``TrajectoryPlannerROS`` has, by their names.
+    """Return the places of the turn's limits in ``TrajectoryPlannerROS``, by name.
 
-    The other names there are without effect, unless that controller drives and reads them.
+    Other names there have no effect unless that controller drives.
     """
     path = ("move_base", "TrajectoryPlannerROS")
     names = {field.name for field in fields(RotateRecoveryParameters)} - _ROTATION_OWN

@@ -1,4 +1,4 @@
-"""The grid that costmaps, planners and controllers share."""
+"""Grid of costs that costmaps, planners and controllers share."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ EMPTY_WINDOW: Final = (0, 0, 0, 0)
 
 @dataclass(slots=True, eq=False)
 class ChangedWindow:
-    """Window of a grid that was touched since its reader last took it."""
+    """Window of a grid that has been touched since its reader last took it."""
 
     window: Window = EMPTY_WINDOW
 
@@ -28,7 +28,7 @@ class ChangedWindow:
         self.window = _window_union(self.window, window)
 
     def take(self) -> Window:
-        """Return the window, and begin anew."""
+        """Return the window and start again with an empty one."""
         window, self.window = self.window, EMPTY_WINDOW
         return window
 
@@ -38,8 +38,8 @@ class CostGrid:
     """A costmap's master grid: ``cells`` of shape (rows, columns), uint8, row 0 at the lowest y.
 
     The lower-left corner of cell (0, 0) lies at (``x``, ``y``) [m] in the costmap's global frame
-    (``map`` or ``odom``). Whoever changes cells calls :meth:`touch`; ``version`` then differs, and
-    each reader finds the union of what was touched in the window that :meth:`watch` gave it.
+    (``map`` or ``odom``). Every writer calls :meth:`touch`, which changes ``version`` and extends
+    the window of each reader (:meth:`watch`).
     """
 
     resolution: float
@@ -48,11 +48,11 @@ class CostGrid:
     cells: npt.NDArray[np.uint8]
     version: int = 0
     disturbed: Window = EMPTY_WINDOW
-    """Window in which others wrote cells since the costmap's last update."""
+    """Window of cells written by others since the costmap's last update."""
     readers: list[ChangedWindow] = field(default_factory=list)
 
     def touch(self, window: Window) -> None:
-        """Say that cells of the ``window`` may have changed."""
+        """Report that cells of the ``window`` may have changed."""
         if window[0] >= window[2] or window[1] >= window[3]:
             return
         self.version += 1
@@ -61,7 +61,7 @@ class CostGrid:
             reader.add(window)
 
     def watch(self) -> ChangedWindow:
-        """Return a window of a reader's own, which grows with what is touched from now on."""
+        """Return a new reader's window, which grows with every touch from now on."""
         self.readers.append(ChangedWindow())
         return self.readers[-1]
 

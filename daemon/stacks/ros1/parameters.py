@@ -1,8 +1,7 @@
-"""From one namespace of a ROS parameter tree to the model of the component that reads it.
+"""Reader of one namespace of a ROS parameter tree into the model of a component.
 
-The original ignores names it does not know and values of another type without a word, and then
-runs with a default that nobody asked for. Here an unknown name is a warning; a value of another
-type or out of range is an error.
+The original silently ignores unknown names and values of a wrong type, and then runs with a
+default. Here an unknown name is a warning; a value of a wrong type or out of range is an error.
 """
 
 from __future__ import annotations
@@ -26,18 +25,18 @@ Positive: TypeAlias = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 NotNegative: TypeAlias = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 M = TypeVar("M", bound="Section")
 ALTERNATIVE: Final = "(either)"
-"""How tags of alternatives begin (:class:`pydantic.Tag`); they are no part of a value's place."""
+"""Prefix of tags of alternatives (:class:`pydantic.Tag`), which do not belong to a place."""
 
 
 @dataclass(frozen=True, slots=True)
 class ParameterTree:
-    """The tree of parameters that is read; a namespace that is not there is empty."""
+    """A tree of parameters; a missing namespace counts as empty."""
 
     data: Mapping[str, Any]
     report: FindingCollector
 
     def at(self, *path: str) -> Mapping[str, Any]:
-        """Return a namespace; that it is no namespace is reported."""
+        """Return a namespace; report an error if the value is no namespace."""
         node: Mapping[str, Any] = self.data
         for depth, name in enumerate(path):
             below = node.get(name, {})
@@ -50,9 +49,9 @@ class ParameterTree:
 
 
 class Objection(NamedTuple):
-    """A message against values that contradict each other, and the ``names`` they stand under.
+    """A message about values that contradict each other, and their ``names``.
 
-    One that is not ``fatal`` is a doubt: the values will probably not do what their user wants.
+    Without ``fatal`` it is a doubt: the values will probably not do what their user intends.
     """
 
     names: tuple[str, ...]
@@ -65,14 +64,14 @@ class Section:
 
     __slots__ = ()
     without_effect: ClassVar[Mapping[str, str]] = {}
-    """Names that change nothing here, with the reason."""
+    """Names without effect here, with the reason."""
     renamed: ClassVar[Mapping[str, str]] = {}
-    """Names that older releases of ROS read, with those of Noetic."""
+    """Names of older ROS releases, with those of Noetic."""
     strict: ClassVar[bool] = False
-    """No ROS node reads this section, so that an unknown name is an error."""
+    """No ROS node reads this section, so an unknown name is an error."""
 
     def rules(self) -> Iterator[Objection]:
-        """Yield the objections to the values together."""
+        """Yield objections to combinations of values."""
         yield from ()
 
 
@@ -89,10 +88,10 @@ def read_section(
 ) -> M:
     """Return ``model`` (a pydantic dataclass) with the values of the ``entries`` at ``path``.
 
-    ``inherited`` are values of names without an entry; ``without_effect`` holds more names that
-    change nothing here, with the reason; names in ``elsewhere`` belong to other readers.
-    ``places`` says where values stand that are not at ``path``. Errors and warnings go to
-    ``report``; the model then has defaults there, which are not held against the other values.
+    ``inherited`` are values for names without an entry. ``without_effect`` holds further names
+    without effect here, with the reason. Names in ``elsewhere`` belong to other readers.
+    ``places`` locates values that do not stand at ``path``. Errors and warnings go to ``report``.
+    A bad value becomes a default, and the rules of the model are then skipped.
     """
     kind: Any = model
     adapters = _adapters(kind)
@@ -111,7 +110,7 @@ def read_section(
             where = report.fatal if model.strict else report.problems
             where.append(_unknown_name(place, value, (*adapters, *idle), elsewhere))
     section = model(**{**(inherited or {}), **values})
-    # A default in the place of a bad value contradicts nothing that anybody wrote.
+    # With a default in the place of a bad value, objections would not be about the file.
     objections = list(section.rules()) if len(report.fatal) == errors else []
     for each in [one for one in objections if one.fatal] or objections:
         anchor = next((name for name in each.names if name in values), None)
@@ -121,7 +120,7 @@ def read_section(
 
 
 def refuse(values: Collection[Any], message: str) -> BeforeValidator:
-    """Return the check of a field that refuses some ``values`` that ROS takes, in these words."""
+    """Return a validator that refuses some ``values`` that ROS takes, with this message."""
 
     def check(value: Any) -> Any:
         if value in values:
@@ -139,7 +138,7 @@ def _say_renamed(
     idle: Mapping[str, str],
     report: FindingCollector,
 ) -> None:
-    """Say what ROS Noetic calls a name that it ignores."""
+    """Report the Noetic name of a parameter under an outdated name."""
     message = f"ROS Noetic calls it {new} and ignores {name}"
     if new in idle:
         report.ignore(place, f"{message}; {idle[new]}")
@@ -152,10 +151,10 @@ def _say_renamed(
 def _unknown_name(
     place: ParameterLocation, value: Any, names: Iterable[str], namespaces: Iterable[str]
 ) -> ParameterFinding:
-    """Return the finding that a name is unknown, with the nearest one of the same sort."""
+    """Return the finding that a name is unknown, with the nearest name of the same sort."""
     name = str(place[-1])
     if isinstance(value, Mapping):
-        # A list of what else there is would say nothing of a namespace that belongs to others.
+        # A list of all namespaces would not help: this one may belong to another program.
         near = closest(name, namespaces)
         hint = f'did you mean "{near}"?' if near else ""
         message = f'nothing reads a namespace "{name}"'
@@ -166,9 +165,9 @@ def _unknown_name(
 
 @cache
 def _adapters(model: type[Any]) -> dict[str, TypeAdapter[Any]]:
-    """Return what checks each field on its own, so that a bad one does not hide another.
+    """Return a validator for each field, so that one bad field does not hide another.
 
-    Fields that schemas leave out (``SkipJsonSchema``) are no parameters.
+    Fields with ``SkipJsonSchema`` are no parameters.
     """
     fields = model.__pydantic_fields__
     return {
@@ -190,7 +189,7 @@ def _take(
     values: dict[str, Any],
     report: FindingCollector,
 ) -> None:
-    """Keep ``value`` under its name when it fits; JSON is strict about types, not about tuples."""
+    """Store a valid ``value`` under its name; JSON is strict about types but not about tuples."""
     if isinstance(value, float) and not math.isfinite(value):
         report.refuse(place, f"must be a finite number (given: {value})")
         return
@@ -203,7 +202,7 @@ def _take(
 
 
 def _integral_as_int(value: Any) -> Any:
-    """Write 3.0 as 3, which roscpp takes for a whole number as well as for a real one."""
+    """Return 3.0 as 3, which roscpp accepts as an integer and as a real number."""
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
@@ -220,7 +219,7 @@ def _finding(issue: Any, path: ParameterLocation) -> ParameterFinding:
 
 
 def _advice(value: Any) -> str:
-    """Say what a text in the place of a number usually is."""
+    """Return advice for a text in the place of a number."""
     if not isinstance(value, str):
         return ""
     if "$(" in value:

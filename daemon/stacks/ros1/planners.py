@@ -1,7 +1,7 @@
-"""The planners that are built in, by the names pluginlib knows them by, and their parameters.
+"""Built-in planners by their pluginlib names, and their parameters.
 
-move_base loads a planner by its full name (``navfn/NavfnROS``) and calls its namespace by the last
-part of it. Only the namespaces of the planners that are plugin are read.
+move_base loads a planner by its full name (``navfn/NavfnROS``). The last part of the name is the
+namespace of its parameters. Only the namespaces of the two planners in use are read.
 """
 
 from __future__ import annotations
@@ -42,20 +42,20 @@ def namespace_of(planner: str) -> str:
 
 
 NAMESPACES: Final = frozenset(namespace_of(name) for name in (*GLOBAL, *LOCAL))
-"""The namespaces of the planners that are built in."""
+"""Namespaces of the built-in planners."""
 
 
 def read_global_planner(tree: ParameterTree, plugin: str) -> GlobalPlannerChoice:
-    """Return the parameters of the global planner called ``plugin``; others are refused."""
+    """Return the parameters of the global planner ``plugin``; refuse an unknown one."""
     return _read(tree, "global", plugin, GLOBAL, {})
 
 
 def read_local_planner(
     tree: ParameterTree, plugin: str, controller_frequency: float
 ) -> LocalPlannerChoice:
-    """Return the parameters of the local planner called ``plugin``; others are refused.
+    """Return the parameters of the local planner ``plugin``; refuse an unknown one.
 
-    It inherits ``controller_frequency`` [Hz] where it has none of its own.
+    It inherits ``controller_frequency`` [Hz] unless it has its own.
     """
     inherited = {"controller_frequency": controller_frequency}
     return _read(tree, "local", plugin, LOCAL, inherited)
@@ -68,7 +68,7 @@ def _read(
     planners: Mapping[str, type[P]],
     inherited: Mapping[str, Any],
 ) -> P:
-    """Read a planner's section; a planner that is not built in is refused."""
+    """Read a planner's section; refuse a planner that is not built in."""
     if plugin in planners:
         path = ("move_base", namespace_of(plugin))
         return read_section(
@@ -88,7 +88,7 @@ def _read(
 def say_unread(tree: ParameterTree, plugins: tuple[str, str]) -> None:
     """Report the values in namespaces of planners other than the two ``plugins``.
 
-    ``TrajectoryPlannerROS`` is left to the recovery that turns on the spot, which reads it.
+    ``TrajectoryPlannerROS`` is exempt: the recovery that turns on the spot reads it.
     """
     read = {namespace_of(name) for name in plugins}
     for space in sorted(NAMESPACES - read - {"TrajectoryPlannerROS"}):

@@ -1,10 +1,10 @@
-"""Every oddity of the original stack that is kept for fidelity: a switch each, in one place.
+"""Oddities of the original stack that are kept for fidelity, with a switch each.
 
-``ORIGINAL`` is what the ROS 1 Noetic packages do. ``FAST``, the default, leaves out one oddity
-because of what it takes, ``inflation_queue_order``. ``FIXED`` turns all of them off, so that people
-see what an oddity costs them.
+``ORIGINAL`` is the behaviour of the ROS 1 Noetic packages. ``FAST``, the default, leaves out
+``inflation_queue_order`` because of its computing time. ``FIXED`` turns all oddities off, which
+shows what they cost.
 
-A file asks for a profile by name, or for one with switches turned.
+A file names a profile, or a profile with some switches changed.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from grammars.text.diagnostics import did_you_mean
 
 @dataclass(frozen=True, slots=True)
 class Quirks:
-    """Oddities of the original that nobody would ask for; ``False`` is the sane behaviour."""
+    """Oddities of the original; ``False`` is the sane behaviour."""
 
     amcl_half_cell_shift: bool = True
     """AMCL looks its likelihood field up half a cell off, a bias of 2.5 cm in x and y (amcl
@@ -29,8 +29,8 @@ class Quirks:
     also when another one is nearer, and on a map of 5 cm they end one cell before
     ``laser_likelihood_max_dist`` (amcl ``map_update_cspace``)."""
     delayed_map_to_odom: bool = True
-    """The correction map->odom is stamped ``transform_tolerance`` ahead, so poses looked up at a
-    sensor's stamp use the correction of that much earlier (amcl_node)."""
+    """The correction map->odom is stamped ``transform_tolerance`` ahead, so a pose looked up at a
+    sensor's stamp uses a correction that is older by this time (amcl_node)."""
     amcl_reversing_splits_cloud: bool = True
     """Driving backwards is two half turns to AMCL's diff models; each is wrapped, their sum is
     not, so some headings end up a full turn from others, in bins and clusters of their own (amcl
@@ -39,10 +39,10 @@ class Quirks:
     """The obstacle layer merges its free default over unknown cells of the global costmap
     (costmap_2d, pre-Hydro parameters)."""
     inflation_queue_order: bool = False
-    """A cell costs what the first obstacle to be passed on to it makes of it, which beside slanted
-    walls is not always the nearest (costmap_2d ``InflationLayer::updateCosts``). On the published
-    maps of building C that is one inflated cell of 72 to 248, which then costs up to nine units
-    less. Off unless asked for: a run takes 1.3 to 1.5 times as long (scenario S1 with a2s)."""
+    """The cost of a cell comes from the first obstacle that reaches it, which beside slanted walls
+    is not always the nearest (costmap_2d ``InflationLayer::updateCosts``). On the published maps
+    of building C this makes one inflated cell of 72 to 248 cheaper, by up to nine units. Off by
+    default, because a run takes 1.3 to 1.5 times as long (scenario S1 with a2s)."""
     truncated_window_shift: bool = True
     """The rolling window moves by whole cells truncated toward zero, so it lags by up to one cell
     either way (costmap_2d ``updateOrigin``)."""
@@ -52,8 +52,8 @@ class Quirks:
     navfn_corner_coordinates: bool = True
     """Path points stand at cell corners, half a cell low in x and y (navfn ``mapToWorld``)."""
     global_planner_costs_wrap: bool = True
-    """The cells around the goal take costmap value plus ``neutral_cost`` as one byte: from 256 on
-    it starts at 0 again, so the cells next to walls are the cheapest (GlobalPlanner)."""
+    """Costmap value plus ``neutral_cost`` of the cells around the goal is one byte: from 256 on it
+    starts at 0 again, so the cells next to walls are the cheapest (GlobalPlanner)."""
     global_planner_repeats_goal: bool = True
     """With ``old_navfn_behavior`` the goal stands twice at the end of the plan (GlobalPlanner)."""
     dispatcher_clears_square: bool = True
@@ -67,18 +67,17 @@ class Quirks:
     perimeter_only: bool = True
     """The obstacle critic looks at the outline of the footprint, not at its inside."""
     rotation_raised_to_minimum: bool = True
-    """Turning at the goal, the speed is raised to ``min_vel_theta`` again after it was limited so
-    that the robot could stop (base_local_planner ``LatchedStopRotateController``); so does
-    TrajectoryPlannerROS, to the slowest turn on the spot."""
+    """Turning at the goal, the speed is limited so that the robot can stop, then raised to
+    ``min_vel_theta`` again (base_local_planner ``LatchedStopRotateController``).
+    TrajectoryPlannerROS raises it to the slowest turn on the spot."""
     goal_turn_has_own_limit: bool = True
-    """At the goal TrajectoryPlannerROS turns as fast as ``max_rotational_vel``, 1 rad/s where it is
-    not written, whatever ``max_vel_theta`` and ``min_vel_theta`` say (``rotateToGoal``)."""
+    """At the goal TrajectoryPlannerROS turns at ``max_rotational_vel``, 1 rad/s by default,
+    independent of ``max_vel_theta`` and ``min_vel_theta`` (``rotateToGoal``)."""
     resets_clear_nothing: bool = True
     """The reset recoveries look for a layer ``obstacles``, which pre-Hydro parameters call
     ``obstacle_layer``: they clear nothing (ros-planning/navigation #641, #656, #1005)."""
     rotate_reads_other_namespace: bool = True
-    """The rotate recovery reads its limits from ``TrajectoryPlannerROS``, so the limits of DWA
-    mean nothing to it."""
+    """The rotate recovery reads its limits from ``TrajectoryPlannerROS``, never those of DWA."""
     turn_ends_unstopped: bool = True
     """The turn on the spot ends without a command to stop: a base without a time-out turns on
     until the controller has a plan again (rotate_recovery)."""

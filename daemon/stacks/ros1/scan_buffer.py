@@ -1,8 +1,7 @@
-"""The scans that the costmaps have got, laser by laser, and the costmaps that observe them.
+"""Scans for the costmaps by laser, and the costmaps that observe them.
 
-A costmap puts a scan where its laser was at the stamp, in the frame of that costmap, when the scan
-reaches it (costmap_2d ``ObservationBuffer``). A later correction of AMCL moves no scan that is
-kept.
+When a scan reaches a costmap, it is placed where its laser was at the stamp, in the frame of that
+costmap (costmap_2d ``ObservationBuffer``). A later correction of AMCL does not move it.
 """
 
 from __future__ import annotations
@@ -26,14 +25,14 @@ _SCAN_TOLERANCE: Final = 0.05
 """Costmaps take a scan only when transforms reach this far beyond its stamp [s]
 (costmap_2d ``ObstacleLayer``: the tolerance of its message filter)."""
 _MOST_WAITING: Final = 50
-"""Scans of one laser that wait for transforms, as in costmap_2d; the oldest are dropped."""
+"""Most scans of one laser that wait for transforms, as in costmap_2d; the oldest are dropped."""
 
 
 @dataclass(slots=True)
 class _ReceivedScan:
-    """A scan the costmaps have got: ``base`` in odom at its stamp, ``received`` when [s].
+    """A scan the costmaps have: ``base`` in odom at its stamp, time ``received`` [s].
 
-    ``correction`` is where odom was in map for it, unknown as long as it is its laser's newest.
+    ``correction`` is the pose of odom in map for it, unknown while it is its laser's newest scan.
     """
 
     scan: LaserScan
@@ -43,13 +42,13 @@ class _ReceivedScan:
 
 
 class _LaserBuffer:
-    """The scans of one laser that wait, and those the costmaps have got."""
+    """Scans of one laser: those that wait, and those the costmaps have."""
 
     def __init__(self, laser: Laser) -> None:
         steps = np.arange(laser.rays, dtype=np.float64)
         self.laser = laser
-        # A scan says where its rays point in single precision (sensor_msgs/LaserScan), and they
-        # are worked out from that in double (laser_geometry).
+        # A scan gives its angles in single precision (sensor_msgs/LaserScan); laser_geometry
+        # computes each ray from them in double precision.
         begin, by = (float(np.float32(a)) for a in (laser.angle_min, laser.angle_increment))
         self.angles: Floats = begin + steps * by
         self.waiting: deque[LaserScan] = deque(maxlen=_MOST_WAITING)
@@ -57,10 +56,10 @@ class _LaserBuffer:
 
 
 class ScanBuffer:
-    """Keeps the newest scan of each laser, and those before it of the last ``keep`` seconds.
+    """Buffer of the newest scan of each laser, and of earlier scans of the last ``keep`` seconds.
 
-    ``keep`` is the longest ``observation_persistence`` of any source; each source takes as many as
-    its own allows.
+    ``keep`` is the longest ``observation_persistence`` of any source. Each source takes as many
+    scans as its own persistence allows.
     """
 
     def __init__(
@@ -74,16 +73,16 @@ class ScanBuffer:
         self._buffers[scan.laser].waiting.append(scan)
 
     def release_known(self, now: float) -> None:
-        """Let the costmaps have, at ``now`` [s], the scans whose transforms are known by then."""
-        known = self._transforms.time - _SCAN_TOLERANCE + TIME_TOLERANCE
+        """Release the scans whose transforms are known at ``now`` [s] to the costmaps."""
+        horizon = self._transforms.time - _SCAN_TOLERANCE + TIME_TOLERANCE
         for buffer in self._buffers.values():
-            while buffer.waiting and buffer.waiting[0].time <= known:
+            while buffer.waiting and buffer.waiting[0].time <= horizon:
                 self._receive(buffer, buffer.waiting.popleft(), now)
 
     def _receive(self, buffer: _LaserBuffer, scan: LaserScan, now: float) -> None:
         received = buffer.received
         if received and self._keep > 0.0:
-            # From here on its place in the map is settled; see the module.
+            # From here on its place in the map is fixed (see the module's docstring).
             newest = received[-1]
             newest.correction = self._transforms.correction_at(newest.scan.time)
         received.append(_ReceivedScan(scan, self._transforms.base_at(scan.time), now))
@@ -94,14 +93,14 @@ class ScanBuffer:
         return self._keep <= 0.0 or now - old.scan.time > self._keep + TIME_TOLERANCE
 
     def scans(self, frame: Literal["map", "odom"]) -> list[SensedScan]:
-        """Return the scans, oldest first, from where the lasers were in ``frame``.
+        """Return the scans, oldest first, with the poses of the lasers in ``frame``.
 
-        In map the newest scan of a laser is placed by the delayed correction.
+        In map, the delayed correction places the newest scan of a laser.
         """
         pairs = [
             (buffer, received) for buffer in self._buffers.values() for received in buffer.received
         ]
-        # Stable: scans of one instant are in the order of the lasers.
+        # The sort is stable: scans of one instant keep the order of the lasers.
         pairs.sort(key=lambda pair: pair[1].scan.time)
         return [_sensed(*pair, self._base(pair[1], frame)) for pair in pairs]
 
@@ -128,7 +127,7 @@ def _sensed(buffer: _LaserBuffer, received: _ReceivedScan, base: Pose2) -> Sense
 
 
 class ObservedCostmap:
-    """A costmap in its frame, which observes the scans of some ``lasers`` (names)."""
+    """A costmap in its frame, with the names of the ``lasers`` that it observes."""
 
     def __init__(
         self, costmap: Costmap, frame: CostmapFrame, scans: ScanBuffer, lasers: Collection[str]
@@ -137,7 +136,7 @@ class ObservedCostmap:
         self._scans, self._lasers = scans, lasers
 
     def update(self) -> None:
-        """Run one update cycle with the robot and the scans where they are now."""
+        """Run one update cycle with the present pose of the robot and the present scans."""
         frame = self.frame
         scans = [one for one in self._scans.scans(frame.name) if one.laser in self._lasers]
         self.costmap.update(frame.base, scans, frame.in_map)

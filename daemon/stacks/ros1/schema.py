@@ -1,4 +1,4 @@
-"""JSON Schema of the parameters of the stack, as editors use it: section by section."""
+"""JSON Schema of the stack's parameters for editors, section by section."""
 
 from __future__ import annotations
 
@@ -22,12 +22,11 @@ _LAYER_TYPES: Final = [
 
 
 def ros_definitions() -> dict[str, Schema]:
-    """Return the sections of the tree of ROS parameters, and the tree as ``ros``.
+    """Return the sections of the tree of ROS parameters, and the whole tree as ``ros``.
 
-    Names that no node knows are left to ``scenario check``, which warns of them; ``null`` takes
-    an inherited value away.
+    The schema allows unknown names, since ``scenario check`` warns of them. ``null`` removes an
+    inherited value.
     """
-
     definitions: dict[str, Schema] = {}
     _add_section(definitions, "amcl", amcl.AmclParameters)
     sections: dict[str, type[Any]] = {
@@ -67,13 +66,12 @@ def ros_definitions() -> dict[str, Schema]:
 
 
 def _add_section(definitions: dict[str, Schema], name: str, model: type[Any]) -> None:
-
     schema = editor_schema(model, name)
     for key in ("$schema", "title"):
         del schema[key]
     for nested, body in schema.pop("$defs", {}).items():
         definitions.setdefault(nested, body)
-    # A ROS node ignores names it does not know, so other names are no errors in its section.
+    # A ROS node ignores unknown names, so they are no errors in its section.
     is_section = issubclass(model, Section)
     schema["additionalProperties"] = is_section and not model.strict
     schema["properties"] = {key: nullable(body) for key, body in schema["properties"].items()}
@@ -83,7 +81,7 @@ def _add_section(definitions: dict[str, Schema], name: str, model: type[Any]) ->
 
 
 def _complete_costmap(definitions: dict[str, Schema]) -> None:
-    """Add to a costmap what files without ``plugins`` write flat, and the layers themselves."""
+    """Add the flat names of files without ``plugins`` to a costmap, and its layers."""
     costmap = definitions["costmap"]["properties"]
     names = ("static_layer", "obstacle_layer", "inflation_layer")
     for name in names:
@@ -111,8 +109,8 @@ def _complete_costmap(definitions: dict[str, Schema]) -> None:
         "items": plugin,
         "description": "The layers, the lowest first; each is described under its name.",
     }
-    # Names of layers and sources are free; these are the ones without plugins, and in the files
-    # that ship, so they get help.
+    # Names of layers and sources are free. Editors help with the names of costmaps without plugins
+    # and of the files that ship.
     costmap |= {name: _reference(name) for name in names}
     costmap["scan"] = definitions["obstacle_layer"]["properties"]["scan"] = _reference("source")
 
@@ -122,11 +120,10 @@ def _reference(name: str) -> Schema:
 
 
 def _ros_tree() -> Schema:
-
     quirks = {
         "description": (
-            "Oddities of the original that are kept: fast (all but the order in which inflation "
-            "passes costs on), original (all), fixed (none), or switches."
+            "Oddities of the original that are kept: fast (all except inflation_queue_order), "
+            "original (all), fixed (none), or switches."
         ),
         "anyOf": [
             {"enum": list(PROFILES)},

@@ -1,35 +1,34 @@
-"""The stack as a system under test: its nodes, and the order of events within one instant.
+"""The ROS stack as a system under test: its nodes, and the order of events within one instant.
 
-The original runs as threads and processes whose order at one instant is up to the machine. Here
-time stands still while anybody works, and everything due at an instant happens in this order:
+The original runs as threads and processes whose order at one instant depends on the machine. Here
+time stands still while a node works, and the events of an instant happen in this order:
 
 1. **Odometry** enters the transform buffer.
 2. **Scans** whose odometry is known go to AMCL, which broadcasts its correction (with a stamp
-   ``transform_tolerance`` ahead). A scan waits for the first odometry sample that is not older, at
-   51 ms an instant or two, as in the message filter of the original. Of several lasers those of
-   one instant come in the order of the robot's.
-3. **Observation buffers**: a laser's latest scan for the costmaps becomes one whose transforms are
-   known up to 50 ms beyond its stamp, a tolerance of costmap_2d, so it is one or two instants older
-   still.
+   ``transform_tolerance`` ahead). A scan waits for the first odometry sample that is not older, as
+   in the message filter of the original: one or two instants at odometry every 51 ms. Scans of
+   several lasers at one instant come in the order of the robot's lasers.
+3. **Observation buffers** release a scan to the costmaps when its transforms are known up to
+   50 ms beyond its stamp (a tolerance of costmap_2d), so it is one or two instants older still.
 4. **Global costmap**, 5. **local costmap**: one update cycle each when due, first at time 0.
 6. **Planner thread** when due or woken.
 7. **Control loop** or the recovery that blocks it.
-8. **Dispatcher**: takes the result of the goal at the instant it is known and sends the next one,
-   for which the control loop runs its first cycle at once.
+8. **Dispatcher**: takes the result of the goal at once and sends the next goal, for which the
+   control loop runs its first cycle at once.
 
-A plan is there for the control loop at the instant it is made (6 before 7). In the original
-planning took 5 to 20 ms of the 100 ms between two control cycles and the two threads have no
-fixed phase: a plan reaches the controller at the next cycle after that. Making it wait for the
-cycle after the next would add ten times the delay there was. A plan that the control loop asks
-for is made at the next instant, as the thread has had its turn by then, and used by the next
-control cycle: as in the original.
+The control loop sees a plan at the instant it is made (6 before 7). In the original, planning took
+5 to 20 ms of the 100 ms between two control cycles, and the two threads have no fixed phase: a
+plan reaches the controller at the next cycle. Waiting for the cycle after that would multiply the
+delay by ten. If the control loop asks for a plan, the thread has already had its turn: the plan is
+made at the next instant and used by the next control cycle, as in the original.
 
 An instant is a step of the stack: a multiple of 10 ms that divides the period of the control
 loop and of the turn on the spot, 50 ms with the parameters of the paper. With frequencies that
-fit no multiple of 10 ms a step is 10 ms, and what is due happens at the first step not before.
+fit no multiple of 10 ms a step is 10 ms, and an event happens at the first step that is not too
+early.
 
-If AMCL gets no scans, odom stays where it was in the map at the start (the original would wait
-for that transform for ever and drive nowhere).
+If AMCL gets no scans, odom keeps its initial pose in the map (the original would wait for that
+transform for ever and drive nowhere).
 """
 
 from __future__ import annotations
@@ -77,21 +76,20 @@ from grammars.model.geometry import Floats
 
 
 class Navigation:
-    """All nodes of the stack for one run; the order of :meth:`update` is documented in
-    :mod:`daemon.stacks.ros1.stack`."""
+    """All nodes of the stack for one run; the module documents the order of :meth:`update`."""
 
     def __init__(self, briefing: Briefing, parameters: RosParameters) -> None:
         p, lasers = parameters, briefing.robot.lasers
-        # First, since what it loads takes longest where it has to be compiled.
+        # First, because its kernels take longest to compile.
         controller = _make_controller(p, p.local_costmap.padded_footprint())
         self._transforms = TransformBuffer(
             briefing.start, p.amcl.transform_tolerance, delayed=p.quirks.delayed_map_to_odom
         )
         self._amcl = Amcl(p.amcl, p.quirks, briefing.map, lasers, briefing.start, briefing.seed)
         self._pose = briefing.start
-        """The pose AMCL published last."""
+        """Latest pose that AMCL published."""
         self._broadcasts = False
-        wiring = p.topics.heard([laser.name for laser in lasers])
+        wiring = p.topics.wire([laser.name for laser in lasers])
         self._heard_by_amcl = wiring.amcl
         self._unprocessed_scans: deque[LaserScan] = deque(maxlen=100 * len(lasers))
         self._scans = ScanBuffer(lasers, self._transforms, keep=_longest_kept(p))
@@ -112,14 +110,14 @@ class Navigation:
         self,
         parameters: RosParameters,
         layered: LayeredCostmap,
-        heard: Collection[str],
+        lasers: Collection[str],
         briefing: Briefing,
     ) -> ObservedCostmap:
         lasers, footprint = briefing.robot.lasers, layered.padded_footprint()
         hears = partial(parameters.topics.lasers_on, lasers=[laser.name for laser in lasers])
         costmap = Costmap(layered, footprint, parameters.quirks, briefing.map, hears)
         frame = CostmapFrame(layered.frame, self._transforms)
-        return ObservedCostmap(costmap, frame, self._scans, heard)
+        return ObservedCostmap(costmap, frame, self._scans, lasers)
 
     def _set_up_move_base(self, p: RosParameters, controller: Dwa | TrajectoryPlanner) -> None:
         footprint = p.local_costmap.padded_footprint()
@@ -136,15 +134,15 @@ class Navigation:
         )  # fmt: skip
 
     def update(self, observation: Observation) -> Decision:
-        """Take the observation and let every node that is due do its work."""
-        # The numbers are those of the order in this module's docstring.
+        """Take the observation and run every node that is due."""
+        # The numbers refer to the module's docstring.
         now = observation.time
         for sample in observation.odometry:  # 1
             self._transforms.move(sample)
         for scan in observation.scans:
             self._unprocessed_scans.append(scan)
             self._scans.queue(scan)
-        # Without odometry there is no transform to look anything up in: no node can work.
+        # Without odometry there are no transforms, so no node can work.
         if self._transforms.time < 0.0:
             return Decision(None, self._dispatcher.progress)
         published = self._localise()  # 2
@@ -159,10 +157,10 @@ class Navigation:
         return self._decide(now, published)
 
     def _localise(self) -> AmclPose | None:
-        """Give AMCL the scans whose odometry is known by now, broadcast its correction."""
+        """Give AMCL the scans whose odometry is known, and broadcast its correction."""
         latest = None
-        known = self._transforms.time + TIME_TOLERANCE
-        while self._unprocessed_scans and self._unprocessed_scans[0].time <= known:
+        horizon = self._transforms.time + TIME_TOLERANCE
+        while self._unprocessed_scans and self._unprocessed_scans[0].time <= horizon:
             scan = self._unprocessed_scans.popleft()
             if scan.laser not in self._heard_by_amcl:
                 continue
@@ -171,7 +169,7 @@ class Navigation:
             if published is not None:
                 latest, self._pose = published, published.pose
                 self._broadcasts = True
-            # Nothing is broadcast before the first publication, afterwards at every scan.
+            # The first broadcast is at the first publication, later ones at every scan.
             if self._broadcasts:
                 self._transforms.correct(scan.time, self._amcl.map_to_odom)
         return latest
@@ -187,7 +185,7 @@ class Navigation:
         if goal is not None:
             number = after.reached + 1
             self._events.append(f"goal {number} sent: {goal.x:.2f}, {goal.y:.2f}, {goal.yaw:.2f}")
-            # In odom the goal is put where it is now, and stays there (``goalToGlobalFrame``).
+            # In odom the goal keeps its present position (``goalToGlobalFrame``).
             self._move_base.accept(now, self._global.frame.take(goal))
 
     def _decide(self, now: float, published: AmclPose | None) -> Decision:
@@ -235,7 +233,7 @@ def _make_controller(parameters: RosParameters, footprint: Floats) -> Dwa | Traj
 
 
 def _longest_kept(parameters: RosParameters) -> float:
-    """Return how long any source of either costmap wants scans to count [s]."""
+    """Return the longest persistence of scans in any source of either costmap [s]."""
     costmaps = (parameters.global_costmap, parameters.local_costmap)
     sources = [source for costmap in costmaps for _, source in costmap.laser_sources()]
     return max((source.observation_persistence for source in sources), default=0.0)
@@ -262,18 +260,18 @@ class RosStack:
         self._navigation: Navigation
 
     def start(self, briefing: Briefing) -> None:
-        """Bring the nodes up; raises ``ValueError`` for parameters that do not fit the map."""
+        """Start the nodes; raises ``ValueError`` for parameters that do not fit the map."""
         self._navigation = Navigation(briefing, self.parameters)
 
     def update(self, observation: Observation) -> Decision:
-        """Let the nodes work, and decide."""
+        """Run the nodes and return their decision."""
         return self._navigation.update(observation)
 
 
 def common_step(*frequencies: float) -> float:
-    """Return the longest step [s], a whole number of ticks, that fits all ``frequencies`` [Hz].
+    """Return the longest step [s], in whole ticks, that fits all ``frequencies`` [Hz].
 
-    One tick if there is none.
+    Returns one tick if no step fits.
     """
     ticks = [TICK_RATE / frequency for frequency in frequencies]
     if any(abs(tick - round(tick)) > 1e-6 for tick in ticks):

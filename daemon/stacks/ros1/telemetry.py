@@ -1,12 +1,12 @@
-"""Recorders of the stack's inside: they decide which of it goes into the trace, and when.
+"""Recorders of the stack's internal state for the trace.
 
-* Every pose that AMCL publishes, stamped as the scan it is from, with the summary of the particles
-  at that instant; in between, once a second, where the stack takes the robot to be (map <- odom of
-  AMCL, odom <- base of the wheels) with the covariance last published.
+* Every pose that AMCL publishes, with the stamp of its scan and the summary of the particles. In
+  between, once a second, the stack's estimate (map <- odom of AMCL, odom <- base of the wheels)
+  with the covariance last published.
 * At most a hundred particles, at most once a second, evenly taken from the filter's.
-* The global plan when it differs from the one recorded by more than the way the robot has covered,
-  at most once a second, a point every tenth of a metre counted from the goal.
-* The trajectory DWA chose, five times a second.
+* The global plan when it differs from the recorded one by more than the way already covered, at
+  most once a second. It has a point every tenth of a metre, counted from the goal.
+* The trajectory that DWA chose, five times a second.
 * The local costmap at ``local_costmap/publish_frequency``, at most once a second; never with 0.
 * State changes, recoveries and goals as sentences.
 """
@@ -28,7 +28,7 @@ from grammars.model.geometry import Floats, Pose2
 def thin_plan(plan: Floats, spacing: float) -> Floats:
     """Return points (m, 2) of ``plan`` (n, 3), from the goal to the start.
 
-    There is one every ``spacing`` [m] of way from the goal, between two poses if need be, and the
+    There is one every ``spacing`` [m] of way from the goal, interpolated between poses, and the
     start. Two plans over the same ground therefore have the same points, wherever they begin.
     """
     points = plan[::-1, :2]
@@ -44,17 +44,17 @@ def thin_plan(plan: Floats, spacing: float) -> Floats:
 
 
 _PERIOD: Final = 1.0
-"""Between two records of a kind, at least [s]."""
+"""Shortest time between two records of a kind [s]."""
 _LOCAL_PLAN_PERIOD: Final = 0.2
 _PARTICLES: Final = 100
 _PLAN_SPACING: Final = 0.1
-"""Between the points of a recorded global plan [m]."""
+"""Distance between the points of a recorded global plan [m]."""
 _PLAN_TOLERANCE: Final = 0.1
-"""A plan that stays within this of the one recorded is the same one [m]."""
+"""Largest deviation of a plan that counts as the recorded one [m]."""
 
 
 class PlanRecorder:
-    """Decides which global plans are worth recording."""
+    """Recorder of the global plans that differ from the previous one."""
 
     def __init__(self) -> None:
         self._interval = MinimumInterval(_PERIOD)
@@ -66,18 +66,18 @@ class PlanRecorder:
     ) -> Floats | None:
         """Return the points (n, 2) to record of ``plan`` (n, 3), from start to goal, or ``None``.
 
-        ``frame_in_map`` is the pose in map of the frame the plan is in, if it is not map. Points
-        are taken from the goal backwards, so that two plans along the same way have the same points
-        but for those the robot has left behind.
+        ``frame_in_map`` is the pose in map of the plan's frame, if that is not map. Points run
+        from the goal backwards, so two plans along the same way have the same points except for
+        those behind the robot.
         """
-        # Plans that turn out to be the same count as well: at most one a second is compared.
+        # At most one plan a second is compared, whether it turns out to be new or not.
         if plan is None or plan is self._seen or not self._interval.begin(now):
             return None
         self._seen = plan
         thin = thin_plan(plan, _PLAN_SPACING)
         if frame_in_map is not None:
             thin = _placed(thin, frame_in_map)
-        # Its last point is the start, wherever that lies.
+        # The last point is the start, which moves with the robot.
         way = thin[:-1]
         if len(way) < len(self._last):
             deviations = np.abs(way - self._last[: len(way)])
@@ -88,7 +88,7 @@ class PlanRecorder:
 
 
 def _placed(points: Floats, frame: Pose2) -> Floats:
-    """Return ``points`` (n, 2) of a frame at the pose ``frame`` in the frame around it."""
+    """Transform ``points`` (n, 2) from a frame at the pose ``frame`` into its parent frame."""
     c, s = math.cos(frame.yaw), math.sin(frame.yaw)
     moved: Floats = points @ np.array(((c, s), (-s, c)))
     moved += (frame.x, frame.y)
@@ -96,20 +96,20 @@ def _placed(points: Floats, frame: Pose2) -> Floats:
 
 
 class LocalPlanRecorder:
-    """Brings the trajectories of the controller into the map frame, five times a second."""
+    """Recorder of the controller's trajectories in the map frame, five times a second."""
 
     def __init__(self) -> None:
         self._interval = MinimumInterval(_LOCAL_PLAN_PERIOD)
 
     def take(self, now: float, points: Floats | None, frame_in_map: Pose2) -> Floats | None:
-        """Return ``points`` (n, 2) in map when it is time to; their frame is at a pose in map."""
+        """Return ``points`` (n, 2) in map when a record is due; their frame has a pose in map."""
         if points is None or len(points) == 0 or not self._interval.begin(now):
             return None
         return _placed(points, frame_in_map)
 
 
 class CostmapRecorder:
-    """Pictures of the local costmap in ``frame``: ``rate`` [Hz], at most one a second; 0: none."""
+    """Recorder of the local costmap in ``frame`` at ``rate`` [Hz], at most 1 Hz; 0 records none."""
 
     def __init__(self, rate: float, frame: Literal["map", "odom"]) -> None:
         self._frame = frame
@@ -117,14 +117,14 @@ class CostmapRecorder:
         self._interval = MinimumInterval(period, due=0.0 if rate > 0.0 else math.inf)
 
     def take(self, now: float, grid: CostGrid) -> CostmapPicture | None:
-        """Return a copy of ``grid`` when it is time to, or ``None``."""
+        """Return a copy of ``grid`` when a record is due, or ``None``."""
         if not self._interval.begin(now):
             return None
         return CostmapPicture(now, self._frame, grid.resolution, grid.x, grid.y, grid.cells.copy())
 
 
 class EstimateRecorder:
-    """Estimates and particles for the trace; ``covariance`` (3, 3) is that of the start."""
+    """Recorder of estimates and particles; ``covariance`` (3, 3) is that of the start."""
 
     def __init__(self, covariance: Floats) -> None:
         self._covariance = covariance
@@ -139,7 +139,7 @@ class EstimateRecorder:
         return estimate, Cloud(latest.time, latest.count, latest.mean, latest.covariance)
 
     def record_dead_reckoned(self, time: float, odom: Pose2, base: Pose2) -> Estimate | None:
-        """Return the stack's own estimate of the pose when the latest one is a second old.
+        """Return the stack's estimate of the pose if the latest record is a second old.
 
         ``odom`` is the latest pose of odom in map, ``base`` that of the base in odom.
         """
@@ -148,7 +148,7 @@ class EstimateRecorder:
         return Estimate(time, odom @ base, self._covariance)
 
     def record_particles(self, now: float, poses: Floats) -> Floats | None:
-        """Return at most a hundred of ``poses`` (n, 3) when it is time to, or ``None``."""
+        """Return at most a hundred of ``poses`` (n, 3) when a record is due, or ``None``."""
         if not self._particles.begin(now):
             return None
         return poses[:: math.ceil(len(poses) / _PARTICLES)].copy()

@@ -1,7 +1,7 @@
 """Timers: rates and periods of the original's nodes, in simulated time [s].
 
-Instants are sums of steps of 10 ms in binary floating point, so 0.3 may be 0.30000000000000004:
-what is due at an instant is due within :data:`TIME_TOLERANCE` of it.
+Instants are sums of steps of 10 ms in binary floating point, so 0.3 may be 0.30000000000000004.
+Comparisons of times therefore allow :data:`TIME_TOLERANCE`.
 """
 
 from __future__ import annotations
@@ -14,23 +14,23 @@ TIME_TOLERANCE: Final = 1e-9
 
 
 def is_after(now: float, limit: float) -> bool:
-    """Tell whether ``now`` is later than ``limit`` [s], and not only by how it is rounded.
+    """Tell whether ``now`` is later than ``limit`` [s] by more than rounding.
 
-    The original counts whole nanoseconds, in which 0.7 and 0.1 more are 0.8 and no later.
+    The original counts whole nanoseconds, where 0.7 + 0.1 equals 0.8.
     """
     return now > limit + TIME_TOLERANCE
 
 
 @dataclass(slots=True)
 class UpdateTimer:
-    """Instants of something that runs at ``rate`` [Hz]: the first ones not before k / rate."""
+    """Timer of a task at ``rate`` [Hz]: run k is at the first instant not before k / rate."""
 
     rate: float
     count: int = 0
 
     def due(self, now: float) -> bool:
-        """Tell whether it runs at ``now``, and move on if so."""
-        # From the count, not by adding periods: 1 / rate is rarely a binary fraction.
+        """Tell whether the task runs at ``now``, and count the run."""
+        # Count, do not add periods: 1 / rate is rarely a binary fraction.
         if now < self.count / self.rate - TIME_TOLERANCE:
             return False
         self.count += 1
@@ -39,29 +39,29 @@ class UpdateTimer:
 
 @dataclass(slots=True)
 class MinimumInterval:
-    """Lets something happen at most once in ``period`` seconds, counted from when it did."""
+    """Limit of an action to once per ``period`` [s], counted from the last time."""
 
     period: float
     due: float = 0.0
 
     def begin(self, now: float) -> bool:
-        """Tell whether it may happen at ``now``, and count from there if so."""
+        """Tell whether the action may happen at ``now``, and restart the period if so."""
         if now < self.due - TIME_TOLERANCE:
             return False
         self.restart(now)
         return True
 
     def restart(self, now: float) -> None:
-        """Say that it has happened at ``now``."""
+        """Start a period at ``now``."""
         self.due = now + self.period
 
 
 @dataclass(slots=True)
 class LoopRate:
-    """``ros::Rate`` of roscpp: when a loop runs again.
+    """``ros::Rate`` of roscpp.
 
-    A loop that is late runs at once, again and again until it has caught up; what it is late by
-    more than a whole period is forgotten.
+    A late loop runs at once, repeatedly until it has caught up. A delay beyond a whole period is
+    forgotten.
     """
 
     period: float
@@ -72,7 +72,7 @@ class LoopRate:
         return now >= self.due - TIME_TOLERANCE
 
     def sleep(self, now: float) -> None:
-        """Say that a round of the loop is done at ``now``."""
+        """End a round of the loop at ``now``."""
         self.due += self.period
         if is_after(now, self.due + self.period):
             self.due = now
@@ -80,13 +80,13 @@ class LoopRate:
 
 @dataclass(slots=True)
 class RosRate:
-    """``rospy.Rate``: how long is left of a period, without drifting and without catching up."""
+    """``rospy.Rate``: the rest of a period, without drift and without catching up."""
 
     period: float
     last: float
 
     def sleep(self, now: float) -> float:
-        """Return until when [s] a call at ``now`` sleeps, which may be before ``now``."""
+        """Return the end [s] of a sleep that begins at ``now``; it may lie in the past."""
         until = self.last + self.period
         self.last = until
         if now - self.last > 2.0 * self.period:

@@ -1,11 +1,11 @@
-"""The two transforms the stack lives on, and the frames of costmaps that they move.
+"""Transforms of the stack, and the frames of costmaps.
 
-They are map <- odom of AMCL and odom <- base_link of the wheels.
+The transforms are map <- odom of AMCL and odom <- base_link of the wheels.
 
-AMCL stamps its correction ``transform_tolerance`` ahead of the scan it is from. A look-up at the
-stamp of an odometry sample or of a scan therefore finds the correction of that much earlier,
-interpolated between two broadcasts; only a look-up of the latest correction, as DWA does for goal
-and plan, sees what AMCL has just found (amcl_node, tf2 ``lookupTransform``).
+AMCL stamps its correction ``transform_tolerance`` ahead of its scan. A look-up at the stamp of an
+odometry sample or of a scan therefore finds a correction that is older by this time, interpolated
+between two broadcasts. Only a look-up of the latest correction, as DWA does for goal and plan, sees
+AMCL's newest result (amcl_node, tf2 ``lookupTransform``).
 """
 
 from __future__ import annotations
@@ -20,17 +20,16 @@ from grammars.model.geometry import Pose2, Twist2, wrap_angle
 
 _SAME: Final = Pose2()
 _KEPT_SECONDS: Final = 2.0
-"""Nothing is looked up farther back than this [s]."""
+"""Oldest look-up before the newest entry [s]."""
 _KEPT_ENTRIES: Final = 200
-"""Entries kept before the old ones among them are forgotten."""
+"""Number of entries beyond which old ones are removed."""
 
 
 class TransformBuffer:
     """Poses of odom in map and of the base in odom, over time.
 
-    ``start`` is where the robot is told to be (map): until AMCL has broadcast something, the first
-    odometry sample lies there. ``tolerance`` [s] is how far ahead AMCL stamps; with ``delayed``
-    false corrections hold at once.
+    ``start`` is the initial pose in map: until AMCL's first broadcast, the first odometry sample
+    lies there. AMCL stamps ``tolerance`` [s] ahead. Without ``delayed`` corrections hold at once.
     """
 
     def __init__(self, start: Pose2, tolerance: float, *, delayed: bool) -> None:
@@ -47,13 +46,13 @@ class TransformBuffer:
         self.twist = Twist2()
         """The latest odometry twist."""
         self._base: Pose2 | None = None
-        self._asked = (math.nan, self.odom_to_base)
-        """When and where the base was asked for last, between two samples of odometry."""
+        self._latest_look_up = (math.nan, self.odom_to_base)
+        """Time and pose of the latest look-up of the base between two odometry samples."""
         self.time = -1.0
         """Stamp of the latest odometry sample [s]; negative before the first."""
 
     def move(self, sample: Odometry) -> None:
-        """Take an odometry sample; they come in order."""
+        """Take an odometry sample; samples come in order."""
         if self.time < 0.0:
             self.map_to_odom = self._start @ sample.pose.inverse()
         self._stamps.append(sample.time)
@@ -65,7 +64,7 @@ class TransformBuffer:
             del self._stamps[:old], self._samples[:old]
 
     def correct(self, stamp: float, map_to_odom: Pose2) -> None:
-        """Take what AMCL broadcasts at a scan taken at ``stamp`` [s]; they come in order."""
+        """Take AMCL's broadcast for a scan at ``stamp`` [s]; broadcasts come in order."""
         stamps, corrections = self._due, self._corrections
         if not stamps:
             stamps.append(-math.inf)
@@ -80,7 +79,8 @@ class TransformBuffer:
     def correction_at(self, time: float) -> Pose2:
         """Return the pose of odom in map at ``time`` [s].
 
-        Before the first broadcast takes effect that is the initial one, after the last the last.
+        This is the initial pose before the first broadcast takes effect, the last one after the
+        last broadcast.
         """
         if not self._corrections:
             return self.map_to_odom
@@ -93,23 +93,23 @@ class TransformBuffer:
         return _interpolate_pose(first, second, (time - before) / (self._due[k] - before))
 
     def base_at(self, time: float) -> Pose2:
-        """Return the pose of base_link in odom at ``time`` [s], held beyond what is known."""
+        """Return the pose of base_link in odom at ``time`` [s], clamped to the known samples."""
         stamps, samples = self._stamps, self._samples
         if time >= self.time:
             return self.odom_to_base
         k = bisect_right(stamps, time)
         if k == 0:
             return samples[0].pose
-        # AMCL and the costmaps ask for the same scans, one after the other.
-        if time != self._asked[0]:
+        # AMCL and the costmaps look up the same scans one after the other.
+        if time != self._latest_look_up[0]:
             share = (time - stamps[k - 1]) / (stamps[k] - stamps[k - 1])
             first, second = samples[k - 1].pose, samples[k].pose
             pose = first if share == 0.0 else _interpolate_pose(first, second, share)
-            self._asked = (time, pose)
-        return self._asked[1]
+            self._latest_look_up = (time, pose)
+        return self._latest_look_up[1]
 
     def base_in_map(self) -> Pose2:
-        """Return where the stack takes the robot to be at the stamp of its newest odometry."""
+        """Return the stack's estimate of the base in map at the stamp of the newest odometry."""
         if self._base is None:
             self._base = self.correction_at(self.time) @ self.odom_to_base
         return self._base
@@ -134,12 +134,12 @@ class CostmapFrame:
 
     @property
     def base(self) -> Pose2:
-        """The pose of the base: the stack's latest belief, in map by the delayed correction."""
+        """Latest estimate of the base's pose; in map by the delayed correction."""
         return self.transforms.base_in_map() if self.name == "map" else self.transforms.odom_to_base
 
     @property
     def in_map(self) -> Pose2:
-        """The pose of the frame in map, by the latest correction."""
+        """Pose of the frame in map, by the latest correction."""
         return _SAME if self.name == "map" else self.transforms.map_to_odom
 
     def pose_in(self, other: CostmapFrame) -> Pose2:
@@ -149,5 +149,5 @@ class CostmapFrame:
         return self.in_map if other.name == "map" else other.in_map.inverse()
 
     def take(self, pose: Pose2) -> Pose2:
-        """Return a ``pose`` in map as one in this frame, as things are now."""
+        """Transform a ``pose`` from map into this frame by the latest correction."""
         return pose if self.name == "map" else self.in_map.inverse() @ pose

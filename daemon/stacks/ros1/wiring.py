@@ -1,12 +1,12 @@
-"""Wiring of lasers: topics as roscpp resolves them, who listens where, advice for a robot.
+"""Wiring of lasers: topics as roscpp resolves them, listeners, advice for a robot.
 
 A name without a leading slash is resolved in the namespace of the node (``/`` for a node called
-``/move_base``); ``~name`` below the node's own name. A remap of the launch file holds for every
-node, the simulator's and the driver's as well: **the published name is remapped too**; remaps of
-one node hold for that one. A name is remapped once, never again.
+``/move_base``), ``~name`` below the node's own name. A remap of the launch file holds for every
+node, also for the simulator and the driver: **the published name is remapped too**. A remap of one
+node holds for that node. A name is remapped only once.
 
-A configuration says which topics are listened to and at which heights. Which lasers there are is
-known only with the robot, so advice needs one. It is about what the original would do, too.
+A configuration gives the topics of listeners and their heights, a robot the lasers. Advice
+therefore needs a robot. It also describes what the original would do.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _SCAN: Final[ParameterLocation] = ("topics", "scan")
 _WHERE: Final = "topics/scan says where lasers are published"
 _ONE: Final = f"{ALTERNATIVE} one"
 _SEVERAL: Final = f"{ALTERNATIVE} several"
-# Messages are about the alternative that is meant, not about all of them.
+# With tags, messages are about the intended alternative only.
 _Topics: TypeAlias = Annotated[
     Annotated[_Name, Tag(_ONE)] | Annotated[tuple[_Name, ...], Tag(_SEVERAL)],
     Discriminator(lambda value: _SEVERAL if isinstance(value, list | tuple) else _ONE),
@@ -52,35 +52,35 @@ _Scan: TypeAlias = Annotated[
 
 @checked(frozen=True, slots=True, config=ConfigDict(extra="forbid"))
 class NodeNames:
-    """What the launch file made of one node."""
+    """Name and remaps of one node in the launch file."""
 
     name: _NodeName | None = None
     """Its full name, such as /robot1/move_base: names without a slash are resolved beside it."""
     remap: dict[_Name, _Name] = Field(default_factory=dict)
-    """Remaps for this node alone; they win over those for every node."""
+    """Remaps for this node alone; they take precedence over those for every node."""
 
 
 @checked(frozen=True, slots=True)
 class TopicParameters(Section):
-    """Where the scan comes from and what the launch file makes of names."""
+    """Topics of scans and maps, and the names in the launch file."""
 
     strict: ClassVar[bool] = True
 
     scan: _Scan | None = None
-    """Topic the laser is published on, before any remap; for a robot with several lasers a topic
-    or a list of them by the laser's name. Not given: where amcl listens, or /scan_NAME of every
-    laser of a robot with several."""
+    """Topic of the laser before any remap; for a robot with several lasers a topic or a list of
+    topics by the laser's name. Default: the topic of amcl, or /scan_NAME for each of several
+    lasers."""
     amcl: _Name | None = None
     """Topic that the launch file of amcl remaps its "scan" to; amcl has no parameter for it."""
     remap: dict[_Name, _Name] = Field(default_factory=dict)
     """Remaps for every node of the launch, the one that publishes the scan included."""
     nodes: dict[NodeOfStack, NodeNames] = Field(default_factory=dict)
-    """What the launch file made of amcl and of move_base alone."""
+    """Names and remaps of amcl and of move_base alone."""
     maps: tuple[_Name, ...] | None = None
-    """Topics on which the map of the run is published. Not given: the one amcl would listen to."""
+    """Topics on which the map of the run is published. Default: the map topic of amcl."""
 
     def resolve(self, node: NodeOfStack, name: str) -> str:
-        """Return the name that ``node`` ends up with for ``name``."""
+        """Return the name that ``node`` uses for ``name``."""
         names = self.nodes.get(node, NodeNames())
         return resolve_name(name, names.name or f"/{node}", {**self.remap, **names.remap})
 
@@ -91,17 +91,17 @@ class TopicParameters(Section):
         return tuple(_absolute(name, "") for name in self.maps)
 
     def resolved_amcl(self) -> str:
-        """Return the topic that amcl subscribes to, ``scan`` to itself.
+        """Return the topic that amcl subscribes to as ``scan``.
 
-        What its own launch file remaps that to (``amcl``) is not remapped again by the launch
-        around it: roscpp looks a name up once.
+        roscpp looks a name up once: after a remap in its own launch file (``amcl``), the enclosing
+        launch file does not remap it again.
         """
         if self.amcl is None:
             return self.resolve("amcl", "scan")
         return _absolute(self.amcl, self.nodes.get("amcl", NodeNames()).name or "/amcl")
 
     def resolved_scans(self) -> Scans:
-        """Return where lasers are published."""
+        """Return the topics on which lasers are published."""
         if isinstance(self.scan, str):
             return Scans(resolve_name(self.scan, "", self.remap), {})
         by_laser: dict[str, tuple[str, ...]] = {}
@@ -113,7 +113,7 @@ class TopicParameters(Section):
 
 @dataclass(frozen=True, slots=True)
 class Wiring:
-    """Which parts of the stack receive which lasers, by name; a robot's only one may have none."""
+    """Names of the lasers that each part of the stack receives; a single laser may be nameless."""
 
     amcl: tuple[str, ...]
     global_costmap: tuple[str, ...]
@@ -124,15 +124,15 @@ class Wiring:
 class Scans:
     """Resolved names of the topics on which scans are published.
 
-    ``by_laser`` says where each laser is published when the file says it by laser. Otherwise the
-    only one is on ``published``, of several laser NAME on ``published`` with ``_NAME`` behind it.
+    ``by_laser`` holds the topics by laser, if the file gives them. Otherwise a single laser is on
+    ``published``, and laser NAME of several is on ``published`` with the suffix ``_NAME``.
     """
 
     published: str
     by_laser: Mapping[str, tuple[str, ...]]
 
     def lasers(self) -> tuple[str, ...]:
-        """Return the names of the lasers a file speaks of; the only one has none."""
+        """Return the names of the lasers in the file; a single laser has an empty name."""
         return tuple(self.by_laser) or ("",)
 
     def topics_of(self, laser: str, lasers: Sequence[str]) -> tuple[str, ...]:
@@ -142,11 +142,11 @@ class Scans:
         return (self.published,) if len(lasers) == 1 else (f"{self.published}_{laser}",)
 
     def lasers_on(self, topic: str, lasers: Sequence[str]) -> tuple[str, ...]:
-        """Return those of a robot's ``lasers`` (names) that are published on ``topic``."""
+        """Return the names among a robot's ``lasers`` that are published on ``topic``."""
         return tuple(name for name in lasers if topic in self.topics_of(name, lasers))
 
     def may_carry_scan(self, topic: str) -> bool:
-        """Whether any robot publishes a laser on ``topic``."""
+        """Tell whether some robot may publish a laser on ``topic``."""
         if self.by_laser:
             return any(topic in topics for topics in self.by_laser.values())
         return topic == self.published or topic.startswith(f"{self.published}_")
@@ -154,14 +154,14 @@ class Scans:
 
 @dataclass(frozen=True, slots=True)
 class Topics(Scans):
-    """Resolved names: where scans are published, where each part listens."""
+    """Resolved topics of the scans, and of each part that listens to them."""
 
     amcl: str
     global_costmap: tuple[str, ...]
     local_costmap: tuple[str, ...]
 
-    def heard(self, lasers: Sequence[str]) -> Wiring:
-        """Return who hears which of a robot's ``lasers`` (names)."""
+    def wire(self, lasers: Sequence[str]) -> Wiring:
+        """Return which part receives which of a robot's ``lasers`` (names)."""
 
         def on(topics: Iterable[str]) -> tuple[str, ...]:
             names = {name for topic in topics for name in self.lasers_on(topic, lasers)}
@@ -171,9 +171,9 @@ class Topics(Scans):
 
 
 def resolve_name(name: str, node: str, remap: Mapping[str, str]) -> str:
-    """Return the name a node called ``node`` ends up with: absolute, remapped once."""
+    """Return the absolute name that ``node`` uses for ``name``, remapped once."""
     full = _absolute(name, node)
-    # Of two remaps of one name the later one holds, as on the command line of a node.
+    # The later of two remaps of one name holds, as on the command line of a node.
     for old, new in reversed(list(remap.items())):
         if _absolute(old, node) == full:
             return _absolute(new, node)
@@ -189,18 +189,18 @@ def _absolute(name: str, node: str) -> str:
 
 
 def read_costmaps(
-    tree: ParameterTree, given: TopicParameters, localisation: AmclParameters
+    tree: ParameterTree, names: TopicParameters, localisation: AmclParameters
 ) -> tuple[tuple[LayeredCostmap, LayeredCostmap], Topics]:
-    """Return the global and the local costmap, and who listens where."""
-    scans = given.resolved_scans()
+    """Return the global and the local costmap, and all topics."""
+    scans = names.resolved_scans()
     context = CostmapContext(
         above=tree.at("move_base"),
         frames={
             localisation.global_frame_id.strip("/"): "map",
             localisation.odom_frame_id.strip("/"): "odom",
         },
-        resolve=lambda name: given.resolve("move_base", name),
-        maps=given.resolved_maps(),
+        resolve=lambda name: names.resolve("move_base", name),
+        maps=names.resolved_maps(),
         may_carry_scan=scans.may_carry_scan,
     )
     wide, near = (_read_costmap(tree, name, context) for name in COSTMAPS)
@@ -208,21 +208,21 @@ def read_costmaps(
         tuple(dict.fromkeys(source.topic for _, source in costmap.laser_sources()))
         for costmap in (wide, near)
     )
-    topics = Topics(scans.published, scans.by_laser, given.resolved_amcl(), *listened)
+    topics = Topics(scans.published, scans.by_laser, names.resolved_amcl(), *listened)
     return (wide, near), topics
 
 
 def _read_costmap(tree: ParameterTree, name: str, context: CostmapContext) -> LayeredCostmap:
     report, path, title = tree.report, ("move_base", name), name.replace("_", " ")
-    given, is_local = tree.at(*path), name == "local_costmap"
+    entries, is_local = tree.at(*path), name == "local_costmap"
     # MoveBase::executeCycle asks the controller's costmap alone whether it is current.
     context = replace(context, stops_robot=is_local)
-    costmap = CostmapReader(given, path, report, context).read()
-    if "publish_frequency" in given and not is_local:
+    costmap = CostmapReader(entries, path, report, context).read()
+    if "publish_frequency" in entries and not is_local:
         report.ignore((*path, "publish_frequency"), "only the local costmap is shown")
-    if given and "global_frame" not in given and is_local:
-        message = "global_frame is not given: ROS takes map, a local costmap usually has odom"
-        report.warn(path, message, "write global_frame: odom, or map if that is meant")
+    if entries and "global_frame" not in entries and is_local:
+        message = "global_frame is missing: ROS takes map, a local costmap usually has odom"
+        report.warn(path, message, "write global_frame: odom, or map if you want map")
     if not any(isinstance(layer, ObstacleLayer) for layer in costmap.layers):
         report.warn((*path, "plugins"), f"the {title} has no obstacle layer", _blind(title))
     elif not any(costmap.laser_sources()):
@@ -238,7 +238,7 @@ def _blind(title: str) -> str:
 def advise_for_robot(
     topics: Topics, costmaps: tuple[LayeredCostmap, LayeredCostmap], robot: Robot
 ) -> Iterator[ParameterFinding]:
-    """Yield what does not fit between the lasers of ``robot`` and who listens to them.
+    """Yield warnings about lasers of ``robot`` that do not fit their listeners.
 
     ``costmaps`` are the global and the local one.
     """
@@ -248,15 +248,15 @@ def advise_for_robot(
             others = ", ".join(other for other in names if other)
             hint = f"its lasers are {others}" if others else "its only laser has no name"
             yield ParameterFinding((*_SCAN, name), f"the robot has no laser {name}", hint)
-    heard = topics.heard(names)
-    listened = {*heard.amcl, *heard.global_costmap, *heard.local_costmap}
+    wiring = topics.wire(names)
+    used = {*wiring.amcl, *wiring.global_costmap, *wiring.local_costmap}
     for laser in robot.lasers:
-        if laser.name not in listened:
+        if laser.name not in used:
             published = ", ".join(topics.topics_of(laser.name, names))
             where = f"it is published on {published}" if published else "it is published nowhere"
             message = f"nobody listens to the {laser.label} of robot {robot.name}: {where}"
             yield ParameterFinding(_SCAN, message, _WHERE)
-    if not heard.amcl:
+    if not wiring.amcl:
         published = ", ".join(topic for name in names for topic in topics.topics_of(name, names))
         message = (
             f"amcl listens to {topics.amcl}, the lasers of robot {robot.name} are on "
@@ -276,8 +276,8 @@ def _about_costmap(
     sees = any(topics.lasers_on(source.topic, names) for _, source in sources)
     for layer, source in sources:
         below = ("move_base", name, layer.name, source.name)
-        heard = topics.lasers_on(source.topic, names)
-        if not heard:
+        audible = topics.lasers_on(source.topic, names)
+        if not audible:
             message = (
                 f'the source "{source.name}" of the {title} listens to {source.topic}, where robot '
                 f"{robot.name} publishes no laser"
@@ -288,14 +288,14 @@ def _about_costmap(
                 message += f": after {rate:g} s move_base would stop the robot"
             yield ParameterFinding((*below, "topic"), message, hint)
         for laser in robot.lasers:
-            if laser.name in heard:
+            if laser.name in audible:
                 yield from _about_laser(laser, layer, source, below)
 
 
 def _about_laser(
     laser: Laser, layer: ObstacleLayer, source: ObservationSource, place: ParameterLocation
 ) -> Iterator[ParameterFinding]:
-    """Yield the height that leaves a laser out, and a rate that would stop the robot."""
+    """Yield warnings about a height that excludes a laser, and a rate that would stop the robot."""
     _, name, *_ = place
     title, above = str(name).replace("_", " "), place[:-1]
     at, height = f"the {laser.label} at {laser.z:g} m", point_height(laser.z)
@@ -316,7 +316,7 @@ def _about_laser(
     if expected > 0.0 and laser.rate > 0.0 and 1.0 / laser.rate > expected:
         message = (
             f"a scan of the {laser.label} comes every {1.0 / laser.rate:g} s, and move_base would "
-            f"stop the robot whenever none came for {expected:g} s; here it does not"
+            f"stop the robot after {expected:g} s without one; here it does not"
         )
         place = (*place, "expected_update_rate")
         yield ParameterFinding(place, message, "write a longer time, or 0 for none")

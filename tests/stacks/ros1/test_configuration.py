@@ -65,7 +65,7 @@ def summary(tree):
         return [], said(error.problems, error.findings)
     lines = [f"quirks: {line}" for line in shown(read.quirks)]
     names = read.topics.lasers()
-    lines += [f"heard: {read.topics.heard(names)}"]
+    lines += [f"heard: {read.topics.wire(names)}"]
     for name, reset in read.resets.items():
         lines += [f"{name}: {line}" for line in shown(reset)]
     for each in fields(RosParameters):

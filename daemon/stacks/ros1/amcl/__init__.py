@@ -1,4 +1,4 @@
-"""AMCL: adaptive Monte Carlo localisation, as the ROS Noetic package does it.
+"""AMCL: adaptive Monte Carlo localisation of ROS Noetic.
 
 Written anew from the behaviour of the package (navigation ``noetic-devel``) after Thrun, Burgard
 and Fox, Probabilistic Robotics (2005), and Fox (2003).

@@ -1,4 +1,4 @@
-"""The parameters of amcl: ROS names, the defaults of ROS Noetic, units and ranges."""
+"""Parameters of amcl: ROS names, the defaults of ROS Noetic, units and ranges."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ _Particles: TypeAlias = Annotated[int, Field(ge=1, le=100_000)]
 _Reach: TypeAlias = Annotated[float, Field(gt=0.0, le=20.0, allow_inf_nan=False)]
 _Range: TypeAlias = Annotated[float, Field(ge=-1.0, le=1000.0, allow_inf_nan=False)]
 
-
 _FRAME = "there is one robot, with one base frame"
 _START = "the start pose of the mission is the initial pose, as the launch files pass it on"
 _RVIZ = "nothing is drawn while running: look at the trace"
@@ -28,10 +27,9 @@ _BEAM_SKIPPING = "only the sensor model likelihood_field_prob reads it"
 
 @dataclass(frozen=True, slots=True, config=ConfigDict(extra="forbid", strict=True))
 class AmclParameters(Section):
-    """Parameters of amcl.
+    """Parameters of amcl with the defaults of the node's source.
 
-    Defaults are those of the node's source. Its wiki page and its dynamic_reconfigure file have
-    other recovery rates.
+    Its wiki page and its dynamic_reconfigure file have other recovery rates.
     """
 
     min_particles: _Particles = 100
@@ -41,8 +39,8 @@ class AmclParameters(Section):
     kld_err: Annotated[float, Field(gt=0.0, le=1.0)] = 0.01
     """Largest Kullback-Leibler divergence between the true and the sampled distribution."""
     kld_z: Annotated[float, Field(ge=0.0, le=10.0)] = 0.99
-    """Upper standard normal quantile of the probability that the error stays below kld_err. The
-    original takes 0.99 for the quantile itself, not for the probability."""
+    """Upper standard normal quantile of the probability that the error stays below kld_err. In the
+    original 0.99 is the quantile itself, not the probability."""
     update_min_d: NotNegative = 0.2
     """[m] The filter updates when odometry moved more than this along x or along y."""
     update_min_a: NotNegative = math.pi / 6.0
@@ -53,9 +51,9 @@ class AmclParameters(Section):
         Literal[False],
         refuse((True,), "selective resampling is not built in: write false"),
     ] = False
-    """Resample whether or not enough particles are effective."""
+    """Always resample, even if enough particles are effective."""
     transform_tolerance: Annotated[float, Field(ge=0.0, le=10.0)] = 0.1
-    """[s] How far ahead of the scan the transform map->odom is stamped."""
+    """[s] Stamp of the transform map->odom, ahead of the scan."""
     recovery_alpha_slow: _Share = 0.001
     """Rate of the slow average of weights; 0 for both rates: no random particles."""
     recovery_alpha_fast: _Share = 0.1
@@ -67,9 +65,9 @@ class AmclParameters(Section):
     initial_cov_aa: NotNegative = (math.pi / 12.0) ** 2
     """[rad^2] Variance of the start heading."""
     laser_min_range: _Range = -1.0
-    """[m] Shorter returns are ignored; not positive: what the scanner says."""
+    """[m] Shorter returns are ignored; not positive: the scanner's own limit."""
     laser_max_range: _Range = -1.0
-    """[m] Returns from here on are ignored; not positive: what the scanner says."""
+    """[m] Returns from here on are ignored; not positive: the scanner's own limit."""
     laser_max_beams: Annotated[int, Field(ge=2, le=100_000)] = 30
     """Beams used of each scan, evenly spread."""
     laser_model_type: Annotated[
@@ -79,18 +77,18 @@ class AmclParameters(Section):
             "this sensor model is not built in: write likelihood_field",
         ),
     ] = "likelihood_field"
-    """How a scan weighs a particle."""
+    """Model of the weight of a particle by a scan."""
     laser_z_hit: NotNegative = 0.95
-    """Share of returns from what the map shows."""
+    """Share of returns from obstacles in the map."""
     laser_z_rand: NotNegative = 0.05
     """Share of returns from anywhere."""
     laser_sigma_hit: Positive = 0.2
-    """[m] Standard deviation of a return from what the map shows."""
+    """[m] Standard deviation of a return from an obstacle in the map."""
     laser_likelihood_max_dist: _Reach = 2.0
     """[m] Distances to obstacles are capped here."""
     odom_model_type: Literal["diff", "omni", "diff-corrected", "omni-corrected"] = "diff"
-    """How odometry spreads the particles; the models that are not corrected take variances for
-    standard deviations (ros-planning/navigation #20)."""
+    """Model of the spread of the particles by odometry. The models without -corrected use variances
+    as standard deviations (ros-planning/navigation #20)."""
     odom_alpha1: NotNegative = 0.2
     """Variance of rotation per squared rotation."""
     odom_alpha2: NotNegative = 0.2
@@ -102,9 +100,9 @@ class AmclParameters(Section):
     odom_alpha5: NotNegative = 0.2
     """Variance of strafing per squared translation (omni only)."""
     global_frame_id: str = "map"
-    """What costmaps call the frame of the map."""
+    """Name of the map's frame in costmaps."""
     odom_frame_id: str = "odom"
-    """What costmaps call the frame of odometry."""
+    """Name of the odometry frame in costmaps."""
 
     without_effect: ClassVar[Mapping[str, str]] = {
         "base_frame_id": _FRAME,
@@ -137,7 +135,7 @@ class AmclParameters(Section):
     }
 
     def rules(self) -> Iterator[Objection]:
-        """Yield a word against more particles at least than at most."""
+        """Yield an objection if min_particles exceeds max_particles."""
         if self.min_particles > self.max_particles:
             yield Objection(
                 ("min_particles", "max_particles"),
@@ -150,7 +148,7 @@ _USUAL_NAMES: Final = {"global_frame_id": "map", "odom_frame_id": "odom"}
 
 
 def usual_frames(entries: Mapping[str, Any]) -> dict[str, str]:
-    """Return the names of frames in ``entries`` that change nothing, each with the reason."""
+    """Return the frame names in ``entries`` that have no effect, each with the reason."""
     return {
         name: f"costmaps call this frame {usual} anyway"
         for name, usual in _USUAL_NAMES.items()

@@ -1,14 +1,14 @@
-"""Distance of each cell of the map from an obstacle, as AMCL's likelihood models take it.
+"""Distance of each cell of the map from an obstacle, for AMCL's likelihood field.
 
 The original spreads distances outwards from all occupied cells at once, cell by cell (amcl
-``map_update_cspace``): a cell keeps the first source that reaches it, also when another one is
-nearer. Which one comes first depends on the order of equal distances in its queue, a binary heap
-(``std::priority_queue`` of libstdc++), so that heap is kept here move by move. On the published
-maps of building C 52 and 53 % of the distances up to 1.9 m are longer than the exact ones, by 25
-and 32 cm at most, by 1.7 and 1.9 cm on average. Without the quirk ``amcl_brushfire_distances`` they
-are exact.
+``map_update_cspace``). A cell keeps the first source that reaches it, even if another one is
+nearer. The first one depends on the order of equal distances in a binary heap
+(``std::priority_queue`` of libstdc++), so this module repeats that heap move by move. On the
+published maps of building C 52 and 53 % of the distances up to 1.9 m are longer than the exact
+ones. The differences are at most 25 and 32 cm, on average 1.7 and 1.9 cm. Without the quirk
+``amcl_brushfire_distances`` distances are exact.
 
-A field is made once per map; a process keeps those of the few maps used last.
+A field is made once per map; a process keeps those of the last few maps.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from grammars.model.geometry import Floats
 from grammars.model.grid import OCCUPIED, OccupancyGrid
 
 _KEPT_FIELDS = 2
-"""Fields kept per process: those of the maps a campaign runs on, one after the other."""
+"""Fields kept per process, as a campaign runs on one map after the other."""
 
 SquaredCells: TypeAlias = npt.NDArray[np.uint16] | Integers
 _MOST_SHORT = int(np.iinfo(np.uint16).max)
@@ -41,10 +41,10 @@ _CELL_MASK = (1 << _CELL_BITS) - 1
 class DistanceField:
     """Squared distances in cells, shape (rows + 2, columns + 2), read-only.
 
-    They are uint16 unless ``far`` is too large for it, then int32: of the published building they
-    take 5.9 MB instead of 11.8. The map is framed by a ring of ``far``, the value of whatever lies
-    farther than ``radius`` cells from any obstacle, so that points off the map need no special
-    case. ``resolution`` is the side [m] of a cell as distances are reckoned with it.
+    The type is uint16, or int32 if ``far`` is too large: 5.9 MB instead of 11.8 for the published
+    building. ``far`` is the value of cells farther than ``radius`` cells from any obstacle. A ring
+    of ``far`` frames the map, so that points off the map need no special case. ``resolution`` is
+    the side [m] of a cell in distances.
     """
 
     squared: SquaredCells
@@ -53,11 +53,11 @@ class DistanceField:
 
     @property
     def far(self) -> int:
-        """The value of cells farther than ``radius`` from any obstacle."""
+        """Value of cells farther than ``radius`` from any obstacle."""
         return self.radius * self.radius + 1
 
     def distances(self, cap: float) -> Floats:
-        """Return the distance [m] each value of the field stands for, ``cap`` for ``far``."""
+        """Return the distance [m] for each value of the field, ``cap`` for ``far``."""
         result = np.sqrt(np.arange(self.far + 1)) * self.resolution
         result[self.far] = cap
         return result
@@ -65,7 +65,7 @@ class DistanceField:
 
 @dataclass(frozen=True, slots=True)
 class _MapKey:
-    """Equal for equal maps, whoever read them."""
+    """Key of a map, equal for maps with equal cells."""
 
     digest: bytes
     shape: tuple[int, ...]
@@ -78,7 +78,7 @@ class _MapKey:
 def distance_field(grid: OccupancyGrid, cap: float, *, brushfire: bool) -> DistanceField:
     """Return the distances of a map, capped at ``cap`` [m]; equal maps share them.
 
-    ``brushfire`` spreads them as the original does, otherwise they are exact.
+    With ``brushfire`` they spread as in the original, otherwise they are exact.
     """
     cells = np.ascontiguousarray(grid.cells)
     if brushfire:
@@ -87,7 +87,7 @@ def distance_field(grid: OccupancyGrid, cap: float, *, brushfire: bool) -> Dista
         resolution = float(np.float32(grid.resolution))
         radius = int(cap / resolution)
     else:
-        # A whole number of cells must not be lost to rounding.
+        # Rounding must not lose a whole cell.
         resolution = grid.resolution
         radius = int(cap / resolution + 1e-6)
     digest = blake2b(cells.data).digest()
@@ -105,22 +105,22 @@ def _distance_field(key: _MapKey) -> DistanceField:
         near = distances <= key.radius
         rounded = (distances[near] ** 2 + np.float32(0.5)).astype(np.int32)
         squared[1:-1, 1:-1][near] = rounded
-    # By the radius and not by what occurs: the type decides which machine code is needed.
+    # The type decides which machine code is needed, so it follows from the radius alone.
     short = key.radius * key.radius + 1 <= _MOST_SHORT
-    kept: SquaredCells = squared.astype(np.uint16) if short else squared
-    kept.setflags(write=False)
-    return DistanceField(kept, key.radius, key.resolution)
+    result: SquaredCells = squared.astype(np.uint16) if short else squared
+    result.setflags(write=False)
+    return DistanceField(result, key.radius, key.resolution)
 
 
 def _framed(occupied: npt.NDArray[np.uint8], radius: int) -> Integers:
-    """Return a framed map of cells farther than ``radius`` cells from any obstacle."""
+    """Return a framed map that is ``far`` everywhere."""
     rows, columns = occupied.shape
     return np.full((rows + 2, columns + 2), radius * radius + 1, dtype=np.int32)
 
 
 @kernel
 def _rise(heap: npt.NDArray[np.int64], place: int, entry: int) -> None:
-    """Put ``entry`` at ``place`` or above, below all that are not farther (``__push_heap``)."""
+    """Let ``entry`` rise from ``place`` past all entries that are farther (``__push_heap``)."""
     distance = entry >> _CELL_BITS
     while place > 0:
         parent = (place - 1) >> 1
@@ -134,10 +134,10 @@ def _rise(heap: npt.NDArray[np.int64], place: int, entry: int) -> None:
 
 @kernel
 def _drop_first(heap: npt.NDArray[np.int64], size: int) -> None:
-    """Take the first of ``size`` entries off (``__adjust_heap``).
+    """Remove the first of ``size`` entries (``__adjust_heap``).
 
-    The gap goes down to the bottom by the nearer of two children, of equal ones the second; there
-    the last entry is put and rises.
+    The gap moves down to the bottom by the nearer of two children, by the second of equal ones.
+    The last entry fills it and rises.
     """
     last = size - 1
     entry = heap[last]
@@ -158,15 +158,15 @@ def _drop_first(heap: npt.NDArray[np.int64], size: int) -> None:
 def spread_distances(occupied: npt.NDArray[np.uint8], radius: int) -> Integers:
     """Return framed squared distances [cells^2] from the source that reaches each cell first.
 
-    ``occupied`` (rows, columns) is non-zero at sources; the frame and cells that none reaches
-    within ``radius`` [cells] have ``radius^2 + 1``.
+    ``occupied`` (rows, columns) is non-zero at sources. The frame, and cells without a source
+    within ``radius`` [cells], have ``radius^2 + 1``.
     """
     framed = _framed(occupied, radius)
     far, width = radius * radius + 1, framed.shape[1]
     framed[1:-1, 1:-1] = np.where(occupied, 0, _UNREACHED)
-    # Column by column, as the original takes them. All at distance 0, they stay in that order.
+    # Column by column, as in the original. All have distance 0, so they keep this order.
     columns, rows = np.nonzero(occupied.T)
-    # An entry is the squared distance, in the upper half, and the cell: no cell enters twice.
+    # An entry is the squared distance, in the upper half, and the cell. A cell enters only once.
     heap = np.empty(occupied.size, dtype=np.int64)
     heap[: rows.size] = (rows + 1) * width + columns + 1
     squared, from_source = framed.reshape(-1), np.zeros((2, framed.size), dtype=np.int32)
@@ -184,9 +184,9 @@ def _spread(
     width: int,
     far: int,
 ) -> None:
-    """Spread the distances of the first ``size`` cells of ``heap`` over cells that have none.
+    """Spread the distances of the first ``size`` cells of ``heap`` over unreached cells.
 
-    ``from_source`` (2, n) takes where a cell lies from its source, by column and by row.
+    ``from_source`` (2, n) receives the offset of a cell from its source: columns and rows.
     """
     while size > 0:
         cell = heap[0] & _CELL_MASK
@@ -208,7 +208,7 @@ def _spread(
                 from_source[0, neighbour], from_source[1, neighbour] = u, v
                 _rise(heap, size, (away2 << _CELL_BITS) | neighbour)
                 size += 1
-        # What goes is what is first by now: a neighbour nearer than the cell just done goes in its
-        # stead without passing its source on, and the cell is done once more.
+        # This removes the entry that is first by now. If a neighbour is nearer than the current
+        # cell, it goes instead without passing its source on, and the cell is processed again.
         _drop_first(heap, size)
         size -= 1

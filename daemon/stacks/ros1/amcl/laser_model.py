@@ -3,10 +3,9 @@
 Probabilistic Robotics, section 6.4, except that beams are combined as ``1 + sum pz^3`` instead of
 multiplied.
 
-The likelihood field stands on how far each cell of the map is from an obstacle
+The likelihood field uses the distance of each cell of the map from an obstacle
 (``distance_field.py``). Distances run between cell centres and are capped at
-``laser_likelihood_max_dist``. They are kept squared, as whole numbers, so that the sensor model is
-a table over them.
+``laser_likelihood_max_dist``. They are squared integers, so the sensor model is a table over them.
 """
 
 from __future__ import annotations
@@ -28,12 +27,12 @@ from grammars.model.robot import Laser
 
 
 class Sensor(NamedTuple):
-    """A laser on a map, as the kernel takes it.
+    """A laser on a map, for the kernel.
 
     ``beams`` (2, k) are cosine and sine of the rays ``indices`` in the base frame, ``mount_x`` and
-    ``mount_y`` [m] where the laser is in it. A return between ``least`` and ``most`` [m] counts.
-    ``squared`` is the framed field of the map whose corner is ``x``, ``y`` [m]. Look-ups there are
-    shifted by ``shift`` [cells]; ``table`` has what a beam adds by the value.
+    ``mount_y`` [m] the position of the laser there. A return between ``least`` and ``most`` [m]
+    counts. ``squared`` is the framed field of the map with corner ``x``, ``y`` [m]. Look-ups there
+    are shifted by ``shift`` [cells]; ``table`` maps a value to the beam's contribution.
     """
 
     indices: Integers
@@ -51,7 +50,7 @@ class Sensor(NamedTuple):
 
 
 class LaserModel:
-    """Weighs particles by scans of one laser on one map."""
+    """Model of the weights of particles by scans of one laser on one map."""
 
     def __init__(
         self, parameters: AmclParameters, quirks: Quirks, grid: OccupancyGrid, laser: Laser
@@ -65,7 +64,7 @@ class LaserModel:
                                float(np.float32(laser.range_max)))  # fmt: skip
         indices, shift = beam_indices(p, laser.rays), 0.5 if quirks.amcl_half_cell_shift else 0.0
         bearings = (laser.angle_min + indices * laser.angle_increment).tolist()
-        # Not by numpy: its cosine differs from that of C in the last bits.
+        # numpy's cosine differs from that of C in the last bits.
         angles = [laser.mount.yaw + bearing for bearing in bearings]
         beams = np.array([[math.cos(a) for a in angles], [math.sin(a) for a in angles]])
         self._sensor = Sensor(
@@ -86,7 +85,7 @@ class LaserModel:
 
 
 def _likelihoods(parameters: AmclParameters, field: DistanceField, range_max: float) -> Floats:
-    """Return what a beam adds to the sum of a particle, by the value of the field it hits."""
+    """Return a beam's contribution to the sum of a particle, by the value of the field."""
     p = parameters
     distances = field.distances(p.laser_likelihood_max_dist)
     hit = p.laser_z_hit * np.exp(-(distances**2) / (2.0 * p.laser_sigma_hit**2))
@@ -95,7 +94,7 @@ def _likelihoods(parameters: AmclParameters, field: DistanceField, range_max: fl
 
 
 def beam_indices(parameters: AmclParameters, rays: int) -> Integers:
-    """Return which rays of a scan are used: every so-manyth, from the first on.
+    """Return the indices of the rays in use, at equal steps from the first on.
 
     150 rays and 30 beams give 0, 5, .. 145. The number of beams may exceed
     ``laser_max_beams`` when the rays do not divide well, as in the original.
@@ -105,7 +104,7 @@ def beam_indices(parameters: AmclParameters, rays: int) -> Integers:
 
 
 def _range_limits(parameters: AmclParameters, least: float, most: float) -> tuple[float, float]:
-    """Return between which ranges a return counts [m]: the parameters only narrow the scanner."""
+    """Return the least and the largest range of returns [m]: the scanner's or narrower ones."""
     if parameters.laser_min_range > 0.0:
         least = max(least, parameters.laser_min_range)
     if parameters.laser_max_range > 0.0:
@@ -125,9 +124,9 @@ def weigh_particles(
 ) -> float:
     """Multiply weights by 1 plus the sum over beams of ``table``; return the sum of the products.
 
-    ``corner`` (2, n), ``cells`` and ``sums`` (n,) are scratch. Beams run outside, particles inside:
-    each sum stays in the order of the beams. The loop that finds the cells is free of look-ups and
-    dependencies, so that it runs on several particles at once.
+    ``corner`` (2, n), ``cells`` and ``sums`` (n,) are scratch. The outer loop is over beams, the
+    inner ones over particles, so each sum has the order of the beams. The loop for the cells has
+    no look-ups and no dependencies, so it runs on several particles at once.
     """
     poses, directions, weights = cloud.poses, cloud.directions, cloud.weights
     beams, table = sensor.beams, sensor.table
@@ -142,7 +141,7 @@ def weigh_particles(
         sums[i] = 1.0
     for k in range(beams.shape[1]):
         r = float(ranges[sensor.indices[k]])
-        # A return at the least range or below counts as none, as one at the largest or beyond does.
+        # A return at one of the limits does not count.
         if not sensor.least < r < sensor.most:
             continue
         px = (sensor.mount_x + r * beams[0, k]) * inverse

@@ -15,7 +15,7 @@ from daemon.stacks.ros1.amcl.resampling import Particles
 from grammars.model.geometry import Floats, Pose2, wrap_angle
 
 _TURN_ON_THE_SPOT = 0.01
-"""[m] With less translation its direction means nothing (diff)."""
+"""Least translation with a meaningful direction [m] (diff)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +57,7 @@ def diff_turns(motion: OdometryMotion) -> tuple[float, float]:
 def diff_spread(parameters: AmclParameters, motion: OdometryMotion) -> tuple[float, float, float]:
     """Return the standard deviations of first turn, translation and second turn [rad, m, rad].
 
-    Driving backwards is no turn by pi: forwards and backwards spread alike.
+    Driving backwards is no turn by pi: forwards and backwards have the same spread.
     """
     p, trans = parameters, motion.translation**2
     first, second = (
@@ -90,8 +90,8 @@ def move_particles(
 ) -> None:
     """Move the first ``count`` particles of ``cloud`` by ``motion``, each with its noise.
 
-    ``normals`` (3 count,) are standard normal deviates. ``full_turns`` says whether driving
-    backwards may add full turns to headings, as in the original (diff).
+    ``normals`` (3 count,) are standard normal deviates. With ``full_turns`` driving backwards may
+    add full turns to headings, as in the original (diff).
     """
     if parameters.odom_model_type.startswith("omni"):
         omni = motion.translation, motion.bearing, motion.turn
@@ -102,8 +102,8 @@ def move_particles(
         _move_diff(cloud, count, normals, diff, diff_spread(parameters, motion), full_turns)
 
 
-# Beside grammars.model.geometry.wrap_angle, which is exact: this one rounds, as machine code for it
-# has no remainder, and changes the last bits of most angles. Traces depend on which one is used.
+# Unlike grammars.model.geometry.wrap_angle, this one rounds, because machine code has no exact
+# remainder. It changes the last bits of most angles, so traces depend on the choice.
 @kernel
 def wrap_angle_modulo(angle: float) -> float:
     """Map an angle [rad] to [-pi, pi)."""
@@ -147,8 +147,8 @@ def _move_diff(
 ) -> None:
     """Turn by ``first - N``, drive ``translation - N``, turn by ``second - N``.
 
-    The turns are wrapped; their sum is not with ``full_turns``: after driving backwards, which is
-    two half turns, some headings are then a full turn from others and fall into other bins.
+    The turns are wrapped. With ``full_turns`` their sum is not: after driving backwards, which is
+    two half turns, some headings are a full turn from others and fall into other bins.
     """
     poses, directions = cloud.poses, cloud.directions
     first, translation, second = motion

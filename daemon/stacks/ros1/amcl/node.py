@@ -1,4 +1,4 @@
-"""Updates of the filter, and what it publishes of them (amcl ``AmclNode::laserReceived``)."""
+"""Updates of the filter and its publications (amcl ``AmclNode::laserReceived``)."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ class AmclPose:
 
 
 class Amcl:
-    """Adaptive Monte Carlo localisation as the ROS package ``amcl`` of Noetic does it.
+    """The node ``amcl`` of ROS Noetic.
 
     ``start`` is the initial pose. The same ``seed`` gives the same particles to the last bit.
 
-    Each of several ``lasers`` has a sensor model of its own, as each frame of scans has in the
-    original, and weighs the particles once for each time the robot has moved far enough: with its
-    next scan, for which they are moved on by whatever way came since the scan before.
+    Each of several ``lasers`` has its own sensor model, as each frame of scans has in the original.
+    Whenever the robot has moved far enough, the next scan of each laser weighs the particles once.
+    Before that, the particles move by the way since the previous scan.
     """
 
     def __init__(
@@ -67,29 +67,27 @@ class Amcl:
 
     @property
     def map_to_odom(self) -> Pose2:
-        """The pose of odom in map, as of the latest publication; identity before the first scan.
+        """Pose of odom in map of the latest publication; identity before the first scan.
 
-        The original broadcasts it at every scan, ``transform_tolerance`` ahead of its stamp, from
-        the first scan on.
+        The original broadcasts it at every scan, ``transform_tolerance`` ahead of its stamp.
         """
         return self._map_to_odom
 
     @property
     def particles(self) -> Floats:
-        """The particles, shape (n, 3): x, y, yaw; a view that the next scan changes."""
+        """Particles, shape (n, 3): x, y, yaw; a view that the next scan changes."""
         return self._filter.poses
 
     @property
     def weights(self) -> Floats:
-        """Their weights, shape (n,); a view that the next scan changes."""
+        """Weights of the particles, shape (n,); a view that the next scan changes."""
         return self._filter.weights
 
     def scan(self, time: float, ranges: Singles, odom: Pose2, laser: str = "") -> AmclPose | None:
-        """Take a scan of ``laser`` taken at ``odom``, the pose of base_link in odom at its stamp.
+        """Take a scan of ``laser``; ``odom`` is the pose of base_link in odom at its stamp.
 
-        Returns what is published: at the first scan the start distribution, later only when
-        the particles are resampled. Raises ``ValueError`` when ``ranges`` has not as many rays
-        as the laser.
+        Returns the publication, if any: at the first scan the start distribution, later only when
+        the particles are resampled. Raises ``ValueError`` for a wrong number of rays.
         """
         rays = self._rays[laser]
         if ranges.shape != (rays,):
@@ -98,14 +96,14 @@ class Amcl:
             )
         first = self._odom is None
         if self._odom is not None:
-            # Motion is seen with the scan of any laser, and then due for all of them.
+            # Motion seen with a scan of one laser makes an update due for all lasers.
             if self._has_moved(self._odom, odom):
                 self._due = dict.fromkeys(self._due, True)
             if not self._due[laser]:
                 return None
             self._filter.move(motion_between(self._odom, odom))
-        # Weighed where they have been moved to, drawn anew every resample_interval updates only:
-        # in between nothing is published (``laserReceived``).
+        # Every update weighs the particles. Only every resample_interval-th one resamples and
+        # publishes (``laserReceived``).
         self._odom = odom
         self._due[laser] = False
         self._filter.weigh(self._sensors[laser], ranges)

@@ -1,6 +1,6 @@
-"""The particle filter: particles, their weights, and their summary (amcl ``pf``).
+"""Particle filter: particles, their weights, and their summary (amcl ``pf``).
 
-That is the mean of the heaviest cluster, and the spread of all particles.
+The summary is the mean of the heaviest cluster and the spread of all particles.
 """
 
 from __future__ import annotations
@@ -45,9 +45,9 @@ def summarise(
 ) -> None:
     """Write estimate (3), mean of all (3) and covariance of all: xx, xy, yy, yaw (4).
 
-    The estimate is the weighted mean of the cluster with the largest weight (of the first one
-    when several have it), headings averaged on the circle; ``-2 ln R`` is the variance of
-    headings with mean resultant length R. ``sums`` (clusters, 5) is scratch.
+    The estimate is the weighted mean of the first cluster with the largest weight; headings are
+    averaged on the circle. ``-2 ln R`` is the variance of headings with mean resultant length R.
+    ``sums`` (clusters, 5) is scratch.
     """
     poses, directions, weights = cloud.poses, cloud.directions, cloud.weights
     for k in range(clusters):
@@ -123,16 +123,16 @@ class ParticleFilter:
 
     @property
     def poses(self) -> Floats:
-        """The particles, shape (n, 3): a view that the next update changes."""
+        """Particles, shape (n, 3): a view that the next update changes."""
         return self._cloud.poses[:, : self._count].T
 
     @property
     def weights(self) -> Floats:
-        """Their weights, shape (n,), sum 1: a view that the next update changes."""
+        """Weights of the particles, shape (n,), sum 1: a view that the next update changes."""
         return self._cloud.weights[: self._count]
 
     def move(self, motion: OdometryMotion) -> None:
-        """Move every particle by what odometry says, with noise."""
+        """Move every particle by the odometry, with noise."""
         count = self._count
         normals = self._random.standard_normal(out=self._numbers[: 3 * count])
         move_particles(
@@ -142,17 +142,17 @@ class ParticleFilter:
     def weigh(self, sensor: LaserModel, ranges: Singles) -> None:
         """Multiply weights by the likelihood of a scan and normalise them."""
         p = self._parameters
-        # Above 0, since the likelihood of a scan is 1 or more.
+        # The total is above 0, because the likelihood of a scan is at least 1.
         total = sensor.weigh(ranges, self._cloud, self._count)
         weights = self.weights
         weights /= total
         average = total / self._count
-        # 0 stands for "never set": the first average is taken as it is.
+        # 0 stands for "unset": the first average is used unchanged.
         self._slow += (p.recovery_alpha_slow if self._slow else 1.0) * (average - self._slow)
         self._fast += (p.recovery_alpha_fast if self._fast else 1.0) * (average - self._fast)
 
     def resample(self) -> None:
-        """Draw a new set of equally weighted particles, as many as KLD asks for."""
+        """Draw a new set of equally weighted particles; KLD sampling decides how many."""
         bins, most = self._bins, self._parameters.max_particles
         injection = max(0.0, 1.0 - self._fast / self._slow) if self._slow else 0.0
         free = self._free_cells if injection else self._no_cells
@@ -165,7 +165,7 @@ class ParticleFilter:
         )  # fmt: skip
         self._cloud, self._other = self._other, self._cloud
         self.weights[:] = 1.0 / self._count
-        # Injected once, judged anew: otherwise particles would be scattered at every scan.
+        # Restart the averages after an injection, or every scan would scatter particles.
         if injection:
             self._slow = self._fast = 0.0
         self._summarise()
@@ -184,7 +184,7 @@ class ParticleFilter:
         self._summarise()
 
     def _summarise(self) -> None:
-        """Keep what the particles say as they were drawn, before they move or are weighed."""
+        """Summarise the particles as drawn, before they move or are weighed."""
         clusters = label_clusters(self._bins, self._labels, self._stack)
         summarise(
             self._cloud, self._count, self._bins, self._labels, clusters, self._sums, self._result
@@ -200,6 +200,6 @@ class ParticleFilter:
 
     @cached_property
     def _free_cells(self) -> FreeCells:
-        """The map's free cells, wanted only when particles are injected."""
+        """Free cells of the map, needed only to inject particles."""
         free = np.flatnonzero(self._grid.cells == FREE).astype(np.int32)
         return self._no_cells._replace(cells=free)

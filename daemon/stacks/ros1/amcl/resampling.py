@@ -1,12 +1,12 @@
-"""KLD resampling: as many particles as the spread of the posterior asks for.
+"""KLD resampling: the spread of the posterior decides the number of particles.
 
 Fox, "Adapting the sample size in particle filters through KLD-sampling", IJRR 22(12), 2003, as
-in amcl ``pf_update_resample``: draws are independent, one at a time, and the bins they occupy
-are counted on the fly.
+in amcl ``pf_update_resample``: draws are independent, one at a time, and the occupied bins are
+counted on the fly.
 
 Resampling and clustering share a histogram of poses: bins of 0.5 m, 0.5 m, 10 deg. The original
-keeps them in a k-d tree (amcl ``pf_kdtree``); a hash table with open addressing holds the same
-bins. Headings are not wrapped, as there: particles a full turn apart never share a bin.
+keeps them in a k-d tree (amcl ``pf_kdtree``), this module in a hash table with open addressing. As
+in the original, headings are not wrapped: particles a full turn apart never share a bin.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ _BIN_ANGLE = 10.0 * math.pi / 180.0
 
 
 class Particles(NamedTuple):
-    """Particles as columns, of which the first so many count.
+    """Particles as columns; a count passed along says how many are in use.
 
-    ``poses`` (3, n), cosine and sine of their headings in ``directions`` (2, n), ``weights`` (n,).
+    ``poses`` (3, n), cosine and sine of the headings in ``directions`` (2, n), ``weights`` (n,).
     """
 
     poses: Floats
@@ -52,10 +52,10 @@ class FreeCells(NamedTuple):
 
 
 class Bins(NamedTuple):
-    """A histogram of poses: ``keys[k]`` (3,) is where bin k lies, ``of[i]`` particle i's bin.
+    """A histogram of poses: ``keys[k]`` (3,) is the position of bin k, ``of[i]`` particle i's bin.
 
-    ``slots`` is a hash table of bin numbers, -1 where empty; ``places[k]`` is where in it bin k
-    stands. ``used`` (1,) is how many bins there are.
+    ``slots`` is a hash table of bin numbers, -1 where empty; ``places[k]`` is the slot of bin k.
+    ``used`` (1,) is the number of bins.
     """
 
     slots: Integers
@@ -85,7 +85,7 @@ def clear_bins(bins: Bins) -> None:
 
 @kernel
 def find_slot(bins: Bins, a: int, b: int, c: int) -> int:
-    """Return where in ``slots`` a bin stands, or the empty place where it would."""
+    """Return the slot of a bin, or the empty slot for it."""
     slots, keys = bins.slots, bins.keys
     mask = slots.shape[0] - 1
     # Primes of Teschner et al. 2003 for hashing cells of space.
@@ -123,9 +123,9 @@ def fill_bins(bins: Bins, poses: Floats, count: int) -> None:
 
 @kernel
 def label_clusters(bins: Bins, labels: Integers, stack: Integers) -> int:
-    """Write the cluster of each bin: connected components over 26 neighbours; return how many.
+    """Write the cluster of each bin and return the number of clusters.
 
-    Clusters are numbered in the order of their first bins.
+    A cluster is a connected component over 26 neighbours, numbered by its first bin.
     """
     keys, used = bins.keys, bins.used[0]
     for k in range(used):
@@ -154,10 +154,10 @@ def label_clusters(bins: Bins, labels: Integers, stack: Integers) -> int:
 
 
 def particle_limits(parameters: AmclParameters) -> Integers:
-    """Return how many particles k occupied bins ask for, for k = 0 .. max_particles.
+    """Return the number of particles for k occupied bins, k = 0 .. max_particles.
 
     ``(k - 1) / (2 err) (1 - b + sqrt(b) z)^3`` with ``b = 2 / (9 (k - 1))`` (Fox, equation 14),
-    within the parameters' bounds; for a single bin the most there may be.
+    within the parameters' bounds; for a single bin ``max_particles``.
     """
     p = parameters
     k = np.arange(2, p.max_particles + 1, dtype=np.float64)
@@ -181,18 +181,17 @@ def resample(
     cumulative: Floats,
     guide: Integers,
 ) -> int:
-    """Draw particles with replacement into ``new`` and into the empty bins; return how many.
+    """Draw particles with replacement into ``new`` and into the empty bins; return their number.
 
-    With probability ``injection`` a particle is drawn uniformly from the ``free`` cells instead, at
-    their lower-left corners, with any heading. ``draws`` (max,) or, with injection, (3 max,)
-    uniform in [0, 1): which particle or cell, heading, whether to inject. ``cumulative`` (max + 1,)
-    and ``guide`` (max,) are scratch. Weights are not written.
+    With probability ``injection`` a particle comes from the ``free`` cells instead, uniformly, at
+    their lower-left corners, with any heading. ``draws`` are uniform in [0, 1), shape (max,) or,
+    with injection, (3 max,): particle or cell, heading, whether to inject. ``cumulative``
+    (max + 1,) and ``guide`` (max,) are scratch. Weights are not written.
 
-    The search through the cumulative weights starts where a table of equal strips of [0, 1)
-    says (Chen and Asau 1974) and finds what a search from the start would.
+    A table of equal strips of [0, 1) gives the start of the search through the cumulative weights
+    (Chen and Asau 1974). The result is that of a search from the beginning.
     """
-    # One loop, though long: how many particles are drawn depends on the bins that those drawn
-    # before have filled.
+    # One loop, because the number of draws depends on the bins filled so far.
     most = limits.shape[0] - 1
     cumulative[0] = 0.0
     for i in range(count):
@@ -203,16 +202,16 @@ def resample(
             i += 1
         guide[strip] = i
     poses, directions = new.poses, new.directions
-    for drawn in range(most):
-        r = draws[drawn]
-        if injection > 0.0 and draws[2 * most + drawn] < injection:
+    for number in range(most):
+        r = draws[number]
+        if injection > 0.0 and draws[2 * most + number] < injection:
             cell = free.cells[int(r * free.cells.shape[0])]
-            poses[0, drawn] = free.x + cell % free.columns * free.resolution
-            poses[1, drawn] = free.y + cell // free.columns * free.resolution
-            yaw = draws[most + drawn] * 2.0 * math.pi - math.pi
-            poses[2, drawn] = yaw
-            directions[0, drawn] = math.cos(yaw)
-            directions[1, drawn] = math.sin(yaw)
+            poses[0, number] = free.x + cell % free.columns * free.resolution
+            poses[1, number] = free.y + cell // free.columns * free.resolution
+            yaw = draws[most + number] * 2.0 * math.pi - math.pi
+            poses[2, number] = yaw
+            directions[0, number] = math.cos(yaw)
+            directions[1, number] = math.sin(yaw)
         else:
             i = guide[min(int(r * count), count - 1)]
             while i > 0 and cumulative[i] > r:
@@ -220,11 +219,11 @@ def resample(
             while i < count - 1 and cumulative[i + 1] <= r:
                 i += 1
             for axis in range(3):
-                poses[axis, drawn] = cloud.poses[axis, i]
-            directions[0, drawn] = cloud.directions[0, i]
-            directions[1, drawn] = cloud.directions[1, i]
-        insert_pose(bins, drawn, poses)
-        # As there: one particle more than the limit asks for.
-        if drawn >= limits[bins.used[0]]:
-            return int(drawn + 1)
+                poses[axis, number] = cloud.poses[axis, i]
+            directions[0, number] = cloud.directions[0, i]
+            directions[1, number] = cloud.directions[1, i]
+        insert_pose(bins, number, poses)
+        # As in the original, one particle more than the limit.
+        if number >= limits[bins.used[0]]:
+            return int(number + 1)
     return int(most)

@@ -1,4 +1,4 @@
-"""Parts that the controllers share: answer, period, and the turn at the goal."""
+"""Shared parts of the controllers: answer, period, and the turn at the goal."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ NO_POINTS: Final[Floats] = np.empty((0, 2))
 class ControllerAnswer:
     """Result of one control cycle.
 
-    ``twist`` is zero unless ``ok``. ``local_plan`` has shape (points, 2): x, y in odom of the
-    trajectory it belongs to, without points when the robot stops or turns at the goal.
+    ``twist`` is zero unless ``ok``. ``local_plan`` (points, 2) is its trajectory in odom, empty if
+    the robot stops or turns at the goal.
     """
 
     ok: bool
@@ -30,7 +30,7 @@ NO_VELOCITY: Final = ControllerAnswer(False, Twist2(), NO_POINTS)
 
 
 def sim_period(frequency: float | None, default: float) -> float:
-    """Return the period [s] of the dynamic window; 0.05 when the ``frequency`` makes no sense."""
+    """Return the period [s] of the dynamic window; 0.05 if ``frequency`` is not positive."""
     if frequency is None:
         return float(default)
     return 1.0 / frequency if frequency > 0.0 else 0.05
@@ -56,7 +56,7 @@ def turn_towards(
     """Return a turn on the spot by ``error`` [rad] (``rotateToGoal``).
 
     ``wz`` is the present turning speed, ``limits`` the slowest and the fastest [rad/s]. The robot
-    can stop in time, unless the speed is ``raised`` to the slowest again after that.
+    can stop in time, unless ``raised`` lifts the speed to the slowest again.
     """
     (slowest, fastest), change = limits, acceleration * period
     speed = min(fastest, max(slowest, abs(error)))

@@ -13,7 +13,7 @@ from daemon.stacks.ros1.cost_grid import CostGrid
 from grammars.model.geometry import Floats, Pose2
 
 _PRUNED_BEYOND: Final = 1.0
-"""[m] What ``prunePlan`` forgets lies further away than this."""
+"""Least distance of poses that ``prunePlan`` removes [m]."""
 
 
 @kernel
@@ -26,13 +26,13 @@ def transform_plan_window(
     reach: float,
     out: Floats,
 ) -> tuple[int, int, int]:
-    """Write the poses of ``plan`` near the robot to ``out``; return which is first, how many.
+    """Write the poses of ``plan`` near the robot to ``out``; return the first index and the count.
 
-    Leaves out the poses before the first one within ``reach`` [m] and stops behind the first one
-    beyond it (base_local_planner ``transformGlobalPlan``). ``plan`` has rows x, y, yaw in the map
-    frame, ``transform`` (x, y, cos, sin) is the map in odom, ``robot`` (x, y) where the robot is in
-    the map and ``base`` in odom; ``out`` gets x, y in odom. The third number is how many of them
-    come before the first one near ``base`` (``prunePlan``).
+    Skip the poses before the first one within ``reach`` [m] and stop behind the first one beyond
+    it (base_local_planner ``transformGlobalPlan``). ``plan`` has rows x, y, yaw in the map frame,
+    ``out`` x, y in odom. ``transform`` (x, y, cos, sin) is the map in odom. ``robot`` (x, y) is the
+    robot in the map, ``base`` in odom. The third result is the number of poses in ``out`` before
+    the first one near ``base`` (``prunePlan``).
     """
     limit = reach * reach
     first = start
@@ -57,7 +57,7 @@ def transform_plan_window(
 
 
 class FollowedPlan:
-    """The global plan a controller follows, and the part of it near the robot."""
+    """Global plan of a controller, and the part of it near the robot."""
 
     def __init__(self) -> None:
         self._poses: Floats = np.empty((0, 3))
@@ -65,7 +65,7 @@ class FollowedPlan:
         self._start = 0
         self._end = 0
         self._goal: Pose2 | None = None
-        # The pose of odom in map that what follows is about: it changes with what AMCL publishes.
+        # The pose of odom in map behind the next two values; AMCL changes it.
         self._map_to_odom: Pose2 | None = None
         self._odom_to_map = Pose2()
         self._transform = (0.0, 0.0, 1.0, 0.0)
@@ -80,12 +80,12 @@ class FollowedPlan:
 
     @property
     def forgotten(self) -> int:
-        """How many poses pruning has taken off the beginning of the plan."""
+        """Number of poses that pruning has removed from the beginning of the plan."""
         return self._start
 
     @property
     def is_over(self) -> bool:
-        """Whether nothing is left to follow."""
+        """True if the plan has no remaining poses."""
         return self._start >= len(self._poses)
 
     def goal(self, map_to_odom: Pose2) -> Pose2:
@@ -101,7 +101,7 @@ class FollowedPlan:
         return self._in_odom(self._end)
 
     def _look_from(self, map_to_odom: Pose2) -> None:
-        """Invert a transform, once."""
+        """Set the transform and invert it once."""
         if map_to_odom is self._map_to_odom:
             return
         self._map_to_odom, self._goal = map_to_odom, None
@@ -115,8 +115,8 @@ class FollowedPlan:
     def window(self, pose: Pose2, map_to_odom: Pose2, local: CostGrid, *, prune: bool) -> Floats:
         """Return the poses of the plan near ``pose``, shape (poses, 2): x, y in odom.
 
-        Near is within half the longer side of ``local``; the next call overwrites them. With
-        ``prune`` what lies behind is forgotten for good.
+        Near is within half the longer side of ``local``. The next call overwrites the result. With
+        ``prune`` the poses behind the robot are removed for good.
         """
         if self.is_over:
             return NO_POINTS
@@ -130,6 +130,6 @@ class FollowedPlan:
         self._end = first + n
         if not prune:
             return self._room[:n]
-        # As many poses of the plan as the window has before it comes near, whichever is first.
+        # Remove as many poses from the start of the plan as the window has before it comes near.
         self._start += behind
         return self._room[behind:n]

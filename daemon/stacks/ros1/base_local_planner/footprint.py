@@ -1,4 +1,4 @@
-"""The footprint cost: what a footprint lies on (base_local_planner ``CostmapModel``)."""
+"""Cost of the cells under a footprint (base_local_planner ``CostmapModel``)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from grammars.model.geometry import Floats
 
 @kernel
 def line_cost(cells: Cells, start: tuple[int, int], end: tuple[int, int], spans: Integers) -> int:
-    """Return the highest cost on the line between two cells, -1 on lethal or unknown ones.
+    """Return the highest cost on the line between two cells, -1 if one is lethal or unknown.
 
     A cell is row and column. Bresenham as in base_local_planner ``LineIterator``. ``spans``
     (rows, 2) collects the first and last column per row, unless it has no rows.
@@ -47,14 +47,14 @@ def line_cost(cells: Cells, start: tuple[int, int], end: tuple[int, int], spans:
 def footprint_cost(
     cells: Cells, frame: Floats, outline: Floats, scale: float, pose: Floats, spans: Integers
 ) -> int:
-    """Return the highest cost under the outline and the centre, -1 when that is no place to be.
+    """Return the highest cost under the outline and the centre, -1 for an impossible pose.
 
-    ``pose`` is x, y, yaw, cos(yaw), sin(yaw). Lethal and unknown cells under the outline reject,
-    and so does any corner off the grid; inscribed cells do not (``CostmapModel``). Fewer than
-    three corners are a circle whose centre must stay off inscribed cells. ``spans`` (rows, 2) is
-    room for looking at the cells between the lines as well; without rows they do not count.
+    ``pose`` is x, y, yaw, cos(yaw), sin(yaw). A pose is impossible with a lethal or unknown cell
+    under the outline or a corner off the grid; inscribed cells do not matter (``CostmapModel``).
+    Fewer than three corners are a circle whose centre must stay off inscribed cells. ``spans``
+    (rows, 2) is scratch for the cells between the lines; without rows they do not count.
     """
-    # Outline and inside in one kernel, called for every pose of every trajectory that is scored.
+    # Outline and inside in one kernel, called for every pose of every scored trajectory.
     rows, columns = cells.shape
     at = place_of(pose[0], pose[1], frame, rows, columns)
     if at[0] < 0:
@@ -66,7 +66,7 @@ def footprint_cost(
     if scale == math.inf:
         return -1
     spans[:, 0], spans[:, 1] = columns, -1
-    first = before = at
+    first = previous = at
     for k in range(corners + 1):
         at = first
         if k < corners:
@@ -78,11 +78,11 @@ def footprint_cost(
         if k == 0:
             first = at
         else:
-            cost = line_cost(cells, before, at, spans)
+            cost = line_cost(cells, previous, at, spans)
             if cost < 0:
                 return -1
             worst = max(worst, cost)
-        before = at
+        previous = at
     for row in range(spans.shape[0]):
         for column in range(spans[row, 0], spans[row, 1] + 1):
             cost = int(cells[row, column])

@@ -1,10 +1,10 @@
 """Distances from the plan on the grid (base_local_planner ``MapGrid``).
 
 Distances are breadth first, all cells of a row at once. Every step costs the same, so the
-original's queue finds a cell in the round that is its distance. Here a round is a few operations
-per 64 cells, one bit per cell, and the number of the round is kept as bits as well: only the few
-cells that trajectories end in are ever read. The number is in Gray code, of which one digit changes
-from round to round: cells count as long as they are not reached.
+original's queue finds a cell in the round that equals its distance. Here a round is a few
+operations per 64 cells, one bit per cell. The number of the round is stored as bits as well,
+because only the few cells at the ends of trajectories are ever read. It is in Gray code, where one
+digit changes per round: every unreached cell flips that digit.
 
 A set of cells has shape (words + 2, rows + 2): 64 columns per word, with an empty rim. Distances
 are a stack of sets: reached; reached and fit to stand in; then the digits of the distance.
@@ -39,7 +39,7 @@ def empty_set(shape: tuple[int, ...]) -> Bits:
 
 
 def unrestricted_distances(shape: tuple[int, ...]) -> Bits:
-    """Return distances for a grid of ``shape`` that reject nothing, whatever they are."""
+    """Return arbitrary distances for a grid of ``shape`` that reject no cell."""
     cells = empty_set(shape)
     digits = int(shape[0] * shape[1]).bit_length()
     out = np.zeros((DIGITS + digits, *cells.shape), dtype=np.uint64)
@@ -55,7 +55,7 @@ def add_cell(cells: Bits, row: int, column: int) -> None:
 
 @kernel
 def contains_cell(cells: Bits, row: int, column: int) -> bool:
-    """Whether a set contains a cell."""
+    """Tell whether a set contains a cell."""
     return bool(((cells[(column >> 6) + 1, row + 1] >> np.uint64(column & 63)) & _ONE) != _NONE)
 
 
@@ -63,7 +63,7 @@ def contains_cell(cells: Bits, row: int, column: int) -> bool:
 def passable_cells(cells: Cells, out: Bits) -> bool:
     """Write the set of cells that distances spread through: known and below inscribed.
 
-    Returns whether they differ from those that ``out`` held.
+    Returns whether ``out`` changed.
     """
     rows, columns = cells.shape
     different = _NONE
@@ -95,9 +95,9 @@ def write_box(low: int, high: int, first: int, end: int, out: Bits) -> None:
 def write_reach(
     x: float, y: float, reach: float, frame: Floats, shape: tuple[int, int], out: Bits
 ) -> None:
-    """Write the set of cells within ``reach`` [m] of a point to ``out``, and a few more."""
+    """Write a set to ``out`` with all cells within ``reach`` [m] of a point, and a few more."""
     rows, columns = shape
-    # Two more: the point is somewhere in its cell, and an end may be rounded into the next one.
+    # Two more: the point is anywhere in its cell, and rounding may put an end into the next one.
     cells = int(min(reach / frame[2], float(rows + columns))) + 2
     column, row = math.floor((x - frame[0]) / frame[2]), math.floor((y - frame[1]) / frame[2])
     low, high = max(column - cells, 0), min(column + cells + 1, columns)
@@ -112,15 +112,15 @@ def write_single_cell(row: int, column: int, out: Bits) -> None:
 
 
 @kernel
-def compute_distances(seeds: Bits, passable: Bits, wanted: Bits, out: Bits, front: Bits) -> int:
-    """Write the distances [steps] from the nearest seed to ``out``, until all ``wanted`` have one.
+def compute_distances(seeds: Bits, passable: Bits, targets: Bits, out: Bits, front: Bits) -> int:
+    """Write the distances [steps] from the nearest seed to ``out``, until all ``targets`` have one.
 
     A cell that is not passable is reached but spreads no further and is not fit to stand in,
-    unless it is a seed. ``front`` (2, ...) is room for two sets with empty rims. Returns how many
-    digits are used; what stands in the others means nothing.
+    unless it is a seed. ``front`` (2, ...) is scratch for two sets with empty rims. Returns the
+    number of digits in use; the others are undefined.
     """
     words, rows = seeds.shape
-    # Nothing happens in rows that no front has come near: only rows [low, high) are looked at.
+    # Only rows [low, high) near the front can change.
     low, high = rows - 1, 1
     for word in range(1, words - 1):
         for row in range(1, rows - 1):
@@ -130,9 +130,9 @@ def compute_distances(seeds: Bits, passable: Bits, wanted: Bits, out: Bits, fron
             if bits != _NONE:
                 low, high = min(low, row), max(high, row + 1)
     low = min(low, high)
-    # Words before this one have nothing left that is wanted.
+    # All targets in the words before this one are reached.
     waiting = 0
-    flat_wanted, flat_reached = wanted.reshape(-1), out[REACHED].reshape(-1)
+    flat_targets, flat_reached = targets.reshape(-1), out[REACHED].reshape(-1)
     old, new, level, used = 0, 1, 0, 0
     while True:
         level += 1
@@ -144,13 +144,13 @@ def compute_distances(seeds: Bits, passable: Bits, wanted: Bits, out: Bits, fron
         while not (level >> changed) & 1:
             changed += 1
         if changed == used:
-            # Cleared when it is first used: most digits never are.
+            # Clear a digit at its first use, because most digits are never used.
             for word in range(1, words - 1):
                 out[DIGITS + used, word, 1 : rows - 1] = _NONE
             used += 1
         fresh_any = _NONE
         for word in range(1, words - 1):
-            # Views from ``low`` on: indices from 0 are what several rows are done at once for.
+            # Views from ``low`` on: with indices from 0 several rows are processed at once.
             here, below, above = (
                 front[old, word, low:high],
                 front[old, word, low - 1 : high - 1],
@@ -168,11 +168,11 @@ def compute_distances(seeds: Bits, passable: Bits, wanted: Bits, out: Bits, fron
                 digit[k] ^= ~before
                 there[k] = fresh
                 fresh_any |= fresh
-        while waiting < flat_wanted.size:
-            if flat_wanted[waiting] & ~flat_reached[waiting] != _NONE:
+        while waiting < flat_targets.size:
+            if flat_targets[waiting] & ~flat_reached[waiting] != _NONE:
                 break
             waiting += 1
-        if fresh_any == _NONE or waiting == flat_wanted.size:
+        if fresh_any == _NONE or waiting == flat_targets.size:
             break
         old, new = new, old
     for word in range(1, words - 1):
@@ -183,18 +183,18 @@ def compute_distances(seeds: Bits, passable: Bits, wanted: Bits, out: Bits, fron
 
 
 @kernel
-def all_reached(distances: Bits, wanted: Bits) -> bool:
-    """Whether every cell of ``wanted`` has been reached."""
+def all_reached(distances: Bits, targets: Bits) -> bool:
+    """Tell whether all cells of ``targets`` are reached."""
     missing = _NONE
-    for word in range(1, wanted.shape[0] - 1):
-        for row in range(1, wanted.shape[1] - 1):
-            missing |= wanted[word, row] & ~distances[REACHED, word, row]
+    for word in range(1, targets.shape[0] - 1):
+        for row in range(1, targets.shape[1] - 1):
+            missing |= targets[word, row] & ~distances[REACHED, word, row]
     return bool(missing == _NONE)
 
 
 @kernel
 def _enter_row(row: int, level: int, out: Bits) -> None:
-    """Let the digits of a row that no front has come near before count up to ``level``."""
+    """Set the digits of a row that the front comes near for the first time to ``level``."""
     code, digit = level ^ (level >> 1), DIGITS
     while code >> (digit - DIGITS):
         if (code >> (digit - DIGITS)) & 1:
@@ -205,9 +205,9 @@ def _enter_row(row: int, level: int, out: Bits) -> None:
 
 @kernel
 def distance_at(distances: Bits, row: int, column: int, size: int, digits: int) -> int:
-    """Return the distance of a cell: ``size`` when not fit, one more when not reached.
+    """Return the distance of a cell: ``size`` if unfit, one more if unreached.
 
-    ``digits`` is how many of them are used, or more if the others have never been.
+    ``digits`` is the number in use, or more if the others were never used.
     """
     word, at, shift = (column >> 6) + 1, row + 1, np.uint64(column & 63)
     if (distances[FIT, word, at] >> shift) & _ONE == _NONE:
@@ -252,11 +252,11 @@ def _mark_cell(x: float, y: float, cells: Cells, frame: Floats, seeds: Bits) -> 
 
 @kernel
 def mark_plan_cells(plan: Floats, end: Floats, cells: Cells, frame: Floats, seeds: Bits) -> int:
-    """Mark the known cells a plan runs through and return the last one, -1 when there is none.
+    """Mark the known cells of a plan and return the last one, -1 if there is none.
 
-    The last point is replaced by ``end``; gaps above the resolution are filled
-    (``MapGrid::adjustPlanResolution``). Counts from the first point on a known cell until one is
-    not (``setTargetCells``, ``setLocalGoal``). ``seeds`` is set to the cells, one bit each.
+    ``end`` replaces the last point; gaps above the resolution are filled
+    (``MapGrid::adjustPlanResolution``). Cells count from the first known one until an unknown one
+    (``setTargetCells``, ``setLocalGoal``). ``seeds`` becomes the set of these cells.
     """
     seeds[:] = _NONE
     n, last = plan.shape[0], -1

@@ -1,6 +1,6 @@
-"""costmap_2d of ROS Noetic: layers of the map, of what lasers see and of inflation in one grid.
+"""costmap_2d of ROS Noetic: layers of the map, of laser scans and of inflation in one grid.
 
-The values people write and what lasers see; the costmap itself, with its kernels, is in
+This package exports parameters and scans. The costmap itself, with its kernels, is in
 :mod:`.costmap`, so that checking parameters loads no compiler.
 """
 

@@ -1,7 +1,7 @@
-"""Records that the kernels of a costmap share, and the kernels that every layer needs.
+"""Records of the kernels of a costmap, and kernels for every layer.
 
-Cells are flat, row by row. A cell whose value changes in a layer is put on a list once
-(:class:`Changes`), for the master grid to follow; the layers of a costmap share the list.
+Cells are flat, row by row. A cell that changes in a layer is listed once (:class:`Changes`), so
+that the master grid can follow. The layers of a costmap share the list.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from grammars.model.geometry import Floats
 Cells: TypeAlias = npt.NDArray[np.uint8]
 Numbers: TypeAlias = npt.NDArray[np.int64]
 
-# Flags are bytes and no plain numbers, for each of which numba would compile a kernel anew.
+# Flags are bytes: numba would compile a kernel again for each plain number.
 STALE = np.uint8(1)
 """Flag: the master's value may be out of date."""
 LOW = np.uint8(2)
 """Flag: the master's value may be too low."""
 WRITTEN = STALE | LOW
-"""Flags of a cell whose value in the master others wrote."""
+"""Flags of a cell that others wrote in the master."""
 LISTED = np.uint8(128)
 """Flag: on the list of this update."""
 QUEUED, OVERDUE = 0, 1
-"""Places in the counts: cells on the list, and cells that earlier updates flagged only."""
+"""Indices of the counts: cells on the list, and cells flagged by earlier updates only."""
 
 
 class Frame(NamedTuple):
-    """Size of a grid, with the lower left corner of its first cell at (``x``, ``y``) [m]."""
+    """Size and place of a grid; the lower left corner of its first cell is (``x``, ``y``) [m]."""
 
     rows: int
     columns: int
@@ -50,9 +50,9 @@ class Grid(NamedTuple):
 
 
 class Changes(NamedTuple):
-    """The list of changed cells, ``queue``, with the ``flags`` of every cell.
+    """List of changed cells, ``queue``, with the ``flags`` of every cell.
 
-    ``bounds`` (x0, y0, x1, y1) [m] hold all that was looked at in this cycle.
+    ``bounds`` (x0, y0, x1, y1) [m] enclose everything that this cycle looked at.
     """
 
     flags: Cells
@@ -63,7 +63,7 @@ class Changes(NamedTuple):
 
 @kernel
 def cell_value(cells: Cells, cell: int) -> int:
-    """Return a cell as a signed number: numba makes real numbers of mixed signs."""
+    """Return a cell as a signed integer: numba turns mixed signs into floating point."""
     return int(np.int64(cells[cell]))
 
 
@@ -81,7 +81,7 @@ def cell_at(frame: Frame, x: float, y: float) -> tuple[int, int]:
 
 @kernel
 def note_change(changes: Changes, cell: int) -> None:
-    """List a cell whose value in a layer has changed, unless it has a flag already."""
+    """List a cell that changed in a layer, unless it has a flag already."""
     flag = changes.flags[cell]
     changes.flags[cell] = flag | STALE
     if flag == 0:
@@ -92,7 +92,7 @@ def note_change(changes: Changes, cell: int) -> None:
 
 @kernel
 def list_cell(changes: Changes, cell: int, flag: np.uint8) -> None:
-    """Flag a cell and list it unless it is listed; it is no longer overdue."""
+    """Flag a cell and list it once; it is then no longer overdue."""
     old = changes.flags[cell]
     changes.flags[cell] = old | flag | LISTED
     if old & LISTED:
@@ -105,14 +105,14 @@ def list_cell(changes: Changes, cell: int, flag: np.uint8) -> None:
 
 @kernel
 def grow_bounds(bounds: Floats, x: float, y: float) -> None:
-    """Extend ``bounds`` [m] to hold a point."""
+    """Extend ``bounds`` [m] to include a point."""
     bounds[0], bounds[1] = min(bounds[0], x), min(bounds[1], y)
     bounds[2], bounds[3] = max(bounds[2], x), max(bounds[3], y)
 
 
 @kernel
 def grow_window(changed: Numbers, x: int, y: int) -> None:
-    """Extend the half-open window ``changed`` to hold a cell."""
+    """Extend the half-open window ``changed`` to include a cell."""
     changed[0], changed[1] = min(changed[0], x), min(changed[1], y)
     changed[2], changed[3] = max(changed[2], x + 1), max(changed[3], y + 1)
 

@@ -1,11 +1,11 @@
 """Costs of an obstacle by distance, and kernels that write them around lethal cells.
 
-Costs follow costmap_2d's ``inflation_layer``: by the Euclidean distance between cell centres from
-the nearest lethal cell. The original finds that cell by passing sources on to the four neighbours,
-which beside slanted walls yields the second nearest in places: on the published maps of building
-C in one inflated cell of 72 to 248, depending on the parameters, whose cost is then up to nine
-units lower. Here it is always the nearest; the original's order, which takes much longer to
-follow, is in ``_inflation_queue.py``.
+Costs follow costmap_2d's ``inflation_layer``: they depend on the Euclidean distance between cell
+centres to the nearest lethal cell. The original passes sources on to the four neighbours, which
+beside slanted walls sometimes yields the second nearest. On the published maps of building C that
+is one inflated cell of 72 to 248, depending on the parameters, and its cost is up to nine units
+lower. Here the nearest cell always counts. The slower order of the original is in
+``_inflation_queue.py``.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from daemon.stacks.ros1.costmap._grids import (
 from daemon.stacks.ros1.costmap.layers import InflationLayer
 
 MAX_RADIUS = 250
-"""Greatest inflation radius in cells: distances are kept in bytes."""
+"""Greatest inflation radius [cells], because distances are bytes."""
 
 
 class InflationTable(NamedTuple):
-    """``costs`` by squared distance [cells^2] out to ``radius`` [cells], which is inclusive.
+    """``costs`` by squared distance [cells^2] up to and including ``radius`` [cells].
 
-    ``widths`` is the half width of the disc in each row off its centre; costs from ``least`` on
-    are written over unknown cells.
+    ``widths`` is the half width of the disc in each row from its centre. Costs from ``least`` on
+    overwrite unknown cells.
     """
 
     radius: int
@@ -77,8 +77,8 @@ def _cost(distance: float, scaling: float, inscribed: float, resolution: float) 
     return int((INSCRIBED - 1) * math.exp(-scaling * (away - inscribed)))
 
 
-# Unknown is the largest value and no cost: over it go all costs with inflate_unknown, otherwise
-# those of the inscribed radius and nearer (costmap_2d ``InflationLayer::updateCosts``).
+# Unknown is the largest value and no cost. With inflate_unknown all costs overwrite it, otherwise
+# only those within the inscribed radius (costmap_2d ``InflationLayer::updateCosts``).
 @kernel
 def combine_costs(old: int, cost: int, least: int) -> int:
     """Return a cell's value after an obstacle's ``cost`` reached it."""
@@ -108,8 +108,8 @@ def stamp_costs(master: Grid, table: InflationTable, x: int, y: int, changed: Nu
 def inflate(master: Grid, table: InflationTable, window: Window, changed: Numbers) -> None:
     """Write costs in a window and around it, for the lethal cells that reach into it.
 
-    A lethal cell between four others is nobody's nearest and is passed over. ``changed`` grows to
-    what was written.
+    A lethal cell between four others is never the nearest and is skipped. ``changed`` grows by
+    the written cells.
     """
     cells, columns = master.cells, master.frame.columns
     x0, y0, x1, y1 = reach_of(window, table.radius, master.frame)

@@ -1,9 +1,9 @@
-"""Inflation in the order of costmap_2d's queue: a cell costs what the first obstacle makes of it.
+"""Inflation in the order of costmap_2d's queue: the first obstacle decides the cost of a cell.
 
-``InflationLayer::updateCosts`` passes obstacles on from cell to cell, to the four neighbours, cells
-by increasing distance and those of equal distance in the order in which they came to wait, the
-lethal cells row by row before all. A cell keeps the first obstacle that comes at its turn, which
-beside slanted walls is the second nearest in places.
+``InflationLayer::updateCosts`` passes obstacles on from a cell to its four neighbours. It begins
+with the lethal cells row by row and takes cells by increasing distance, cells of equal distance in
+the order of their arrival. A cell keeps the obstacle it has at its turn, which beside slanted walls
+is sometimes the second nearest.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from daemon.stacks.ros1.costmap._grids import (
 )
 from daemon.stacks.ros1.costmap._inflation import InflationTable, combine_costs
 
-# Of a cell is kept how many columns right of and rows above its obstacle it lies, in one number.
+# The offset of a cell from its obstacle, columns and rows, is stored in one number.
 _ZERO: Final = 512
 _COLUMN_BITS, _ROW_MASK = 16, 0xFFFF
 _UNREACHED: Final = -1
@@ -34,7 +34,7 @@ _AT_OBSTACLE: Final = (_ZERO << _COLUMN_BITS) | _ZERO
 
 @kernel
 def _offset(u: int, v: int) -> int:
-    """Return in one number that a cell is ``u`` columns and ``v`` rows from its obstacle."""
+    """Return the number for a cell ``u`` columns and ``v`` rows from its obstacle."""
     return ((u + _ZERO) << _COLUMN_BITS) | (v + _ZERO)
 
 
@@ -56,10 +56,10 @@ def _squared(offset: int) -> int:
 
 @kernel
 def _wait(bins: Integers, links: Integers, squared: int, cell: int) -> None:
-    """Let a cell that does not wait yet wait at the end of the bin of a squared distance.
+    """Append a cell to the bin of a squared distance.
 
     ``bins`` (2, n) holds the first and the last cell of each bin, ``links`` (2, cells) the next
-    and the one before of those that wait; -1 is none.
+    and the previous cell of each waiting cell, or -1.
     """
     last = bins[1, squared]
     links[0, cell], links[1, cell] = -1, last
@@ -72,16 +72,16 @@ def _wait(bins: Integers, links: Integers, squared: int, cell: int) -> None:
 
 @kernel
 def _leave(bins: Integers, links: Integers, squared: int, cell: int) -> None:
-    """Take a waiting cell out of its bin."""
-    following, before = links[0, cell], links[1, cell]
-    if before < 0:
+    """Remove a waiting cell from its bin."""
+    following, previous = links[0, cell], links[1, cell]
+    if previous < 0:
         bins[0, squared] = following
     else:
-        links[0, before] = following
+        links[0, previous] = following
     if following < 0:
-        bins[1, squared] = before
+        bins[1, squared] = previous
     else:
-        links[1, following] = before
+        links[1, following] = previous
 
 
 @kernel
@@ -93,7 +93,7 @@ def inflate_in_order(master: Grid, table: InflationTable, window: Window, change
     right, high = min(columns, x1 + radius), min(rows, y1 + radius)
     width = right - left + 2
     size = (high - low + 2) * width
-    # A frame of one cell around what the window reaches spares looking for its edges.
+    # A frame of one cell around the reach of the window saves checks for its edges.
     offsets = np.empty(size, dtype=np.int32)
     offsets[:] = _OFF_GRID
     links = np.empty((2, size), dtype=np.int32)
@@ -132,7 +132,7 @@ def inflate_in_order(master: Grid, table: InflationTable, window: Window, change
                     neighbour, u, v = cell + width, x, y + 1
                 away2 = u * u + v * v
                 other = offsets[neighbour]
-                # A bin that is done is never looked into again.
+                # A finished bin takes no more cells.
                 if away2 <= squared or away2 > farthest or other == _OFF_GRID:
                     continue
                 # In the original a cell may wait several times, and the nearest bin counts.

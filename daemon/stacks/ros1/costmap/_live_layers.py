@@ -1,7 +1,7 @@
-"""Layers of a living costmap, with the values that each keeps between two cycles.
+"""Layers of a running costmap, with their state between two cycles.
 
-In every cycle each layer, in its order, takes in what is new and extends the bounds of what is to
-be redone (``updateBounds``); merging and inflating are the costmap's (:mod:`.costmap`).
+In every cycle each layer, in its order, takes new data and extends the bounds of the cycle
+(``updateBounds``). The costmap itself merges and inflates (:mod:`.costmap`).
 """
 
 from __future__ import annotations
@@ -49,16 +49,16 @@ from grammars.model.geometry import Floats, Pose2
 from grammars.model.grid import OccupancyGrid
 
 _NOWHERE: Final = np.array((1e30, 1e30, -1e30, -1e30))
-"""Bounds of nothing [m] (costmap_2d uses the same numbers)."""
+"""Empty bounds [m] (costmap_2d uses the same numbers)."""
 _FAR: Final = float(np.finfo(np.float32).max)
 _EVERYWHERE: Final = (-_FAR, -_FAR, _FAR, _FAR)
-"""Bounds of a map that is to be redone as a whole [m] (costmap_2d uses the same numbers)."""
+"""Bounds of the whole map [m] (costmap_2d uses the same numbers)."""
 _NO_LASER: Final = LaserPose(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _NO_POINTS: Final = np.empty((0, 2), dtype=np.float32)
 
 
 class EndPoints:
-    """The scans of a cycle, with the end points of their rays in the costmap's frame."""
+    """Scans of a cycle, with the end points of their rays in the costmap's frame."""
 
     def __init__(self) -> None:
         self.scans: Sequence[SensedScan] = ()
@@ -71,18 +71,17 @@ class EndPoints:
         )
 
     def take(self, scans: Sequence[SensedScan]) -> None:
-        """Take the scans; raises ``ValueError`` for one with more or fewer ranges than angles."""
+        """Take the scans; raises ``ValueError`` if the numbers of ranges and angles differ."""
         self.scans, self._last = scans, None
         for scan in scans:
             if len(scan.ranges) != len(scan.angles):
-                raise ValueError(
-                    f"{len(scan.ranges)} ranges at {len(scan.angles)} angles are no scan"
-                )
+                message = f"a scan has {len(scan.ranges)} ranges at {len(scan.angles)} angles"
+                raise ValueError(message)
 
     def reaching(self, observation: ObservedScan) -> tuple[LaserPose, Singles]:
         """Return the laser and the end points (n, 2) [m] that reach the source.
 
-        They are overwritten when those of another scan are asked for.
+        A call for another scan overwrites them.
         """
         if self._last == (
             observation.scan,
@@ -97,7 +96,7 @@ class EndPoints:
         if observation.has_points:
             if len(self._room) < len(scan.ranges):
                 self._room = np.empty((len(scan.ranges), 2), dtype=np.float32)
-            # Machine code takes the ranges for what it was compiled for, whatever they are.
+            # Machine code does not check types, so ensure the one it was compiled for.
             ranges = np.ascontiguousarray(scan.ranges, dtype=np.float32)
             count = self._project(
                 laser, ranges, self._rays(scan), observation.source.inf_is_valid, self._room
@@ -115,7 +114,7 @@ class EndPoints:
 
 
 class Workspace:
-    """Values that the layers of one costmap share: the cycle's scans and the list of changes."""
+    """Shared state of the layers of one costmap: the cycle's scans and the list of changes."""
 
     def __init__(self, rows: int, columns: int) -> None:
         size = rows * columns
@@ -126,28 +125,25 @@ class Workspace:
             np.empty(4),
         )
         self.spans: Numbers = np.zeros((2, columns), dtype=np.int64)
-        """Room for the spans of a polygon."""
+        """Scratch for the spans of a polygon."""
         self.base = Pose2()
-        """Of the robot, in the costmap's frame."""
+        """Pose of the robot in the costmap's frame."""
         self.end_points = EndPoints()
 
     def begin(self, base: Pose2, scans: Sequence[SensedScan]) -> None:
-        """Begin a cycle; raises ``ValueError`` for scans that are none."""
+        """Begin a cycle; raises ``ValueError`` for malformed scans."""
         self.base = base
         self.changes.bounds[:] = _NOWHERE
         self.end_points.take(scans)
 
     def extend(self, x0: float, y0: float, x1: float, y1: float) -> None:
-        """Let the bounds hold a rectangle [m]."""
+        """Extend the bounds to include a rectangle [m]."""
         bounds = self.changes.bounds
         bounds[0], bounds[1] = min(bounds[0], x0), min(bounds[1], y0)
         bounds[2], bounds[3] = max(bounds[2], x1), max(bounds[3], y1)
 
     def window(self, frame: Frame) -> Window:
-        """Return the window of a grid's cells that the bounds touch.
-
-        Empty bounds (lower above upper) make an empty window.
-        """
+        """Return the window of a grid's cells that the bounds touch; empty for empty bounds."""
         x0, y0, x1, y1 = self.changes.bounds.tolist()
         return (
             _cell(x0, frame.x, frame.resolution, frame.columns),
@@ -166,7 +162,7 @@ def _cell(at: float, begin: float, resolution: float, cells: int) -> int:
 
 
 class _Resets:
-    """Resets of a layer, and the bounds of one for the next cycle (``addExtraBounds``)."""
+    """Resets of a layer, with the bounds for the next cycle (``addExtraBounds``)."""
 
     def __init__(self) -> None:
         self._bounds: tuple[float, float, float, float] | None = None
@@ -174,13 +170,13 @@ class _Resets:
     def clear(self, grid: Grid, base: Pose2, side: float, *, inside: bool) -> None:
         """Make cells outside (or ``inside``) a square of ``side`` [m] around ``base`` unknown.
 
-        Unknown in a layer lets those below show through; free would hide them. The rim of the
-        square counts as outside (``CostmapLayer::clearArea``).
+        An unknown cell lets the layers below show through; a free one would hide them. The rim of
+        the square counts as outside (``CostmapLayer::clearArea``).
         """
-        rows, columns, left, low, resolution = grid.frame
+        rows, columns, min_x, min_y, resolution = grid.frame
         x0, y0 = base.x - side / 2.0, base.y - side / 2.0
-        begin = int((x0 - left) / resolution), int((y0 - low) / resolution)
-        end = int((x0 + side - left) / resolution), int((y0 + side - low) / resolution)
+        begin = int((x0 - min_x) / resolution), int((y0 - min_y) / resolution)
+        end = int((x0 + side - min_x) / resolution), int((y0 + side - min_y) / resolution)
         square = (
             slice(max(0, begin[1] + 1), max(0, end[1])),
             slice(max(0, begin[0] + 1), max(0, end[0])),
@@ -192,11 +188,11 @@ class _Resets:
             inner = cells[square].copy()
             cells[:] = NO_INFORMATION
             cells[square] = inner
-        right, high = left + (columns - 0.5) * resolution, low + (rows - 0.5) * resolution
-        self._bounds = (left, low, right, high)
+        max_x, max_y = min_x + (columns - 0.5) * resolution, min_y + (rows - 0.5) * resolution
+        self._bounds = (min_x, min_y, max_x, max_y)
 
     def use(self, work: Workspace) -> bool:
-        """Extend the cycle's bounds by what was cleared; tell whether anything was."""
+        """Extend the cycle's bounds by the latest reset; return whether there was one."""
         if self._bounds is None:
             return False
         work.extend(*self._bounds)
@@ -205,9 +201,9 @@ class _Resets:
 
 
 class MapLayer:
-    """A static layer over the costs of the map, the ``grid``.
+    """A static layer; ``grid`` holds the costs of the map.
 
-    The costmap merges its ``row`` of cells, or without one shows the map under its moving window.
+    The costmap merges its ``row`` of cells. Without a row it shows the map under a moving window.
     """
 
     def __init__(self, layer: StaticLayer, world: OccupancyGrid, row: Cells | None) -> None:
@@ -221,30 +217,30 @@ class MapLayer:
         self._rolling, self._new, self._cleared = row is None, True, _Resets()
 
     def extend_bounds(self, work: Workspace) -> None:
-        """Ask for the whole map when it is new or cleared, under a moving window always.
+        """Request the whole map if it is new, cleared, or under a moving window.
 
-        The bounds are those of the map in its own frame, whatever the costmap's is.
+        The bounds are those of the map in its own frame, regardless of the costmap's frame.
         """
         if not self._cleared.use(work) and not self._new and not self._rolling:
             return
-        rows, columns, left, low, resolution = self.grid.frame
+        rows, columns, min_x, min_y, resolution = self.grid.frame
         work.extend(
-            left + 0.5 * resolution,
-            low + 0.5 * resolution,
-            left + (columns + 0.5) * resolution,
-            low + (rows + 0.5) * resolution,
+            min_x + 0.5 * resolution,
+            min_y + 0.5 * resolution,
+            min_x + (columns + 0.5) * resolution,
+            min_y + (rows + 0.5) * resolution,
         )
         self._new = False
 
     def clear(self, base: Pose2, side: float, *, inside: bool) -> None:
-        """Forget the map outside (or ``inside``) a square of ``side`` [m], for good."""
+        """Clear the map outside (or ``inside``) a square of ``side`` [m] for good."""
         self._cleared.clear(self.grid, base, side, inside=inside)
 
 
 class SensedLayer:
-    """An obstacle or a voxel layer on a ``grid`` whose cells are the costmap's row for it.
+    """An obstacle or a voxel layer; the cells of its ``grid`` are its row in the costmap.
 
-    ``default`` is its value of cells it never saw.
+    ``default`` is the value of unseen cells.
     """
 
     def __init__(
@@ -262,7 +258,7 @@ class SensedLayer:
         self.method = method if method in (OVERWRITE, MAXIMUM) else NOTHING
         self._footprint = np.ascontiguousarray(footprint, dtype=np.float64)
         self._frees_footprint = layer.footprint_clearing_enabled
-        self._heard, self._cleared = ObservationTable(layer, hears), _Resets()
+        self._observations, self._cleared = ObservationTable(layer, hears), _Resets()
         self._voxels: Voxels | None = None
         kernels: tuple[Callable[..., None], ...] = (clear_rays, mark)
         if isinstance(layer, VoxelLayer):
@@ -281,12 +277,12 @@ class SensedLayer:
         return self.grid, work.changes, self._voxels
 
     def extend_bounds(self, work: Workspace) -> None:
-        """Take in what was heard."""
+        """Clear and mark by the observations, then free the footprint."""
         self._cleared.use(work)
         target, points = self._target(work), work.end_points
-        observations = self._heard.observations(points.scans)
-        # All sources clear before any marks, as in ``updateBounds``: marked cells survive the rays
-        # of other sources.
+        observations = self._observations.observations(points.scans)
+        # All sources clear before one marks, as in ``updateBounds``, so that marked cells survive
+        # the rays of other sources.
         for observation in observations:
             if observation.source.clearing:
                 self._clear(
@@ -297,8 +293,8 @@ class SensedLayer:
                 self._mark(
                     *target, *points.reaching(observation), observation.source.obstacle_range
                 )
-        # The footprint last: where the robot stands is free, whatever was marked there. Its columns
-        # of voxels stay as they are.
+        # The footprint comes last: the robot's place is free in spite of marks. Its columns of
+        # voxels do not change.
         if self._frees_footprint:
             base = work.base
             self._free(
@@ -306,28 +302,28 @@ class SensedLayer:
             )
 
     def shift(self, frame: Frame, right: int, up: int) -> None:
-        """Move to ``frame``, which lies ``right`` and ``up`` [cells] of the last."""
+        """Move to ``frame``, which lies ``right`` and ``up`` [cells] from the last one."""
         shift_cells(self.grid.cells, frame, right, up, self.default)
         if self._voxels is not None:
             shift_cells(self._voxels.columns, frame, right, up, UNKNOWN_COLUMN)
         self.grid = Grid(self.grid.cells, frame)
 
     def clear(self, base: Pose2, side: float, *, inside: bool) -> None:
-        """Forget obstacles outside (or ``inside``) a square of ``side`` [m]; columns stay."""
+        """Clear obstacles outside (or ``inside``) a square of ``side`` [m]; columns stay."""
         self._cleared.clear(self.grid, base, side, inside=inside)
 
 
 class InflatingLayer:
-    """An inflation layer, with the bounds of the cycle before."""
+    """An inflation layer, with the bounds of the previous cycle."""
 
     def __init__(self, layer: InflationLayer, table: InflationTable) -> None:
         self.name, self.layer, self.table = layer.name, layer, table
         self._last: tuple[float, ...] | None = None
 
     def extend_bounds(self, work: Workspace) -> None:
-        """Ask for what inflation may change; for everything in the first cycle.
+        """Request everything in the first cycle, later the area that inflation may change.
 
-        That is ``radius`` [m] around the bounds of this cycle and of the last.
+        That area is ``radius`` [m] around the bounds of this cycle and of the previous one.
         """
         bounds, radius = work.changes.bounds, self.layer.inflation_radius
         last, self._last = self._last, bounds.tolist()
@@ -343,13 +339,13 @@ LiveLayer: TypeAlias = MapLayer | SensedLayer | InflatingLayer
 
 
 def shift_cells(cells: Cells | Columns, frame: Frame, right: int, up: int, default: int) -> None:
-    """Move ``cells`` as the window of their ``frame`` goes ``right`` and ``up`` [cells]."""
+    """Move ``cells`` for a window of ``frame`` that goes ``right`` and ``up`` [cells]."""
     rows, columns = frame[:2]
     if abs(up) >= rows or abs(right) >= columns:
         cells[:] = default
         return
-    # One move of memory in place, in less than half the time of copying a large grid to and fro;
-    # what it brings in from the rows beside lies in the columns that are new anyway.
+    # One move of memory in place takes less than half the time of copying a large grid to and fro.
+    # Values from neighbouring rows end up in the new columns only.
     away = up * columns + right
     if away > 0:
         cells[:-away] = cells[away:]

@@ -1,10 +1,9 @@
-"""Scans that the obstacle layers of a costmap have heard, as long as they count.
+"""Scans that count for the obstacle layers of a costmap.
 
 The rules are those of costmap_2d's ``ObservationBuffer``. A source with an
-``observation_persistence`` of 0 knows the scan received last, whichever of its lasers it is from;
-others know the scans whose stamps lie no more than that before the instant at which the last one
-was received. What counts is that instant and not the present: the scans of a laser that has fallen
-silent stay.
+``observation_persistence`` of 0 knows the scan received last, from any of its lasers. Other
+sources know the scans whose stamps are at most that much older than the reception of the last one.
+The present time does not matter: the scans of a silent laser stay.
 """
 
 from __future__ import annotations
@@ -22,19 +21,19 @@ if TYPE_CHECKING:  # kernels load the compiler
     from daemon.stacks.kernels import Singles
 
 Hears: TypeAlias = Callable[[str], Collection[str]]
-"""From a topic to the names of the lasers that are published on it."""
+"""Function from a topic to the names of the lasers that are published on it."""
 _NANOSECONDS: Final = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SensedScan:
-    """A scan as a costmap sees it.
+    """A scan for a costmap.
 
-    ``pose`` is the laser's in the costmap's global frame at the stamp of the scan, ``ranges``
-    (rays,) and ``angles`` (rays,) [m, rad] count from its x axis. Rays outside [``range_min``,
-    ``range_max``), infinite or nan, tell nothing. ``height`` is the laser's [m], ``laser`` its
-    name, which a robot's only one may not have. ``time`` is the stamp [s]; ``received`` is when
-    the scan reached the costmap [s], not given: at its stamp.
+    ``pose`` is the laser's in the costmap's global frame at the stamp of the scan. ``ranges``
+    (rays,) [m] and ``angles`` (rays,) [rad] count from its x axis. Rays outside [``range_min``,
+    ``range_max``), infinite or nan, do not count. ``height`` is the laser's [m], ``laser`` its
+    name, empty for a nameless one. ``time`` is the stamp [s], ``received`` the time at which the
+    scan reached the costmap [s], by default its stamp.
     """
 
     pose: Pose2
@@ -49,12 +48,12 @@ class SensedScan:
 
 
 class ObservedScan(NamedTuple):
-    """A scan, by its number, as one source of an obstacle layer knows it."""
+    """A scan, by its number, for one source of an obstacle layer."""
 
     scan: int
     source: ObservationSource
     has_points: bool
-    """Whether its returns reach the source."""
+    """Its returns reach the source."""
     marks: bool
 
 
@@ -67,20 +66,20 @@ class ObservationTable:
             for source in layer.sources
         )
         self._max_height = layer.max_obstacle_height
-        self._known: list[tuple[int, int, float]] = []
+        self._entries: list[tuple[int, int, float]] = []
         self._observations: list[ObservedScan] = []
 
     def observations(self, scans: Sequence[SensedScan]) -> list[ObservedScan]:
         """Return the observations among ``scans``, in the order of the original's buffers."""
-        known = [
+        entries = [
             (index, number, scans[number].height)
             for index, (source, lasers) in enumerate(self._sources)
             for number in kept_scans(source, lasers, scans)
         ]
-        # Mostly the same scans by number as in the cycle before: then nothing changes here.
-        if known != self._known:
-            self._known = known
-            self._observations = [self._observation(*item) for item in known]
+        # Usually the numbers are those of the previous cycle, so the observations stay.
+        if entries != self._entries:
+            self._entries = entries
+            self._observations = [self._observation(*item) for item in entries]
         return self._observations
 
     def _observation(self, index: int, number: int, height: float) -> ObservedScan:
@@ -92,11 +91,11 @@ class ObservationTable:
 def kept_scans(
     source: ObservationSource, lasers: Collection[str] | None, scans: Sequence[SensedScan]
 ) -> list[int]:
-    """Return which of ``scans``, oldest first, ``source`` still knows of: numbers, newest first.
+    """Return the numbers of the ``scans`` (oldest first) that ``source`` knows, newest first.
 
-    It hears ``lasers``, or all of them with ``None``.
+    It hears ``lasers``; ``None`` stands for all.
     """
-    kept: list[int] = []
+    numbers: list[int] = []
     latest = 0.0
     for number in range(len(scans) - 1, -1, -1):
         scan = scans[number]
@@ -104,24 +103,24 @@ def kept_scans(
             continue
         if source.observation_persistence == 0.0:
             return [number]
-        if not kept:
+        if not numbers:
             latest = scan.time if scan.received is None else scan.received
         # Durations are whole nanoseconds in ROS; stamps here are sums of binary fractions.
         age = round((latest - scan.time) * _NANOSECONDS)
         if age > round(source.observation_persistence * _NANOSECONDS):
             break
-        kept.append(number)
-    return kept
+        numbers.append(number)
+    return numbers
 
 
 def hears_height(source: ObservationSource, height: float) -> bool:
     """Tell whether the returns of a level laser at ``height`` [m] reach ``source``.
 
-    Points have single precision: 0.3 m is a little more, and above a limit of 0.3.
+    Points have single precision, in which 0.3 m exceeds a limit of 0.3.
     """
     return source.min_obstacle_height <= point_height(height) <= source.max_obstacle_height
 
 
 def point_height(height: float) -> float:
-    """Return the height [m] of the points of a level laser at ``height``: in single precision."""
+    """Return the height [m] of the points of a level laser at ``height``, in single precision."""
     return float(np.float32(height))

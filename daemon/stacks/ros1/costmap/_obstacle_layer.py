@@ -1,4 +1,4 @@
-"""The obstacle layer: rays clear, returns mark, the footprint is free.
+"""Obstacle layer: rays clear, returns mark, the footprint is free.
 
 Formulas are those of costmap_2d's ``obstacle_layer`` and of ``raytraceLine`` and
 ``convexFillCells`` in ``costmap_2d.h``.
@@ -43,14 +43,14 @@ class LaserPose(NamedTuple):
 def project(
     laser: LaserPose, ranges: Singles, directions: Floats, infinite: bool, points: Singles
 ) -> int:
-    """Write the end points of valid rays in the global frame, return how many.
+    """Write the end points of valid rays in the global frame, and return their number.
 
-    A ray is valid from ``nearest`` up to but not including ``farthest`` (laser_geometry); with
+    A ray is valid from ``nearest`` up to but not including ``farthest`` (laser_geometry). With
     ``infinite``, a ray without return counts as one just short of ``farthest``.
     """
-    # Clouds have single precision and are moved in it, by the matrix of a quaternion: 50 m from
-    # the map's origin that is 4 um, enough for another cell now and then (``doTransform`` of
-    # tf2_sensor_msgs).
+    # Clouds have single precision and are moved in it, by the matrix of a quaternion
+    # (``doTransform`` of tf2_sensor_msgs). 50 m from the map's origin that is 4 um, sometimes
+    # another cell.
     x0, y0 = np.float32(laser.x), np.float32(laser.y)
     turn, w = np.float32(math.sin(laser.yaw / 2.0)), np.float32(math.cos(laser.yaw / 2.0))
     twice = turn + turn
@@ -92,7 +92,7 @@ def _cut_ray(frame: Frame, ox: float, oy: float, wx: float, wy: float) -> tuple[
 def clear_rays(
     grid: Grid, changes: Changes, laser: LaserPose, points: Singles, reach: float
 ) -> None:
-    """Clear from the laser to every end point, cut off at the edge of the grid.
+    """Clear from the laser to every end point, at most to the edge of the grid.
 
     Each ray clears a Bresenham line of at most ``reach`` [m], both ends included.
     """
@@ -108,7 +108,7 @@ def clear_rays(
         x1, y1 = cell_at(frame, wx, wy)
         if x1 < 0:
             continue
-        # The line is no function of its own: to hand arrays on for every ray took longer.
+        # Inlined, because passing arrays to a function for every ray took longer.
         dx, dy = x1 - x0, y1 - y0
         across, up = abs(dx), abs(dy)
         step_x, step_y = (1 if dx > 0 else -1), (frame.columns if dy > 0 else -frame.columns)
@@ -154,10 +154,10 @@ def mark(grid: Grid, changes: Changes, laser: LaserPose, points: Singles, reach:
 
 @kernel
 def polygon_spans(corners: Floats, frame: Frame, spans: Numbers) -> tuple[int, int]:
-    """Return the half-open range of columns a convex polygon covers, empty off the grid.
+    """Return the half-open range of columns under a convex polygon.
 
-    ``spans`` (2, columns) get the lowest and the highest row in each of them. With a corner off
-    the grid nothing is covered (costmap_2d ``setConvexPolygonCost``).
+    ``spans`` (2, columns) receive the lowest and the highest row of each column. The range is
+    empty if a corner lies off the grid (costmap_2d ``setConvexPolygonCost``).
     """
     count = corners.shape[0]
     begin, end = frame.columns, 0

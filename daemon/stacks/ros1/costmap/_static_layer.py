@@ -1,4 +1,4 @@
-"""The static layer: the map, in a grid of its own cells or under a window that moves over it."""
+"""Static layer: the map as a grid of its own, or under a moving window."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from grammars.model.grid import UNKNOWN as UNKNOWN_IN_MAP
 
 
 def map_grid(world: OccupancyGrid, *, track_unknown: bool) -> Grid:
-    """Return the costs of a map: lethal, free, and if tracked unknown."""
+    """Return the costs of a map: lethal, free, and with ``track_unknown`` unknown."""
     costs = np.zeros(world.cells.shape, dtype=np.uint8)
     costs[world.cells == OCCUPIED] = LETHAL
     if track_unknown:
@@ -27,8 +27,8 @@ def map_grid(world: OccupancyGrid, *, track_unknown: bool) -> Grid:
 def placed(frame_in_map: Pose2) -> Floats:
     """Return the transform (6,) to map for :func:`show_map`: two rows of x, y, offset.
 
-    The rotation is worked out from a quaternion, as tf2 does, which rounds differently from sine
-    and cosine; none leaves coordinates as they are.
+    The rotation comes from a quaternion, as in tf2, which rounds differently from sine and cosine.
+    The identity leaves coordinates unchanged.
     """
     z, w = math.sin(frame_in_map.yaw / 2.0), math.cos(frame_in_map.yaw / 2.0)
     twice = z * (2.0 / (z * z + w * w))
@@ -40,8 +40,8 @@ def placed(frame_in_map: Pose2) -> Floats:
 def show_map(master: Grid, window: Window, world: Grid, to_map: Floats, maximum: bool) -> None:
     """Write the map ``world`` over the window of a master grid of another place, size or frame.
 
-    Each cell takes the value of the map cell its centre lies in; off the map it stays. With
-    ``maximum`` the greater of the two values counts, of which unknown is the greatest
+    Each cell takes the value of the map cell under its centre; off the map it stays. With
+    ``maximum`` the greater value counts, and unknown is the greatest
     (``StaticLayer::updateCosts`` in a rolling window).
     """
     frame = master.frame

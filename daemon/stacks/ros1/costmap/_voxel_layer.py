@@ -1,13 +1,13 @@
-"""The voxel layer: an obstacle layer that tells heights apart, over lasers that lie level.
+"""Voxel layer: an obstacle layer that distinguishes heights, for level lasers.
 
-A column of up to sixteen voxels stands on every cell. A return marks the voxel it lies in, a ray
-clears the voxels it passes through, and the cell is lethal, free or unknown by how many voxels of
-its column are marked and unknown. Formulas are those of costmap_2d's ``voxel_layer`` and of
-``voxel_grid``, whose rays differ from those of the obstacle layer: they end two cells before the
-return, are cut off at the middle of the last cell, and are counted along all three axes.
+A column of up to sixteen voxels stands on every cell. A return marks its voxel, a ray clears the
+voxels on its way. The numbers of marked and unknown voxels make the cell lethal, free or unknown.
+Formulas are those of costmap_2d's ``voxel_layer`` and of ``voxel_grid``. Its rays differ from those
+of the obstacle layer: they end two cells before the return and at the middle of the last cell, and
+they are counted along all three axes.
 
-A column is a number of 32 bits, as in the original: the upper half says which voxels are marked,
-the lower half which are marked or unknown.
+A column is a number of 32 bits, as in the original: bits of marked voxels in the upper half, bits
+of marked or unknown voxels in the lower half.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ Place: TypeAlias = tuple[float, float, float]
 """x, y and z, in metres or in cells and voxels."""
 _BITS = 16
 UNKNOWN_COLUMN = 0xFFFF
-"""A column nobody has looked at: all voxels unknown, also those above its top."""
+"""An unseen column: all voxels unknown, also those above its top."""
 
 
 class Heights(NamedTuple):
@@ -56,19 +56,19 @@ class Heights(NamedTuple):
 
 
 class Voxels(NamedTuple):
-    """The columns of a layer, one on each cell, and their heights."""
+    """Columns of a layer, one on each cell, and their heights."""
 
     columns: Columns
     heights: Heights
 
 
 def voxels_of(layer: VoxelLayer, cells: int) -> Voxels:
-    """Return columns nobody has looked at, one on each of so many ``cells``."""
+    """Return unseen columns for a number of ``cells``."""
     heights = Heights(
         layer.origin_z,
         layer.z_resolution,
         layer.z_voxels,
-        # The voxels above the top of a column stay unknown for ever, and are not to count.
+        # The voxels above the top of a column stay unknown for ever and must not count.
         layer.unknown_threshold + _BITS - layer.z_voxels,
         layer.mark_threshold,
         layer.max_obstacle_height,
@@ -87,7 +87,7 @@ def _count_bits(number: int) -> int:
 
 @kernel
 def _ratio(numerator: float, denominator: float) -> float:
-    """Divide as C++ does, where numba raises: by a zero that came of a difference."""
+    """Divide as C++ does, also by zero, where numba raises."""
     if denominator != 0.0:
         return numerator / denominator
     if numerator == 0.0 or numerator != numerator:
@@ -99,7 +99,7 @@ def _ratio(numerator: float, denominator: float) -> float:
 def _clear_line(
     grid: Grid, changes: Changes, voxels: Voxels, begin: Place, end: Place, most: int
 ) -> None:
-    """Clear from ``begin`` to ``end`` (x, y, z in cells), at most ``most`` cells of the way."""
+    """Clear from ``begin`` to ``end`` (x, y, z in cells), at most ``most`` cells."""
     layer, columns, width = grid.cells, voxels.columns, grid.frame.columns
     x, y, level = int(begin[0]), int(begin[1]), int(begin[2])
     dx, dy, dz = int(end[0]) - x, int(end[1]) - y, int(end[2]) - level
@@ -107,7 +107,7 @@ def _clear_line(
     step_x, step_y, step_z = (1 if dx > 0 else -1), (width if dy > 0 else -width), 1
     if dz <= 0:
         step_z = -1
-    # One of the three leads; each of the others moves on when its error is large enough.
+    # One of the three axes leads; the others advance when their error is large enough.
     if across >= max(along, up):
         lead, second, third = across, along, up
         cells_lead, cells_second, cells_third = step_x, step_y, 0
@@ -125,8 +125,7 @@ def _clear_line(
     scale = 1.0 if away == 0.0 else min(1.0, most / away)
     cell, second_error, third_error = y * width + x, lead // 2, lead // 2
     unknown, marked = voxels.heights.unknown, voxels.heights.marked
-    # The inside of this loop is no function of its own: arrays handed on for every voxel made it
-    # ten times as slow.
+    # Inlined, because passing arrays to a function for every voxel was ten times as slow.
     for _ in range(min(int(scale * lead), lead) + 1):
         before = int(np.int64(columns[cell]))
         column = before & ~(0x10001 << level)
@@ -156,7 +155,7 @@ def _clear_line(
 
 @kernel
 def _to_cells(frame: Frame, heights: Heights, x: float, y: float, z: float) -> tuple[bool, Place]:
-    """Return whether a point [m] is on the grid, and where it lies in cells and voxels."""
+    """Return whether a point [m] is on the grid, and its place in cells and voxels."""
     u, v = (x - frame.x) / frame.resolution, (y - frame.y) / frame.resolution
     w = (z - heights.bottom) / heights.step
     inside = x >= frame.x and y >= frame.y and z >= heights.bottom
@@ -165,8 +164,8 @@ def _to_cells(frame: Frame, heights: Heights, x: float, y: float, z: float) -> t
 
 @kernel
 def _cut(part: float, begin: float, end: float, low: float, cells: int, resolution: float) -> float:
-    """Return how much of ``part`` of the way from ``begin`` to ``end`` lies on the grid."""
-    # The middle of the last cell: what costmap_2d takes for the size of a grid.
+    """Return the part of the way from ``begin`` to ``end`` on the grid, at most ``part``."""
+    # costmap_2d takes the middle of the last cell for the size of a grid.
     high = low + (cells - 1 + 0.5) * resolution
     if end < low:
         part = min(part, _ratio(low - begin, end - begin))
@@ -179,7 +178,7 @@ def _cut(part: float, begin: float, end: float, low: float, cells: int, resoluti
 def _part_inside(
     frame: Frame, heights: Heights, laser: LaserPose, x: float, y: float, z: float
 ) -> float:
-    """Return how much of the way from the laser to a point [m] is in the grid to be raytraced."""
+    """Return the part of the way from the laser to a point [m] that lies in the grid."""
     part = 1.0
     if z > heights.ceiling:
         above = heights.ceiling - 0.01 - laser.height

@@ -1,4 +1,4 @@
-"""One costmap: its layers, the master grid and the update cycle of costmap_2d (Noetic)."""
+"""A costmap: its layers, the master grid and the update cycle of costmap_2d (Noetic)."""
 
 from __future__ import annotations
 
@@ -66,13 +66,13 @@ def grid_shape(parameters: LayeredCostmap) -> tuple[int, int]:
     return shape
 
 
-# Processes that fork from one that has begun a run share it: half of the time that it takes to make
-# the costmap of the published building.
+# Processes forked from one that has begun a run share the result. It takes half of the time for the
+# costmap of the published building.
 @lru_cache(maxsize=4)
 def _inflated_map(
     below: bytes, frame: Frame, layer: InflationLayer, inscribed: float, in_order: bool
 ) -> tuple[Cells, Cells]:
-    """Return the inflated cells over those ``below``, and their column gaps; not to be changed."""
+    """Return the inflated cells over those ``below``, and their column gaps, for reading only."""
     table = inflation_table(layer, inscribed, frame.resolution)
     master = Grid(np.frombuffer(below, dtype=np.uint8).copy(), frame)
     gaps = np.empty_like(master.cells)
@@ -85,23 +85,22 @@ def _inflated_map(
 
 @dataclass(frozen=True, slots=True)
 class _Merge:
-    """Layers to merge over the master, or ``anew`` over what it is without layers."""
+    """Layers to merge over the master, or ``anew`` over its default."""
 
     layers: Layers
     anew: bool
 
 
 class Costmap:
-    """A master grid that follows what the robot's lasers see.
+    """A master grid that follows the robot's lasers.
 
-    The cycle is costmap_2d's: each layer extends the bounds of what is to be redone, the cells
-    there are reset and the layers merged and inflated in their order; cells outside keep their
-    costs. A grid that stands still, with no layer above its inflation, does that by following
-    changes only, which leaves the same cells.
+    The cycle is costmap_2d's: each layer extends the bounds, the cells there are reset, and the
+    layers are merged and inflated in their order. Cells outside keep their costs. A fixed grid
+    without a layer above its inflation only follows changes, with the same result.
 
     Attributes:
-        grid: the master grid. Others may set cells of it free, as move_base and navfn do, if they
-            ``touch`` it.
+        grid: the master grid. Others may free cells, as move_base and navfn do, if they ``touch``
+            it.
     """
 
     def __init__(
@@ -114,25 +113,25 @@ class Costmap:
     ) -> None:
         """Prepare the layers; ``footprint`` (k, 2) [m] is padded already.
 
-        ``static`` is the map, needed by static layers: a grid that stands still gets its size from
-        it and lies where the map lies, whatever its frame. ``hears`` tells from a topic which
-        lasers are published on it; without it every source hears every laser. Raises ``ValueError``
-        for an inflation radius of more than 250 cells, and without the map that is asked for.
+        ``static`` is the map for static layers. A fixed grid takes its size and place from it,
+        regardless of its frame. ``hears`` gives the lasers on a topic; without it every source
+        hears every laser. Raises ``ValueError`` for an inflation radius of more than 250 cells,
+        and for a static layer without a map.
         """
         self._rolling, self._quirks = parameters.rolling_window, quirks
         shows_map = any(isinstance(layer, StaticLayer) for layer in parameters.layers)
         if shows_map and static is None:
-            raise ValueError("a static layer shows the map, but the costmap was given no map")
+            raise ValueError("a static layer shows the map, but the costmap has no map")
         if static is not None and shows_map and not self._rolling:
-            left, low, resolution = static.x, static.y, static.resolution
+            min_x, min_y, resolution = static.x, static.y, static.resolution
             rows, columns = static.cells.shape
         else:
-            left, low = parameters.origin_x, parameters.origin_y
+            min_x, min_y = parameters.origin_x, parameters.origin_y
             resolution = parameters.resolution
             rows, columns = grid_shape(parameters)
         default = NO_INFORMATION if parameters.track_unknown_space else FREE_SPACE
         cells = np.full(rows * columns, default, dtype=np.uint8)
-        frame = Frame(rows, columns, float(left), float(low), float(resolution))
+        frame = Frame(rows, columns, float(min_x), float(min_y), float(resolution))
         self._master = Grid(cells, frame)
         self._work, self._reset = Workspace(rows, columns), False
         self._changed: Numbers = np.empty(4, dtype=np.int64)
@@ -163,12 +162,12 @@ class Costmap:
         self._merged = Layers(own[: len(merged)], methods, default)
         self._steps = self._plan_steps()
         self._begin()
-        self.grid = CostGrid(resolution, left, low, cells.reshape(rows, columns))
+        self.grid = CostGrid(resolution, min_x, min_y, cells.reshape(rows, columns))
         self.grid.touch((0, 0, columns, rows))
         self.grid.disturbed = EMPTY_WINDOW
 
     def _plan_steps(self) -> list[_Merge | InflatingLayer | MapLayer]:
-        """Return what is done to a window, in order; neighbouring rows are merged in one go."""
+        """Return the steps for a window in order; one step merges neighbouring rows."""
         cells, methods, default = self._merged
         steps: list[_Merge | InflatingLayer | MapLayer] = []
         begin = end = 0
@@ -187,11 +186,11 @@ class Costmap:
         return steps
 
     def _begin(self) -> None:
-        """Make the master as it is before the first cycle, and compile the kernels of a cycle.
+        """Prepare the master for the first cycle, and compile the kernels of a cycle.
 
-        A grid that stands still begins inflated where nothing lies over the inflation. Changes
-        are followed where the nearest obstacle decides on each cost: where it is the first to be
-        passed on (``inflation_queue_order``), any obstacle of the window may have its part in it.
+        A fixed grid begins inflated if its inflation is the topmost layer. It follows changes only
+        if the nearest obstacle decides each cost. With ``inflation_queue_order`` any obstacle of
+        the window may matter.
         """
         in_order, master = self._quirks.inflation_queue_order, self._master
         window = (0, 0, master.frame.columns, master.frame.rows)
@@ -225,10 +224,9 @@ class Costmap:
     ) -> None:
         """Run one cycle (``updateMap``) with the robot at ``base`` in the costmap's frame.
 
-        ``scans`` are those received, the oldest first, as far back as any source remembers them;
-        the same as last time if none came since. ``frame_in_map`` is the pose of the costmap's
-        frame in map, which static layers of a rolling window need. Raises ``ValueError`` for a scan
-        with more or fewer ranges than angles.
+        ``scans`` are all scans that a source may remember, oldest first, also those of earlier
+        cycles. ``frame_in_map`` is the pose of the costmap's frame in map, for static layers of a
+        rolling window. Raises ``ValueError`` if a scan's numbers of ranges and angles differ.
         """
         work, changes = self._work, self._work.changes
         # The window rolls first: bounds are in the frame of the moved grid (``updateMap``).
@@ -257,7 +255,7 @@ class Costmap:
         self.grid.disturbed = EMPTY_WINDOW
 
     def _redo(self, window: Window, frame_in_map: Pose2) -> None:
-        """Do the window over, layer by layer."""
+        """Recompute the window, layer by layer."""
         if not self._layers or window[0] >= window[2] or window[1] >= window[3]:
             return
         self._changed[:] = window
@@ -270,7 +268,7 @@ class Costmap:
                 self._inflate(self._master, step.table, window, self._changed)
 
     def _follow_changes(self, master: Inflated, window: Window) -> None:
-        """Do what merging and inflating the window does, in the time that changes take."""
+        """Merge and inflate the changed cells only, with the result of a whole window."""
         changes = self._work.changes
         if self.grid.disturbed != EMPTY_WINDOW:
             list_disturbed(master, changes, self.grid.disturbed)
@@ -281,8 +279,8 @@ class Costmap:
     def clear_square(self, base: Pose2, half: float) -> None:
         """Set the master free in a square of ``half`` its side [m] around ``base``.
 
-        The layers keep their obstacles (move_base ``clearCostmapWindows``). Nothing happens when a
-        corner lies off the grid.
+        The layers keep their obstacles (move_base ``clearCostmapWindows``). A corner off the grid
+        prevents it.
         """
         first = self.grid.cell(base.x - half, base.y - half)
         last = self.grid.cell(base.x + half, base.y + half)
@@ -295,38 +293,36 @@ class Costmap:
     def clear_layers(
         self, base: Pose2, side: float, names: Collection[str] | None, *, inside: bool = False
     ) -> tuple[str, ...]:
-        """Forget what layers know outside (or ``inside``) a square of ``side`` [m] at ``base``.
+        """Clear layers outside (or ``inside``) a square of ``side`` [m] at ``base``.
 
-        Those called as ``names`` say, static ones as well, or without names all that lasers fill;
-        an inflation layer has nothing to forget. Returns the names of the layers cleared; the
-        master follows with the next update (clear_costmap_recovery).
+        ``names`` selects layers, also static ones; without it all layers of lasers are cleared.
+        Inflation layers have no content. Returns the names of the cleared layers. The master
+        follows with the next update (clear_costmap_recovery).
         """
         cleared = []
         for layer in self._layers:
             name = layer.name.rsplit("/", 1)[-1]
             if isinstance(layer, InflatingLayer) or (names is not None and name not in names):
                 continue
-            if isinstance(layer, SensedLayer):
-                layer.clear(base, side, inside=inside)
-            elif names is None:
+            if names is None and not isinstance(layer, SensedLayer):
                 continue
-            else:
-                layer.clear(base, side, inside=inside)
+            layer.clear(base, side, inside=inside)
             cleared.append(name)
             self._reset = True
         return tuple(cleared)
 
     def _shift(self, base: Pose2) -> None:
-        """Move the window by whole cells, keep what lies in both."""
-        rows, columns, left, low, resolution = self._master.frame
-        # Half of what costmap_2d takes for the size: the centre of the last cell.
+        """Move the window by whole cells and keep the cells in both."""
+        rows, columns, min_x, min_y, resolution = self._master.frame
+        # costmap_2d takes the centre of the last cell for the size.
         x = base.x - (columns - 0.5) * resolution / 2.0
         y = base.y - (rows - 0.5) * resolution / 2.0
         whole = int if self._quirks.truncated_window_shift else round
-        right, up = whole((x - left) / resolution), whole((y - low) / resolution)
+        right, up = whole((x - min_x) / resolution), whole((y - min_y) / resolution)
         if right == 0 and up == 0:
             return
-        frame = self._master.frame._replace(x=left + right * resolution, y=low + up * resolution)
+        x, y = min_x + right * resolution, min_y + up * resolution
+        frame = self._master.frame._replace(x=x, y=y)
         shift_cells(self._master.cells, frame, right, up, self._merged.default)
         self._master = Grid(self._master.cells, frame)
         for layer in self._layers:

@@ -1,11 +1,12 @@
-"""Layers of a costmap in the order of ``plugins``, and what they listen to.
+"""Parameters of a costmap, its layers and their sources.
 
-Each class holds a namespace as people write it, with the names and defaults of Noetic. Sources:
-``costmap_2d_ros.cpp``, ``plugins/*.cpp`` and the dynamic reconfigure descriptions of costmap_2d.
-:mod:`daemon.stacks.ros1.costmap.reading` puts in what costmap_2d takes from other namespaces.
+Each class is a namespace with the names and defaults of Noetic. Sources: ``costmap_2d_ros.cpp``,
+``plugins/*.cpp`` and the dynamic reconfigure descriptions of costmap_2d.
+:mod:`daemon.stacks.ros1.costmap.reading` adds the values that costmap_2d takes from other
+namespaces.
 
-Schemas and reading leave out fields that no file says, such as ``name`` (``SkipJsonSchema``).
-Defaults that depend on other namespaces are factories, so that editors do not show them.
+Fields with ``SkipJsonSchema``, such as ``name``, do not come from a file. Defaults that depend on
+other namespaces are factories, so that editors do not show them.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ _CONFIG = ConfigDict(extra="forbid")
 _Height: TypeAlias = Annotated[float, Field(ge=0.0, le=50.0, allow_inf_nan=False)]
 _Voxels: TypeAlias = Annotated[int, Field(ge=0, le=16)]
 _CORNERS: Final = 16
-"""Corners of the polygon that stands for ``robot_radius``."""
+"""Corners of the polygon in the place of ``robot_radius``."""
 
 _DISPLAY: Final = "only for display"
 _NO_OTHER_MAP: Final = "the map never changes"
@@ -45,7 +46,7 @@ class ObservationSource(Section):
     }
     name: SkipJsonSchema[str] = ""
     topic: str = ""
-    """The source's own name when there is none."""
+    """Default: the name of the source."""
     data_type: str = "PointCloud"
     """LaserScan, PointCloud or PointCloud2."""
     marking: bool = True
@@ -53,19 +54,19 @@ class ObservationSource(Section):
     clearing: bool = False
     """Rays clear the cells before their returns."""
     obstacle_range: NotNegative = Field(default_factory=lambda: 2.5)
-    """[m] Searched for upwards when it is not here; 2.5 in the end."""
+    """[m] Default: that of the nearest namespace above, finally 2.5."""
     raytrace_range: NotNegative = Field(default_factory=lambda: 3.0)
-    """[m] Searched for upwards when it is not here; 3.0 in the end."""
+    """[m] Default: that of the nearest namespace above, finally 3.0."""
     min_obstacle_height: Finite = 0.0
-    """[m] A laser mounted lower than this is not heard."""
+    """[m] The source ignores lasers below this height."""
     max_obstacle_height: Finite = 2.0
-    """[m] Nor one mounted higher."""
+    """[m] The source ignores lasers above this height."""
     inf_is_valid: bool = False
     """Rays without return clear, as if they ended just before the greatest range."""
     observation_persistence: NotNegative = 0.0
-    """[s] Scans count for so long; 0: only the latest."""
+    """[s] Scans count for this time; 0: only the latest."""
     expected_update_rate: NotNegative = 0.0
-    """[s] The robot stops when the source was silent for longer; 0: never."""
+    """[s] The robot stops if the source is silent for longer; 0: never."""
 
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
@@ -80,17 +81,17 @@ class StaticLayer(Section):
     }
     name: SkipJsonSchema[str] = "static_layer"
     enabled: bool = True
-    """Whether there is the layer."""
+    """The layer exists."""
     map_topic: str = "map"
-    """Where it listens to the map; only the map of the run is there."""
+    """Topic of the map; only the map of the run is available."""
     track_unknown_space: bool = True
     """Unknown cells of the map are unknown here; otherwise free."""
     use_maximum: bool = False
-    """Merge by the maximum with the layers below instead of writing over them."""
+    """Merge by the maximum with the layers below instead of overwriting them."""
     lethal_cost_threshold: int = 100
-    """Occupancy from which on a cell of the map is lethal."""
+    """Least occupancy of a lethal cell of the map."""
     unknown_cost_value: int = -1
-    """Occupancy that means unknown, as an unsigned byte."""
+    """Occupancy of an unknown cell, as an unsigned byte."""
 
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
@@ -101,21 +102,21 @@ class ObstacleLayer(Section):
     name: SkipJsonSchema[str] = "obstacle_layer"
     sources: SkipJsonSchema[tuple[ObservationSource, ...]] = ()
     enabled: bool = True
-    """Whether there is the layer."""
+    """The layer exists."""
     observation_sources: str = ""
-    """Names of sources with spaces between them; each is described under its name."""
+    """Names of sources, separated by spaces; each is described under its name."""
     max_obstacle_height: _Height = 2.0
-    """[m] A laser mounted higher than this marks nothing."""
+    """[m] A laser above this height marks nothing."""
     footprint_clearing_enabled: bool = True
     """The layer is free under the footprint."""
     combination_method: int = 1
-    """0: writes over the layers below; 1: the maximum with them; others: merges nothing."""
+    """0: overwrites the layers below; 1: the maximum with them; others: merges nothing."""
     track_unknown_space: bool = Field(default_factory=bool)
-    """Cells nobody has looked at are unknown; as in the costmap when it is not here."""
+    """Unseen cells are unknown. Default: the value of the costmap."""
     obstacle_range: NotNegative | None = None
-    """[m] Of sources that have none of their own."""
+    """[m] Default for sources."""
     raytrace_range: NotNegative | None = None
-    """[m] Of sources that have none of their own."""
+    """[m] Default for sources."""
 
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
@@ -147,13 +148,13 @@ class InflationLayer(Section):
     without_effect: ClassVar[Mapping[str, str]] = _BUTTON
     name: SkipJsonSchema[str] = "inflation_layer"
     enabled: bool = True
-    """Whether there is the layer."""
+    """The layer exists."""
     inflation_radius: Annotated[float, Field(ge=0.0, le=50.0, allow_inf_nan=False)] = 0.55
     """[m]"""
     cost_scaling_factor: Annotated[float, Field(ge=0.0, le=100.0, allow_inf_nan=False)] = 10.0
-    """[1/m] How fast costs fall with the distance."""
+    """[1/m] Decay rate of costs with the distance."""
     inflate_unknown: bool = False
-    """Write costs over unknown cells, too."""
+    """Overwrite unknown cells with costs, too."""
 
 
 Layer: TypeAlias = StaticLayer | ObstacleLayer | InflationLayer
@@ -161,7 +162,7 @@ Layer: TypeAlias = StaticLayer | ObstacleLayer | InflationLayer
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
 class LayeredCostmap(Section):
-    """The costmap's own namespace, ``move_base/global_costmap`` or ``move_base/local_costmap``."""
+    """Namespace of a costmap: ``move_base/global_costmap`` or ``move_base/local_costmap``."""
 
     without_effect: ClassVar[Mapping[str, str]] = {
         "always_send_full_costmap": _DISPLAY,
@@ -172,19 +173,19 @@ class LayeredCostmap(Section):
         **_BUTTON,
         "save_debug_pgm": "Noetic does not read it any more",
     }
-    # Layers that are off are not here.
+    # Without the layers that are off.
     layers: SkipJsonSchema[tuple[Layer, ...]] = ()
     frame: SkipJsonSchema[Literal["map", "odom"]] = "map"
     global_frame: str = "map"
-    """Frame of the grid; what it is called in amcl says which one it is."""
+    """Frame of the grid, by its name in amcl."""
     update_frequency: Positive = 5.0
     """[Hz]"""
     publish_frequency: NotNegative = 0.0
-    """[Hz] How often the local costmap is shown in the trace, at most once a second."""
+    """[Hz] Rate of the local costmap in the trace, at most once a second."""
     rolling_window: bool = False
     """The grid follows the robot."""
     width: Positive = 10.0
-    """[m] Whole metres; without a map that gives the size."""
+    """[m] Whole metres; the map's size replaces it, if there is a map."""
     height: Positive = 10.0
     """[m] Whole metres."""
     resolution: Positive = 0.05
@@ -196,17 +197,17 @@ class LayeredCostmap(Section):
     track_unknown_space: bool = False
     """Cells of the master grid that no layer writes are unknown."""
     footprint_padding: Finite = 0.01
-    """[m] Every coordinate of the footprint moves out from zero by this."""
+    """[m] Outward shift of every coordinate of the footprint."""
     footprint: Annotated[tuple[Point2, ...], Field(min_length=3)] | None = None
     """[m] Corners in the base frame."""
     robot_radius: Positive = 0.46
-    """[m] Without a footprint."""
+    """[m] Used without a footprint."""
 
     def padded_footprint(self) -> Floats:
-        """Return the corners (k, 2) [m] that the stack reckons with.
+        """Return the padded corners (k, 2) [m].
 
         A coordinate of exactly zero stays (costmap_2d ``padFootprint``). Without a footprint
-        they lie on a circle (``footprint.cpp``).
+        the corners lie on a circle (``footprint.cpp``).
         """
         angles = [2.0 * math.pi * k / _CORNERS for k in range(_CORNERS)]
         radius = self.robot_radius
@@ -223,14 +224,14 @@ class LayeredCostmap(Section):
 
 
 SEARCHED_UPWARDS: Final = ("footprint", "robot_radius")
-"""Names that a costmap finds in the namespace of move_base as well (``footprint.cpp``)."""
+"""Names that a costmap also looks up in the namespace of move_base (``footprint.cpp``)."""
 
 
 def radii(points: Floats | Sequence[Point2]) -> tuple[float, float]:
     """Return the inscribed and the circumscribed radius [m] of a polygon about the origin.
 
-    The inscribed one is the distance from the origin to the nearest edge, whether or not the
-    origin lies inside (costmap_2d ``calculateMinAndMaxDistances``).
+    The inscribed one is the distance from the origin to the nearest edge, even if the origin lies
+    outside (costmap_2d ``calculateMinAndMaxDistances``).
     """
     corners = [(float(x), float(y)) for x, y in points]
     following = corners[1:] + corners[:1]

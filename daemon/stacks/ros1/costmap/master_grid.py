@@ -1,9 +1,9 @@
-"""Kernels that bring a master grid up to date: in full inside its bounds, or only what changed.
+"""Kernels that update a master grid: all cells inside the bounds, or changed cells only.
 
-Both leave the same cells. Layers are merged cell by cell, in their order; what an update of
-costmap_2d does to a cell inside the bounds then depends on the merged value and on the lethal cells
-within the inflation radius of it; outside, costs only rise. Only what changed can be followed where
-nothing is merged after the inflation and the nearest lethal cell decides, whoever came first.
+Both give the same cells. Layers are merged cell by cell, in their order. After an update of
+costmap_2d, a cell inside the bounds depends on its merged value and on the lethal cells within the
+inflation radius. Outside the bounds costs only rise. Following changes requires that the inflation
+is the topmost layer and that the nearest lethal cell decides, in any order.
 
 Before :func:`follow_changes`, :func:`list_disturbed` and :func:`list_overdue` complete the list.
 """
@@ -48,7 +48,7 @@ class Layers(NamedTuple):
 
 
 class Inflated(NamedTuple):
-    """A master grid whose cells cost what the nearest lethal cell makes of them.
+    """A master grid where the nearest lethal cell decides the cost of each cell.
 
     ``gaps`` are the distances [cells] to the nearest lethal cell of the column.
     """
@@ -60,11 +60,10 @@ class Inflated(NamedTuple):
 
 @kernel
 def merge_cell(below: int, own: int, method: int) -> int:
-    """Return a cell's value after a layer with the value ``own`` was merged over it.
+    """Return a cell's value after merging a layer with the value ``own`` over it.
 
-    Unknown is the least value of a maximum, and writes over nothing; what replaces does so even
-    where it is unknown (``CostmapLayer::updateWithMax``, ``updateWithOverwrite``,
-    ``updateWithTrueOverwrite``).
+    Unknown is the least value of a maximum and overwrites nothing, except with ``REPLACE``
+    (``CostmapLayer::updateWithMax``, ``updateWithOverwrite``, ``updateWithTrueOverwrite``).
     """
     if method == REPLACE:
         return own
@@ -90,7 +89,7 @@ def merge_window(master: Grid, layers: Layers, anew: bool, window: Window) -> No
 
 @kernel
 def _close_gaps(master: Inflated, x: int, y: int) -> None:
-    """Keep the column distances true when the cell becomes lethal."""
+    """Update the column distances for a cell that becomes lethal."""
     radius = master.table.radius
     for r in range(max(0, y - radius), min(master.grid.frame.rows, y + radius + 1)):
         cell = r * master.grid.frame.columns + x
@@ -99,7 +98,7 @@ def _close_gaps(master: Inflated, x: int, y: int) -> None:
 
 @kernel
 def _open_gaps(master: Inflated, changes: Changes, x: int, y: int) -> None:
-    """Keep the column distances true when the cell stops being lethal.
+    """Update the column distances for a cell that is no longer lethal.
 
     Lists the cells whose cost may come from it.
     """
@@ -111,9 +110,8 @@ def _open_gaps(master: Inflated, changes: Changes, x: int, y: int) -> None:
         below -= 1
     while above < highest and gaps[above * columns + x] != 0:
         above += 1
-    # Cells up to one radius away lose this one as their nearest, and to them the next one matters
-    # up to one radius further.
-    # Where the search ended without a lethal cell, none is near enough to matter.
+    # Cells up to one radius away lose this one as their nearest; the next one matters to them up to
+    # one radius further. If the search ends without a lethal cell, none is near enough to matter.
     under, over = below > lowest, above < highest
     for r in range(max(below + 1, y - radius), min(above, y + radius + 1)):
         gap = radius + 1
@@ -135,8 +133,8 @@ def _open_gaps(master: Inflated, changes: Changes, x: int, y: int) -> None:
 def list_disturbed(master: Inflated, changes: Changes, window: Window) -> None:
     """List the cells of a window in which others wrote the master.
 
-    A lethal cell that move_base or navfn set free leaves costs around it that nobody else would
-    look at.
+    A lethal cell that move_base or navfn freed leaves costs around it, which only this update
+    corrects.
     """
     for y in range(window[1], window[3]):
         for x in range(window[0], window[2]):
@@ -148,7 +146,7 @@ def list_disturbed(master: Inflated, changes: Changes, window: Window) -> None:
 
 @kernel
 def list_overdue(master: Inflated, changes: Changes, window: Window) -> None:
-    """List cells that earlier updates flagged outside their windows and that this one reaches."""
+    """List cells within reach that earlier updates flagged outside their windows."""
     frame, radius = master.grid.frame, master.table.radius
     reach = reach_of(window, radius, frame)
     for y in range(max(0, reach[1] - radius), min(frame.rows, reach[3] + radius)):
@@ -180,7 +178,7 @@ def _cost_at(gaps: Cells, columns: int, x: int, y: int, costs: Cells, radius: in
 
 @kernel
 def _cost_from(master: Inflated, reach: Window, x: int, y: int) -> int:
-    """Return the greatest cost that lethal cells of a window put on a cell."""
+    """Return the greatest cost of a cell from the lethal cells of a window."""
     table = master.table
     most = 0
     for r in range(max(reach[1], y - table.radius), min(reach[3], y + table.radius + 1)):
@@ -201,17 +199,17 @@ def follow_changes(
     values: Cells,
     changed: Numbers,
 ) -> None:
-    """Do what merging and inflating the window does for the listed cells, and empty the list.
+    """Merge and inflate the listed cells as for the whole window, and empty the list.
 
-    ``values`` is room for their merged values. Cells outside the window keep their flags: there
-    costmap_2d only ever raises costs, by inflation from in and around the window. ``changed`` grows
+    ``values`` is scratch for their merged values. Cells outside the window keep their flags: there
+    costmap_2d only raises costs, by inflation from in and around the window. ``changed`` grows
     tightly around cells whose cost changed.
     """
     grid, table, gaps = master
     flags, columns = changes.flags, grid.frame.columns
     x0, y0, x1, y1 = window
-    # The list grows while it is worked off: column gaps have to be true for all lethal cells before
-    # the cost of any cell is asked for.
+    # The list grows during this loop: column gaps must be right for all lethal cells before the
+    # first cost is computed.
     done = 0
     while done < changes.counts[QUEUED]:
         cell = int(np.int64(changes.queue[done]))

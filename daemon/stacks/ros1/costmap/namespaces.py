@@ -1,9 +1,9 @@
-"""Namespaces of a costmap's layers as the layers find them.
+"""Namespaces of a costmap's layers after costmap_2d has moved and copied parameters.
 
 costmap_2d moves and copies parameters before it makes a layer (``costmap_2d_ros.cpp``). Without a
 list of ``plugins`` it writes one itself and moves the flat parameters of pre-Hydro files into the
-namespaces of its layers (``loadOldParameters``). In either case it copies some of the costmap's own
-parameters into them (``copyParentParameters``). They replace what stood there.
+namespaces of its layers (``loadOldParameters``). In either case some of the costmap's own
+parameters replace those of the layers (``copyParentParameters``).
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ COPIED: Final[Mapping[str, tuple[str, ...]]] = {
     OBSTACLE: ("max_obstacle_height", "raytrace_range", "obstacle_range", "track_unknown_space"),
     INFLATION: ("cost_scaling_factor", "inflation_radius"),
 }
-"""Names that layers of a type get from the costmap's own namespace (``copyParentParameters``)."""
+"""Names that costmap_2d copies into layers, by their type (``copyParentParameters``)."""
 COPIED_NAMES: Final = frozenset(
     name for names in COPIED.values() for name in names if name != "track_unknown_space"
 )
-"""Those of them that the costmap itself does not read."""
+"""The copied names that the costmap itself does not read."""
 
 
 @dataclass(frozen=True, slots=True)
-class Written:
-    """A value and where it stands."""
+class Entry:
+    """A value and its place."""
 
     value: Any
     place: ParameterLocation
@@ -43,37 +43,37 @@ class Written:
 
 @dataclass(slots=True)
 class ParameterNamespace:
-    """The parameters of one namespace by name; values of namespaces below it are mappings."""
+    """Parameters of one namespace by name; nested namespaces are mappings."""
 
     path: ParameterLocation
-    entries: dict[str, Written] = field(default_factory=dict)
+    entries: dict[str, Entry] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, given: Mapping[str, Any], path: ParameterLocation) -> ParameterNamespace:
-        """Return the namespace that stands at ``path``."""
-        return cls(path, {name: Written(value, (*path, name)) for name, value in given.items()})
+    def of(cls, values: Mapping[str, Any], path: ParameterLocation) -> ParameterNamespace:
+        """Return the namespace at ``path``."""
+        return cls(path, {name: Entry(value, (*path, name)) for name, value in values.items()})
 
     def below(self, name: str) -> ParameterNamespace:
         """Return the namespace ``name`` in this one, empty if it does not exist."""
-        written = self.entries.get(name)
-        if written is None or not isinstance(written.value, Mapping):
+        entry = self.entries.get(name)
+        if entry is None or not isinstance(entry.value, Mapping):
             return ParameterNamespace((*self.path, name))
-        return ParameterNamespace.of(written.value, written.place)
+        return ParameterNamespace.of(entry.value, entry.place)
 
     def value(self, name: str) -> Any:
-        """Return the value of ``name``, ``None`` if nobody wrote one."""
-        written = self.entries.get(name)
-        return None if written is None else written.value
+        """Return the value of ``name``, ``None`` without an entry."""
+        entry = self.entries.get(name)
+        return None if entry is None else entry.value
 
     def words(self, name: str) -> list[str]:
-        """Return the words of the text ``name``; no text has none."""
+        """Return the words of the text ``name``, an empty list without a text."""
         text = self.value(name)
         return text.split() if isinstance(text, str) else []
 
 
 @dataclass(frozen=True, slots=True)
 class PlannedLayer:
-    """A layer to be made: its type as pluginlib knows it, where it is listed, what it will read."""
+    """A layer to be made: its pluginlib type, its place in the list, its namespace."""
 
     name: str
     type: str
@@ -84,9 +84,9 @@ class PlannedLayer:
 def plan_layers(
     costmap: ParameterNamespace, report: FindingCollector
 ) -> tuple[list[PlannedLayer], ParameterNamespace]:
-    """Return the layers of a costmap, lowest first, and the costmap's namespace without the moved.
+    """Return the layers of a costmap, lowest first, and the remaining namespace of the costmap.
 
-    Warns of each value of a layer that the costmap's own replaces.
+    Warns of each value of a layer that a value of the costmap replaces.
     """
     if "plugins" in costmap.entries:
         planned, own = _listed(costmap, report), costmap
@@ -117,7 +117,7 @@ def _listed(costmap: ParameterNamespace, report: FindingCollector) -> list[Plann
 def _load_old_parameters(
     costmap: ParameterNamespace, report: FindingCollector
 ) -> tuple[list[PlannedLayer], ParameterNamespace]:
-    """Return the layers of a costmap without ``plugins``, and what is not moved into them."""
+    """Return the layers of a costmap without ``plugins``, and its remaining namespace."""
     own = ParameterNamespace(costmap.path, dict(costmap.entries))
     static, obstacles, inflation = (
         costmap.below(name) for name in ("static_layer", "obstacle_layer", "inflation_layer")
@@ -145,22 +145,22 @@ def _load_old_parameters(
 
 
 def _copy(
-    entries: Mapping[str, Written],
+    entries: Mapping[str, Entry],
     names: Iterable[str],
     layer: ParameterNamespace,
     report: FindingCollector,
 ) -> list[str]:
-    """Write ``entries`` into a layer's namespace in place of what stands there.
+    """Copy the ``names`` from ``entries`` into a layer's namespace, replacing its own.
 
-    Returns those of ``names`` that there are, each once.
+    Returns the ``names`` that exist, each once.
     """
     existing = list(dict.fromkeys(name for name in names if name in entries))
     for name in existing:
-        written, before = entries[name], layer.entries.get(name)
-        if before is not None and before.place != written.place and before.value != written.value:
+        entry, previous = entries[name], layer.entries.get(name)
+        if previous is not None and previous.place != entry.place and previous.value != entry.value:
             message = f"costmap_2d writes the costmap's own {name} over it"
-            if not isinstance(written.value, Mapping):
-                message += f", which is {written.value}"
-            report.warn(before.place, message, "write it in one of the two places")
-        layer.entries[name] = written
+            if not isinstance(entry.value, Mapping):
+                message += f", which is {entry.value}"
+            report.warn(previous.place, message, "write it in one of the two places")
+        layer.entries[name] = entry
     return existing

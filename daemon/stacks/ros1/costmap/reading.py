@@ -1,7 +1,6 @@
-"""Reader of a costmap's namespace and of its layers', as costmap_2d of Noetic reads them.
+"""Reader of the namespaces of a costmap and its layers, by the rules of costmap_2d of Noetic.
 
-The reader refuses at its line what cannot be honoured. It warns of what is probably a slip, and of
-what nobody reads.
+It refuses values that are not supported, and warns of probable slips and of unread names.
 """
 
 from __future__ import annotations
@@ -32,9 +31,9 @@ from daemon.stacks.ros1.costmap.namespaces import (
     OBSTACLE,
     STATIC,
     VOXEL,
+    Entry,
     ParameterNamespace,
     PlannedLayer,
-    Written,
     plan_layers,
 )
 from daemon.stacks.ros1.parameters import Section, read_section
@@ -53,7 +52,7 @@ _RANGES: Final = ("obstacle_range", "raytrace_range")
 _CLOUDS: Final = ("PointCloud", "PointCloud2")
 _SIZE: Final = ("width", "height", "resolution", "origin_x", "origin_y")
 _OLD: Final = ("static_map", "map_type")
-"""Names that only count when there is no list of plugins."""
+"""Names that only count without a list of plugins."""
 _WAITS: Final = "move_base of Noetic waits for its transform for ever"
 _SLASHED: Final = {
     "global_frame": _WAITS,
@@ -66,12 +65,12 @@ _NUMBER: Final = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 
 @dataclass(frozen=True, slots=True)
 class CostmapContext:
-    """Other parameters of the stack that decide how a costmap is read.
+    """Other parameters of the stack that a costmap depends on.
 
-    ``above`` is the namespace around it; ``frames`` are the names frames have, without slashes;
-    ``resolve`` makes absolute names of move_base's; ``maps`` are the topics on which the map is
-    published; ``may_carry_scan`` tells whether a laser may be on a topic. With ``stops_robot``
-    the robot stops when a source of this costmap is late.
+    ``above`` is the enclosing namespace. ``frames`` maps names of frames, without slashes, to
+    frames. ``resolve`` makes move_base's names absolute. ``maps`` are the topics of the map.
+    ``may_carry_scan`` tells whether a laser may be on a topic. With ``stops_robot`` the robot
+    stops if a source of this costmap is late.
     """
 
     above: Mapping[str, Any]
@@ -83,21 +82,21 @@ class CostmapContext:
 
 
 class CostmapReader:
-    """Reads the costmap in the namespace ``given`` at ``path``; findings go to ``report``."""
+    """Reader of the costmap in the namespace ``values`` at ``path``; findings go to ``report``."""
 
     def __init__(
         self,
-        given: Mapping[str, Any],
+        values: Mapping[str, Any],
         path: ParameterLocation,
         report: FindingCollector,
         context: CostmapContext,
     ) -> None:
         self._report, self._context = report, context
-        self._planned, self._own = plan_layers(ParameterNamespace.of(given, path), report)
+        self._planned, self._own = plan_layers(ParameterNamespace.of(values, path), report)
         self._above = ParameterNamespace.of(context.above, path[:-1])
 
     def read(self) -> LayeredCostmap:
-        """Return the costmap with its layers; those that are off are left out."""
+        """Return the costmap with the layers that are on."""
         own = self._own
         costmap = self._read_own()
         layers = [self._layer(one, costmap) for one in self._planned]
@@ -108,19 +107,19 @@ class CostmapReader:
         else:
             width, height = (self._whole_metres(costmap, name) for name in ("width", "height"))
             costmap = replace(costmap, width=width, height=height)
-        shown = tuple(layer for layer in layers if layer is not None)
-        return replace(costmap, layers=shown, frame=self._frame(costmap))
+        active = tuple(layer for layer in layers if layer is not None)
+        return replace(costmap, layers=active, frame=self._frame(costmap))
 
     def _read_own(self) -> LayeredCostmap:
-        """Read what the costmap itself reads."""
+        """Read the costmap without its layers."""
         entries = self._own.entries
         layers = {one.name for one in self._planned}
         copied = {name for one in self._planned for name in COPIED.get(one.type, ())}
         elsewhere = {*layers, *copied, *_RANGES, "plugins", *_OLD}
         # Costmaps often share a file that describes the layers of both.
         idle = dict.fromkeys(sorted(COPIED_NAMES - elsewhere), "no layer of this costmap reads it")
-        for name, written in entries.items():
-            if isinstance(written.value, Mapping):
+        for name, entry in entries.items():
+            if isinstance(entry.value, Mapping):
                 if name not in layers:
                     idle[name] = "no layer of this costmap is called that"
             elif name in _OLD and "plugins" in entries:
@@ -143,12 +142,12 @@ class CostmapReader:
                 self._report.warn(space.entries[name].place, message, f"write {frame.lstrip('/')}")
         return read_section(
             model,
-            {name: written.value for name, written in space.entries.items()},
+            {name: entry.value for name, entry in space.entries.items()},
             space.path,
             self._report,
             without_effect=idle,
             elsewhere=frozenset(elsewhere),
-            places={name: written.place for name, written in space.entries.items()},
+            places={name: entry.place for name, entry in space.entries.items()},
         )
 
     def _ignore(self, space: ParameterNamespace, name: str, reason: str) -> None:
@@ -158,9 +157,9 @@ class CostmapReader:
     def _shows_map(self) -> bool:
         return any(one.type == STATIC for one in self._planned)
 
-    def _body(self) -> dict[str, Written]:
-        """Return footprint and radius from the nearest namespace upwards that has them."""
-        body: dict[str, Written] = {
+    def _body(self) -> dict[str, Entry]:
+        """Return footprint and radius from the nearest enclosing namespace."""
+        body: dict[str, Entry] = {
             name: space.entries[name]
             for space in (self._above, self._own)
             for name in SEARCHED_UPWARDS
@@ -177,9 +176,9 @@ class CostmapReader:
         return body
 
     def _layer(self, planned: PlannedLayer, costmap: LayeredCostmap) -> Layer | None:
-        """Return a layer; ``None`` for one that is off or cannot be honoured."""
+        """Return a layer; ``None`` if it is off or not supported."""
         if planned.namespace.value("enabled") is False:
-            self._take_away(planned, costmap)
+            self._switch_off(planned, costmap)
             return None
         kind = _LAYERS.get(planned.type)
         if kind is None:
@@ -191,7 +190,7 @@ class CostmapReader:
             return replace(self._section(InflationLayer, planned.namespace), name=planned.name)
         return self._obstacle(planned, VoxelLayer if kind is VoxelLayer else ObstacleLayer, costmap)
 
-    def _take_away(self, planned: PlannedLayer, costmap: LayeredCostmap) -> None:
+    def _switch_off(self, planned: PlannedLayer, costmap: LayeredCostmap) -> None:
         entries = planned.namespace.entries
         if planned.type == STATIC and not costmap.rolling_window:
             message = (
@@ -222,7 +221,7 @@ class CostmapReader:
         layer = self._section(StaticLayer, space)
         topic = self._context.resolve(layer.map_topic)
         if topic not in maps:
-            written = space.entries.get("map_topic")
+            entry = space.entries.get("map_topic")
             message = (
                 f"the static layer listens to {topic}, the map of the run is on {', '.join(maps)}"
             )
@@ -230,7 +229,7 @@ class CostmapReader:
                 f"switch the layer off (enabled: false under {planned.name}), or name the topic "
                 "under topics/maps if that is the same map"
             )
-            report.refuse(planned.place if written is None else written.place, message, hint)
+            report.refuse(planned.place if entry is None else entry.place, message, hint)
         # Unknown cells of a map are -1, as an unsigned byte 255 (``interpretValue``).
         name, value = "unknown_cost_value", layer.unknown_cost_value
         if value % 256 != 255:
@@ -270,11 +269,11 @@ class CostmapReader:
         return replace(layer, track_unknown_space=costmap.track_unknown_space)
 
     def _source(self, name: str, layer: ParameterNamespace) -> ObservationSource | None:
-        """Return a source; ``None`` with a warning for one of a sensor nobody has."""
+        """Return a source; ``None`` with a warning for a sensor that no robot has."""
         report, stops = self._report, self._context.stops_robot
-        written = layer.entries.get(name)
-        if written is not None and not isinstance(written.value, Mapping):
-            report.refuse(written.place, "must be keys with values")
+        entry = layer.entries.get(name)
+        if entry is not None and not isinstance(entry.value, Mapping):
+            report.refuse(entry.place, "must be keys with values")
             return None
         space = layer.below(name)
         source = self._section(ObservationSource, self._with_ranges(space, layer))
@@ -299,7 +298,7 @@ class CostmapReader:
     def _with_ranges(
         self, space: ParameterNamespace, layer: ParameterNamespace
     ) -> ParameterNamespace:
-        """Return a source's namespace with the ranges it finds upwards (``searchParam``)."""
+        """Return a source's namespace with ranges from enclosing ones (``searchParam``)."""
         entries = dict(space.entries)
         for above in (layer, self._own, self._above):
             for name in _RANGES:
@@ -310,16 +309,16 @@ class CostmapReader:
     def _say_unheard(
         self, name: str, space: ParameterNamespace, data_type: str, topic: str
     ) -> None:
-        written = space.entries.get("data_type") or space.entries.get("topic")
-        place = space.path if written is None else written.place
+        entry = space.entries.get("data_type") or space.entries.get("topic")
+        place = space.path if entry is None else entry.place
         if data_type not in _CLOUDS:
             message = f'must be LaserScan, PointCloud or PointCloud2 (given: "{data_type}")'
             self._report.refuse(place, message, "move_base ends at once with anything else")
             return
         message = f'the source "{name}" waits for a {data_type} on {topic}'
         if "data_type" not in space.entries:
-            message += " (its data_type when none is written)"
-        hint = "nobody publishes one here, there are only lasers: nothing comes from it"
+            message += " (the default data_type)"
+        hint = "a run has lasers only, so this source receives nothing"
         self._report.warn(place, message, hint)
 
     def _check_old_parameters(self) -> None:
@@ -333,23 +332,23 @@ class CostmapReader:
                 message = "costmap_2d takes everything but voxel for costmap"
                 report.warn(own.entries["map_type"].place, message)
         elif static is not None and static.value is True and not self._shows_map():
-            message = "there are plugins, and none of them is a static layer: no map is shown"
+            message = "the list of plugins has no static layer, so the costmap shows no map"
             hint = "add {name: static_layer, type: costmap_2d::StaticLayer} or leave it out"
             report.warn(static.place, message, hint)
 
     def _whole_metres(self, costmap: LayeredCostmap, name: str) -> float:
-        """Return a size [m] as costmap_2d has it, whose parameter is a whole number."""
+        """Return a size [m] in whole metres, which costmap_2d requires."""
         size: float = getattr(costmap, name)
-        # roscpp rounds to the nearest, halves up, where a whole number is asked for.
+        # roscpp rounds to the nearest integer, halves up.
         whole = float(math.floor(size + 0.5))
         if whole == size:
             return size
         place = self._own.entries[name].place
         if whole < 1.0:
-            message = f"costmap_2d takes whole metres: {size:g} is none at all"
+            message = f"costmap_2d takes whole metres and rounds {size:g} to 0"
             self._report.refuse(place, message, "write 1 or more")
             return size
-        message = f"costmap_2d takes whole metres: {size:g} is {whole:g} to it"
+        message = f"costmap_2d takes whole metres and rounds {size:g} to {whole:g}"
         self._report.warn(place, message, f"write {whole:g}")
         return whole
 
@@ -357,14 +356,14 @@ class CostmapReader:
         frames, name = self._context.frames, costmap.global_frame.strip("/")
         if name in frames:
             return frames[name]
-        written = self._own.entries.get("global_frame")
-        known = " nor ".join(
+        entry = self._own.entries.get("global_frame")
+        choices = " nor ".join(
             f"amcl's {'global' if frame == 'map' else 'odom'}_frame_id ({called})"
             for called, frame in frames.items()
         )
-        message = f'the frame "{name}" is neither {known}'
+        message = f'the frame "{name}" is neither {choices}'
         hint = "write one of them, or its name for amcl"
-        self._report.refuse(self._own.path if written is None else written.place, message, hint)
+        self._report.refuse(self._own.path if entry is None else entry.place, message, hint)
         return "map"
 
 
@@ -373,7 +372,7 @@ def _bare(kind: str) -> str:
 
 
 def _parse_footprint(footprint: Any) -> Any:
-    """Read a footprint written as text, ``"[[0.3, 0.2], ...]"``; other text stays text."""
+    """Parse a footprint in text form, ``"[[0.3, 0.2], ...]"``; other text stays text."""
     if not isinstance(footprint, str):
         return footprint
     try:

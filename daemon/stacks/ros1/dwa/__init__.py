@@ -1,7 +1,7 @@
-"""dwa_local_planner of ROS Noetic with the parts of base_local_planner it stands on.
+"""dwa_local_planner of ROS Noetic.
 
-Samples velocities the robot can reach within one control period, follows each for ``sim_time``
-and takes the one whose trajectory costs least, by distances on the local costmap.
+It samples velocities that the robot can reach within one control period, follows each for
+``sim_time`` and takes the one with the cheapest trajectory, by distances on the local costmap.
 """
 
 from daemon.stacks.ros1.dwa._parameters import DwaParameters

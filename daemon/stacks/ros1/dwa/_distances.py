@@ -1,7 +1,7 @@
 """Distances of one sampling cycle from the path, the goal and the goal pushed ahead.
 
-With them the arrays the kernels work in, allocated once, and the distances of the last cycle, for
-commands that are only checked.
+Also the arrays of the kernels, allocated once, and the distances of the last cycle for the check
+of a command.
 """
 
 from __future__ import annotations
@@ -32,21 +32,21 @@ from daemon.stacks.ros1.dwa._settings import DwaSettings
 from grammars.model.geometry import Floats
 
 UNKNOWN: Final = -2
-"""Instead of a cell that distances lead to: they are those of another costmap."""
+"""Source of distances that belong to another costmap."""
 
 
 class DistanceBuffers(NamedTuple):
-    """Room for spreading distances.
+    """Scratch for spreading distances.
 
     Sets of cells are as in :mod:`daemon.stacks.ros1.base_local_planner.map_grid`; distances spread
-    through ``passable``. ``sources`` (3, 2) says which cell the distances of goal and front lead
-    to, -1 for none, and whether they were spread as far as they go (1). Whoever changes
-    ``passable`` forgets them (:data:`UNKNOWN`).
+    through ``passable``. ``sources`` (3, 2) holds the target cell of the distances of goal and
+    front, -1 for none, and 1 if they were spread completely. A change of ``passable`` makes them
+    :data:`UNKNOWN`.
     """
 
     seeds: Bits
     passable: Bits
-    wanted: Bits
+    targets: Bits
     fronts: Bits
     sources: Integers
 
@@ -61,10 +61,10 @@ def fill_distances(
     f: ScoringGrid,
     d: DistanceBuffers,
 ) -> None:
-    """Fill the distances of ``f`` around the robot, as far as its centre and its nose can get.
+    """Fill the distances of ``f`` around the robot within the reach of its centre and its nose.
 
     ``plan`` has the poses (x, y) near the robot in the costmap's frame, ``front_end`` is the
-    last of them pushed ahead; ``reach`` [m] says how far the centre and the nose get. Path and
+    last of them pushed ahead. ``reach`` [m] is that of the centre and of the nose. Path and
     alignment share their distances, which have the same targets (dwa_local_planner
     ``updatePlanAndLocalCosts``). Critics without weight get none.
     """
@@ -79,26 +79,26 @@ def fill_distances(
         if weights[3 if which == PATH else 4] == 0.0:
             continue
         near = centre if which == GOAL else nose
-        write_reach(state[0], state[1], near, f.frame, f.cells.shape, d.wanted)
+        write_reach(state[0], state[1], near, f.frame, f.cells.shape, d.targets)
         out = f.distances[which]
         if which != PATH:
-            # The end of the plan stays in its cell for many a cycle, the costmap as it is for most.
+            # The end of the plan often stays in its cell, and the costmap rarely changes.
             if d.sources[which, 0] == source and (
-                d.sources[which, 1] == 1 or all_reached(out, d.wanted)
+                d.sources[which, 1] == 1 or all_reached(out, d.targets)
             ):
                 continue
             if source >= 0:
                 write_single_cell(source // columns, source % columns, d.seeds)
-        f.digits[which] = compute_distances(d.seeds, d.passable, d.wanted, out, d.fronts)
+        f.digits[which] = compute_distances(d.seeds, d.passable, d.targets, out, d.fronts)
         d.sources[which, 0] = source
-        # Spreading ends when all that is wanted is reached or nothing is left to reach.
-        d.sources[which, 1] = 0 if all_reached(out, d.wanted) else 1
+        # Spreading ends when all targets are reached or no cell remains.
+        d.sources[which, 1] = 0 if all_reached(out, d.targets) else 1
 
 
 def allocate_scoring_grid(
     local: CostGrid, settings: DwaSettings, outline: Floats, banned: Integers
 ) -> ScoringGrid:
-    """Return the field of a costmap; cells and ``banned`` are shared with their owners."""
+    """Return the scoring grid of a costmap; it shares cells and ``banned`` with their owners."""
     shape = local.cells.shape
     rows = 0 if settings.perimeter_only else shape[0]
     return ScoringGrid(
@@ -113,18 +113,18 @@ def allocate_scoring_grid(
 
 
 def allocate_sets(shape: tuple[int, ...]) -> DistanceBuffers:
-    """Return room for spreading distances on a costmap of ``shape``."""
+    """Return scratch for spreading distances on a costmap of ``shape``."""
     return DistanceBuffers(
         seeds=empty_set(shape),
         passable=empty_set(shape),
-        wanted=empty_set(shape),
+        targets=empty_set(shape),
         fronts=np.array([empty_set(shape)] * 2),
         sources=np.full((3, 2), UNKNOWN, dtype=np.int32),
     )
 
 
 def allocate_buffers(shape: tuple[int, ...], settings: DwaSettings, longest: int) -> SearchBuffers:
-    """Return room for a costmap of ``shape`` and trajectories of up to ``longest`` points."""
+    """Return buffers for a costmap of ``shape`` and trajectories of up to ``longest`` points."""
     s = settings
     numbers = [max(2, n) + 1 for n in (s.vx_samples, s.vy_samples, s.vth_samples)]
     pairs, most = numbers[0] * numbers[1], math.prod(numbers)
@@ -134,7 +134,7 @@ def allocate_buffers(shape: tuple[int, ...], settings: DwaSettings, longest: int
         pairs=np.zeros((pairs, 5)),
         arcs=np.zeros((longest, 5)),
         ends=np.zeros((most, 2), dtype=np.int32),
-        known=np.zeros((3, shape[0] * shape[1]), dtype=np.int32),
+        by_cell=np.zeros((3, shape[0] * shape[1]), dtype=np.int32),
         lower=np.zeros(most),
         least=np.zeros(pairs),
         points=np.zeros((longest, 5)),
@@ -144,10 +144,10 @@ def allocate_buffers(shape: tuple[int, ...], settings: DwaSettings, longest: int
 
 
 class LastCycleDistances:
-    """Plan and costmap of the last sampling cycle; nobody else changes the ``cells``.
+    """Plan and costmap of the last sampling cycle; ``cells`` must not change.
 
-    That cycle needed its distances only near the robot; a check may need them elsewhere, for the
-    costmap may have moved since, while the distances have not (``MapGridCostFunction``).
+    That cycle needed its distances only near the robot. A check may need them elsewhere: the
+    costmap may have moved since, but the distances have not (``MapGridCostFunction``).
     """
 
     def __init__(self, plan: Floats, cells: Cells, frame: Floats) -> None:
@@ -163,7 +163,7 @@ class LastCycleDistances:
             )
             sets, plan = allocate_sets(self._cells.shape), self._plan
             passable_cells(self._cells, sets.passable)
-            # From the corner of the costmap everything is within this reach.
+            # An infinite reach from the corner covers the whole costmap.
             corner, everywhere = self._frame, (math.inf, math.inf)
             fill_distances(corner, plan, plan[-1], everywhere, weights, self._complete, sets)
         old = self._complete

@@ -1,4 +1,4 @@
-"""The parameters of dwa_local_planner as ROS names them, with the defaults of Noetic."""
+"""Parameters of dwa_local_planner with the names and defaults of Noetic."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ class DwaParameters(Section):
     """
 
     max_vel_trans: NotNegative = 0.55
-    """[m/s] Largest speed, whatever the direction."""
+    """[m/s] Largest speed in any direction."""
     min_vel_trans: NotNegative = 0.1
-    """[m/s] Slower motions are legal only when they turn with ``min_vel_theta`` at least."""
+    """[m/s] Slower motions are legal only if they turn at ``min_vel_theta`` or faster."""
     max_vel_x: Finite = 0.55
     """[m/s] Largest speed forward."""
     min_vel_x: Finite = 0.0
@@ -38,8 +38,8 @@ class DwaParameters(Section):
     max_vel_theta: NotNegative = 1.0
     """[rad/s] Fastest turn, either way."""
     min_vel_theta: NotNegative = 0.4
-    """[rad/s] Slower turns are legal only with ``min_vel_trans`` at least; also the slowest turn
-    at the goal."""
+    """[rad/s] Slower turns are legal only at ``min_vel_trans`` or faster. Also the slowest turn at
+    the goal."""
     acc_lim_x: _Acceleration = 2.5
     """[m/s^2] Forward."""
     acc_lim_y: _Acceleration = 2.5
@@ -47,17 +47,17 @@ class DwaParameters(Section):
     acc_lim_theta: _Acceleration = 3.2
     """[rad/s^2] Turning."""
     prune_plan: bool = False
-    """Forget the plan behind the robot for good, up to the first pose within 1 m of it."""
+    """Remove the plan behind the robot for good, up to the first pose within 1 m of it."""
     xy_goal_tolerance: NotNegative = 0.1
-    """[m] This near to the goal the robot stops and turns."""
+    """[m] Distance from the goal where the robot stops and turns."""
     yaw_goal_tolerance: NotNegative = 0.1
-    """[rad] Turned far enough."""
+    """[rad] Tolerance of the heading at the goal."""
     trans_stopped_vel: NotNegative = 0.1
-    """[m/s] Standing still below this speed, per axis."""
+    """[m/s] The robot stands below this speed, per axis."""
     theta_stopped_vel: NotNegative = 0.1
-    """[rad/s] Not turning below this speed."""
+    """[rad/s] The robot does not turn below this speed."""
     sim_time: NotNegative = 1.7
-    """[s] How far ahead trajectories look."""
+    """[s] Duration of trajectories."""
     sim_granularity: Positive = 0.025
     """[m] Largest distance between points of a trajectory."""
     angular_sim_granularity: Positive = 0.1
@@ -71,15 +71,15 @@ class DwaParameters(Section):
     twirling_scale: NotNegative = 0.0
     """Weight of the turning speed."""
     oscillation_reset_dist: NotNegative = 0.05
-    """[m] Moved this far, the robot may change its direction again."""
+    """[m] After moving this far, the robot may change its direction again."""
     oscillation_reset_angle: NotNegative = 0.2
-    """[rad] The same, turned this far."""
+    """[rad] After turning this far, too."""
     forward_point_distance: Finite = 0.325
-    """[m] Where the nose is, which is kept on the path as well; 0 counts the centre twice."""
+    """[m] Distance of the nose, which also follows the path; 0 counts the centre twice."""
     scaling_speed: NotNegative = 0.25
-    """[m/s] Faster than this, the footprint grows."""
+    """[m/s] The footprint grows above this speed."""
     max_scaling_factor: NotNegative = 0.2
-    """By how much of its size the footprint has grown at ``max_vel_trans``."""
+    """Relative growth of the footprint at ``max_vel_trans``."""
     vx_samples: _Samples = 3
     """Samples of the forward speed; 0 counts as 1, and a window of two speeds gets both ends."""
     vy_samples: _Samples = 10
@@ -87,7 +87,7 @@ class DwaParameters(Section):
     vth_samples: _Samples = 20
     """Samples of the turning speed; as above."""
     use_dwa: bool = True
-    """Sample what is reachable in one control period; otherwise in ``sim_time``, and trajectories
+    """Sample speeds within reach of one control period; otherwise of ``sim_time``, and trajectories
     accelerate."""
     sum_scores: bool = False
     """Sum the costs under the footprint along a trajectory instead of taking the highest."""
@@ -95,7 +95,7 @@ class DwaParameters(Section):
     """The nose counts while the end of the local plan is further than ``forward_point_distance``
     times the root of this."""
     controller_frequency: Annotated[float | None, Field(allow_inf_nan=False)] = None
-    """[Hz] Of the dynamic window only; without it that of move_base counts."""
+    """[Hz] For the dynamic window only. Default: that of move_base."""
 
     without_effect: ClassVar[Mapping[str, str]] = {
         "acc_lim_trans": "dwa_local_planner stores it and never reads it",
@@ -123,10 +123,10 @@ class DwaParameters(Section):
     }
 
     def rules(self) -> Iterator[Objection]:
-        """Yield what keeps the robot from moving as asked, and a doubt that it ever starts.
+        """Yield objections to limits that prevent motion, and a doubt that the robot ever starts.
 
-        A standing robot is sampled up to what it reaches within a control period (``sim_time``
-        without ``use_dwa``), and samples slower than both minimum speeds are illegal.
+        Samples of a standing robot end at the speeds it reaches within a control period
+        (``sim_time`` without ``use_dwa``). Samples below both minimum speeds are illegal.
         """
         p = self
         # 1e-4 m/s is the slack of the original's test of samples (``generateTrajectory``), on both
@@ -190,7 +190,7 @@ class DwaParameters(Section):
                 "faster by rounding grows without bound; set it apart or max_scaling_factor to 0",
             )
         reach = sim_period(p.controller_frequency, 0.05) if p.use_dwa else p.sim_time
-        # The ends of the window of a standing robot, as ``SimpleTrajectoryGenerator::initialise``.
+        # Bounds of the window of a standing robot (``SimpleTrajectoryGenerator::initialise``).
         ahead = max(
             abs(max(p.min_vel_x, -p.acc_lim_x * reach)), min(p.max_vel_x, p.acc_lim_x * reach)
         )

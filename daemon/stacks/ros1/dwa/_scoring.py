@@ -1,4 +1,4 @@
-"""The cost of a trajectory: the critics in the original's order."""
+"""Cost of a trajectory: the critics in the original's order."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ PATH, GOAL, FRONT = range(3)
 
 
 class ScoringGrid(NamedTuple):
-    """The ground on which trajectories are scored.
+    """The grid on which trajectories are scored.
 
     ``frame`` is x, y and resolution of the ``cells``; ``outline`` the footprint, (corners, 2) in
     metres. ``distances`` stacks the grid distances from the path, the goal and the goal pushed
-    ahead (``PATH``, ``GOAL``, ``FRONT``), of which ``digits`` (3,) digits are used. ``banned`` (6,)
-    are the signs of vx, vy, wz that oscillation forbids: negative vx, positive vx, and so on;
-    ``spans`` is room for what a footprint encloses, without rows when that does not count.
+    ahead (``PATH``, ``GOAL``, ``FRONT``); ``digits`` (3,) are in use. ``banned`` (6,) are the signs
+    of vx, vy, wz that oscillation forbids: negative vx, positive vx, and so on. ``spans`` is
+    scratch for the inside of a footprint, without rows if only the outline counts.
     """
 
     cells: Cells
@@ -46,7 +46,7 @@ class ScoringGrid(NamedTuple):
 def critic_weights(s: DwaSettings, aligned: bool) -> Floats:
     """Return the weights of obstacle, front, alignment, path, goal and twirling, shape (6,).
 
-    Critics of weight 0 are not asked, so they reject nothing either.
+    Critics of weight 0 are skipped, so they reject nothing either.
     """
     alignment = s.path_scale if aligned else 0.0
     scales = (s.occdist_scale, s.goal_scale, alignment, s.path_scale, s.goal_scale)
@@ -55,7 +55,7 @@ def critic_weights(s: DwaSettings, aligned: bool) -> Floats:
 
 @kernel
 def oscillates(banned: Integers, vx: float, vy: float, wz: float) -> bool:
-    """Whether oscillation forbids a velocity; ``banned`` (6,) as in :class:`ScoringGrid`."""
+    """Tell whether oscillation forbids a velocity; ``banned`` (6,) as in :class:`ScoringGrid`."""
     return bool(
         (banned[0] and vx < 0.0)
         or (banned[1] and vx > 0.0)
@@ -93,9 +93,9 @@ def total_cost(
 
 @kernel
 def _end_cells(points: Floats, n: int, weights: Floats, forward: float, f: ScoringGrid) -> int:
-    """Return the cells of the last pose and its nose as one number, -1 when a pose is illegal.
+    """Return the cells of the last pose and its nose as one number, -1 if a pose is illegal.
 
-    The number is centre * size + nose; 0 when no critic of distances is asked.
+    The number is centre * size + nose; 0 without critics of distances.
     """
     rows, columns = f.cells.shape
     path, goal = weights[3] != 0.0, weights[4] != 0.0
@@ -150,10 +150,10 @@ def score_trajectory(
     s: DwaSettings,
     f: ScoringGrid,
 ) -> float:
-    """Return the cost of a trajectory, negative when it is illegal.
+    """Return the cost of a trajectory, negative if it is illegal.
 
-    Gives up with -1 as soon as the cost is above ``limit``. A trajectory without points costs 0,
-    as the original has it (``SimpleScoredSamplingPlanner::scoreTrajectory``).
+    Returns -1 as soon as the cost exceeds ``limit``. A trajectory without points costs 0, as in
+    the original (``SimpleScoredSamplingPlanner::scoreTrajectory``).
     """
     if n == 0:
         return 0.0
@@ -165,8 +165,8 @@ def score_trajectory(
     rest = _cost_of_end_cells(0.0, ends // f.cells.size, ends % f.cells.size, moving[2], weights, f)
     if weights[0] == 0.0:
         return rest
-    # The obstacle critic comes first in the original and last here, as it is the dearest; the sum
-    # below is taken in the original's order again.
+    # The obstacle critic comes first in the original. Here it comes last, because it takes longest;
+    # the final sum has the original's order again.
     scale = footprint_scale(translation_speed(moving[0], moving[1]), s)
     obstacle = 0.0
     for i in range(n):
@@ -179,7 +179,7 @@ def score_trajectory(
             obstacle = float(cost)
         else:
             continue
-        # A hair below, since the terms are not summed in their order here.
+        # Slightly lower, because the terms are not summed in their order here.
         if (rest + obstacle * weights[0]) * (1.0 - 1e-12) > limit:
             return -1.0
     return _cost_of_end_cells(

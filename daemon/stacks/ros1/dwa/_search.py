@@ -1,10 +1,10 @@
-"""The search for the sample that wins, without following every trajectory.
+"""Search for the best sample, without following every trajectory.
 
-The original follows and scores every sample in turn and keeps the first of the cheapest. Here a
-lower bound of the cost of every sample comes first, from where its trajectory ends; samples are
-then scored in the order of their bounds until no bound can win. Bounds sum the same terms in the
-same order as the cost, the obstacle term replaced by a smaller one, so that rounding keeps them
-below the cost; ties go to the sample the original meets first.
+The original follows and scores every sample in turn and keeps the first of the cheapest. Here the
+end of each trajectory first gives a lower bound of its cost. Samples are then scored in the order
+of their bounds until no bound can win. Bounds sum the same terms in the same order as the cost,
+with a smaller obstacle term, so that rounding keeps them below the cost. Ties go to the sample that
+the original meets first.
 """
 
 from __future__ import annotations
@@ -38,16 +38,16 @@ from grammars.model.geometry import Floats
 
 
 class SearchBuffers(NamedTuple):
-    """Room for one search, allocated once: every cycle overwrites it.
+    """Buffers of a search, allocated once: every cycle overwrites them.
 
-    ``samples`` (3, most) holds the speeds per axis, ``counts`` (3,) how many; sample (i, j, k)
-    stands at (i * counts[1] + j) * counts[2] + k, the order of the original's loops. ``pairs``
-    (most, 5) holds what all turning speeds of an (i, j) share, ``arcs`` (longest trajectory, 5)
-    what samples of one turning speed and number of points share, ``ends`` (all samples, 2) the
-    cells where samples end, ``known`` (3, cells) distances by cell. ``lower`` (all samples) are the
-    bounds and ``least`` (most,) the smallest of each (i, j). ``points`` (longest trajectory, 5)
-    and ``moving`` (3,) are a trajectory and its velocity; ``answer`` (5,) the velocity of the
-    winner, its cost and its place in the order of the samples.
+    ``samples`` (3, most) holds the speeds per axis, ``counts`` (3,) their numbers. Sample (i, j, k)
+    has the index (i * counts[1] + j) * counts[2] + k, the order of the original's loops. ``pairs``
+    (most, 5) holds shared values of all turning speeds of an (i, j), ``arcs`` (longest trajectory,
+    5) those of samples with one turning speed and number of points. ``ends`` (all samples, 2) are
+    the cells where samples end, ``by_cell`` (3, cells) distances by cell. ``lower`` (all samples)
+    are the bounds, ``least`` (most,) the smallest of each (i, j). ``points`` (longest trajectory,
+    5) and ``moving`` (3,) are a trajectory and its velocity. ``answer`` (5,) is the velocity of the
+    winner, its cost and its index.
     """
 
     samples: Floats
@@ -55,7 +55,7 @@ class SearchBuffers(NamedTuple):
     pairs: Floats
     arcs: Floats
     ends: Integers
-    known: Integers
+    by_cell: Integers
     lower: Floats
     least: Floats
     points: Floats
@@ -67,10 +67,10 @@ class SearchBuffers(NamedTuple):
 def _cell_if_sure(u: float, v: float, margin: float, rows: int, columns: int) -> int:
     """Return the cell of a point in units of cells that may be off by ``margin``, -1 off the grid.
 
-    -2 when the margin reaches into another cell, and always when it is a cell or more.
+    Returns -2 if the margin reaches another cell, always for a margin of a cell or more.
     """
     if u >= 0.0 and v >= 0.0:
-        # Truncated, which is quicker than rounding down and here the same.
+        # Truncation is faster than rounding down, and equal here.
         column, row = int(u), int(v)
         across, up = u - column, v - row
         if margin < across < 1.0 - margin and margin < up < 1.0 - margin:
@@ -86,22 +86,22 @@ def _sum_headings(
     """Return the sum of the headings of ``steps`` Euler steps and the heading after them.
 
     Headings are unit vectors that start at (``x``, ``y``) and turn by ``turn`` each, at most 1 rad;
-    ``cw`` and ``sw`` are cosine and sine of half of ``steps`` + 1 turns. A geometric series, so
-    that no step has to be taken.
+    ``cw`` and ``sw`` are cosine and sine of half of ``steps`` + 1 turns. The sum is a geometric
+    series.
     """
     half = 0.5 * turn
     q = half * half
-    # Taylor series up to the 12th power: 0.5 rad and less leave 1e-13, and no library is called.
+    # Taylor series up to the 12th power: up to 0.5 rad the error is 1e-13, without a library call.
     s3, s5, s7, s9, s11 = -1 / 6, 1 / 120, -1 / 5040, 1 / 362880, -1 / 39916800
     c2, c4, c6, c8, c10, c12 = -1 / 2, 1 / 24, -1 / 720, 1 / 40320, -1 / 3628800, 1 / 479001600
     sh = half * (1.0 + q * (s3 + q * (s5 + q * (s7 + q * (s9 + q * s11)))))
     ch = 1.0 + q * (c2 + q * (c4 + q * (c6 + q * (c8 + q * (c10 + q * c12)))))
-    # Half of all turns is half a turn less than that; the middle heading another half before.
+    # Half of all turns is half a turn less; the middle heading lies another half turn before.
     ca, sa = cw * ch + sw * sh, sw * ch - cw * sh
     cm, sm = ca * ch + sa * sh, sa * ch - ca * sh
     length = float(steps) if abs(sh) < 1e-9 else sa / sh
     mx, my = x * cm - y * sm, y * cm + x * sm
-    # From the middle to the heading after the last step it is half of all turns and half a turn.
+    # The heading after the last step lies half of all turns and half a turn after the middle.
     return length * mx, length * my, mx * cw - my * sw, my * cw + mx * sw
 
 
@@ -109,10 +109,10 @@ def _sum_headings(
 def _rounding_slope(
     state: Floats, speed: float, turn: float, resolution: float, s: DwaSettings
 ) -> float:
-    """Return how far [cells] single precision puts a point off for each step, at most.
+    """Return the largest error [cells] of a point per step in single precision.
 
     Every step rounds coordinates and the yaw by half a unit in the last place; ``speed`` and
-    ``turn`` are the largest. One cell when trajectories must be followed anyway.
+    ``turn`` are the largest. Returns one cell if trajectories must be followed anyway.
     """
     if not s.use_dwa or s.angular_sim_granularity > 1.0:
         return 1.0
@@ -129,11 +129,11 @@ def _rounding_slope(
 def _prepare_pairs(
     samples: Floats, counts: Integers, here: int, banned: Integers, s: DwaSettings, out: Floats
 ) -> float:
-    """Write what all samples of a (vx, vy) share to ``out``, and return the highest speed.
+    """Write the shared values of all samples of a (vx, vy) to ``out``; return the highest speed.
 
-    A row is the number of points that the way asks for, cost at the first pose, vx, vy, whether
-    it is too slow unless it turns (1.0). The cost is -1 when no sample of the pair is legal;
-    ``here`` is that of the footprint where the robot is. Grown footprints count as 0.
+    A row is the number of points for the way, cost at the first pose, vx, vy, and 1.0 if the pair
+    is legal only with a turn. The cost is -1 if no sample of the pair is legal. ``here`` is the
+    cost of the footprint at the robot. Grown footprints count as 0.
     """
     fastest = 0.0
     for i in range(counts[0]):
@@ -175,7 +175,7 @@ def _predict_end_cells(state: Floats, s: DwaSettings, f: ScoringGrid, r: SearchB
     slope = _rounding_slope(state, fastest, turn, f.frame[2], s)
     by_cell = 1.0 / f.frame[2]
     u0, v0 = (state[0] - f.frame[0]) * by_cell, (state[1] - f.frame[1]) * by_cell
-    # What the double precision of the prediction itself rounds, and more.
+    # More than the rounding of the prediction itself in double precision.
     least = 1e-9 * by_cell
     arcs[:, 4] = -1.0
     # Turning speeds outermost: samples of one turning speed and as many points share an arc.
@@ -211,19 +211,19 @@ def _predict_end_cells(state: Floats, s: DwaSettings, f: ScoringGrid, r: SearchB
 def _bound_costs(
     state: Floats, weights: Floats, s: DwaSettings, f: ScoringGrid, r: SearchBuffers
 ) -> None:
-    """Write the lower bound of every sample's cost to ``r.lower``, infinite when it cannot win.
+    """Write the lower bound of every sample's cost to ``r.lower``, infinite if it cannot win.
 
-    Also the smallest bound of each (i, j), to ``r.least``.
+    Also write the smallest bound of each (i, j) to ``r.least``.
     """
     cells, frame, digits = f.cells, f.frame, f.digits
     path, goal, front = f.distances[PATH], f.distances[GOAL], f.distances[FRONT]
-    samples, pairs, ends, known, out = r.samples, r.pairs, r.ends, r.known, r.lower
+    samples, pairs, ends, out = r.samples, r.pairs, r.ends, r.lower
     points, moving, forward = r.points, r.moving, s.forward_point_distance
     number, turns = r.counts[0] * r.counts[1], r.counts[2]
-    # One pass over all samples with every lookup cached by cell; taken apart it would hand
-    # fifteen arrays from part to part.
-    known[:] = -1
-    by_path, by_goal, by_front = known[0], known[1], known[2]
+    # One pass over all samples with every look-up cached by cell; several functions would have to
+    # pass fifteen arrays.
+    r.by_cell[:] = -1
+    by_path, by_goal, by_front = r.by_cell[0], r.by_cell[1], r.by_cell[2]
     rows, columns = cells.shape
     size = cells.size
     anywhere = weights[0] == 0.0 and weights[3] == 0.0 and weights[4] == 0.0
@@ -249,7 +249,7 @@ def _bound_costs(
                 at = cell_of(x, y, frame, rows, columns)
                 x, y = x + forward * points[n - 1, 3], y + forward * points[n - 1, 4]
                 nose = cell_of(x, y, frame, rows, columns)
-            # Samples of neighbouring turning speeds mostly end in the same cells.
+            # Samples of neighbouring turning speeds usually end in the same cells.
             if at == last_at and nose == last_nose and not twirling:
                 out[index] = bound
                 continue
@@ -285,7 +285,7 @@ def _bound_costs(
 
 @kernel
 def _first_smallest(values: Floats, begin: int, end: int) -> int:
-    """Return the place of the smallest of ``values`` from ``begin`` to ``end``, the first of it."""
+    """Return the first index of the smallest of ``values`` from ``begin`` to ``end``."""
     best = begin
     for k in range(begin + 1, end):
         if values[k] < values[best]:
@@ -297,10 +297,10 @@ def _first_smallest(values: Floats, begin: int, end: int) -> int:
 def find_best_sample(
     state: Floats, weights: Floats, s: DwaSettings, f: ScoringGrid, r: SearchBuffers
 ) -> int:
-    """Return the number of points of the winning trajectory, 0 when no sample is legal.
+    """Return the number of points of the winning trajectory, 0 if no sample is legal.
 
-    ``state`` is x, y, yaw, vx, vy, wz in single precision. ``r`` has the samples and receives the
-    answer and the trajectory; the bounds of samples that were followed are used up.
+    ``state`` is x, y, yaw, vx, vy, wz in single precision. ``r`` holds the samples and receives the
+    answer and the trajectory. The bounds of followed samples become infinite.
     """
     _predict_end_cells(state, s, f, r)
     _bound_costs(state, weights, s, f, r)
@@ -314,8 +314,7 @@ def find_best_sample(
         if low == math.inf or low > cheapest:
             break
         index = _first_smallest(lower, pair * turns, (pair + 1) * turns)
-        # Equal bounds must still be scored where an earlier sample wins the tie. This is the first
-        # of them.
+        # An earlier sample wins a tie, so equal bounds must still be scored up to the winner.
         if low == cheapest and index > winner:
             break
         lower[index] = math.inf
@@ -331,7 +330,7 @@ def find_best_sample(
     if winner < 0:
         return 0
     if winner != followed:
-        # Its points were overwritten by the samples scored after it.
+        # Samples scored later have overwritten its points.
         pair, k = winner // turns, winner % turns
         vx, vy = samples[0, pair // sideways], samples[1, pair % sideways]
         n = simulate_trajectory(state, vx, vy, samples[2, k], s, points, moving)

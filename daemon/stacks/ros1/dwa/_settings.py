@@ -1,4 +1,4 @@
-"""The parameters of dwa_local_planner as kernels read them: plain numbers, taken once."""
+"""Parameters of dwa_local_planner for kernels: plain numbers."""
 
 # Annotations stay types here: ``settings_of`` converts values by them.
 import math
@@ -12,10 +12,11 @@ from daemon.stacks.ros1.quirks import Quirks
 
 
 class DwaSettings(NamedTuple):
-    """Limits in SI units, weights and switches; the types are the same for every configuration.
+    """Limits in SI units, weights and switches, with the same types for every configuration.
 
-    Names of :class:`DwaParameters` mean the same here. ``period`` [s] is that of the dynamic
-    window; ``path_scale`` and ``goal_scale`` are weights per cell; the last two are quirks.
+    Fields with the names of :class:`DwaParameters` have the same meaning. ``period`` [s] is that
+    of the dynamic window; ``path_scale`` and ``goal_scale`` are weights per cell. The last two are
+    quirks.
     """
 
     max_vel_trans: float
@@ -54,8 +55,8 @@ def settings_of(
 ) -> DwaSettings:
     """Return the settings for a costmap of ``resolution`` [m].
 
-    The distance weights count cells, hence times the resolution; accelerations are single
-    precision (Eigen::Vector3f); sample numbers below one count as one (dynamic reconfigure).
+    The distance weights are per cell, hence times the resolution. Accelerations have single
+    precision (Eigen::Vector3f). Sample numbers below one count as one (dynamic reconfigure).
     """
     p = parameters
     values = {
@@ -78,7 +79,7 @@ def settings_of(
 
 
 def longest_trajectory(settings: DwaSettings, vx: float, vy: float, wz: float) -> int:
-    """Return more points than any trajectory has that starts with these velocities."""
+    """Return an upper bound of the points of a trajectory that starts with these velocities."""
     s = settings
     reach = s.period if s.use_dwa else s.sim_time
     x = max(abs(s.max_vel_x), abs(s.min_vel_x), abs(vx) + s.acc_lim_x * reach)

@@ -1,7 +1,7 @@
-"""The controller: follows a global plan by trying velocities.
+"""Controller that follows a global plan by trying velocities.
 
-Two memories beside the search: which directions oscillation rules out, and what the robot does
-within tolerance of the goal (stop, then turn).
+Its state besides the search: directions that oscillation rules out, and the phase within tolerance
+of the goal (stop, then turn).
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ from grammars.model.geometry import Floats, Pose2, Twist2, wrap_angle
 
 _VX, _VY, _WZ = 0, 2, 4
 _SINGLES: Final = struct.Struct("6f")
-"""Rounds a state to single precision, as the original stores poses and speeds."""
+"""Format that rounds a state to single precision, as the original stores poses and speeds."""
 
 
 class Oscillation:
@@ -63,15 +63,15 @@ class Oscillation:
         self._turned_at: Sequence[float] = (0.0, 0.0, 0.0)
 
     def reset(self) -> None:
-        """Forget everything."""
+        """Release all directions."""
         self.banned[:] = 0
         self._bans = False
         self._last_signs = [0, 0, 0]
 
-    def chosen(self, at: Sequence[float], velocity: Sequence[float], min_vel_trans: float) -> None:
-        """Take in the ``velocity`` (vx, vy, wz) that was commanded ``at`` a pose (x, y, yaw).
+    def record(self, at: Sequence[float], velocity: Sequence[float], min_vel_trans: float) -> None:
+        """Record the command ``velocity`` (vx, vy, wz) ``at`` a pose (x, y, yaw).
 
-        Sideways and turning count only when slow.
+        Strafing and turning count only if the robot is slow.
         """
         vx, vy, wz = velocity
         flipped = self._take(_VX, vx)
@@ -84,7 +84,7 @@ class Oscillation:
             self.reset()
 
     def _take(self, place: int, speed: float) -> bool:
-        """Remember the sign of ``speed`` and rule out the other one when it changed."""
+        """Remember the sign of ``speed`` and rule out the other one if it changed."""
         sign = (speed > 0.0) - (speed < 0.0)
         if sign == 0:
             return False
@@ -105,7 +105,7 @@ class Oscillation:
 class StopRotate:
     """base_local_planner ``LatchedStopRotateController``.
 
-    ``latch`` keeps a goal position once reached until the next plan, though the estimate moves on.
+    With ``latch`` a reached position stays reached until the next plan, even if the estimate moves.
     """
 
     def __init__(
@@ -119,18 +119,18 @@ class StopRotate:
         self._rotating = False
 
     def reset_latch(self) -> None:
-        """Forget that the position was reached."""
+        """Release a reached position."""
         self._latched = False
 
     def position_reached(self, pose: Pose2, goal: Pose2) -> bool:
-        """Whether ``pose`` is within ``xy_goal_tolerance`` of ``goal``, or was if latched."""
+        """Tell whether ``pose`` is within ``xy_goal_tolerance`` of ``goal``, or was if latched."""
         near = math.hypot(goal.x - pose.x, goal.y - pose.y) <= self._p.xy_goal_tolerance
         reached = near or (self._latch and self._latched)
         self._latched = self._latched or reached
         return reached
 
     def goal_reached(self, pose: Pose2, twist: Twist2, goal: Pose2) -> bool:
-        """Whether the robot stands at ``goal`` with its heading."""
+        """Tell whether the robot stands at ``goal`` with its heading."""
         return (
             self.position_reached(pose, goal)
             and abs(wrap_angle(goal.yaw - pose.yaw)) <= self._p.yaw_goal_tolerance
@@ -140,7 +140,7 @@ class StopRotate:
     def command(
         self, pose: Pose2, twist: Twist2, goal: Pose2, legal: Callable[[Twist2], bool]
     ) -> Twist2 | None:
-        """Return the next command, ``None`` when it is not ``legal``."""
+        """Return the next command, ``None`` if it is not ``legal``."""
         p = self._p
         error = wrap_angle(goal.yaw - pose.yaw)
         if abs(error) <= p.yaw_goal_tolerance:
@@ -165,8 +165,8 @@ class StopRotate:
 class Dwa:
     """dwa_local_planner ``DWAPlannerROS`` of ROS Noetic.
 
-    ``footprint`` is the padded outline, shape (corners, 2) [m]; ``control_period_default`` [s]
-    that of move_base, for a configuration without ``controller_frequency`` of its own.
+    ``footprint`` is the padded outline, shape (corners, 2) [m]. ``control_period_default`` [s] is
+    that of move_base, for a configuration without its own ``controller_frequency``.
     ``latch_goal`` is ``latch_xy_goal_tolerance``, which the original reads in the namespace of
     move_base.
     """
@@ -206,7 +206,7 @@ class Dwa:
         self._room: SearchBuffers
         self._critics: tuple[Floats, Floats]
         self._weights: Floats
-        # Now, since it takes longest of all that the first run on a machine compiles.
+        # Load it now, because it takes longest to compile in the first run on a machine.
         self._machine = self._load_machine_code()
 
     def _load_machine_code(self) -> tuple[Callable[..., Any], ...]:
@@ -231,7 +231,7 @@ class Dwa:
             self._oscillation.reset()
 
     def goal_reached(self, pose: Pose2, twist: Twist2, map_to_odom: Pose2) -> bool:
-        """Whether the robot stands at the end of the plan; ``pose`` is in odom."""
+        """Tell whether the robot stands at the end of the plan; ``pose`` is in odom."""
         if self._plan.is_over:
             return False
         return self._stop_rotate.goal_reached(pose, twist, self._plan.goal(map_to_odom))
@@ -241,8 +241,8 @@ class Dwa:
     ) -> ControllerAnswer:
         """Return the next velocity; ``pose`` and ``local`` are in odom.
 
-        ``map_to_odom`` is the pose of odom in the map. Not ok without a plan near the robot, or
-        when every velocity is illegal (``DWAPlannerROS::computeVelocityCommands``).
+        ``map_to_odom`` is the pose of odom in the map. The answer is not ok without a plan near the
+        robot, or if every velocity is illegal (``DWAPlannerROS::computeVelocityCommands``).
         """
         settings = self._prepare(local)
         window = self._plan.window(pose, map_to_odom, local, prune=self._p.prune_plan)
@@ -259,7 +259,7 @@ class Dwa:
         return self._sample(window, settings)
 
     def _prepare(self, local: CostGrid) -> DwaSettings:
-        """Make room for the costmap when it has another shape, and note what is passable."""
+        """Allocate buffers for a costmap of a new shape, and update its passable cells."""
         settings = self._settings
         if settings is None or self._field.cells.shape != local.cells.shape:
             settings = settings_of(self._p, self._quirks, local.resolution, self._period_default)
@@ -299,7 +299,7 @@ class Dwa:
             self._room = allocate_buffers(local.cells.shape, settings, needed)
 
     def _aim(self, window: Floats, settings: DwaSettings) -> None:
-        """Push the end of the window ahead and see whether the nose counts."""
+        """Push the end of the window ahead and decide whether the nose counts."""
         x, y = window[-1].tolist()
         at_x, at_y, _, _, _, _ = self._single
         forward = self._p.forward_point_distance
@@ -314,8 +314,8 @@ class Dwa:
         state, weights, field, room = self._state, self._weights, self._field, self._room
         end, front_end, sets = window[-1], self._front_end, self._sets
         sample, fill, find = self._machine
-        # Samples first: how fast they are says how far distances are needed, and filling those of
-        # the whole costmap would cost more than following every trajectory.
+        # Samples first, because their speeds bound the distances needed. Filling the whole costmap
+        # would cost more than following every trajectory.
         centre = sample(state, end, settings, room.samples, room.counts)
         reach = (centre, centre + abs(settings.forward_point_distance))
         fill(state, window, front_end, reach, weights, field, sets)
@@ -325,12 +325,12 @@ class Dwa:
             return NO_VELOCITY
         vx, vy, wz = velocity = room.answer[:3].tolist()
         twist = Twist2(vx, vy, wrap_angle(wz))
-        self._oscillation.chosen(self._single, velocity, self._p.min_vel_trans)
+        self._oscillation.record(self._single, velocity, self._p.min_vel_trans)
         return ControllerAnswer(True, twist, room.points[:n, :2].copy())
 
     def _is_legal(self, twist: Twist2) -> bool:
-        """Whether a trajectory is legal now, by the distances of the last sampling cycle."""
-        # ``checkTrajectory`` forgets oscillation before it scores, also for later cycles.
+        """Tell whether a trajectory is legal now, by the distances of the last sampling cycle."""
+        # ``checkTrajectory`` resets oscillation before it scores, also for later cycles.
         self._oscillation.reset()
         s, field, weights = self._settings, self._field, self._weights
         assert s is not None

@@ -1,4 +1,4 @@
-"""The velocities to try (the dynamic window, its samples), and where each takes the robot."""
+"""Velocities to try (the dynamic window and its samples), and the trajectory of each."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from daemon.stacks.ros1.dwa._settings import DwaSettings
 from grammars.model.geometry import Floats
 
 SLACK: Final = 1e-4
-"""[m/s, rad/s] How much the original forgives samples that are too slow or too fast
+"""Tolerance of the original for samples that are too slow or too fast [m/s, rad/s]
 (``SimpleTrajectoryGenerator::generateTrajectory``)."""
 
 
@@ -25,9 +25,9 @@ def round_to_single(value: float) -> float:
 
 @kernel
 def sample_axis(low: float, high: float, count: int, out: Floats) -> int:
-    """Write evenly spaced speeds from ``low`` to ``high`` to ``out`` and return how many.
+    """Write evenly spaced speeds from ``low`` to ``high`` to ``out`` and return their number.
 
-    Both ends belong to them, and a zero where the spacing would step over it
+    They include both ends, and a zero where the spacing would step over it
     (base_local_planner ``VelocityIterator``). ``out`` holds max(2, count) + 1 values.
     """
     if low == high:
@@ -54,8 +54,8 @@ def dynamic_window(state: Floats, distance: float, s: DwaSettings, out: Floats) 
     """Write the lowest and highest speeds per axis (x, y, theta) to ``out``, shape (3, 2 or more).
 
     ``state`` is x, y, yaw, vx, vy, wz in single precision, ``distance`` [m] that to the goal
-    (base_local_planner ``SimpleTrajectoryGenerator::initialise``). The window may be upside down
-    when the robot is faster than its limits.
+    (base_local_planner ``SimpleTrajectoryGenerator::initialise``). The lowest may exceed the
+    highest if the robot is faster than its limits.
     """
     reach = s.period
     max_x, max_y = s.max_vel_x, s.max_vel_y
@@ -78,10 +78,10 @@ def dynamic_window(state: Floats, distance: float, s: DwaSettings, out: Floats) 
 def sample_speeds(
     state: Floats, end: Floats, s: DwaSettings, samples: Floats, counts: Integers
 ) -> float:
-    """Write the speeds to try per axis to ``samples`` (3, most) and how many to ``counts`` (3,).
+    """Write the speeds to try per axis to ``samples`` (3, most), their numbers to ``counts`` (3,).
 
-    ``end`` is the last point (x, y) of the plan near the robot. Returns how far [m] a trajectory of
-    the samples may lead.
+    ``end`` is the last point (x, y) of the plan near the robot. Returns a bound of the length of
+    trajectories [m].
     """
     dynamic_window(state, math.hypot(end[0] - state[0], end[1] - state[1]), s, samples)
     square = 0.0
@@ -93,7 +93,7 @@ def sample_speeds(
     counts[2] = sample_axis(samples[2, 0], samples[2, 1], s.vth_samples, samples[2])
     speed = math.sqrt(square)
     if s.use_dwa:
-        # Samples up to 1e-4 m/s faster than max_vel_trans are legal; as much again to spare.
+        # Samples up to 1e-4 m/s above max_vel_trans are legal; the bound has the same margin again.
         speed = min(speed, s.max_vel_trans + 2e-4)
     return speed * s.sim_time
 
@@ -117,21 +117,21 @@ def footprint_scale(speed: float, s: DwaSettings) -> float:
 
 @kernel
 def points_for_way(speed: float, s: DwaSettings) -> float:
-    """Return how many points ``sim_granularity`` asks for at a ``speed`` [m/s], a whole number."""
+    """Return the number of points that ``sim_granularity`` requires at a ``speed`` [m/s]."""
     return float(math.ceil(speed * s.sim_time / s.sim_granularity))
 
 
 @kernel
 def points_for_turn(wz: float, s: DwaSettings) -> float:
-    """Return how many points ``angular_sim_granularity`` asks for, a whole number."""
+    """Return the number of points that ``angular_sim_granularity`` requires."""
     return float(math.ceil(abs(wz) * s.sim_time / s.angular_sim_granularity))
 
 
 @kernel
 def count_points(speed: float, wz: float, s: DwaSettings) -> int:
-    """Return the number of points of a sample's trajectory; 0 when the sample is illegal.
+    """Return the number of points of a sample's trajectory; 0 if the sample is illegal.
 
-    Illegal are samples slower than both minimum speeds or faster than the largest
+    Samples slower than both minimum speeds or faster than the largest are illegal
     (``SimpleTrajectoryGenerator::generateTrajectory``).
     """
     if speed + SLACK < s.min_vel_trans and abs(wz) + SLACK < s.min_vel_theta:
@@ -154,9 +154,9 @@ def simulate_trajectory(
 ) -> int:
     """Write the trajectory of a sample to ``points`` and return the number of points, maybe 0.
 
-    A row of ``points`` is x, y, yaw and the cosine and sine of yaw; the first row is the pose in
-    ``state``, the end pose is left out. ``moving`` receives the velocity of the trajectory, which
-    is the sample unless trajectories accelerate. Poses are integrated after Euler and rounded to
+    A row of ``points`` is x, y, yaw and the cosine and sine of yaw. The first row is the pose in
+    ``state``; the end pose is not included. ``moving`` receives the velocity of the trajectory,
+    which is the sample unless trajectories accelerate. Euler's method integrates poses, rounded to
     single precision at every step (``SimpleTrajectoryGenerator``).
     """
     moving[:] = 0.0
@@ -181,7 +181,7 @@ def simulate_trajectory(
             uw = _accelerate(wz, uw, s.acc_lim_theta * dt)
         along_x, along_y = ux * c, ux * d
         if uy != 0.0:
-            # Not -sin and cos: the original adds a quarter turn, which rounds differently.
+            # The original adds a quarter turn, which rounds differently from -sin and cos.
             along_x += uy * math.cos(math.pi / 2.0 + yaw)
             along_y += uy * math.sin(math.pi / 2.0 + yaw)
         x, y, yaw = (

@@ -1,4 +1,4 @@
-"""The parameters of global_planner as ROS names them, with the defaults of Noetic."""
+"""Parameters of global_planner with the names and defaults of Noetic."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from daemon.stacks.ros1.parameters import Finite, Section, refuse
 _Byte: TypeAlias = Annotated[int, Field(ge=1, le=255)]
 
 FORWARD: Final = 1
-"""The orientation mode in which points look along the path."""
+"""Orientation mode in which points look along the path."""
 
 
 @dataclass(frozen=True, slots=True, config=ConfigDict(extra="forbid", strict=True))
@@ -38,24 +38,24 @@ class GlobalPlannerParameters(Section):
     ] = False
     """Trace the path back along the gradient, half a cell a step."""
     allow_unknown: bool = True
-    """Whether a path may lead through cells that are unknown in the global costmap."""
+    """A path may lead through cells that are unknown in the global costmap."""
     outline_map: bool = True
     """Plan as if the outermost cells of the costmap were obstacles."""
     lethal_cost: Annotated[int, Field(ge=2, le=255)] = 253
-    """Cells of this cost less one or more are not entered; 1 would leave none."""
+    """Costs of at least this minus one block a cell; 1 would block all cells."""
     neutral_cost: _Byte = 50
     """Cost of crossing a free cell."""
     cost_factor: Annotated[float, Field(ge=0.01, le=5.0, allow_inf_nan=False)] = 3.0
-    """By which the costs of the costmap are multiplied."""
+    """Factor on the costs of the costmap."""
     orientation_mode: Annotated[
         Literal[0, 1],
         refuse((2, 3, 4, 5, 6), "only 0 (no yaws) and 1 (points look forward) are built in"),
     ] = FORWARD
     """Yaw of the plan's points: 0 none, 1 forward."""
     orientation_window_size: _Byte = 1
-    """Points before and after, whose line is the direction of the path at a point."""
+    """Number of points before and after a point that give the direction of the path there."""
     default_tolerance: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] = 0.0
-    """[m] Distance from the goal that would do; the original reads and ignores it."""
+    """[m] Tolerance of the goal; the original reads and ignores it."""
     publish_potential: bool = True
     """Publish the potential as a map."""
     publish_scale: int = 100

@@ -1,4 +1,4 @@
-"""The global planner of the stack behind the interface of GlobalPlanner."""
+"""Global planner of the stack with the interface of GlobalPlanner."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from daemon.stacks.ros1.quirks import Quirks
 from grammars.model.geometry import Floats, Pose2
 
 _NEUTRAL_COSTS: Final = range(30, 101)
-"""For these the margins of navfn, made for 50, are wide enough and do some good."""
+"""Neutral costs for which the margins of navfn, made for 50, are wide enough and useful."""
 
 
 def planner_costs(parameters: GlobalPlannerParameters) -> CellCosts:
-    """Return the costs of cells, whose state is their costmap value (``getCost``)."""
+    """Return the costs of cells; the state of a cell is its costmap value (``getCost``)."""
     p, values = parameters, np.arange(PENDING)
     blocked = values >= p.lethal_cost - 1
     if p.allow_unknown:
@@ -48,9 +48,9 @@ def potential_field(
     margins: tuple[float, ...] = MARGINS,
     worthwhile: int = WORTHWHILE,
 ) -> PotentialField:
-    """Return a field over a costmap as GlobalPlanner sees it.
+    """Return a field over a costmap for GlobalPlanner.
 
-    Waves are restricted with the ``margins`` where those are wide enough.
+    The ``margins`` restrict waves if they are wide enough.
     """
     p, goal_costs = parameters, None
     if not p.old_navfn_behavior:
@@ -66,15 +66,15 @@ def potential_field(
         neutral=p.neutral_cost,
         goal_costs=goal_costs,
     )
-    guided = p.outline_map and p.neutral_cost in _NEUTRAL_COSTS
-    return PotentialField(grid, rules, margins=margins if guided else (), worthwhile=worthwhile)
+    is_guided = p.outline_map and p.neutral_cost in _NEUTRAL_COSTS
+    return PotentialField(grid, rules, margins=margins if is_guided else (), worthwhile=worthwhile)
 
 
 class GlobalPlanner:
-    """Plans on a global costmap as GlobalPlanner does; ``quirks`` says what oddities are kept.
+    """GlobalPlanner on a global costmap; ``quirks`` selects its oddities.
 
-    The original also draws its outline into the costmap. Here it is the planner's own: the
-    costmap would only inflate it, where an update's bounds come near the border.
+    The original also draws its outline into the costmap. Here only the planner has it: the costmap
+    would merely inflate it when an update comes near the border.
     """
 
     def __init__(self, parameters: GlobalPlannerParameters, quirks: Quirks) -> None:
@@ -85,8 +85,7 @@ class GlobalPlanner:
         """Return x, y, yaw from ``start`` to ``goal`` in the grid's frame, (n, 3), or ``None``.
 
         The last point is the goal; yaws are those of ``orientation_mode``. There is no plan from
-        or to a point off the grid, nor to a goal that the expansion does not reach or that the
-        descent does not lead back from.
+        or to a point off the grid, nor if the expansion or the descent fails.
         """
         here, there = grid.cell(start.x, start.y), grid.cell(goal.x, goal.y)
         if here is None or there is None:
@@ -112,7 +111,7 @@ class GlobalPlanner:
         return field
 
     def _poses(self, grid: CostGrid, path: Singles, goal: Pose2) -> Floats:
-        """Turn a path from the goal, in cells, round and into the grid's frame, with yaws."""
+        """Reverse a path from the goal, in cells, transform it into the grid's frame, add yaws."""
         parameters, quirks = self._parameters, self._quirks
         old = parameters.old_navfn_behavior
         count = len(path)
@@ -126,18 +125,18 @@ class GlobalPlanner:
 
 @kernel
 def _through_quaternion(yaw: float) -> float:
-    """Return a yaw as it is read back from a quaternion (tf2 ``setRPY``, ``getYaw``)."""
+    """Return a yaw after conversion to a quaternion and back (tf2 ``setRPY``, ``getYaw``)."""
     z, w = math.sin(0.5 * yaw), math.cos(0.5 * yaw)
     return math.atan2(2.0 * (w * z), w * w - z * z)
 
 
 @kernel
 def look_forward(poses: Floats, window: int) -> None:
-    """Set the yaw of ``poses`` (n, 3) but the last, the goal, along the path at each point.
+    """Set the yaws of ``poses`` (n, 3) along the path, except for the last one, the goal.
 
-    That is the direction from ``window`` points before it to as many behind it
-    (``OrientationFilter``). It goes through a quaternion as in the original, because a half turn
-    may fall to either side by the last bit.
+    A yaw is the direction from ``window`` points before to as many behind (``OrientationFilter``).
+    It goes through a quaternion as in the original, because the last bit decides about the sign of
+    a half turn.
     """
     last = poses.shape[0] - 1
     for i in range(last):

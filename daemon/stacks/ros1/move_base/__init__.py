@@ -1,8 +1,8 @@
 """move_base: goals, plans and commands in the order and at the rates of the original.
 
 The control loop and the planner thread share a ``MoveBaseStatus`` (:mod:`.control`). Time stands
-still while either works, and :mod:`daemon.stacks.ros1.stack` says who goes first within one
-instant. Parameters are here, so that checking them loads no compiler.
+still while either works; :mod:`daemon.stacks.ros1.stack` defines their order within one instant.
+This package exports parameters only, so that checking them loads no compiler.
 """
 
 from daemon.stacks.ros1.move_base._parameters import (

@@ -1,12 +1,12 @@
-"""The control loop and the planner thread of move_base: one goal, from plan to success or abort.
+"""Control loop and planner thread of move_base: one goal, from plan to success or abort.
 
 The states, timers and the order of the checks are those of ``MoveBase::executeCycle`` (ROS 1
-Noetic). Two things there surprise people and are kept: a failing controller sends the loop back
-to planning, where a plan is found at once, so that it fails again until ``controller_patience``
-is over; and that patience is counted from the last valid command even across recoveries.
+Noetic). Two surprises are kept. A failing controller sends the loop back to planning, which
+succeeds at once, so the controller fails again until ``controller_patience`` is over. And that
+patience counts from the last valid command even across recoveries.
 
-The planner thread (``planThread``) says when a plan is made and what failing means; the two
-share a :class:`MoveBaseStatus`.
+The planner thread (``planThread``) decides when to plan and handles failures. Both share a
+:class:`MoveBaseStatus`.
 """
 
 from __future__ import annotations
@@ -50,9 +50,9 @@ class RecoveryTrigger(StrEnum):
 class MoveBaseStatus:
     """Members of move_base that both threads write; times in seconds.
 
-    ``plan`` (n, 3) in map is the latest one, ``plan_is_new`` until the control loop takes it.
-    ``planner_runs`` lets the planner thread work (``runPlanner_``). ``log`` are sentences for the
-    log of the run; the stack takes them.
+    ``plan`` (n, 3) in map is the latest plan, ``plan_is_new`` until the control loop takes it.
+    ``planner_runs`` lets the planner thread work (``runPlanner_``). ``log`` holds sentences for
+    the log of the run, until the stack takes them.
     """
 
     state: MoveBaseState = MoveBaseState.PLANNING
@@ -64,28 +64,27 @@ class MoveBaseStatus:
     last_valid_plan: float = 0.0
     planning_retries: int = 0
     planner_stopped_robot: bool = False
-    """Whether the planner thread has published a zero velocity since it was last looked at."""
+    """The planner thread has published a zero velocity that the control loop has not seen yet."""
     log: list[str] = field(default_factory=list)
 
 
 _WAKING: Final = 0.001
-"""Part of every period that the planner thread loses to being woken [s].
+"""Delay of every wake-up of the planner thread [s].
 
-Its timer is set anew from when it began to plan, so it falls behind the control loop, which makes
-up for every delay. With equal frequencies that is all there is between a new plan in every control
-cycle and one cycle without, now and then. TrajectoryPlannerROS forgets with every plan that it has
-arrived: where both are 20 Hz, as on the Jackal, it would never finish without that cycle. With
-other ratios the phase decides nothing, and simulated time stays on its grid.
+Its timer restarts at the beginning of a plan, so it falls behind the control loop, which makes up
+for every delay. With equal frequencies this sometimes leaves a control cycle without a new plan.
+TrajectoryPlannerROS forgets its arrival with every plan: with both at 20 Hz, as on the Jackal, it
+would never finish without that cycle. With other ratios the phase does not matter, and simulated
+time stays on its grid.
 """
 
 
 class PlannerThread:
-    """Plans at ``planner_frequency`` from the start of one plan to the start of the next.
+    """Planner on the global ``costmap`` at ``planner_frequency``, from start to start of plans.
 
-    It plans on the global ``costmap``. The control loop wakes it early whenever it waits for a
-    plan. Planning takes no simulated time; being woken by its timer does where that decides
-    (``_WAKING``). With a frequency of 0 it plans once when asked, and after a failure again at
-    every step of the stack, where the original tries as fast as it can.
+    The control loop wakes it early to wait for a plan. Planning takes no simulated time; a wake-up
+    by the timer does if it matters (``_WAKING``). With a frequency of 0 it plans once on request,
+    and after a failure again at every step of the stack. The original repeats as fast as it can.
     """
 
     def __init__(
@@ -109,16 +108,16 @@ class PlannerThread:
         self._failing_since: float | None = None
 
     def wake(self) -> None:
-        """Let it plan at the next step, whatever its period (``planner_cond_.notify_one``)."""
+        """Let it plan at the next step, regardless of its period (``planner_cond_.notify_one``)."""
         self._due = 0.0
 
     def step(self, now: float) -> None:
-        """Make a plan if it is time to."""
+        """Make a plan if one is due."""
         status = self._status
         if not status.planner_runs or status.goal is None or now < self._due - TIME_TOLERANCE:
             return
-        begun = self._due if self._waking and now - self._due < self._period else now
-        self._due = begun + self._period + self._waking
+        begin = self._due if self._waking and now - self._due < self._period else now
+        self._due = begin + self._period + self._waking
         plan = self.plan(self._costmap.frame.base, status.goal)
         if plan is not None and len(plan):
             self._succeed(now, plan)
@@ -160,10 +159,10 @@ STILL: Final = Twist2()
 
 
 class MoveBase:
-    """The control loop; ``step`` runs it when it is due.
+    """Control loop; ``step`` runs it when it is due.
 
-    ``controller`` is the local planner. Commands and trajectories stay until they are taken;
-    sentences for the log go to ``status.log``.
+    ``controller`` is the local planner. The ``take_`` methods remove their results. Sentences for
+    the log go to ``status.log``.
     """
 
     def __init__(
@@ -185,7 +184,7 @@ class MoveBase:
         self._control_survives = quirks.control_patience_survives_recovery
         self._last_valid_control = self._last_oscillation_reset = 0.0
         self._anchor = (0.0, 0.0)
-        """Where the robot was when it last had moved far enough (``oscillation_pose_``)."""
+        """Position of the robot at its latest sufficient motion (``oscillation_pose_``)."""
         self._index = 0
         self._rate = LoopRate(self._period, 0.0)
         self._recovery: Recovery | None = None
@@ -232,12 +231,12 @@ class MoveBase:
             for observed in (self._global, self._local):
                 half = self._parameters.clearing_radius
                 observed.costmap.clear_square(observed.frame.base, half)
-        # The service passes start and goal on as they are, and planners refuse other frames.
+        # The service passes start and goal on unchanged, and planners refuse other frames.
         if self._global.frame.name == "map":
             self._planner.plan(start, goal)
 
     def step(self, now: float) -> None:
-        """Run a cycle, or the recovery that blocks it, if it is time to."""
+        """Run a cycle, or the recovery that blocks it, if one is due."""
         status = self._status
         if status.planner_stopped_robot:
             self.command, status.planner_stopped_robot = STILL, False
@@ -245,7 +244,7 @@ class MoveBase:
             self._step_recovery(now, self._recovery)
         while status.goal is not None and self._recovery is None and self._rate.is_over(now):
             self._cycle(now)
-            # A recovery that takes its time is part of the cycle, and so late for the next one.
+            # A recovery that takes time is part of the cycle, which then ends later.
             if self._recovery is None:
                 self._rate.sleep(now)
 
@@ -284,7 +283,7 @@ class MoveBase:
         if timeout > 0.0 and is_after(now, self._last_oscillation_reset + timeout):
             self.command = STILL
             self._start_recoveries(RecoveryTrigger.OSCILLATION)
-        # The original computes and sends one more command here, oscillating or not.
+        # As in the original, oscillation does not suppress this last command.
         answer = self._controller.command(frame.base, twist, in_plan, self._local.costmap.grid)
         self._trajectory = answer.local_plan
         if answer.ok:
@@ -333,13 +332,13 @@ class MoveBase:
         self._end("aborted")
 
     def _step_recovery(self, now: float, recovery: Recovery) -> None:
-        """Run on a recovery of an earlier instant; with its end the cycle it blocked is over."""
+        """Continue a recovery of an earlier instant; its end also ends the blocked cycle."""
         self._advance_recovery(now, recovery)
         if self._recovery is None:
             self._rate.sleep(now)
 
     def _advance_recovery(self, now: float, recovery: Recovery) -> None:
-        """Let the recovery take its next step; when it ends, the loop goes on planning."""
+        """Take the next step of the recovery; after its end the loop plans again."""
         advance = recovery.step()
         if advance.command is not None:
             self.command = advance.command
@@ -358,7 +357,7 @@ class MoveBase:
         self._index += 1
 
     def _end(self, outcome: Outcome) -> None:
-        """Forget the goal and stop (``resetState``)."""
+        """Drop the goal and stop (``resetState``)."""
         status = self._status
         status.planner_runs, status.state = False, MoveBaseState.PLANNING
         status.trigger, status.goal = RecoveryTrigger.PLANNING, None

@@ -1,26 +1,25 @@
 """navfn, the global planner of ROS Noetic's move_base (``navfn/NavfnROS``).
 
 A wave spreads from the robot over the global costmap until it reaches the goal, and the path
-descends from there (Konolige's gradient method). Update for update as in the original, because
-its result depends on the order.
+descends from there (Konolige's gradient method). Every update is that of the original, because the
+result depends on their order.
 
-The whole wave covers everything nearer than the goal, and little of that matters. Once a goal
-repeats, the wave is therefore restricted to cells from which, by a potential spread backward
-from the goal, the way on is at most a margin longer than the best one. Three things hold such a
-path to that of the whole wave, the last two checked for every plan:
+The whole wave covers everything nearer than the goal, and little of that matters. A potential
+spread backward from the goal gives the remaining way from each cell. If a goal repeats, the wave
+is therefore restricted to cells whose way is at most a margin longer than the best one. Three
+things keep such a path equal to that of the whole wave; every plan checks the last two:
 
 - the margin: a wave that leaves the restricted cells and comes back is late by about as much;
-- the descent looked at no cell that was left out, nor at one that such a wave could have reached;
-- no cell left out took part, at its time, in anything that the looked at cells have gone through:
-  the wave itself passes on which cells are doubtful.
+- the descent read no excluded cell, nor one that such a wave could have reached;
+- no excluded cell took part in the history of the cells that the descent read. The wave itself
+  passes on which cells are doubtful.
 
-A path that fails is planned again with a larger margin, in the end with the whole wave. This is
-no full proof: a wave through cells left out might reach a cell of that history by way of cells
-that the restricted wave had not come to by then, which that cannot show; only the margin
-stands against that. On small random maps with margins drawn from 100 to 2500, instead of the
-2000 and more used here, 8 paths in 1 315 180 differed; with those used here none in 118 125, nor
-in a whole run of S1. Paths were counted when doubt was found
-by reading a log of the wave backward; the tests hold what the wave passes on to that.
+A path that fails is planned again with a larger margin, in the end with the whole wave. This is no
+full proof. A wave through excluded cells might reach a cell of that history through cells that the
+restricted wave had not reached by then. The check cannot show that; only the margin prevents it. On
+small random maps with margins from 100 to 2500, instead of the 2000 and more used here, 8 paths in
+1 315 180 differed. With the margins used here none of 118 125 differed, nor any in a run of S1.
+These counts come from a log of the wave read backward; tests compare the wave's doubts with it.
 """
 
 from daemon.stacks.ros1.navfn._parameters import NavfnParameters

@@ -1,4 +1,4 @@
-"""The parameters of navfn as ROS names them, with the defaults of Noetic."""
+"""Parameters of navfn with the names and defaults of Noetic."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ class NavfnParameters(Section):
     """Parameters under ``NavfnROS``."""
 
     allow_unknown: bool = True
-    """Whether a path may lead through cells that are unknown in the global costmap."""
+    """A path may lead through cells that are unknown in the global costmap."""
     default_tolerance: NotNegative = 0.0
-    """[m] A path may end this far from the goal in x and in y; 0 demands the goal's own cell."""
+    """[m] A path may end this far from the goal in x and in y; 0 requires the goal's own cell."""
     visualize_potential: bool = False
     """Publish the potential as a point cloud."""
     planner_window_x: float = 0.0

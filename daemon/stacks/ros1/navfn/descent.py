@@ -1,7 +1,7 @@
-"""The path from the goal down a potential to the robot: along the gradient, half a cell a step.
+"""Path from the goal down a potential to the robot: along the gradient, half a cell a step.
 
-``calcPath`` of navfn and ``GradientPath`` of global_planner, step for step. They differ in where
-the path has arrived, how near the border it may go, how long it may be, and how they round.
+These are ``calcPath`` of navfn and ``GradientPath`` of global_planner, step for step. They differ
+in the end condition, the distance from the border, the greatest length, and the rounding.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def _round_half_away(offset: np.float32) -> int:
 
 @kernel
 def _length(x: np.float32, y: np.float32, as_navfn: bool) -> np.float32:
-    """Return the length of a vector, float32: of navfn rounded at each step, otherwise once."""
+    """Return the length of a vector, float32; navfn rounds at each step, GlobalPlanner once."""
     if as_navfn:
         return np.float32(np.sqrt(x * x + y * y))
     a, b = np.float64(x), np.float64(y)
@@ -46,7 +46,7 @@ def _length(x: np.float32, y: np.float32, as_navfn: bool) -> np.float32:
 def _gradient(
     potentials: Singles, n: int, columns: int, as_navfn: bool
 ) -> tuple[np.float32, np.float32]:
-    """Return the normalised gradient at a reached cell, float32; none in the outermost rows.
+    """Return the normalised gradient at a reached cell, float32; 0 in the outermost rows.
 
     Neighbours may be unreached.
     """
@@ -82,7 +82,7 @@ def _gradients(
 
 @kernel
 def at_edge(potentials: Singles, corner: int, columns: int) -> bool:
-    """Tell whether any of nine cells was not reached; the lowest left one is ``corner``."""
+    """Tell whether any of nine cells is unreached; the lowest left one is ``corner``."""
     for row in range(3):
         for n in range(corner + row * columns, corner + row * columns + 3):
             if potentials[n] >= UNREACHED:
@@ -92,7 +92,7 @@ def at_edge(potentials: Singles, corner: int, columns: int) -> bool:
 
 @kernel
 def _lowest_around(potentials: Singles, n: int, columns: int) -> int:
-    """Return the lowest of a cell and its eight neighbours; potentials compare as integers."""
+    """Return the lowest of a cell and its eight neighbours, comparing potentials as integers."""
     best, value = n, int(potentials[n])
     for row in range(-1, 2):
         for column in range(-1, 2):
@@ -122,10 +122,10 @@ def descend_gradient(
     """Follow the gradient from ``goal`` to ``start`` (column, row), at most ``steps`` points.
 
     Writes (n, 2) columns and rows, float32, from the goal. Returns the length: 0 if there is no
-    path, -1 if the array is too short. ``cells``, as long as ``path``, takes the cell that each
-    point was reckoned from.
+    path, -1 if the array is too short. ``cells``, as long as ``path``, receives the cell behind
+    each point.
     """
-    # Step for step the originals' descent, with everything they remember in registers.
+    # The originals' descent step for step, with its whole state in registers.
     begin = SPARE_ROWS * columns
     size = potentials.size - 2 * begin
     first, last = (columns + 1, size - columns - 2) if as_navfn else (columns, size - columns)
@@ -133,15 +133,15 @@ def descend_gradient(
     dx, dy = np.float32(goal[0] - int(goal[0])), np.float32(goal[1] - int(goal[1]))
     one = np.float32(1.0)
     column, row = 0, 0
-    before, edge = -1, True
+    previous, edge = -1, True
     ax, ay, bx, by = dx, dx, dx, dx
     cx, cy, ex, ey = dx, dx, dx, dx
-    # What the next step depends on, at a step that is a power of two (Brent): a descent that comes
-    # back to it never ends, and the originals go round until they have made all steps.
+    # The state of the descent at a step that is a power of two (Brent). A descent that returns to
+    # it never ends; the originals go round until all steps are used up.
     mark, mark_n, mark_dx, mark_dy = 4, -1, dx, dy
     for count in range(steps):
         cell = n - begin
-        if n != before:
+        if n != previous:
             column, row = cell % columns, cell // columns
         x, y = np.float32(column) + dx, np.float32(row) + dy
         if as_navfn:
@@ -170,11 +170,11 @@ def descend_gradient(
             return 0
         if count == 2 * mark:
             mark, mark_n, mark_dx, mark_dy = count, n, dx, dy
-        # Half a cell at a time, every other point is reckoned from the same cells.
-        if n != before:
-            # The gradients of two cells are known where it has just gone one to the side.
-            step = 0 if edge else n - before
-            before, edge = n, at_edge(potentials, n - columns - 1, columns)
+        # With steps of half a cell, every other point comes from the same cells.
+        if n != previous:
+            # After a step of one cell to the side, the gradients of two cells are known.
+            step = 0 if edge else n - previous
+            previous, edge = n, at_edge(potentials, n - columns - 1, columns)
             if edge:
                 pass
             elif step == 1:
@@ -224,11 +224,11 @@ def descend_gradient(
 
 @kernel
 def fill_around_goal(wave: Wave, goal_costs: Singles, goal: int, count: int) -> int:
-    """Give the 25 cells around the goal a potential where they have none, blocked or not.
+    """Give unreached cells among the 25 around the goal a potential, blocked or not.
 
-    So the gradient is followed up to the exact goal (``Expander::clearEndpoint``). ``goal_costs``
-    by state are whole numbers. Returns how many cells have a potential now. A cell off the map is
-    left out; the original writes there.
+    The descent can then follow the gradient to the exact goal (``Expander::clearEndpoint``).
+    ``goal_costs`` by state are whole numbers. Returns the number of cells with a potential. Cells
+    off the map are skipped; the original writes there.
     """
     states, potentials, columns = wave.states, wave.potentials, wave.columns
     begin = SPARE_ROWS * columns
@@ -240,7 +240,7 @@ def fill_around_goal(wave: Wave, goal_costs: Singles, goal: int, count: int) -> 
             cost = goal_costs[states[n] & VALUE]
             across = min(potentials[n - 1], potentials[n + 1])
             along = min(potentials[n - columns], potentials[n + columns])
-            # At the border the start's potential may lie below 0; it counts all the same.
+            # At the border the start's potential may lie below 0, but it counts.
             free = cost == np.float32(0.0)
             potentials[n] = (
                 min(across, along) if free else interpolate_potential(across, along, cost)

@@ -1,7 +1,7 @@
-"""Potential and path over one costmap, kept from plan to plan, for navfn and GlobalPlanner alike.
+"""Potential and path over one costmap, kept from plan to plan, for navfn and GlobalPlanner.
 
-Here is the policy of restricted waves: when to try one, how far it reaches, when it may be
-believed. Kernels and their reasons are in :mod:`.restricted`.
+This module decides when to try a restricted wave, how far it reaches, and when its result counts.
+Its kernels and their reasons are in :mod:`.restricted`.
 """
 
 from __future__ import annotations
@@ -38,19 +38,19 @@ from daemon.stacks.ros1.navfn.restricted import (
 )
 
 Point: TypeAlias = tuple[float, float]
-"""Column and row: whole numbers, or exact ones counted from cell centres."""
+"""Column and row: integers, or exact coordinates counted from cell centres."""
 Cell: TypeAlias = tuple[int, int]
 
 MARGINS: Final = (2000.0, 4000.0, 8000.0, 16_000.0)
-"""Detours [cost] that the restricted search looks at, one after the other; 50 is a free cell."""
+"""Detours [cost] that the restricted search allows, one after the other; a free cell costs 50."""
 WORTHWHILE: Final = 12_000
-"""Cells of a whole wave from which on a restricted one pays."""
+"""Least number of cells of a whole wave for which a restricted one pays."""
 _OUTDATED: Final = 1000.0
-"""Detour [cost] by which changed costs may make the way longer before the remainder is renewed."""
+"""Detour [cost] by changed costs beyond which the remainder is renewed."""
 _EXTRA_REACH: Final = 2500.0
-"""Cost by which the remainder reaches farther than it must."""
+"""Reach of the remainder [cost] beyond the present need."""
 _RETRY: Final = 12
-"""Plans after which a smaller margin is tried again."""
+"""Number of plans before a smaller margin is tried again."""
 _AROUND_GOAL: Final = 25
 """Cells that may get a potential after the wave."""
 _NOWHERE: Final = (-1.0, -1.0)
@@ -66,13 +66,13 @@ def free_cell(grid: CostGrid, cell: Cell) -> None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FieldRules:
-    """Costs of a planner, and what else navfn and GlobalPlanner do differently.
+    """Costs of a planner, and other differences between navfn and GlobalPlanner.
 
-    ``threshold`` ends the first block of a wave. With ``outline`` the outermost cells are blocked
-    whatever the costmap says. ``as_navfn`` sets the limits of waves and descents.
+    ``threshold`` ends the first block of a wave. With ``outline`` the outermost cells are always
+    blocked. ``as_navfn`` sets the limits of waves and descents.
 
-    ``goal_costs`` (256,) by state are for exact ends; without them ends are cells. By them the
-    cells around the goal get a potential. The start seeds four cells by the ``neutral`` cost.
+    ``goal_costs`` (256,) by state are for exact ends; without them ends are cells. They give the
+    cells around the goal a potential. The start seeds four cells by the ``neutral`` cost.
     """
 
     costs: CellCosts
@@ -86,8 +86,8 @@ class FieldRules:
 class PotentialField:
     """Potentials over a costmap, and the path down from the goal to the robot.
 
-    With ``margins`` the wave is restricted to what can matter, and checked afterwards; without it
-    is always whole. ``whole`` and ``restricted`` count the waves that gave an answer.
+    With ``margins`` the wave is restricted to the cells that can matter, and then checked. Without
+    it is always whole. ``whole`` and ``restricted`` count the waves that gave an answer.
     """
 
     def __init__(
@@ -123,7 +123,7 @@ class PotentialField:
         self._copy((0, 0, columns, rows))
 
     def sees(self, grid: CostGrid) -> bool:
-        """Tell whether this is the costmap it was made for, in its size."""
+        """Tell whether the field belongs to this costmap in its present size."""
         return self.grid is grid and self._shape == grid.cells.shape
 
     def path(
@@ -131,7 +131,7 @@ class PotentialField:
     ) -> Singles:
         """Return the path from ``goal`` to ``start``, (n, 2) column and row, n may be 0.
 
-        The cell ``freed`` is free for this planner, whatever the costmap says.
+        The cell ``freed`` is free for this planner, regardless of the costmap.
         """
         changed = self._copy(self._changed.take())
         if freed is not None:
@@ -159,7 +159,7 @@ class PotentialField:
         return self._path[: self._descend(cell)]
 
     def _entry(self, point: Point) -> int:
-        """Return where a cell stands; what is left of the first column belongs to it."""
+        """Return the index of a cell; points left of the first column belong to it."""
         return (SPARE_ROWS + int(point[1])) * self.columns + int(point[0])
 
     def _make_room(self, points: int) -> None:
@@ -176,7 +176,7 @@ class PotentialField:
         return bool(changed)
 
     def _free(self, cell: Cell) -> bool:
-        """See a cell as free, and the one before as the costmap has it; tell of changes."""
+        """Treat a cell as free and restore the previous one; tell whether anything changed."""
         changed = False
         if self._freed is not None and self._freed != cell:
             column, row = self._freed
@@ -199,7 +199,7 @@ class PotentialField:
         return start, start + 1, start + self.columns, start + self.columns + 1
 
     def _seed(self, start: int) -> int:
-        """Begin a wave; return how many cells wait."""
+        """Begin a wave; return the number of waiting cells."""
         wave, line = self._wave, self.columns
         reset_potentials(wave.potentials, wave.reached, self._count)
         if self._rules.goal_costs is None:
@@ -220,7 +220,7 @@ class PotentialField:
         return waiting
 
     def _spread(self, start: int, goal: int) -> int:
-        """Spread the whole wave; return the largest number of cells that waited in a buffer."""
+        """Spread the whole wave; return the largest number of waiting cells in a buffer."""
         self.whole += 1
         waiting = self._seed(start)
         self._count, fill, _ = propagate_wave(
@@ -232,9 +232,9 @@ class PotentialField:
         return bool(self._wave.potentials[cell] < UNREACHED)
 
     def _descend(self, goal: Point) -> int:
-        """Write the path, and into ``_cells`` where it was reckoned; return its length or 0."""
+        """Write the path, and its cells into ``_cells``; return its length, 0 without a path."""
         rules, wave = self._rules, self._wave
-        # A robot boxed in goes nowhere with GlobalPlanner, not even to a goal in its own cell.
+        # With GlobalPlanner an enclosed robot has no path, not even to a goal in its own cell.
         if self._boxed_in and not rules.as_navfn:
             return 0
         if rules.goal_costs is not None:
@@ -249,11 +249,12 @@ class PotentialField:
             self._make_room(4 * len(self._path))
 
     def _search(self, start: int, goal: int) -> int:
-        begun = goal in self._seeds(start)
-        if not begun and self._rules.costs.gains[self._wave.states[goal]] == np.inf:
+        is_seed = goal in self._seeds(start)
+        if not is_seed and self._rules.costs.gains[self._wave.states[goal]] == np.inf:
             return 0
-        # The restricted search needs a cost to go, which pays from the second plan to a goal on.
-        if self._margins and self._repeated and not begun and self._prepare_cost_to_go(start, goal):
+        # The restricted search needs a cost to go, which pays only if a goal repeats.
+        is_guided = self._margins and self._repeated and not is_seed
+        if is_guided and self._prepare_cost_to_go(start, goal):
             if self._is_unreachable(start, goal):
                 return 0
             length = self._search_restricted(start, goal)
@@ -265,7 +266,7 @@ class PotentialField:
         return length
 
     def _prepare_cost_to_go(self, start: int, goal: int) -> bool:
-        """Tell whether the remainder is there for this goal, after making it if that pays."""
+        """Make the remainder for this goal if that pays; tell whether it exists."""
         if self._remainder.goal != goal and self._usable and self._count >= self._worthwhile:
             reach = float(self._wave.potentials[goal]) + self._margins[0] + _EXTRA_REACH
             self._usable = self._remainder.renew(goal, reach)
@@ -273,11 +274,11 @@ class PotentialField:
         return self._remainder.goal == goal
 
     def _remaining(self, start: int) -> float:
-        """Return what remains from the start; unreached only if no way leads on."""
+        """Return the remaining cost from the start; unreached only if there is no way."""
         return min(self._remainder.at(n) for n in self._seeds(start))
 
     def _is_unreachable(self, start: int, goal: int) -> bool:
-        """Tell whether the goal is certain to be out of reach."""
+        """Tell whether the goal is certainly out of reach."""
         remainder = self._remainder
         if self._remaining(start) < UNREACHED:
             return False
@@ -287,16 +288,16 @@ class PotentialField:
         return renewed and self._remaining(start) >= float(UNREACHED)
 
     def _bound(self, start: int, goal: int, margin: float) -> float:
-        """Return what the way through a cell may cost; the remainder is made to reach as far."""
+        """Return the highest cost of a way through a cell; extend the remainder to it."""
         bound = self._remaining(start) + self._excess + margin
         if bound > self._remainder.limit:
             self._usable = self._remainder.renew(goal, bound + _EXTRA_REACH)
         return bound
 
     def _surplus(self, start: int, goal: int) -> float:
-        """Return by how much the last wave took longer than the remainder says."""
-        spent, remaining = float(self._wave.potentials[goal]), self._remaining(start)
-        return max(0.0, spent - remaining) if max(spent, remaining) < UNREACHED else 0.0
+        """Return the cost of the last wave beyond the remainder."""
+        cost, remaining = float(self._wave.potentials[goal]), self._remaining(start)
+        return max(0.0, cost - remaining) if max(cost, remaining) < UNREACHED else 0.0
 
     def _search_restricted(self, start: int, goal: int) -> int:
         first = self._level
@@ -312,14 +313,14 @@ class PotentialField:
         return 0
 
     def _restricted(self, start: int, goal: int, margin: float) -> int:
-        """Return the length of the path, 0 when it is not certain to be that of the whole wave."""
+        """Return the length of the path, 0 unless it is certainly that of the whole wave."""
         bound = np.float32(self._bound(start, goal, margin))
         remainder, wave = self._remainder, self._wave
         if remainder.goal != goal:
             return 0
         waiting = self._seed(start)
         waiting_cells = wave.buffers[0, :waiting]
-        # The four cells at the start may lie between several areas, and the checks know of one.
+        # The four cells at the start may touch several areas, but the checks know only one.
         if not self._rules.as_navfn and (remainder.ahead[waiting_cells] >= UNREACHED).any():
             wave.states[waiting_cells] &= VALUE
             return 0
@@ -327,10 +328,10 @@ class PotentialField:
             wave, remainder.ahead, bound, self._rules.threshold, goal, self._cycles, waiting,
             self._count, self._doubtful,
         )  # fmt: skip
-        # A wave that passed through what was left out is later than the bound at the goal.
+        # A wave through excluded cells reaches the goal later than the bound.
         spare = bound - threshold - margin / 4.0
         length = 0
-        # What is left out takes room in the buffers and cycles too: keep well off both limits.
+        # Excluded cells also take room in the buffers and cycles, so stay well below both limits.
         within = fill <= BUFFER // 2 and used <= self._cycles // 4
         if self._is_reached(goal) and spare >= margin / 4.0 and within:
             length = self._certain_descent(np.float32(spare))
@@ -343,7 +344,7 @@ class PotentialField:
     def _certain_descent(self, spare: np.float32) -> int:
         """Descend from the goal; return 0 if anything on the way is doubtful."""
         wave, ahead = self._wave, self._remainder.ahead
-        # The cells around the goal get their potentials from what lies three cells away.
+        # The cells around the goal get their potentials from cells up to three away.
         corner = self._goal_cell - 3 * self.columns - 3
         exact = self._rules.goal_costs is not None
         if exact and any_is_doubtful(wave, ahead, spare, corner, 7):
@@ -354,8 +355,8 @@ class PotentialField:
         return length
 
     def _update_cost_to_go(self, start: int, goal: int, fill: int) -> None:
-        """Find out from a whole wave whether the next one can be guided, and how well."""
-        # Buffers that run over lose cells anywhere: then nothing may be left out.
+        """Decide from a whole wave whether the next one can be restricted, and how well."""
+        # Overflowing buffers lose cells anywhere, so no cell may be excluded then.
         self._usable = fill <= BUFFER // 2
         if self._remainder.goal != goal:
             return

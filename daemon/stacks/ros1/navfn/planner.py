@@ -1,4 +1,4 @@
-"""The global planner of the stack: navfn behind the interface of NavfnROS."""
+"""Global planner of the stack: navfn with the interface of NavfnROS."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from grammars.model.geometry import Floats, Pose2
 
 
 def navfn_rules(*, allow_unknown: bool) -> FieldRules:
-    """Return how navfn plans."""
+    """Return the rules of navfn."""
     costs = navfn_costs(allow_unknown=allow_unknown)
     return FieldRules(costs, np.float32(BLOCKED), outline=True, as_navfn=True)
 
 
 class Navfn:
-    """Plans on a global costmap as NavfnROS does; ``quirks`` says what of its oddities is kept."""
+    """NavfnROS on a global costmap; ``quirks`` selects its oddities."""
 
     def __init__(self, parameters: NavfnParameters, quirks: Quirks) -> None:
         self._parameters, self._quirks = parameters, quirks
@@ -34,14 +34,14 @@ class Navfn:
 
         The points are half a cell apart with yaw 0; the last one is the goal with its own yaw.
         There is no plan from or to a point off the grid, nor to a goal that is blocked or out of
-        reach. There is none either with all four cells beside the robot blocked.
+        reach, nor if all four cells beside the robot are blocked.
         """
         here, there = grid.cell(start.x, start.y), grid.cell(goal.x, goal.y)
         tolerance = self._parameters.default_tolerance
         if here is None or (there is None and tolerance <= 0.0):
             return None
         if self._quirks.planner_frees_start_cell:
-            # What it costs never matters to its own wave, only to whoever looks later.
+            # The cost of the start does not matter to this wave, only to later readers.
             free_cell(grid, here)
         field, start_cell = self._field_of(grid), (float(here[0]), float(here[1]))
         if tolerance <= 0.0 and there is not None:
@@ -62,7 +62,7 @@ class Navfn:
         return field
 
     def _end(self, grid: CostGrid, field: PotentialField, goal: Pose2) -> Pose2 | None:
-        """Return the reached point nearest to the goal within the tolerance, a square raster."""
+        """Return the reached point nearest to the goal on a square raster of the tolerance."""
         tolerance = self._parameters.default_tolerance
         best, nearest = None, math.inf
         y = goal.y - tolerance
@@ -79,7 +79,7 @@ class Navfn:
         return best
 
     def _poses(self, grid: CostGrid, path: Singles, end: Pose2) -> Floats | None:
-        """Turn a path from the goal, in cells, round and into the grid's frame."""
+        """Reverse a path from the goal, in cells, and transform it into the grid's frame."""
         count = path.shape[0]
         if count == 0:
             return None

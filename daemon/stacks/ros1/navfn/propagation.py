@@ -1,15 +1,15 @@
 """Costs of cells, and the wave that spreads a potential from the robot over them.
 
-The wave is that of ``propNavFnDijkstra`` (blocks of rising priority), which GlobalPlanner took over
-with other costs (``DijkstraExpansion``, ``QuadraticCalculator``).
+The wave is that of ``propNavFnDijkstra`` (blocks of rising priority). GlobalPlanner has the same
+wave with other costs (``DijkstraExpansion``, ``QuadraticCalculator``).
 
-An improvement is passed on only to neighbours that gain more than 0.7 of their cost. So potentials
-depend on the order of the updates, and the order is the original's.
+A cell passes an improvement on only to neighbours that gain more than 0.7 of their cost. Potentials
+therefore depend on the order of the updates, which is the original's.
 
 Arrays are flat with ``SPARE_ROWS`` rows before the first and behind the last one, which are blocked
-and never reached. GlobalPlanner looks there, off its arrays, wherever the map has no outline: what
-it finds is undefined, here there is nothing. Beside the first and the last column it looks into the
-row before or after, which is well defined and kept.
+and never reached. Without an outline GlobalPlanner reads there, outside of its arrays: undefined in
+the original, blocked here. Beside the first and the last column it reads the row before or after,
+as here.
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ from daemon.stacks.kernels import Integers, Singles
 from daemon.stacks.ros1.cost_grid import INSCRIBED, NO_INFORMATION
 
 SPARE_ROWS: Final = 8
-"""Rows; even of a map one cell wide the neighbours of what is looked at lie within."""
+"""Rows enough for all neighbours, even on a map one cell wide."""
 NEUTRAL: Final = 50
 BLOCKED: Final = 254
-"""State of a cell that no wave enters, as of cells beyond the map."""
+"""State of a cell that no wave enters, such as a cell beyond the map."""
 PENDING: Final = 256
-"""Flag of a cell that waits in a buffer; added to its state, so that one look tells both."""
+"""Flag of a waiting cell, stored with its state so that one read gives both."""
 DOUBTFUL: Final = 512
-"""Flag of a cell that a restricted wave left out, or that what was left out may have changed."""
+"""Flag of a cell that a restricted wave excluded, or that an excluded cell may have changed."""
 VALUE: Final = PENDING - 1
-"""Mask of what stands below the flags."""
+"""Mask of the state below the flags."""
 UNREACHED: Final = np.float32(1.0e10)
 BUFFER: Final = 10_000
-"""Cells a priority buffer holds; what does not fit is lost (navfn ``PRIORITYBUFSIZE``)."""
+"""Capacity of a priority buffer; further cells are lost (navfn ``PRIORITYBUFSIZE``)."""
 THRESHOLD_STEP: Final = 100.0
 
 Bytes: TypeAlias = npt.NDArray[np.uint8]
@@ -49,8 +49,8 @@ States: TypeAlias = npt.NDArray[np.uint16]
 class CellCosts(NamedTuple):
     """State by costmap value and cost by state, both (256,); least gain by state and flags (1024,).
 
-    A neighbour must gain more than ``gains`` so that the wave looks at it again. No gain is enough
-    for a cell that is blocked or waits already.
+    The wave visits a neighbour again only if it gains more than ``gains``. No gain is enough for a
+    cell that is blocked or waits already.
     """
 
     states: States
@@ -59,9 +59,9 @@ class CellCosts(NamedTuple):
 
 
 def cell_costs(states: States, costs: Singles, blocked: npt.NDArray[np.bool_]) -> CellCosts:
-    """Return the tables of cells whose ``costs`` and whether they are ``blocked`` go by state.
+    """Return the tables for ``costs`` and ``blocked`` flags by state.
 
-    The wave takes costs rounded down to whole numbers, and gains of 0.7 of the exact ones.
+    The wave uses costs rounded down to integers, and gains of 0.7 of the exact costs.
     """
     gains = np.full(2 * DOUBTFUL, np.inf, dtype=np.float32)
     exact = np.where(blocked, np.inf, 0.707106781 * costs.astype(np.float64))
@@ -70,7 +70,7 @@ def cell_costs(states: States, costs: Singles, blocked: npt.NDArray[np.bool_]) -
 
 
 def navfn_costs(*, allow_unknown: bool) -> CellCosts:
-    """Return the costs of navfn, where a cell's state is its cost (``setCostmap``)."""
+    """Return the costs of navfn; the state of a cell is its cost (``setCostmap``)."""
     values = np.arange(PENDING)
     states: States = np.minimum(NEUTRAL + 0.8 * values, BLOCKED - 1).astype(np.uint16)
     states[INSCRIBED:] = BLOCKED
@@ -80,11 +80,11 @@ def navfn_costs(*, allow_unknown: bool) -> CellCosts:
 
 
 class Wave(NamedTuple):
-    """A potential while it spreads: states and potentials of all cells, flat, and their costs.
+    """A spreading potential: states and potentials of all cells, flat, and their costs.
 
-    ``costs`` and ``gains`` are those of :class:`CellCosts`. ``reached`` takes the cells that have a
-    potential, for :func:`reset_potentials`; all others are ``UNREACHED``. The cells that wait stand
-    in ``buffers``, shape (3, size).
+    ``costs`` and ``gains`` are those of :class:`CellCosts`. ``reached`` lists the cells with a
+    potential, for :func:`reset_potentials`; all others are ``UNREACHED``. ``buffers`` (3, size)
+    hold the waiting cells.
     """
 
     states: States
@@ -97,7 +97,7 @@ class Wave(NamedTuple):
 
 
 def new_wave(costs: CellCosts, size: int, columns: int, spare: int = 0) -> Wave:
-    """Return a wave over blocked cells; ``reached`` has room for ``spare`` cells more than all."""
+    """Return a wave over blocked cells; ``reached`` has ``spare`` extra entries."""
     return Wave(
         np.full(size, BLOCKED, dtype=np.uint16),
         np.full(size, UNREACHED, dtype=np.float32),
@@ -113,10 +113,10 @@ def new_wave(costs: CellCosts, size: int, columns: int, spare: int = 0) -> Wave:
 def copy_window(
     cells: Bytes, states: States, by_value: States, border: int, window: Window
 ) -> bool:
-    """Renew the states of a window; return whether any changed.
+    """Update the states of a window; return whether any changed.
 
     ``by_value`` has the state of every costmap value. The outermost ``border`` rows and columns of
-    the map are never renewed.
+    the map stay.
     """
     rows, columns = cells.shape
     changed = False
@@ -141,9 +141,9 @@ def interpolate_potential(first: np.float32, second: np.float32, cost: np.float3
 
 
 def seed_wave(wave: Wave, seeds: Iterable[tuple[int, float]], around: Iterable[int]) -> int:
-    """Give the seeds their potentials, the first of ``reached``; return how many cells wait.
+    """Give the seeds their potentials, as the first of ``reached``.
 
-    Those are the cells ``around`` that are not blocked, in the first of the buffers.
+    The cells ``around`` that are not blocked wait in the first buffer. Returns their number.
     """
     for count, (cell, potential) in enumerate(seeds):
         wave.potentials[cell] = potential
@@ -158,7 +158,7 @@ def seed_wave(wave: Wave, seeds: Iterable[tuple[int, float]], around: Iterable[i
 
 
 def seed_cell(wave: Wave, cell: int) -> int:
-    """Begin a wave at the corner of one cell; return how many cells wait."""
+    """Begin a wave at the corner of one cell; return the number of waiting cells."""
     line = wave.columns
     return seed_wave(wave, [(cell, 0.0)], (cell + 1, cell - 1, cell - line, cell + line))
 
@@ -176,17 +176,17 @@ def propagate_wave(
     """Spread the wave until ``goal`` has a potential, or the threshold passes ``limit``.
 
     It begins with the ``waiting`` cells of the first buffer; the first ``count`` cells of
-    ``reached`` have a potential already. ``goal`` -1 is never reached. Returns how many cells were
-    reached, the fill, and whether nothing was left to do. The fill is the largest number of cells
-    that ever waited in one buffer.
+    ``reached`` have a potential already. ``goal`` -1 is never reached. Returns the number of
+    reached cells, the fill, and whether no cell waits any more. The fill is the largest number of
+    cells that ever waited in one buffer.
     """
-    # Event for event the original's loop: its order is the result, so it stays in one piece.
+    # The original's loop, event for event: its order decides the result, so it stays in one piece.
     states, potentials, reached = wave.states, wave.potentials, wave.reached
     costs, gains, buffers = wave.costs, wave.gains, wave.buffers
     capacity = buffers.shape[1]
     a, b, c = 0, 1, 2
     now, later, over, fill = waiting, 0, 0, 0
-    # Unsigned, so that an index is not looked at for being negative.
+    # Unsigned indices need no check for negative values.
     one, line = np.uintp(1), np.uintp(wave.columns)
     for _ in range(cycles):
         if now == 0:
@@ -196,11 +196,11 @@ def propagate_wave(
             states[current[i]] &= PENDING - 1
         for i in range(now):
             n = np.uintp(current[i])
-            left, right = potentials[n - one], potentials[n + one]
+            west, east = potentials[n - one], potentials[n + one]
             up, down = potentials[n - line], potentials[n + line]
-            across = left if left < right else right
+            across = west if west < east else east
             along = up if up < down else down
-            # A cell in the queue again is pending, its value stands below the flag.
+            # A cell that waits again is pending; its value is below the flag.
             p = interpolate_potential(across, along, costs[states[n] & np.uint16(VALUE)])
             old = potentials[n]
             if p >= old:
@@ -212,15 +212,15 @@ def propagate_wave(
             soon = p < threshold
             for k in range(4):
                 if k == 0:
-                    m, known = n - one, left
+                    m, potential = n - one, west
                 elif k == 1:
-                    m, known = n + one, right
+                    m, potential = n + one, east
                 elif k == 2:
-                    m, known = n - line, up
+                    m, potential = n - line, up
                 else:
-                    m, known = n + line, down
+                    m, potential = n + line, down
                 state = states[m]
-                if known <= p + gains[state]:
+                if potential <= p + gains[state]:
                     continue
                 if soon:
                     if later < capacity:

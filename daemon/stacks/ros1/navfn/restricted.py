@@ -1,10 +1,10 @@
-"""The wave of :mod:`.propagation` without the cells that lead too far away from the goal.
+"""Wave of :mod:`.propagation` without the cells that lead too far away from the goal.
 
-Its guide is the cost to go: a potential spread backward from the goal, about what remains from a
-cell. A cell whose potential and remainder exceed a bound is not looked at, and is doubtful from
-then on. So is every cell that is looked at later than a doubtful neighbour: nothing but neighbours
-can tell a cell a potential or make it be looked at. A path whose descent looks at a doubtful cell
-(:func:`descent_is_doubtful`) is not believed; the caller then spreads the whole wave instead.
+Its guide is the cost to go, a potential spread backward from the goal: the approximate remaining
+cost of a cell. A cell whose potential and remainder exceed a bound is excluded, and doubtful from
+then on. Every cell visited after a doubtful neighbour is doubtful too, because only neighbours pass
+on potentials and visits. If the descent of a path reads a doubtful cell
+(:func:`descent_is_doubtful`), the caller discards the path and spreads the whole wave.
 """
 
 from __future__ import annotations
@@ -37,16 +37,16 @@ from daemon.stacks.ros1.navfn.propagation import (
 )
 
 COST_CAP: Final = 80
-"""Costs count no more than this: the wave crosses one cell per block, whatever that costs."""
+"""Upper limit of costs: the wave crosses one cell per block, even if it costs more."""
 _NO_GOAL: Final = -1
 
 
 @kernel
 def relax_lowered_costs(wave: Wave, states: States, window: Window, limit: np.float32) -> bool:
-    """Lower states and potentials of ``wave`` where ``states`` of a window cost less than ever.
+    """Lower states and potentials of ``wave`` where ``states`` of a window cost less than before.
 
-    A plain relaxation with a ring of waiting cells, until nothing improves by more than the wave
-    would care for. Tells whether a value above ``limit`` was left out.
+    This is a plain relaxation with a ring of waiting cells, until no cell gains enough for the
+    wave. Tells whether it skipped a value above ``limit``.
     """
     floor, ahead, queue, columns = wave.states, wave.potentials, wave.reached, wave.columns
     costs, gains = wave.costs, wave.gains
@@ -84,10 +84,10 @@ def relax_lowered_costs(wave: Wave, states: States, window: Window, limit: np.fl
 
 
 class CostToGo:
-    """A potential spread backward from one goal over capped costs, as far as a limit.
+    """A potential spread backward from one goal over capped costs, up to a limit.
 
-    It stays a lower bound, but for the grain of the interpolation, while ``states`` change: costs
-    only ever lower it. ``renew`` starts afresh.
+    It stays a lower bound while ``states`` change, within the accuracy of the interpolation,
+    because costs only lower it. ``renew`` starts again.
     """
 
     def __init__(self, wave: Wave, costs: CellCosts) -> None:
@@ -99,16 +99,16 @@ class CostToGo:
         self.ahead = self._wave.potentials
         self.goal = _NO_GOAL
         self.limit = 0.0
-        """From here on values are missing or too high."""
+        """Values beyond this are missing or too high."""
         self.whole = False
-        """Whether no way to the goal was left out: then what is unreached has none."""
+        """All ways to the goal are covered, so unreached cells have none."""
 
     def renew(self, goal: int, limit: float) -> bool:
-        """Spread it over the costs as they are; it is of no use when a buffer ran over."""
+        """Spread it over the present costs; return whether it is usable (no buffer overflowed)."""
         self.goal, self.limit = goal, limit
         np.copyto(self._wave.states, self._states)
         self.ahead[:] = UNREACHED
-        # What waits beyond the threshold when a block is done may still lower it: two blocks more.
+        # Cells that wait beyond the threshold may still lower it, so add two blocks.
         _, fill, ended = propagate_wave(
             self._wave, _NO_GOAL, np.float32(BLOCKED), self.ahead.size,
             np.float32(limit + 2.0 * THRESHOLD_STEP), seed_cell(self._wave, goal), 1,
@@ -119,15 +119,16 @@ class CostToGo:
         return self.goal == goal
 
     def follow(self, window: Window) -> None:
-        """Take in the costs that changed inside a window."""
+        """Follow the changed costs of a window."""
         if self.goal != _NO_GOAL and window[0] < window[2]:
             beyond = relax_lowered_costs(self._wave, self._states, window, np.float32(self.limit))
             self.whole = self.whole and not beyond
 
     def at(self, start: int) -> float:
-        """Return what remains from a cell that may itself be blocked; unreached if no way leads.
+        """Return the remaining cost from a cell, which may be blocked; unreached without a way.
 
-        Too low a bound still connects: where this is unreached and ``whole``, there is no path.
+        A bound that is too low still connects: if this is unreached and ``whole``, there is no
+        path.
         """
         line = self._wave.columns
         around = (start, start - 1, start + 1, start - line, start + line)
@@ -149,9 +150,9 @@ def queue_if_gaining(
     queue: Integers,
     end: int,
 ) -> int:
-    """Append a neighbour of potential ``value`` if it gains enough; return where the queue ends.
+    """Append a neighbour of potential ``value`` if it gains enough; return the end of the queue.
 
-    That is hard to foresee: no branches.
+    Without branches, because the outcome is hard to predict.
     """
     gaining: bool = value > p + gains[state]
     queue[np.uintp(end)] = m
@@ -171,28 +172,27 @@ def spread_towards(
     count: int,
     doubtful: Integers,
 ) -> tuple[int, int, int, int, np.float32]:
-    """Spread the wave as :func:`propagate_wave` does, but leave out what the bound excludes.
+    """Spread the wave as :func:`propagate_wave` does, but exclude cells beyond the bound.
 
-    A cell is left out when threshold plus ``ahead`` exceed ``bound``, and is flagged ``DOUBTFUL``;
-    so is each cell looked at beside a doubtful one. The cells flagged stand in ``doubtful``, for
-    :func:`clear_doubts`. Returns how many cells were reached, how many are doubtful, the fill, the
-    cycles used and the threshold at the end. It gives up, with a fill of all there is, where a
-    buffer could run over.
+    A cell is excluded if threshold plus ``ahead`` exceed ``bound``. It is flagged ``DOUBTFUL``, and
+    so is each cell visited beside a doubtful one. ``doubtful`` lists the flagged cells for
+    :func:`clear_doubts`. Returns the numbers of reached and of doubtful cells, the fill, the number
+    of cycles and the final threshold. If a buffer could overflow, it stops with a full fill.
     """
     states, potentials, reached = wave.states, wave.potentials, wave.reached
     costs, gains, buffers = wave.costs, wave.gains, wave.buffers
     capacity = buffers.shape[1]
     queue = buffers.reshape(-1)
-    # Where the next cell goes: behind those of later blocks, and behind those of this one.
+    # Ends of the queues: of later blocks, and of this block.
     ends = np.empty(2, dtype=np.int64)
     a, b, c = 0, 1, 2
     now, later, over, doubts, fill = waiting, 0, 0, 0, 0
-    # Unsigned, so that an index is not looked at for being negative.
+    # Unsigned indices need no check for negative values.
     one, line = np.uintp(1), np.uintp(wave.columns)
     flag, settled = np.uint16(DOUBTFUL), np.uint16(VALUE | DOUBTFUL)
     used = 0
-    # The inner loop is where a plan's time goes. It stays one loop with everything in registers:
-    # the order of its events is the result, so it cannot be reordered or vectorised.
+    # The inner loop takes most of a plan's time. It stays one loop with everything in registers:
+    # the order of its events decides the result, so it cannot be reordered or vectorised.
     while used < cycles and now > 0:
         if over + 4 * now > capacity:
             fill = capacity
@@ -202,8 +202,8 @@ def spread_towards(
         for i in range(now):
             states[np.uintp(current[i])] &= settled
         ends[0], ends[1] = c * capacity + over, b * capacity
-        # What a cell would get is reckoned while the cell before it is still looked at: mostly
-        # right, and without waiting for that one, on which it often borders.
+        # The potential of the next cell is computed in advance, without waiting for the current
+        # cell. The two are often neighbours, but the guess is mostly right.
         current[now] = current[0]
         m = np.uintp(current[0])
         across, along = (
@@ -226,15 +226,15 @@ def spread_towards(
                     doubtful[doubts] = n
                     doubts += 1
                 continue
-            on_left, on_right = states[n - one], states[n + one]
+            on_west, on_east = states[n - one], states[n + one]
             above, below = states[n - line], states[n + line]
-            if (on_left | on_right | above | below) & flag > state:
+            if (on_west | on_east | above | below) & flag > state:
                 states[n] = state | flag
                 doubtful[doubts] = n
                 doubts += 1
-            left, right = potentials[n - one], potentials[n + one]
+            west, east = potentials[n - one], potentials[n + one]
             up, down = potentials[n - line], potentials[n + line]
-            u, v = min(left, right), min(up, down)
+            u, v = min(west, east), min(up, down)
             if u != x or v != y:
                 p = interpolate_potential(u, v, dear)
             old = potentials[n]
@@ -245,8 +245,8 @@ def spread_towards(
             count += old >= UNREACHED
             soon = np.uintp(p < threshold)
             end = ends[soon]
-            end = queue_if_gaining(states, gains, n - one, on_left, left, p, queue, end)
-            end = queue_if_gaining(states, gains, n + one, on_right, right, p, queue, end)
+            end = queue_if_gaining(states, gains, n - one, on_west, west, p, queue, end)
+            end = queue_if_gaining(states, gains, n + one, on_east, east, p, queue, end)
             end = queue_if_gaining(states, gains, n - line, above, up, p, queue, end)
             end = queue_if_gaining(states, gains, n + line, below, down, p, queue, end)
             ends[soon] = end
@@ -269,7 +269,7 @@ def spread_towards(
 
 @kernel
 def clear_doubts(states: States, doubtful: Integers, count: int) -> None:
-    """Take the flag ``DOUBTFUL`` from the first ``count`` cells of ``doubtful``."""
+    """Clear the flag ``DOUBTFUL`` of the first ``count`` cells of ``doubtful``."""
     for i in range(count):
         states[np.uintp(doubtful[i])] &= np.uint16(VALUE)
 
@@ -278,8 +278,8 @@ def clear_doubts(states: States, doubtful: Integers, count: int) -> None:
 def any_is_doubtful(wave: Wave, ahead: Singles, latest: np.float32, corner: int, side: int) -> bool:
     """Tell whether any cell of a square is doubtful; its lowest left cell is ``corner``.
 
-    Doubtful is also a cell not reached that could have been reached in time. With a remainder of
-    ``latest`` or less, a wave through the cells left out comes too late.
+    An unreached cell is doubtful, too, if a wave could have reached it in time. With a remainder
+    of ``latest`` or less, a wave through excluded cells comes too late.
     """
     states, potentials = wave.states, wave.potentials
     for row in range(side):
@@ -296,10 +296,10 @@ def any_is_doubtful(wave: Wave, ahead: Singles, latest: np.float32, corner: int,
 def descent_is_doubtful(
     wave: Wave, ahead: Singles, latest: np.float32, cells: Integers, length: int
 ) -> bool:
-    """Tell whether the descent of a path of ``length`` points looked at a doubtful cell."""
+    """Tell whether the descent of a path of ``length`` points read a doubtful cell."""
     for i in range(length):
-        # At the edge of the wave the descent compares eight neighbours; elsewhere it takes the
-        # gradients of four cells, which look one further.
+        # At the edge of the wave the descent compares eight neighbours. Elsewhere it uses the
+        # gradients of four cells, which reach one cell further.
         if i > 0 and cells[i] == cells[i - 1]:
             continue
         corner = cells[i] - wave.columns - 1

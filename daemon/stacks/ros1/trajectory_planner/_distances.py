@@ -1,4 +1,4 @@
-"""Distances of one control cycle, cells under the robot, and room to work in."""
+"""Distances of one control cycle, cells under the robot, and buffers."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ def add_footprint_cells(
 ) -> None:
     """Add the cells under the robot to ``out`` (base_local_planner ``getFootprintCells``).
 
-    Each column from its first to its last cell of the outline, which ``spans`` (columns, 2)
-    collects. With a corner off the grid only the sides before it, and nothing inside; with fewer
-    than two corners the cell of the centre.
+    Each column is filled from its first to its last cell of the outline (``spans``, shape
+    (columns, 2)). With a corner off the grid only the sides before it count, without the inside;
+    with fewer than two corners only the cell of the centre.
     """
     rows, columns = shape
     corners = outline.shape[0]
@@ -57,7 +57,7 @@ def add_footprint_cells(
         row, column = place_of(state[0] + x, state[1] + y, frame, rows, columns)
         if row < 0:
             return
-        # Bresenham's line as :func:`line_cost` follows it, cell by cell from its beginning.
+        # Bresenham's line as in :func:`line_cost`, cell by cell from its beginning.
         up, across = row - before_row, column - before_column
         length = max(abs(up), abs(across)) if k > 0 else -1
         for i in range(length + 1):
@@ -84,11 +84,11 @@ def fill_distances(
     f: RolloutGrid,
     r: RolloutBuffers,
 ) -> None:
-    """Fill the distances of ``f`` as far from the robot as its centre and its look ahead can get.
+    """Fill the distances of ``f`` within the reach of the robot's centre and its look ahead.
 
-    ``r.window`` receives the dynamic window, ``distance`` [m] from the end of the ``plan``. Cells
-    under the robot count as free on the way to the path, not on the way to the goal
-    (``findBestPath`` marks them in one of the two grids): ``r.standing`` comes as ``r.passable``.
+    ``r.window`` receives the dynamic window at ``distance`` [m] from the end of the ``plan``. Cells
+    under the robot count as free on the way to the path but not to the goal (``findBestPath``
+    marks them in one of the two grids). ``r.standing`` must equal ``r.passable`` before.
     """
     velocity_window(state, distance, s, r.window)
     ahead = max(abs(state[3]), abs(r.window[0, 0]), abs(r.window[0, 1]), abs(s.escape_vel))
@@ -101,16 +101,16 @@ def fill_distances(
     shape, columns = f.cells.shape, f.cells.shape[1]
     add_footprint_cells(state, f.outline, f.frame, shape, r.columns, r.standing)
     last = mark_plan_cells(plan, plan[-1], f.cells, f.frame, r.seeds)
-    write_reach(state[0], state[1], reach, f.frame, shape, r.wanted)
-    f.digits[0] = compute_distances(r.seeds, r.standing, r.wanted, f.path, r.fronts)
+    write_reach(state[0], state[1], reach, f.frame, shape, r.targets)
+    f.digits[0] = compute_distances(r.seeds, r.standing, r.targets, f.path, r.fronts)
     if last >= 0:
         write_single_cell(last // columns, last % columns, r.seeds)
-    write_reach(state[0], state[1], reach + s.heading_lookahead, f.frame, shape, r.wanted)
-    f.digits[1] = compute_distances(r.seeds, r.passable, r.wanted, f.goal, r.fronts)
+    write_reach(state[0], state[1], reach + s.heading_lookahead, f.frame, shape, r.targets)
+    f.digits[1] = compute_distances(r.seeds, r.passable, r.targets, f.goal, r.fronts)
 
 
 def allocate_grid(local: CostGrid, settings: RolloutSettings, outline: Floats) -> RolloutGrid:
-    """Return the grid of a costmap; its cells are shared with it."""
+    """Return the grid of a costmap, with shared cells."""
     shape = local.cells.shape
     rows = 0 if settings.perimeter_only else shape[0]
     return RolloutGrid(
@@ -127,13 +127,13 @@ def allocate_grid(local: CostGrid, settings: RolloutSettings, outline: Floats) -
 def allocate_buffers(
     shape: tuple[int, ...], settings: RolloutSettings, longest: int
 ) -> RolloutBuffers:
-    """Return room for a costmap of ``shape`` and trajectories of up to ``longest`` points."""
+    """Return buffers for a costmap of ``shape`` and trajectories of up to ``longest`` points."""
     arcs = settings.vx_samples * settings.vtheta_samples + 2
     return RolloutBuffers(
         seeds=empty_set(shape),
         passable=empty_set(shape),
         standing=empty_set(shape),
-        wanted=empty_set(shape),
+        targets=empty_set(shape),
         fronts=np.array([empty_set(shape), empty_set(shape)]),
         columns=np.zeros((shape[1], 2), dtype=np.int32),
         window=np.zeros((2, 2)),

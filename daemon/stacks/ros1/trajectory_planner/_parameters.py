@@ -1,7 +1,7 @@
-"""The parameters of TrajectoryPlannerROS as ROS names them, with the defaults of Noetic.
+"""Parameters of TrajectoryPlannerROS with the names and defaults of Noetic.
 
-Noetic reads most of them twice: ``TrajectoryPlannerROS`` when it is set up, and dynamic
-reconfigure right after, whose defaults and ranges then count for all that chooses trajectories.
+Noetic reads most of them twice: ``TrajectoryPlannerROS`` at its start, and dynamic reconfigure
+right after. The latter's defaults and ranges then decide about trajectories.
 """
 
 from __future__ import annotations
@@ -42,81 +42,81 @@ class TrajectoryPlannerParameters(Section):
     acc_lim_theta: NotNegative = 3.2
     """[rad/s^2] Turning."""
     max_vel_x: Finite = 0.55
-    """[m/s] Largest speed forward; less is tried when the end of the local plan is nearer than
-    ``sim_time`` would lead."""
+    """[m/s] Largest speed forward; less if the end of the local plan is nearer than the way in
+    ``sim_time``."""
     min_vel_x: Finite = 0.0
-    """[m/s] Smallest speed forward. Below 0 counts as 0: only ``escape_vel`` leads backwards."""
+    """[m/s] Smallest speed forward. Below 0 counts as 0: only ``escape_vel`` goes backwards."""
     max_vel_theta: Finite = 1.0
     """[rad/s] Fastest turn to the left while driving and on the spot."""
     min_vel_theta: Finite = -1.0
     """[rad/s] Fastest turn to the right, below 0."""
     min_in_place_vel_theta: Annotated[float | None, Field(ge=0.0, allow_inf_nan=False)] = None
-    """[rad/s] Slowest turn on the spot; not written: 0.4."""
+    """[rad/s] Slowest turn on the spot. Default: 0.4."""
     max_rotational_vel: NotNegative = 1.0
-    """[rad/s] Fastest turn at the goal, whatever ``max_vel_theta`` says."""
+    """[rad/s] Fastest turn at the goal, independent of ``max_vel_theta``."""
     min_in_place_rotational_vel: Annotated[float | None, Field(ge=0.0, allow_inf_nan=False)] = None
-    """[rad/s] Older name of ``min_in_place_vel_theta``: heard only if that is not written, and
-    only by the turn at the goal."""
+    """[rad/s] Older name of ``min_in_place_vel_theta``. It counts only without the newer one, and
+    only for the turn at the goal."""
     holonomic_robot: bool = True
-    """Try to strafe: a little while driving, and along ``y_vels`` when nothing else is legal."""
+    """Try to strafe: a little while driving, and along ``y_vels`` if nothing else is legal."""
     y_vels: str | tuple[Finite, ...] = _STRAFE_SPEEDS
-    """[m/s] Speeds to the left, as text with commas (the default is the original's); a list is
-    not heard."""
+    """[m/s] Speeds to the left, as text with commas (the default is the original's). ROS ignores a
+    list."""
     escape_vel: Finite = -0.1
     """[m/s] Speed ahead when no trajectory is legal; negative: backwards."""
     yaw_goal_tolerance: NotNegative = 0.05
-    """[rad] Turned far enough."""
+    """[rad] Tolerance of the heading at the goal."""
     xy_goal_tolerance: NotNegative = 0.10
-    """[m] This near to the end of the local plan the robot stops and turns."""
+    """[m] Distance from the end of the local plan where the robot stops and turns."""
     latch_xy_goal_tolerance: bool = False
-    """Once that near, only turn until the next plan, even if the robot drifts off again."""
+    """Once there, only turn until the next plan, even if the robot drifts off again."""
     prune_plan: bool = True
-    """Forget the plan behind the robot for good, up to the first pose within 1 m of it."""
+    """Remove the plan behind the robot for good, up to the first pose within 1 m of it."""
     sim_time: Finite = 1.7
-    """[s] How far ahead trajectories look."""
+    """[s] Duration of trajectories."""
     sim_granularity: Positive = 0.025
-    """[m] Largest distance between points of a trajectory, about; with ``heading_scoring`` the
-    time between them [s]."""
+    """[m] Approximate distance between points of a trajectory; with ``heading_scoring`` the time
+    between them [s]."""
     angular_sim_granularity: Positive = 0.025
     """The turning speed [rad/s] of a trajectory over this is the least number of its points."""
     vx_samples: int = 20
     """Samples of the forward speed."""
     vtheta_samples: int = 20
-    """Samples of the turning speed, and as many turns on the spot."""
+    """Samples of the turning speed, and of turns on the spot."""
     path_distance_bias: _Optional = None
-    """Weight of the distance from the path; not written: ``pdist_scale``."""
+    """Weight of the distance from the path. Default: ``pdist_scale``."""
     pdist_scale: _Optional = None
-    """Older name of ``path_distance_bias``; not written either: 0.6."""
+    """Older name of ``path_distance_bias``. Default: 0.6."""
     goal_distance_bias: _Optional = None
-    """Weight of the distance from the local goal; not written: ``gdist_scale``."""
+    """Weight of the distance from the local goal. Default: ``gdist_scale``."""
     gdist_scale: _Optional = None
-    """Older name of ``goal_distance_bias``; not written either: 0.8."""
+    """Older name of ``goal_distance_bias``. Default: 0.8."""
     meter_scoring: bool = False
-    """Both weights are per metre, not per cell. Noetic chooses between them by memory that it
-    never writes (``TrajectoryPlanner::meter_scoring_``, which only ``reconfigure`` reads); here
-    what is written counts. Per metre, costs under the footprint weigh the more."""
+    """Both weights are per metre, not per cell. In Noetic uninitialised memory decides
+    (``TrajectoryPlanner::meter_scoring_``, which only ``reconfigure`` reads); here the file
+    decides. Per metre, costs under the footprint weigh more."""
     occdist_scale: Finite = 0.01
     """Weight of the highest cost under the footprint."""
     heading_lookahead: Finite = 0.325
-    """[m] How far ahead of the robot a turn on the spot looks for the nearest way to the goal."""
+    """[m] Look ahead of a turn on the spot, which seeks the nearest way to the goal."""
     heading_scoring: bool = False
-    """Score a trajectory at one instant only, its heading as well."""
+    """Score a trajectory at one instant only, including its heading."""
     heading_scoring_timestep: Finite = 0.1
-    """[s] Which instant."""
+    """[s] That instant."""
     dwa: bool = False
-    """Sample what is reachable in one control period; otherwise in ``sim_time``."""
+    """Sample speeds within reach of one control period; otherwise of ``sim_time``."""
     simple_attractor: Annotated[
         Literal[False], refuse((True,), "the simple attractor is not built in: write false")
     ] = False
     """Score trajectories by distances on the grid."""
     oscillation_reset_dist: Finite = 0.05
-    """[m] Moved this far, the robot may turn or strafe the other way again."""
+    """[m] After moving this far, the robot may turn or strafe the other way again."""
     escape_reset_dist: Finite = 0.10
-    """[m] Moved this far, a robot that backed up may drive ahead again."""
+    """[m] After moving this far, a robot that backed up may drive ahead again."""
     escape_reset_theta: Finite = math.pi / 2.0
-    """[rad] The same, turned this far."""
+    """[rad] After turning this far, too."""
     controller_frequency: _Optional = None
-    """[Hz] Of the dynamic window only; without it that of move_base counts."""
+    """[Hz] For the dynamic window only. Default: that of move_base."""
 
     without_effect: ClassVar[Mapping[str, str]] = {
         "acc_lim_th": _RENAMED.format("acc_lim_theta"),
@@ -137,7 +137,7 @@ class TrajectoryPlannerParameters(Section):
     }
 
     def rules(self) -> Iterator[Objection]:
-        """Yield what keeps the robot from moving as asked, then what is not taken as written."""
+        """Yield objections to limits that prevent motion, then doubts about values."""
         p = self
         slowest = in_range(p, "min_vel_x")
         sim_time, instant = in_range(p, "sim_time"), in_range(p, "heading_scoring_timestep")
@@ -174,7 +174,7 @@ class TrajectoryPlannerParameters(Section):
                 ("acc_lim_theta",),
                 "acc_lim_theta is 0: no other turning speed than the present one can be reached",
             )
-        # A hair to spare, as the controller sums the time up step by step.
+        # A small margin, because the controller sums the time up step by step.
         if p.heading_scoring and instant > sim_time * (1.0 - 1.0 / steps) + 1e-9:
             yield Objection(
                 ("heading_scoring_timestep", "sim_time"),
@@ -188,19 +188,17 @@ class TrajectoryPlannerParameters(Section):
                 text = f"{name} {value} is beyond what the controller takes: {used:g} counts"
                 yield Objection((name,), text, fatal=False)
         if not isinstance(p.y_vels, str):
-            text = (
-                'y_vels is a list, which is not heard: write text, such as "-0.3, -0.1, 0.1, 0.3"'
-            )
+            text = 'ROS ignores the list y_vels: write text, such as "-0.3, -0.1, 0.1, 0.3"'
             yield Objection(("y_vels",), text, fatal=False)
         elif any(speed == 0.0 for speed in strafe_speeds(p)):
-            text = f'y_vels "{p.y_vels}" is not all numbers: the rest is never tried'
+            text = f'y_vels "{p.y_vels}" has parts that are no numbers: they are never tried'
             yield Objection(("y_vels",), text, fatal=False)
         if p.meter_scoring:
             yield Objection(("meter_scoring",), _METER_SCORING, fatal=False)
 
 
 _METER_SCORING: Final = (
-    "whether weights count per metre is up to memory that ROS never writes; here they do, and with "
+    "in ROS uninitialised memory decides whether weights count per metre; here they do, and with "
     "meter_scoring: false the robot drives as with a zero there"
 )
 _RANGES: Final[Mapping[str, tuple[float, float]]] = {
@@ -229,24 +227,24 @@ _RANGES: Final[Mapping[str, tuple[float, float]]] = {
     "escape_vel": (-2.0, 2.0),
     "heading_scoring_timestep": (0.0, 1.0),
 }
-"""Ranges into which dynamic reconfigure puts values back, without a word."""
+"""Ranges to which dynamic reconfigure silently clamps values."""
 
 
 def in_range(parameters: TrajectoryPlannerParameters, name: str) -> float:
-    """Return a parameter as dynamic reconfigure hands it on; 0 when it is not written."""
+    """Return a parameter as dynamic reconfigure clamps it; 0 without a value."""
     value: float = getattr(parameters, name) or 0.0
     low, high = _RANGES[name]
     return min(max(value, low), high)
 
 
 def path_bias(parameters: TrajectoryPlannerParameters) -> float:
-    """Return the weight of the distance from the path as it is meant."""
+    """Return the weight of the distance from the path, by either name."""
     name = "pdist_scale" if parameters.path_distance_bias is None else "path_distance_bias"
     return 0.6 if getattr(parameters, name) is None else in_range(parameters, name)
 
 
 def goal_bias(parameters: TrajectoryPlannerParameters) -> float:
-    """Return the weight of the distance from the goal as it is meant."""
+    """Return the weight of the distance from the goal, by either name."""
     name = "gdist_scale" if parameters.goal_distance_bias is None else "goal_distance_bias"
     return 0.8 if getattr(parameters, name) is None else in_range(parameters, name)
 
@@ -258,7 +256,7 @@ def slowest_turn(parameters: TrajectoryPlannerParameters) -> float:
 
 
 def slowest_turn_at_goal(parameters: TrajectoryPlannerParameters) -> float:
-    """Return the slowest turn at the goal [rad/s]: by either name, within no range."""
+    """Return the slowest turn at the goal [rad/s], by either name and not clamped."""
     for speed in (parameters.min_in_place_vel_theta, parameters.min_in_place_rotational_vel):
         if speed is not None:
             return float(speed)
@@ -268,8 +266,8 @@ def slowest_turn_at_goal(parameters: TrajectoryPlannerParameters) -> float:
 def strafe_speeds(parameters: TrajectoryPlannerParameters) -> tuple[float, ...]:
     """Return the speeds [m/s] in ``y_vels``.
 
-    A part that begins with no number is 0, which is never taken, as in the original; so is an
-    empty part, for which the original takes whatever is in memory.
+    A part without a number at its beginning is 0, which is never used, as in the original. So is
+    an empty part, for which the original reads uninitialised memory.
     """
     text = parameters.y_vels
     if not isinstance(text, str):

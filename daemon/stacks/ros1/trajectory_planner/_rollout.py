@@ -1,4 +1,4 @@
-"""The trajectory of a velocity, and what it costs (``generateTrajectory``)."""
+"""Trajectory of a velocity, and its cost (``generateTrajectory``)."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ from daemon.stacks.ros1.trajectory_planner._settings import RolloutSettings
 from grammars.model.geometry import Floats
 
 COLLIDES: Final = -1.0
-"""The cost of a trajectory whose footprint leaves the grid or lies on an obstacle."""
+"""Cost of a trajectory whose footprint leaves the grid or lies on an obstacle."""
 LEADS_NOWHERE: Final = -2.0
-"""The cost of a trajectory to cells from which the grid knows no way to path or goal."""
+"""Cost of a trajectory to cells without a way to path or goal."""
 _NO_HEADING: Final = sys.float_info.max
 _HEADING_WEIGHT: Final = 0.3
 TERMS: Final = 6
 PATH, GOAL, HEADING, CENTRE, FAILURE, LEGAL = range(TERMS)
-"""Places in the terms of a cost: distances, heading error, highest cost the centre meets, why the
-trajectory ends early, and after how many points."""
+"""Indices of the terms of a cost: distances, heading error, highest cost under the centre, reason
+of an early end, and the number of points before it."""
 
 
 class RolloutGrid(NamedTuple):
-    """The ground on which trajectories are scored.
+    """The grid on which trajectories are scored.
 
     ``frame`` is x, y and resolution of the ``cells``; ``outline`` the footprint, (corners, 2) in
-    metres; ``path`` and ``goal`` are grid distances, of which ``digits`` (2,) digits are used;
-    ``spans`` is room for what a footprint encloses, without rows when that does not count.
+    metres. ``path`` and ``goal`` are grid distances; ``digits`` (2,) are in use. ``spans`` is
+    scratch for the inside of a footprint, without rows if only the outline counts.
     """
 
     cells: Cells
@@ -55,7 +55,7 @@ class RolloutGrid(NamedTuple):
 
 @kernel
 def normalize_angle(angle: float) -> float:
-    """Map an angle [rad] to (-pi, pi], rounded as the ROS package angles does."""
+    """Map an angle [rad] to (-pi, pi], with the rounding of the ROS package angles."""
     rest = float(np.fmod(angle + math.pi, 2.0 * math.pi))
     return rest + math.pi if rest <= 0.0 else rest - math.pi
 
@@ -65,7 +65,7 @@ def count_points(vx: float, vy: float, wz: float, s: RolloutSettings) -> int:
     """Return the number of points of a sample's trajectory, at least one."""
     if s.heading_scoring:
         return max(1, int(s.sim_time / s.sim_granularity + 0.5))
-    # The turning speed is not taken times the duration: so it is in the original.
+    # As in the original, the turning speed is not multiplied by the duration.
     straight = math.hypot(vx, vy) * s.sim_time / s.sim_granularity
     return max(1, int(max(straight, abs(wz) / s.angular_sim_granularity) + 0.5))
 
@@ -84,8 +84,8 @@ def simulate_trajectory(
     """Write the trajectory of a sample to ``points`` and return the number of points.
 
     ``state`` is x, y, yaw, vx, vy, wz. A row of ``points`` is x, y, yaw and the cosine and sine of
-    yaw; the first one is the pose in ``state``, the end pose is left out. Speeds change within the
-    limits of acceleration; poses are integrated after Euler.
+    yaw. The first row is the pose in ``state``; the end pose is not included. Speeds change within
+    the limits of acceleration; Euler's method integrates poses.
     """
     n = count_points(vx, vy, wz, s)
     dt = s.sim_time / n
@@ -100,7 +100,7 @@ def simulate_trajectory(
         uw = _accelerate(wz, uw, s.acc_lim_theta * dt)
         along_x, along_y = ux * c, ux * d
         if uy != 0.0:
-            # Not -sin and cos: the original adds a quarter turn, which rounds differently.
+            # The original adds a quarter turn, which rounds differently from -sin and cos.
             along_x += uy * math.cos(math.pi / 2.0 + yaw)
             along_y += uy * math.sin(math.pi / 2.0 + yaw)
         x, y, yaw = x + along_x * dt, y + along_y * dt, yaw + uw * dt
@@ -109,10 +109,10 @@ def simulate_trajectory(
 
 @kernel
 def heading_error(at: int, pose: Floats, plan: Floats, f: RolloutGrid) -> float:
-    """Return how far [rad] a pose looks past the last point of the plan in sight of its cell.
+    """Return the angle [rad] between a pose and the last point of the plan in its sight.
 
-    In sight is what no inscribed, lethal or unknown cell lies before (``headingDiff``). The
-    largest number there is when no point is.
+    Inscribed, lethal and unknown cells block the sight (``headingDiff``). Without a point in sight
+    the result is the largest number.
     """
     rows, columns = f.cells.shape
     for i in range(plan.shape[0] - 1, -1, -1):
@@ -135,7 +135,7 @@ def follow_cells(
     """Write the ``terms`` of a trajectory except that of the footprint.
 
     Returns the number of points before the first one off the grid or without a way to path and
-    goal, ``n`` when there is none.
+    goal, ``n`` if all are fine.
     """
     rows, columns = f.cells.shape
     size = f.cells.size
@@ -160,7 +160,7 @@ def follow_cells(
             terms[GOAL] = distance_at(f.goal, row, column, size, f.digits[1])
             fit = terms[PATH] < size and terms[GOAL] < size
         else:
-            # With headings only the one instant is looked at.
+            # With headings only one instant counts.
             fit = s.heading_scoring or (
                 contains_cell(f.path[FIT], row, column) and contains_cell(f.goal[FIT], row, column)
             )
@@ -190,28 +190,28 @@ def score_trajectory(
     f: RolloutGrid,
     terms: Floats,
 ) -> float:
-    """Return the cost of a trajectory, ``COLLIDES`` or ``LEADS_NOWHERE`` when it is illegal.
+    """Return the cost of a trajectory, ``COLLIDES`` or ``LEADS_NOWHERE`` if it is illegal.
 
-    ``plan`` has the poses near the robot. Gives up with ``COLLIDES`` as soon as the cost is
-    above ``limit``.
+    ``plan`` has the poses near the robot. Returns ``COLLIDES`` as soon as the cost exceeds
+    ``limit``.
     """
     stop = follow_cells(points, n, plan, s, f, terms)
-    # The original looks at the footprint of a point first, then at its way to path and goal.
-    laid = stop + 1 if terms[FAILURE] == LEADS_NOWHERE else stop
+    # The original checks the footprint of a point first, then its way to path and goal.
+    count = stop + 1 if terms[FAILURE] == LEADS_NOWHERE else stop
     terms[LEGAL] = stop
     obstacle = 0.0
     if stop == n:
         obstacle = terms[CENTRE]
         if total_cost(obstacle, terms, s) > limit:
             return COLLIDES
-    for i in range(laid):
+    for i in range(count):
         cost = footprint_cost(f.cells, f.frame, f.outline, 1.0, points[i], f.spans)
         if cost < 0:
             terms[FAILURE], terms[LEGAL] = COLLIDES, i
             return COLLIDES
         if cost > obstacle:
             obstacle = float(cost)
-            # Weights are not negative, so no term still to come makes it less.
+            # Weights are not negative, so later terms cannot lower the cost.
             if stop == n and total_cost(obstacle, terms, s) > limit:
                 return COLLIDES
     if stop < n:

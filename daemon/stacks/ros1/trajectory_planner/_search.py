@@ -1,12 +1,11 @@
-"""The search for the trajectory that wins (``createTrajectories``).
+"""Search for the best trajectory (``createTrajectories``).
 
-The original follows and scores arcs in turn and keeps the first of the cheapest; then turns on
-the spot, each preferred to what was found before if it costs no more and looks nearer to the
-goal; then, if nothing is legal, strafing, and at last backing up. Here arcs get a lower bound of
-their cost first, without footprints, and are scored in the order of their bounds until no bound
-can win. Bounds sum the same terms in the same order as the cost, that of the footprint replaced
-by a smaller one, so that rounding keeps them below the cost; ties go to the arc the original
-meets first.
+The original follows and scores arcs in turn and keeps the first of the cheapest. Then it tries
+turns on the spot; one replaces the best so far if it costs no more and looks nearer to the goal.
+If no motion is legal, it tries strafing and at last backs up. Here arcs first get a lower bound of
+their cost, without footprints, and are scored in the order of their bounds until no bound can win.
+Bounds sum the same terms in the same order as the cost, with a smaller term of the footprint, so
+that rounding keeps them below the cost. Ties go to the arc that the original meets first.
 """
 
 from __future__ import annotations
@@ -33,30 +32,30 @@ from grammars.model.geometry import Floats
 NUDGE: Final = 0.1
 """[m/s] Speed ahead and sideways of the two arcs that strafe a little."""
 NO_RIGHT_TURN, NO_LEFT_TURN, NO_LEFT_STRAFE, NO_RIGHT_STRAFE = range(4)
-"""Places of what oscillation forbids (the original's flags ``stuck_left``, ``stuck_right``,
+"""Indices of the flags of oscillation (the original's ``stuck_left``, ``stuck_right``,
 ``stuck_left_strafe`` and ``stuck_right_strafe``)."""
 VX, VY, WZ, COST, AHEAD = range(5)
-"""Places in the values of the best trajectory; the last is the distance to the goal from where it
-looks."""
+"""Indices of the values of the best trajectory; the last is the distance of its look ahead to the
+goal."""
 NO_BEST: Final = (0.0, 0.0, 0.0, COLLIDES, math.inf)
-"""The values before any trajectory is legal."""
+"""Values without a legal trajectory."""
 
 
 class RolloutBuffers(NamedTuple):
-    """Room to work in, allocated once: every cycle overwrites it.
+    """Buffers of a search, allocated once: every cycle overwrites them.
 
-    ``seeds``, ``passable``, ``standing``, ``wanted`` and ``fronts`` are sets of cells as in
-    :mod:`daemon.stacks.ros1.base_local_planner.map_grid`: ``passable`` for everybody,
-    ``standing`` with those under the robot as well; ``columns`` (columns, 2) the first and last row
-    under it; ``window`` (2, 2) the dynamic window; ``arcs`` (most, 3) the velocities of arcs and
-    ``lower`` (most,) bounds of their costs; ``points`` (longest trajectory, 5), ``terms`` and
-    ``best`` as above.
+    ``seeds``, ``passable``, ``standing``, ``targets`` and ``fronts`` are sets of cells as in
+    :mod:`daemon.stacks.ros1.base_local_planner.map_grid`. ``standing`` is ``passable`` with the
+    cells under the robot; ``columns`` (columns, 2) holds the first and last row under it.
+    ``window`` (2, 2) is the dynamic window, ``arcs`` (most, 3) the velocities of arcs and ``lower``
+    (most,) bounds of their costs. ``points`` (longest trajectory, 5), ``terms`` and ``best`` are
+    a trajectory and its values.
     """
 
     seeds: Bits
     passable: Bits
     standing: Bits
-    wanted: Bits
+    targets: Bits
     fronts: Bits
     columns: Integers
     window: Floats
@@ -71,8 +70,8 @@ class RolloutBuffers(NamedTuple):
 def velocity_window(state: Floats, distance: float, s: RolloutSettings, out: Floats) -> None:
     """Write the lowest and highest speeds ahead and of turning to ``out``, shape (2, 2).
 
-    ``distance`` [m] is that to the end of the local plan. The turning speeds may be upside down
-    when the robot is faster than its limits.
+    ``distance`` [m] is that to the end of the local plan. The lowest turning speed may exceed the
+    highest if the robot is faster than its limits.
     """
     reach = s.period if s.dwa else s.sim_time
     most = min(s.max_vel_x, distance / s.sim_time)
@@ -84,7 +83,7 @@ def velocity_window(state: Floats, distance: float, s: RolloutSettings, out: Flo
 
 @kernel
 def _turn_step(window: Floats, s: RolloutSettings) -> float:
-    """Return the step between turning speeds; without bound for a single sample, as in C++."""
+    """Return the step between turning speeds; infinite for a single sample, as in C++."""
     width = window[1, 1] - window[1, 0]
     if s.vtheta_samples > 1:
         return float(width / (s.vtheta_samples - 1))
@@ -93,10 +92,10 @@ def _turn_step(window: Floats, s: RolloutSettings) -> float:
 
 @kernel
 def list_arcs(window: Floats, s: RolloutSettings, out: Floats) -> int:
-    """Write the velocities of all arcs to ``out``, shape (most, 3), and return how many.
+    """Write the velocities of all arcs to ``out``, shape (most, 3), and return their number.
 
-    For every speed ahead: straight on, then all turning speeds but the highest. Speeds are summed
-    up step by step, as the original does, with its rounding.
+    For every speed ahead: straight on, then all turning speeds except the highest. Speeds are
+    summed up step by step, with the original's rounding.
     """
     step = 0.0
     if s.vx_samples > 1:
@@ -124,7 +123,7 @@ def list_arcs(window: Floats, s: RolloutSettings, out: Floats) -> int:
 def find_best_arc(
     state: Floats, plan: Floats, s: RolloutSettings, f: RolloutGrid, r: RolloutBuffers
 ) -> None:
-    """Write the best arc to ``r.best``, nothing when none is legal.
+    """Write the best arc to ``r.best``, if any is legal.
 
     ``r.window`` is the dynamic window, ``plan`` (poses, 2) the plan near the robot.
     """
@@ -132,7 +131,7 @@ def find_best_arc(
     count = list_arcs(r.window, s, arcs)
     points[0, 0], points[0, 1], points[0, 2] = state[0], state[1], state[2]
     points[0, 3], points[0, 4] = math.cos(state[2]), math.sin(state[2])
-    # Where the robot is every arc begins.
+    # Every arc begins at the robot.
     here = footprint_cost(f.cells, f.frame, f.outline, 1.0, points[0], f.spans)
     if here < 0:
         return
@@ -174,7 +173,7 @@ def _try_on_the_spot(
 ) -> None:
     """Take a turn on the spot or a strafe as the best if it looks nearer to the goal.
 
-    It must not cost more than the best before, unless that strafes or none is legal.
+    It must not cost more than the best so far, unless that strafes or does not exist.
     """
     n = simulate_trajectory(state, 0.0, vy, wz, s, r.points)
     rows, columns = f.cells.shape
@@ -207,15 +206,15 @@ def find_best(
 ) -> int:
     """Write the best trajectory to ``r.points``; return its number of points, 0 for none.
 
-    ``r.best`` comes with the best arc and receives the best of all: turns on the spot are tried
-    here, and strafes when nothing else is legal. ``forbidden`` (4,) is what oscillation forbids,
-    ``strafes`` are the speeds to strafe with.
+    ``r.best`` holds the best arc and receives the best of all. This tries turns on the spot, and
+    strafes if nothing else is legal. ``forbidden`` (4,) are the flags of oscillation, ``strafes``
+    the speeds of strafing.
     """
     best, window = r.best, r.window
     turn = _turn_step(window, s)
     wz = window[1, 0]
     for _ in range(s.vtheta_samples):
-        # Slow turns are left out before they are raised to the slowest possible one.
+        # Slow turns are skipped before they are raised to the slowest possible one.
         if wz > turn or wz < -turn:
             if wz < 0.0 and not forbidden[NO_RIGHT_TURN]:
                 _try_on_the_spot(state, 0.0, min(wz, -s.slowest_turn), plan, s, f, r)
@@ -230,5 +229,5 @@ def find_best(
                 _try_on_the_spot(state, vy, 0.0, plan, s, f, r)
     if best[COST] < 0.0:
         return 0
-    # Followed once more: its points were overwritten by those scored after it.
+    # Follow it once more, because trajectories scored later have overwritten its points.
     return simulate_trajectory(state, best[VX], best[VY], best[WZ], s, r.points)

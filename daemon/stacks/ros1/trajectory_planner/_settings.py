@@ -1,4 +1,4 @@
-"""Parameters as kernels read them: plain numbers, taken from the parameters once."""
+"""Parameters of TrajectoryPlannerROS for kernels: plain numbers."""
 
 # Annotations stay types here: ``settings_of`` converts values by them.
 import math
@@ -18,11 +18,11 @@ from daemon.stacks.ros1.trajectory_planner._parameters import (
 
 
 class RolloutSettings(NamedTuple):
-    """Limits in SI units, weights and switches; the types are the same for every configuration.
+    """Limits in SI units, weights and switches, with the same types for every configuration.
 
-    Names of :class:`TrajectoryPlannerParameters` mean the same here. ``slowest_turn`` [rad/s] is
-    that on the spot, ``period`` [s] that of the dynamic window; ``path_scale`` and ``goal_scale``
-    are weights per cell, ``perimeter_only`` is a quirk.
+    Fields with the names of :class:`TrajectoryPlannerParameters` have the same meaning.
+    ``slowest_turn`` [rad/s] is that on the spot, ``period`` [s] that of the dynamic window.
+    ``path_scale`` and ``goal_scale`` are weights per cell, ``perimeter_only`` is a quirk.
     """
 
     max_vel_x: float
@@ -78,7 +78,7 @@ def settings_of(
 def longest_trajectory(
     parameters: TrajectoryPlannerParameters, settings: RolloutSettings, twist: tuple[float, ...]
 ) -> int:
-    """Return more points than any trajectory has that starts with the velocity ``twist``."""
+    """Return an upper bound of the points of a trajectory that starts with ``twist``."""
     s = settings
     if s.heading_scoring:
         return int(s.sim_time / s.sim_granularity) + 2
@@ -86,7 +86,7 @@ def longest_trajectory(
     vx, vy, wz = (abs(speed) for speed in twist)
     x = max(s.max_vel_x, s.min_vel_x, abs(s.escape_vel), vx + s.acc_lim_x * reach, 0.1)
     y = max(vy, 0.1, *(abs(speed) for speed in strafe_speeds(parameters)))
-    # Turns at the goal are scored as well, and have limits of their own.
+    # Turns at the goal are also scored, and have their own limits.
     at_goal = (float(parameters.max_rotational_vel), slowest_turn_at_goal(parameters))
     turns = (s.max_vel_theta, -s.min_vel_theta, s.slowest_turn, *at_goal)
     w = max(*turns, wz + max(s.acc_lim_theta, parameters.acc_lim_theta) * max(reach, s.period))

@@ -1,7 +1,7 @@
-"""The controller: follows a global plan by trying arcs, turns on the spot and ways out.
+"""Controller that follows a global plan by trying arcs, turns on the spot and ways out.
 
-Three memories beside the search: which turns and strafes oscillation forbids, whether the robot
-is backing out of where nothing was legal, and what it does within tolerance of the goal.
+Its state besides the search: turns and strafes that oscillation forbids, whether the robot is
+backing out of a dead end, and the phase within tolerance of the goal.
 """
 
 from __future__ import annotations
@@ -68,15 +68,15 @@ _STOPPED: Final = 1e-2
 
 
 def _length(x: float, y: float) -> float:
-    """Return the length of a vector, rounded as in C: Python's own hypot rounds differently."""
+    """Return the length of a vector, rounded as in C; Python's own hypot rounds differently."""
     return float(np.hypot(x, y))
 
 
 class OscillationFlags:
     """Turns and strafes that are forbidden until the robot has moved ``distance`` [m].
 
-    ``forbidden`` (4,) holds flags as :mod:`._search` reads them. The second turn in a row to one
-    side forbids those to the other; a strafe forbids going back to the side before.
+    ``forbidden`` (4,) holds the flags for :mod:`._search`. The second turn in a row to one side
+    forbids turns to the other; a strafe forbids strafing back to the previous side.
     """
 
     def __init__(self, distance: float) -> None:
@@ -86,8 +86,8 @@ class OscillationFlags:
         self._distance = distance
         self._at = (0.0, 0.0)
 
-    def chosen(self, at: tuple[float, float], vx: float, vy: float, wz: float) -> None:
-        """Take in the velocity that was chosen at ``at``; driving ahead is no oscillation."""
+    def record(self, at: tuple[float, float], vx: float, vy: float, wz: float) -> None:
+        """Record the velocity chosen at ``at``; driving ahead is no oscillation."""
         if not vx > 0.0:
             if wz != 0.0:
                 self._turn(wz)
@@ -97,7 +97,7 @@ class OscillationFlags:
         self.release(at)
 
     def release(self, at: tuple[float, float]) -> None:
-        """Forget everything when the robot has moved far enough."""
+        """Release all directions if the robot has moved far enough."""
         if _length(at[0] - self._at[0], at[1] - self._at[1]) <= self._distance:
             return
         self.forbidden[:] = 0
@@ -122,9 +122,9 @@ class OscillationFlags:
 
 
 class EscapeMode:
-    """Whether the robot backs out of where nothing was legal.
+    """State of backing out of a place where no motion was legal.
 
-    It does until it is ``distance`` [m] or ``angle`` [rad] from where it began.
+    It is ``active`` until the robot is ``distance`` [m] or ``angle`` [rad] from its beginning.
     """
 
     def __init__(self, distance: float, angle: float) -> None:
@@ -133,13 +133,13 @@ class EscapeMode:
         self._x = self._y = self._yaw = 0.0
 
     def begin(self, state: Floats) -> None:
-        """Begin at the pose in ``state`` unless it has begun already."""
+        """Begin at the pose in ``state``, unless active."""
         if not self.active:
             self._x, self._y, self._yaw = state[:3].tolist()
             self.active = True
 
     def release(self, state: Floats) -> None:
-        """End when the robot is far enough from where it began."""
+        """End if the robot is far enough from the beginning."""
         x, y, yaw = state[:3].tolist()
         turned = abs(normalize_angle(yaw - self._yaw))
         if _length(x - self._x, y - self._y) > self._distance or turned > self._angle:
@@ -149,10 +149,8 @@ class EscapeMode:
 class TrajectoryPlanner:
     """base_local_planner ``TrajectoryPlannerROS`` of ROS Noetic.
 
-    ``footprint`` is the padded outline, shape (corners, 2) [m]; ``control_period_default`` [s]
-    that of move_base, for a configuration without ``controller_frequency`` of its own.
-    ``latch_goal`` is ``latch_xy_goal_tolerance`` of move_base, which this controller does not
-    read: it has a parameter of that name itself.
+    ``footprint`` is the padded outline, shape (corners, 2) [m]. ``control_period_default`` [s] is
+    that of move_base, for a configuration without its own ``controller_frequency``.
     """
 
     def __init__(
@@ -161,10 +159,7 @@ class TrajectoryPlanner:
         quirks: Quirks,
         footprint: Floats,
         control_period_default: float,
-        *,
-        latch_goal: bool = False,
     ) -> None:
-        del latch_goal
         self._p, self._quirks = parameters, quirks
         self._outline = np.ascontiguousarray(footprint, dtype=np.float64)
         self._period = sim_period(parameters.controller_frequency, control_period_default)
@@ -182,7 +177,7 @@ class TrajectoryPlanner:
         self._seen: int | None = None
         self._grid: RolloutGrid
         self._room: RolloutBuffers
-        # Now, so that another process compiles it on the first run on a machine.
+        # Load it now, so that the process that prepares the first run compiles it.
         self._machine = self._load_machine_code()
 
     def _load_machine_code(self) -> tuple[Callable[..., Any], ...]:
@@ -205,9 +200,9 @@ class TrajectoryPlanner:
         self._reached = False
 
     def goal_reached(self, pose: Pose2, twist: Twist2, map_to_odom: Pose2) -> bool:
-        """Whether the latest command was to stand at the goal (``isGoalReached``).
+        """Tell whether the latest command was to stand at the goal (``isGoalReached``).
 
-        Nothing else is looked at: neither where the robot is nor whether it stands.
+        The present pose and twist do not matter.
         """
         del pose, twist, map_to_odom
         return self._reached
@@ -217,8 +212,8 @@ class TrajectoryPlanner:
     ) -> ControllerAnswer:
         """Return the next velocity; ``pose`` and ``local`` are in odom.
 
-        ``map_to_odom`` is the pose of odom in the map. Not ok without a plan near the robot, or
-        when nothing is legal and backing up leads nowhere
+        ``map_to_odom`` is the pose of odom in the map. The answer is not ok without a plan near the
+        robot, or if no motion is legal and backing up leads nowhere
         (``TrajectoryPlannerROS::computeVelocityCommands``).
         """
         window = self._plan.window(pose, map_to_odom, local, prune=self._p.prune_plan)
@@ -231,13 +226,13 @@ class TrajectoryPlanner:
         if not (self._latched or near):
             return self._search(window, pose, moving, local)
         self._latched = self._latched or self._p.latch_xy_goal_tolerance
-        # Of the window, not of the plan: its end is the goal of this controller.
+        # The goal of this controller is the end of the window, not of the plan.
         error = normalize_angle(self._plan.window_end(map_to_odom).yaw - pose.yaw)
         if abs(error) <= self._p.yaw_goal_tolerance:
             self._rotating = self._latched = False
             self._reached = True
             return ControllerAnswer(True, Twist2(), NO_POINTS)
-        # What it finds is not driven, but its distances count and its memories remember it.
+        # The result is not driven, but the search updates distances and state.
         self._search(window, pose, moving, local)
         fastest = max(abs(twist.vx), abs(twist.vy), abs(twist.wz))
         self._rotating = self._rotating or fastest <= _STOPPED
@@ -268,12 +263,12 @@ class TrajectoryPlanner:
         if n == 0:
             return self._back_up(window, s)
         vx, vy, wz = room.best[:3].tolist()
-        self._flags.chosen(at, vx, vy, wz)
+        self._flags.record(at, vx, vy, wz)
         self._escape.release(state)
         return ControllerAnswer(True, Twist2(vx, vy, wrap_angle(wz)), room.points[:n, :2].copy())
 
     def _back_up(self, window: Floats, s: RolloutSettings) -> ControllerAnswer:
-        """Back up although nothing is legal, unless the plan leads nowhere."""
+        """Back up although no motion is legal, unless the plan leads nowhere."""
         state, grid, room = self._state, self._grid, self._room
         n = simulate_trajectory(state, s.escape_vel, 0.0, 0.0, s, room.points)
         cost = score_trajectory(room.points, n, window, math.inf, s, grid, room.terms)
@@ -284,11 +279,11 @@ class TrajectoryPlanner:
         self._escape.release(state)
         if cost < COLLIDES:
             return NO_VELOCITY
-        drawn = room.points[: int(room.terms[LEGAL]), :2].copy()
-        return ControllerAnswer(True, Twist2(s.escape_vel, 0.0, 0.0), drawn)
+        way = room.points[: int(room.terms[LEGAL]), :2].copy()
+        return ControllerAnswer(True, Twist2(s.escape_vel, 0.0, 0.0), way)
 
     def _prepare(self, local: CostGrid, twist: Twist2) -> RolloutSettings:
-        """Make room for the costmap when it has another shape, and note what is passable."""
+        """Allocate buffers for a costmap of a new shape, and update its passable cells."""
         settings = self._settings
         if settings is None or self._grid.cells.shape != local.cells.shape:
             settings = settings_of(self._p, self._quirks, local.resolution, self._period)
@@ -323,10 +318,10 @@ class TrajectoryPlanner:
         return turn_towards(error, wz, speeds, p.acc_lim_theta, self._period, raised=raised)
 
     def _is_legal(self, pose: Pose2, twist: Twist2, sample: Twist2, window: Floats) -> bool:
-        """Whether a trajectory is legal by the distances of this cycle (``checkTrajectory``)."""
+        """Tell whether a sample is legal by the distances of this cycle (``checkTrajectory``)."""
         s, room = self._settings, self._room
         assert s is not None
-        # Not in single precision, unlike the search.
+        # In double precision, unlike the search.
         state = np.array((pose.x, pose.y, pose.yaw, twist.vx, twist.vy, twist.wz))
         n = simulate_trajectory(state, sample.vx, sample.vy, sample.wz, s, room.points)
         cost = score_trajectory(room.points, n, window, math.inf, s, self._grid, room.terms)

@@ -146,9 +146,9 @@ def ruled_out(*twists, at=None):
     """Return what is ruled out after commands at one place and, maybe, the last one again."""
     memory = Oscillation(0.5, 0.25)
     for twist in twists:
-        memory.chosen((3.0, -2.0, 1.0), twist, 0.125)
+        memory.record((3.0, -2.0, 1.0), twist, 0.125)
     if at is not None:
-        memory.chosen(at, twists[-1], 0.125)
+        memory.record(at, twists[-1], 0.125)
     return memory.banned.tolist()
 
 
@@ -189,7 +189,7 @@ def test_what_is_ruled_out_is_free_again_beyond_the_distance_or_the_angle(step, 
 def test_free_again_a_robot_may_turn_round_once_more():
     memory, banned = Oscillation(0.5, 0.25), []
     for x, vx in ((0.0, 0.2), (0.0, -0.2), (1.0, -0.2), (1.0, 0.2), (1.0, -0.2)):
-        memory.chosen((x, 0.0, 0.0), (vx, 0.0, 0.0), 0.125)
+        memory.record((x, 0.0, 0.0), (vx, 0.0, 0.0), 0.125)
         banned.append(memory.banned.tolist())
     assert banned[3:] == [[0] * 6, [0, 1, 0, 0, 0, 0]]
 
