@@ -1,4 +1,4 @@
-"""The 2D world: pymunk space, robot, doors, laser, behaviour controllers."""
+"""2D world: pymunk space, robot, doors, laser, behaviours."""
 
 from daemon.simulator._building import RobotContact, WorldEvent
 from daemon.simulator._world import World

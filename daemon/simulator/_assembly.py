@@ -1,4 +1,4 @@
-"""Objects as bodies: links, joints and shapes assembled, and the states of all as one array."""
+"""Objects as bodies: links, joints and shapes, and the states of all bodies as one array."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ WORLD = 0
 
 @dataclass(frozen=True, slots=True)
 class PlacedLink:
-    """A link on its host: ``frame`` is the link frame in the frame of body ``slot``.
+    """A link on its host body: ``frame`` is the link frame in the frame of body ``slot``.
 
     ``angle`` is the link's unwrapped angle in the world at the start [rad].
     """
@@ -38,17 +38,17 @@ class PlacedLink:
 
     @property
     def rings(self) -> tuple[Ring, ...]:
-        """The polygons in the frame of the host body."""
+        """Polygons in the frame of the host body."""
         return tuple(self.frame.apply_ring(ring) for ring in self.link.polygons)
 
 
 @dataclass(frozen=True, slots=True)
 class MovingJoint:
-    """A joint that can move: ``parent`` and ``child`` slots, in whose frames it acts.
+    """A movable joint between the bodies ``parent`` and ``child`` (slots).
 
-    The joint position is (child angle - parent angle - ``offset``) for revolute joints; for
-    prismatic ones the way of the child frame along ``axis`` from ``origin``, both in the frame of
-    the parent body. ``frame`` takes the object frame (all joints zero) to the parent body's.
+    The position of a revolute joint is (child angle - parent angle - ``offset``). That of a
+    prismatic one is the way of the child frame along ``axis`` from the origin, both in the frame
+    of the parent body. ``frame`` takes the object frame (all joints zero) to the parent body's.
     """
 
     name: str
@@ -70,9 +70,9 @@ class MovingJoint:
 
 @dataclass(slots=True)
 class BodyAssembly:
-    """All objects taken apart into bodies; slot ``i`` is ``bodies[i]``, slot 0 the world.
+    """All objects as bodies; slot ``i`` is ``bodies[i]``, slot 0 the world.
 
-    ``walks`` are the joints of movers that walk: three each, all from the world to the body.
+    ``walks`` are the joints of walking movers: three each, all from the world to the body.
     """
 
     bodies: list[pymunk.Body]
@@ -83,11 +83,11 @@ class BodyAssembly:
     holds: dict[str, float] = field(default_factory=dict)
 
     def placements_on(self, slot: int) -> list[PlacedLink]:
-        """Return the links that are part of one body."""
+        """Return the links of one body."""
         return [p for p in self.placements if p.slot == slot]
 
     def behind(self, slot: int) -> list[int]:
-        """Return ``slot`` and all slots that hang on it, parents first."""
+        """Return ``slot`` and all its descendants, parents first."""
         slots = [slot]
         for parent in slots:
             slots += [m.child for m in self.motions if m.parent == parent]
@@ -104,8 +104,8 @@ def assemble(
 ) -> BodyAssembly:
     """Add the links of all objects to ``space``.
 
-    ``start`` overrides the initial position of joints by name, ``holds`` names joints that stay
-    where they are for the whole run, ``walking`` movers that walk. Links within [0, height]
+    ``start`` overrides the initial position of joints by name. ``holds`` are joints with a fixed
+    position for the whole run, ``walking`` the names of walking movers. Links within [0, height]
     above the floor collide.
 
     Raises:
@@ -114,8 +114,8 @@ def assemble(
     assembly = BodyAssembly([space.static_body])
     for group, item in enumerate(scene.objects, start=1):
         link_poses(item, item.initial)  # raises for joints that form no tree
-        # In three steps: bodies need the frames of all links on them before they have a mass, and
-        # shapes need a body whose centre of mass is final.
+        # Three steps: the mass of a body needs the frames of all its links, and shapes need a body
+        # with its final centre of mass.
         first_slot = len(assembly.bodies)
         placer = _LinkPlacer(assembly, item, start, holds, item.name in walking)
         placements = [placer.place(link) for link in item.links]
@@ -128,7 +128,7 @@ def assemble(
 
 
 class _LinkPlacer:
-    """Places the links of one object, parents before children, and makes bodies for them."""
+    """Placement of the links of one object on bodies, parents before children."""
 
     def __init__(
         self,
@@ -147,7 +147,7 @@ class _LinkPlacer:
         self._placed: dict[str, PlacedLink] = {}
 
     def place(self, link: Link) -> PlacedLink:
-        """Return where ``link`` is, after everything it hangs on."""
+        """Place ``link`` after its ancestors."""
         if link.name not in self._placed:
             self._placed[link.name] = self._place(link)
         return self._placed[link.name]
@@ -158,7 +158,7 @@ class _LinkPlacer:
         if link.name not in self._joints:
             return base
         joint, q = self._joints[link.name]
-        # Three joints that make a plane become one kinematic body instead of three bodies in a row.
+        # The three joints of a plane become one kinematic body instead of a chain of three.
         if self._walks and joint.name in PLANAR_JOINTS:
             return self._walker(base, joint)
         name = f"{item.name}.{joint.name}"
@@ -166,8 +166,8 @@ class _LinkPlacer:
         if joint.parent != "world":
             base = self.place(self._links[joint.parent])
         frame = base.frame @ joint_motion(joint, q)
-        # Beside the frame, whose yaw is wrapped: a joint may stand at more than half a turn, and
-        # its position is the difference of two unwrapped angles.
+        # The frame's yaw is wrapped, but a joint may exceed half a turn, and its position is the
+        # difference of two unwrapped angles.
         angle = base.angle + (q if joint.kind == "revolute" else 0.0)
         if item.frozen or name in self._holds or is_fixed(joint):
             self._assembly.holds[name] = q
@@ -180,7 +180,7 @@ class _LinkPlacer:
         return PlacedLink(owner, link, slot, Pose2(), angle)
 
     def _walker(self, base: PlacedLink, joint: Joint) -> PlacedLink:
-        """Return the body that walks; its carriers have no shape and stay behind."""
+        """Return the walking body; its carriers have no shape and do not move."""
         item, assembly = self._item, self._assembly
         if joint.name != PLANAR_JOINTS[-1]:
             return base
@@ -205,7 +205,7 @@ class _LinkPlacer:
 
 
 def _give_mass(space: pymunk.Space, assembly: BodyAssembly, slot: int, item: SceneObject) -> None:
-    """Give a body its mass and add it to the space, keeping its frame where it is."""
+    """Give a body its mass without moving its frame, and add it to the space."""
     if assembly.bodies[slot].body_type == pymunk.Body.KINEMATIC:
         space.add(assembly.bodies[slot])
         return
@@ -218,7 +218,7 @@ def _give_mass(space: pymunk.Space, assembly: BodyAssembly, slot: int, item: Sce
         parts += [(ring, placement.link.mass * area / total) for ring, area in areas]
     body = assembly.bodies[slot]
     position, angle = body.position, body.angle
-    # A new centre of mass moves the frame of a body; angle and position put it back, in this order.
+    # A new centre of mass moves the frame of a body; angle and position restore it, in this order.
     body.mass, body.center_of_gravity, body.moment = mass_properties(parts)
     body.angle = angle
     body.position = position
@@ -232,7 +232,7 @@ def _area(ring: Ring) -> float:
 def _add_shapes(
     space: pymunk.Space, assembly: BodyAssembly, placement: PlacedLink, group: int, height: float
 ) -> None:
-    # Too high for the robot, or below the floor: nothing it could touch, so nothing to simulate.
+    # The robot cannot touch links above it or below the floor.
     if placement.link.z_min >= height or placement.link.z_max <= 0.0:
         return
     for ring in placement.rings:
@@ -246,26 +246,26 @@ def _add_shapes(
 
 
 SLEEP_TIME = 0.5
-"""How long bodies have to rest before they fall asleep [s]."""
+"""Time at rest before bodies fall asleep [s]."""
 
 _FALL_ASLEEP_TICKS = round(0.5 * SLEEP_TIME * TICK_RATE)
-"""No body can fall asleep within so many ticks; half of what it takes, to be on the safe side."""
+"""Ticks in which no body can fall asleep: half of the required time, as a safety margin."""
 
 
 class BodyStates:
     """States of bodies as rows (x, y, angle, vx, vy, w), row i for body i; row 0 stays zero.
 
-    The order in which a space lists its bodies changes when they fall asleep, so rows are found
-    by body identity; the permutation is only worked out again when the listing changed.
+    A space lists its bodies in an order that changes when they fall asleep. Identities of bodies
+    give the rows; the permutation is computed again only if the listing changes.
 
     Attributes:
-        version: a number that is another one whenever the table was read again.
+        version: a number that changes with every reading of the table.
     """
 
     def __init__(self, space: pymunk.Space, bodies: list[pymunk.Body]) -> None:
         self._read_bodies = chipmunk.body_reader(space)
         self._rows = {body.id: row for row, body in enumerate(bodies) if row > 0}
-        # One spare row at the end takes bodies that are not asked for.
+        # One spare row at the end takes unused bodies.
         self._spare = len(bodies)
         self._table = np.zeros((len(bodies) + 1, 6))
         self._listing = b""
@@ -274,13 +274,13 @@ class BodyStates:
         self._tick, self._asleep = -1, False
         moving = [b for b in bodies[1:] if b.body_type != pymunk.Body.STATIC]
         sleepers = [b for b in moving if b.body_type == pymunk.Body.DYNAMIC]
-        # Kinematic bodies (people who walk) never sleep, whether they move or not.
+        # Kinematic bodies (walking people) never sleep, even if they stand still.
         self._restless = len(sleepers) < len(moving)
         self._sleepers = [chipmunk.handle(body) for body in sleepers]
         self._awake = 0
 
     def at(self, tick: int) -> Floats:
-        """Return the table, read again only when ``tick`` is new and something may have moved."""
+        """Return the table, read again only if ``tick`` is new and a body may have moved."""
         if tick != self._tick:
             if not self._slept_since(tick):
                 self._read()
@@ -288,10 +288,9 @@ class BodyStates:
         return self._table
 
     def _slept_since(self, tick: int) -> bool:
-        """Return whether every body sleeps, and has slept since the last reading.
+        """Tell whether every body sleeps, and has slept since the last reading.
 
-        Within less than the time bodies take to fall asleep none can have woken, moved and
-        fallen asleep again.
+        In less than the time to fall asleep, no body can have woken, moved and fallen asleep again.
         """
         asleep = not self._restless and self._all_sleep()
         still = asleep and self._asleep and 0 <= tick - self._tick < _FALL_ASLEEP_TICKS
@@ -300,7 +299,7 @@ class BodyStates:
 
     def _all_sleep(self) -> bool:
         sleepers, is_sleeping = self._sleepers, chipmunk.is_sleeping
-        # The one that was awake last time is asked first: a leaf takes seconds to come to rest.
+        # First check the body that was awake last time: a leaf takes seconds to come to rest.
         if sleepers and not is_sleeping(sleepers[self._awake]):
             return False
         if all(map(is_sleeping, sleepers)):
@@ -345,8 +344,8 @@ def _read_joints(
         dx, dy = q[0] - p[0], q[1] - p[1]
         way = dx * wx + dy * wy - geometry[k, 2] * ax - geometry[k, 3] * ay
         qc, qs = np.cos(q[2]), np.sin(q[2])
-        # From the parent's centre of mass to the child's: the parent, turning, carries the child
-        # along; what is left of the child's velocity is that of the joint.
+        # From the parent's centre of mass to the child's: a turning parent carries the child along.
+        # The rest of the child's velocity is that of the joint.
         rx = dx + qc * geometry[k, 5] - qs * geometry[k, 6]
         ry = dy + qs * geometry[k, 5] + qc * geometry[k, 6]
         rx -= c * geometry[k, 7] - s * geometry[k, 8]
@@ -356,7 +355,7 @@ def _read_joints(
 
 
 class JointReader:
-    """Positions and velocities of named joints; those in ``holds`` stand still."""
+    """Reader of positions and velocities of named joints; those in ``holds`` stand still."""
 
     def __init__(
         self,
@@ -378,8 +377,8 @@ class JointReader:
     def at(self, bodies: Floats, version: int) -> tuple[Floats, Floats]:
         """Return positions and velocities in the order of the names.
 
-        Worked out once for each ``version`` of the table of bodies, which is never 0. The arrays
-        are never changed again.
+        They are computed once for each ``version`` of the table of bodies, which is never 0. The
+        arrays never change.
         """
         if version != self._version:
             states = self._rest.copy()

@@ -1,6 +1,6 @@
-"""Behaviours that move joints: key frames, triggers and reactions, and where they start.
+"""Behaviours that move joints: key frames, triggers and reactions, and their start positions.
 
-Triggers watch a distance to the robot; safe bounds say for how long they need not look.
+Triggers watch a distance to the robot. A safe bound gives the motion for which they need not look.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from grammars.model.movers import PLANAR_JOINTS, Route, chain_positions, is_move
 from grammars.model.scene import Scene, SceneObject
 
 _OVERRUN = 0.05
-"""How far a sliding joint may overrun its limits, generously [m]: one tick of a fast push."""
+"""Generous bound of a sliding joint's overrun of its limits [m]: one tick of a fast push."""
 
 _COMPLIANCE = 0.002
-"""More than loaded joints give way without their position changing [m]; a hinge that is pushed with
-300 N gives way by 1.1 mm."""
+"""Bound of the displacement of loaded joints at a constant position [m]; a hinge pushed with 300 N
+yields by 1.1 mm."""
 
 
 class RobotProximity:
-    """The distance a trigger watches, and a safe bound on when it need not be watched.
+    """Distance that a trigger watches, with a safe bound on its changes.
 
     ``of`` a trigger: ``hinge`` is the anchor of a revolute joint, or the object's origin for a
     prismatic one; ``foot`` is that origin; ``leaf`` the nearest point of the moving link;
@@ -56,7 +56,7 @@ class RobotProximity:
         self._parent, self._child = drive.parent, drive.child
         turns = joint.kind == "revolute"
         foot = joint.anchor if turns and self._of != "foot" else (0.0, 0.0)
-        # The centre the distance is measured to or bounded by, if it stands still.
+        # The centre of the distance or of its bound, if it is fixed.
         self._foot = motion.frame.apply(foot)
         if motion.parent == WORLD and doorway is None:
             self._fixed = self._centre()
@@ -64,8 +64,8 @@ class RobotProximity:
             ring_array(ring) for p in assembly.placements if p.owner == motion.owner
             for ring in p.rings
         ]  # fmt: skip
-        # The watched distance is the one from the base origin to the centre, less at most
-        # ``nearer`` and plus at most ``farther``.
+        # The watched distance is at most ``nearer`` less and ``farther`` more than that from the
+        # base origin to the centre.
         self._nearer = self._farther = 0.0
         if self._to == "footprint":
             self._nearer += float(np.hypot(*footprint.T).max())
@@ -94,10 +94,10 @@ class RobotProximity:
         )
 
     def far_slack(self, base: Pose2, threshold: float, *, inside: bool) -> float:
-        """Return a way the base origin may move before the distance can cross ``threshold``.
+        """Return a way of the base origin in which the distance cannot cross ``threshold``.
 
-        Holds however the robot turns and the leaf moves, by the triangle inequality; 0 where no
-        such bound holds. ``inside``: the distance is to grow beyond the threshold, not to fall
+        By the triangle inequality it holds for all turns of the robot and motions of the leaf; 0
+        without such a bound. ``inside``: the distance must grow beyond the threshold, not fall
         below it.
         """
         if self._fixed is None:
@@ -110,11 +110,11 @@ class RobotProximity:
 
 
 EventReporter = Callable[[str, str], None]
-"""Called with the joint name and what happened."""
+"""Function of a joint name and a description of the event."""
 
 
 class JointActuator:
-    """Moves one joint the way a behaviour declares."""
+    """Actuator of one joint by the motion of its behaviour."""
 
     def __init__(
         self, motion: Motion, drive: JointDrive, jumper: JointJumper, report: EventReporter
@@ -125,33 +125,33 @@ class JointActuator:
 
     @property
     def name(self) -> str:
-        """The scene-wide joint name."""
+        """Scene-wide joint name."""
         return self._drive.motion.name
 
     @property
     def blocked(self) -> bool:
-        """True while a jump that is to hold waits for the robot to make way."""
+        """True while a jump with ``hold`` waits for the robot to make way."""
         return self._target is not None
 
     def report(self, text: str) -> None:
-        """Report something that happened to this joint."""
+        """Report an event of this joint."""
         self._report(self.name, text)
 
     def move_to(self, target: float, footprint: Floats, *, hold: bool) -> None:
-        """Start to move to ``target``; a jump with ``hold`` stays there, else it is let go."""
+        """Start to move to ``target``; a jump without ``hold`` releases the joint there."""
         if not isinstance(self._motion, Jump):
             self._drive.drive(self._motion, target)
             return
         reached = self._jumper.jump(target, footprint)
         if reached != target:
             self.report(f"stopped at {reached:.3f} by the robot, short of {target:g}")
-        # Only what is to stay there goes on trying; a key frame had its moment.
+        # Only a jump with ``hold`` tries again; a key frame acts once.
         self._target = target if hold and reached != target else None
         if hold:
             self._drive.hold(reached)
 
     def retry(self, footprint: Floats) -> None:
-        """Take a blocked jump that is to hold as far as the robot now allows."""
+        """Continue a blocked jump as far as the robot now allows."""
         if self._target is None:
             return
         reached = self._jumper.jump(self._target, footprint)
@@ -162,7 +162,7 @@ class JointActuator:
 
 
 class KeyFramePlayer:
-    """Plays key frames; a jumped joint is free between frames."""
+    """Player of key frames; a joint that jumps is free between frames."""
 
     def __init__(self, behaviour: KeyFrames, actuator: JointActuator) -> None:
         self._actuator = actuator
@@ -172,13 +172,13 @@ class KeyFramePlayer:
 
     @property
     def due(self) -> float:
-        """The tick at which the next frame acts; infinite after the last one."""
+        """Tick of the next frame; infinite after the last one."""
         if self._next == len(self._frames):
             return math.inf
         return self._ticks[self._next]
 
     def act(self, footprint: Floats) -> None:
-        """Perform the frame that is due."""
+        """Perform the next frame."""
         frame = self._frames[self._next]
         self._next += 1
         self._actuator.report(f"key frame {self._next} at {frame.time:g} s: to {frame.position:g}")
@@ -186,11 +186,11 @@ class KeyFramePlayer:
 
 
 def frame_ticks(behaviour: KeyFrames) -> tuple[int, ...]:
-    """Return for every frame the tick it acts at: the first one not before its time.
+    """Return the tick of every frame: the first one not before its time.
 
-    Frames that are not in order of time each have a tick of their own, after the one before.
+    Frames out of order of time have separate ticks in their own order.
     """
-    # Rounded first: 1.1 s times 100 is 110.00000000000001, whose next whole tick is the 111th.
+    # Round first: 1.1 s times 100 is 110.00000000000001, and its next whole tick is the 111th.
     ticks = [math.ceil(round(frame.time * TICK_RATE, 7)) for frame in behaviour.frames]
     if not behaviour.in_order:
         for k in range(1, len(ticks)):
@@ -199,7 +199,7 @@ def frame_ticks(behaviour: KeyFrames) -> tuple[int, ...]:
 
 
 class TriggeredJoint:
-    """Moves a joint when the robot comes near, and back when it leaves if it re-arms."""
+    """Trigger of a joint: moves it when the robot comes near, and back if it re-arms."""
 
     def __init__(
         self,
@@ -214,19 +214,19 @@ class TriggeredJoint:
 
     @property
     def threshold(self) -> float:
-        """The distance whose crossing matters next; infinite when nothing can happen any more."""
+        """Distance of the next crossing; infinite if the trigger cannot act any more."""
         behaviour = self._behaviour
         if not self._fired:
             return behaviour.distance
         return math.inf if behaviour.rearm is None else behaviour.rearm
 
     def check(self, base: Pose2, footprint: Floats) -> float:
-        """Fire or re-arm if it is time; return how far the base may move before it can be [m]."""
+        """Fire or re-arm if needed; return a way of the base [m] without a further crossing."""
         threshold = self.threshold
         if math.isinf(threshold):
             return math.inf
-        # The cheap bound first: most of a run the robot is far from most doors, and the distance
-        # of polygons need not be computed at all.
+        # The cheap bound comes first: the robot is usually far from most doors, and the distance of
+        # polygons is then unnecessary.
         slack = self._proximity.far_slack(base, threshold, inside=self._fired)
         if slack > 0.0:
             return slack
@@ -237,28 +237,28 @@ class TriggeredJoint:
             self._switch(True, f"triggered at {distance:.3f} m: to", footprint)
         return 0.0
 
-    def _switch(self, fired: bool, text: str, footprint: Floats) -> None:
-        self._fired = fired
-        target = self._behaviour.end if fired else self._behaviour.start
+    def _switch(self, has_fired: bool, text: str, footprint: Floats) -> None:
+        self._fired = has_fired
+        target = self._behaviour.end if has_fired else self._behaviour.start
         self.actuator.report(f"{text} {target:g}")
         self.actuator.move_to(target, footprint, hold=True)
-        if fired:
+        if has_fired:
             self._fires()
 
 
 def starting_positions(
     scene: Scene, behaviours: Sequence[Behaviour]
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Return where behaviours put joints at the start, and which joints they hold for good.
+    """Return the start positions by behaviours, and the joints that are held for good.
 
     Raises:
-        ValueError: a behaviour names no joint of the scene, one of a frozen object, or one that
-            another behaviour drives, or of a mover; walks of what is no mover.
+        ValueError: a behaviour names an unknown joint, one of a frozen object or of a mover, or
+            one that another behaviour drives; or an object that walks is no mover.
     """
     frozen = {f"{o.name}.{j.name}": o.frozen for o in scene.objects for j in o.joints}
     movers = {o.name: o for o in scene.objects if is_mover(o.joints)}
     start: dict[str, float] = {}
-    # Nothing pushes a person: a mover without a walk stands still for good.
+    # A person cannot be pushed: a mover without a walk stands still for good.
     holds = {
         f"{o.name}.{joint}": q
         for o in movers.values()
@@ -291,7 +291,7 @@ def starting_positions(
 
 
 def _first_step(walk: Walk, mover: SceneObject) -> dict[str, float]:
-    """Return where the mover's joints are when it stands on the first point of its route."""
+    """Return the mover's joint positions at the first point of its route."""
     route = Route(walk)
     x, y = route.point(0.0)
     return dict(zip(walk.joints, chain_positions(mover, Pose2(x, y), route.yaw(0.0)), strict=True))

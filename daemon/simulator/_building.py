@@ -1,4 +1,4 @@
-"""The building in the simulator: its walls, the segments lasers see, and what touches what."""
+"""Building in the simulator: walls, segments for lasers, and contacts of the robot."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ Edge = tuple[float, float, float, float]
 
 
 def cut_at(scene: Scene, assembly: BodyAssembly, z: float) -> LaserPlane:
-    """Return the surfaces that a laser at height ``z`` can hit."""
+    """Return the surfaces within reach of a laser at height ``z``."""
     walls, _, _ = wall_outline(scene.solids, z)
     static: list[Edge] = []
     moving: list[Edge] = []
     slots: list[int] = []
-    # By body, as the laser wants moving segments.
+    # In the order of bodies, as the laser requires.
     for placement in sorted(assembly.placements, key=lambda p: p.slot):
         if not placement.link.z_min <= z < placement.link.z_max:
             continue
@@ -51,7 +51,7 @@ def wall_outline(
 ) -> tuple[Floats, npt.NDArray[np.int32], tuple[str, ...]]:
     """Return the union outline of solids at a height, see ``static_segments``.
 
-    Remembered, since runs share their scene.
+    The result is cached, because runs share their scene.
     """
     return static_segments(Scene("", (), (), solids), z)
 
@@ -67,8 +67,8 @@ def _rows(edges: Sequence[Edge]) -> Floats:
 
 def build_walls(space: pymunk.Space, scene: Scene, height: float) -> dict[pymunk.Shape, str]:
     """Add all solids between the floor and ``height`` to ``space``; return owners by shape."""
-    # All solids that the body can hit, as if they were of one height: the outline of their union
-    # has no inner edges that a robot could catch on.
+    # Treat all solids within reach of the body as equally high: the outline of their union has no
+    # inner edges on which a robot could catch.
     solids = tuple(
         replace(solid, z_min=0.0, z_max=1.0)
         for solid in scene.solids
@@ -91,25 +91,25 @@ def build_walls(space: pymunk.Space, scene: Scene, height: float) -> dict[pymunk
 
 
 def _unique(neighbours: dict[Point2, Point2], corners: list[Point2]) -> dict[Point2, Point2]:
-    """Leave out corners where more than one outline passes: there is no one neighbour."""
+    """Remove corners with more than one outline, because they have several neighbours."""
     counts = Counter(corners)
     return {corner: other for corner, other in neighbours.items() if counts[corner] == 1}
 
 
 _MERGE_TICKS = TICK_RATE // 10
-"""A touch that resumes within this many ticks is one touch, not two: a robot that scrapes along a
-wall may lose and find it every few ticks."""
+"""A touch that resumes within this many ticks is one touch, because a robot that scrapes along a
+wall may lose and regain contact every few ticks."""
 
 
 @dataclass(frozen=True, slots=True)
 class RobotContact:
-    """The robot touches something, or still does.
+    """A new or continued touch of the robot.
 
-    ``time`` is when this touch began, ``until`` the last instant of it seen so far [s]; a touch
-    that resumes within 0.1 s is the same touch. ``first`` is ``robot``, ``second`` the owner of
-    what it touches (a floor plan element, or ``<object>.<link>``). ``point`` (world), ``normal``
-    (unit, from first to second) and ``depth`` of penetration [m] belong to the deepest of the
-    instants looked at since the previous report: whenever a touch begins, and at the report.
+    ``time`` is its begin, ``until`` its last known instant [s]; a touch that resumes within 0.1 s
+    is the same touch. ``first`` is ``robot``, ``second`` the owner of the other shape (a floor plan
+    element, or ``<object>.<link>``). ``point`` (world), ``normal`` (unit, from first to second) and
+    ``depth`` of penetration [m] belong to the deepest instant among the begins of touches since
+    the previous report and the present report.
     """
 
     time: float
@@ -123,7 +123,7 @@ class RobotContact:
 
 @dataclass(frozen=True, slots=True)
 class WorldEvent:
-    """Something a behaviour did at ``time`` [s]; ``source`` is the scene-wide joint name."""
+    """Event of a behaviour at ``time`` [s]; ``source`` is the scene-wide joint name."""
 
     time: float
     source: str
@@ -132,7 +132,7 @@ class WorldEvent:
 
 @dataclass(slots=True)
 class _OngoingContact:
-    """A touch of one owner: how many pairs of shapes touch now, and the deepest instant so far."""
+    """Touch of one owner: the number of pairs of shapes in contact, and the deepest instant."""
 
     began: int
     last: int
@@ -144,11 +144,11 @@ class _OngoingContact:
 
 
 class ContactLog:
-    """Collects touches of the robot per owner.
+    """Log of the robot's touches by owner.
 
-    The physics calls it only when a touch begins or ends (a call back into Python costs 1 to 2 us,
-    in every step of a lasting touch); touches that last are looked at when they are reported.
-    ``tick`` is the tick being simulated and is kept up to date by the world.
+    The physics calls it only when a touch begins or ends, because a call back into Python costs
+    1 to 2 us in every step. Lasting touches are examined when they are reported. The world sets
+    ``tick`` to the present tick.
     """
 
     def __init__(
@@ -192,7 +192,7 @@ class ContactLog:
         return self._owners[second if first is self._robot else first]
 
     def _look(self, arbiter: pymunk.Arbiter) -> None:
-        """Note where the touch is now if it is deeper than before."""
+        """Store the present place of the touch if it is deeper than before."""
         touch = self._touches[self._owner(arbiter)]
         contact = arbiter.contact_point_set
         deepest = min(contact.points, key=lambda point: point.distance)
@@ -212,8 +212,8 @@ class ContactLog:
         """
         if not self._touches:
             return ()
-        # Lasting contacts may have been deeper since the last report; only this instant is looked
-        # at, because looking in every step would cost a call into Python each.
+        # Lasting contacts may have been deeper since the last report. Only this instant is
+        # examined, because each step would cost a call into Python.
         if any(touch.pairs for touch in self._touches.values()):
             self._body.each_arbiter(self._look)
         contacts, self._finished = self._finished, []
@@ -221,7 +221,7 @@ class ContactLog:
             if touch.pairs:
                 touch.last = tick
             elif touch.reported:
-                # Over and reported; forgotten only when it can no longer resume.
+                # Ended and reported; it is removed when it can no longer resume.
                 if tick - touch.last > _MERGE_TICKS:
                     del self._touches[owner]
                 continue

@@ -1,11 +1,11 @@
-"""Bodies and steps by Chipmunk's own functions, for what happens in every tick.
+"""Bodies and steps by Chipmunk's own functions, for code that runs in every tick.
 
-A pymunk property takes two to six times as long as the function of Chipmunk it calls, and a step
-of the space half a microsecond more. The rest of what pymunk does there (vectors, checks, the end
-of a step) is not needed in every tick: with it, a corridor at rest takes a fifth more CPU. Code
-that reads or writes a body a few times a run uses pymunk.
+A pymunk property takes two to six times as long as its Chipmunk function, and a step of the space
+half a microsecond more. The extra work of pymunk (vectors, checks, the end of a step) is
+unnecessary in every tick: with it, a corridor at rest takes a fifth more CPU. Code that uses a body
+only a few times a run uses pymunk.
 
-pymunk keeps these functions for itself: ``pyproject.toml`` admits the versions that have them.
+These functions are private to pymunk; ``pyproject.toml`` admits only versions that have them.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from daemon.simulator._physics import DT
 from grammars.model.geometry import Floats
 
 Handle = Any
-"""A body as the functions take it; valid for as long as the body is."""
+"""Reference to a body for the functions below, valid as long as the body exists."""
 
 _FIELDS: Final = (
     BodyFields.BODY_ID
@@ -42,7 +42,7 @@ class Vector(Protocol):
     y: float
 
 
-# Units as in pymunk. Writing wakes the body, as writing its properties does.
+# Units as in pymunk. Like properties, setters wake the body.
 position: Final[Callable[[Handle], Vector]] = lib.cpBodyGetPosition
 angle: Final[Callable[[Handle], float]] = lib.cpBodyGetAngle
 velocity: Final[Callable[[Handle], Vector]] = lib.cpBodyGetVelocity
@@ -53,25 +53,25 @@ set_angular_velocity: Final[Callable[[Handle, float], None]] = lib.cpBodySetAngu
 
 
 def handle(body: pymunk.Body) -> Handle:
-    """Return the body as the functions above take it."""
+    """Return the handle of a body for the functions above."""
     return body._body
 
 
 def stepper(space: pymunk.Space) -> Callable[[], None]:
-    """Return what steps ``space`` by a tick.
+    """Return a function that steps ``space`` by a tick.
 
-    pymunk's own step also adds and removes what callbacks asked for during it. Nothing in the
-    simulator does that: callbacks take notes, and behaviours act between steps.
+    pymunk's own step also adds and removes objects at the request of callbacks. The simulator does
+    not need that: callbacks only take notes, and behaviours act between steps.
     """
     return partial(lib.cpSpaceStep, space._space, DT)
 
 
 def body_reader(space: pymunk.Space) -> Callable[[], tuple[bytes, Floats]]:
-    """Return what reads all bodies of a space, as :func:`pymunk.batch.get_space_bodies` does.
+    """Return a reader of all bodies of a space, similar to :func:`pymunk.batch.get_space_bodies`.
 
-    It is set up once for all calls and returns ids, and rows (x, y, angle, vx, vy, w) in the same
-    order. Sleeping bodies are among them and the space's own static body may be; the order changes
-    when a body falls asleep or wakes. The rows are valid until the next call.
+    It returns ids, and rows (x, y, angle, vx, vy, w) in the same order, including sleeping bodies
+    and perhaps the space's own static body. The order changes when a body falls asleep or wakes.
+    The rows are valid until the next call.
     """
     raw, buffer = space._space, Buffer()
     ints, floats = buffer._int_arr, buffer._float_arr
@@ -86,7 +86,7 @@ def body_reader(space: pymunk.Space) -> Callable[[], tuple[bytes, Floats]]:
         nonlocal layout, ids, values
         ints.num = floats.num = 0
         each(raw, visit, data)
-        # Chipmunk's arrays move when they grow, at first.
+        # Chipmunk's arrays move when they grow, which happens at first.
         now = (ints.arr, floats.arr, ints.num)
         if now != layout:
             layout = now

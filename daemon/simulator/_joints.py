@@ -1,9 +1,9 @@
-"""Moving joints: the constraints that guide them, the actuators that drive them, and jumps.
+"""Moving joints: their guiding constraints, their actuators, and jumps.
 
-Everything but jumps runs inside the physics solver, so a driven joint costs no Python per tick.
+Everything except jumps runs inside the physics solver, so a driven joint needs no Python per tick.
 Servos are equality constraints with bounded effort (``max_force``) and bounded correction speed
-(``max_bias``), which is what a rate and effort limited position drive does. A jump sets a joint at
-once, as far as the robot lets it.
+(``max_bias``), like a position drive with limited rate and effort. A jump sets a joint at once, as
+far as the robot allows.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from grammars.model.behaviour import Jump, Motion, Servo, Spring
 from grammars.model.geometry import Floats, Point2, Pose2
 
 _LIMIT_LAG = 0.5
-"""Time constant with which a joint that overran its limit comes back [s]: a stop, not a spring."""
+"""Time constant of a joint's return from beyond its limit [s]: a stop, not a spring."""
 
 _HEAVY = 1e6
-"""A held joint's body is this many times heavier, so that no robot can move it."""
+"""Factor on the mass of a held joint's body, so that no robot can move it."""
 
 _STEP = 0.02
 """Largest move of a point between two tests of a blocked jump [m]."""
 _RESOLUTION = 1e-4
-"""How closely a blocked jump approaches the robot [m]."""
+"""Accuracy of a blocked jump's approach to the robot [m]."""
 
 
 class JointDrive:
-    """Guides one joint within its limits, with its friction and closer; drives it on demand.
+    """Guide of one joint within its limits, with friction and closer, and its drive.
 
     After construction the joint is free. Positions in rad or m, efforts in N m or N.
     """
@@ -53,7 +53,7 @@ class JointDrive:
             self._add(self._make_spring(joint.rest, joint.stiffness, joint.damping))
 
     def _add(self, constraint: pymunk.Constraint) -> None:
-        # What hangs together overlaps by design, a leaf with its jamb or with the leaf before it.
+        # Connected bodies overlap by design: a leaf with its jamb or with the previous leaf.
         constraint.collide_bodies = False
         self._space.add(constraint)
 
@@ -84,12 +84,12 @@ class JointDrive:
 
     @property
     def _grip(self) -> Point2:
-        """The point at which a sliding child is guided: its centre of mass, so it never turns."""
+        """Point that guides a sliding child: its centre of mass, so that it never turns."""
         x, y = self.child.center_of_gravity
         return (x, y)
 
     def _rail(self, position: float) -> Point2:
-        """Return where the grip is, in the parent body's frame, at a joint position."""
+        """Return the grip in the parent body's frame at a joint position."""
         (x, y), (ax, ay) = self._grip, self.motion.joint.axis
         return self.motion.frame.apply((x + position * ax, y + position * ay))
 
@@ -125,7 +125,7 @@ class JointDrive:
         return (x, y)
 
     def _driven_inertia(self, bodies: Sequence[pymunk.Body]) -> float:
-        """Return what a servo accelerates: kg, or kg m^2 about the anchor, at the start."""
+        """Return the inertia of a servo's load at the start: kg, or kg m^2 about the anchor."""
         if self.motion.joint.kind == "prismatic":
             return sum(body.mass for body in bodies)
         hinge = self.hinge()
@@ -133,7 +133,7 @@ class JointDrive:
         return sum(b.moment + b.mass * arm**2 for b, arm in zip(bodies, arms, strict=True))
 
     def drive(self, motion: Motion, target: float) -> None:
-        """Drive to ``target`` by ``motion``; a jump keeps the joint there, where it already is."""
+        """Drive to ``target`` by ``motion``; a jump holds the joint, which is already there."""
         match motion:
             case Jump():
                 self.hold(target)
@@ -145,30 +145,30 @@ class JointDrive:
     def servo(self, target: float, rate: float, effort: float) -> None:
         """Drive to ``target`` and stay there, with bounded speed and effort.
 
-        The approach is exponential near the target, with a time constant that lets the effort
-        brake the mass from ``rate`` twice over.
+        The approach is exponential near the target. Its time constant needs half of the effort to
+        brake the mass from ``rate``.
         """
         self._release()
         # The exponential approach begins at ``rate`` with a deceleration of rate / lag; the effort
-        # could brake with effort / inertia. Twice the lag at which both are equal leaves half of it
-        # for the closer and for what leans on the leaf; in less than a tick no error can be undone.
+        # could brake with effort / inertia. Twice the lag of equality leaves half of the effort for
+        # the closer and for loads on the leaf. In less than a tick no error can be corrected.
         self._steer(target, rate, effort, max(DT, 2.0 * self._inertia * rate / effort))
 
     def hold(self, target: float) -> None:
-        """Keep the joint at ``target``, where it already is; nothing can push it.
+        """Hold the joint at ``target``, where it already is, against any push.
 
-        On a parent that moves itself, the joint is stiff instead of immovable.
+        On a moving parent, the joint is stiff instead of immovable.
         """
         self._release()
-        # Heavy instead of static: the joint can be let go again without leaving the space. On a
-        # parent that moves, the mass would tear at that one's own joint.
+        # Heavy instead of static, so that the joint can be released without leaving the space. On a
+        # moving parent, the mass would tear at the parent's joint.
         if self.motion.parent == WORLD:
             self.child.mass, self.child.moment = _HEAVY * self._mass, _HEAVY * self._moment
         self._steer(target, math.inf, math.inf, 10.0 * DT)
 
     def _release(self) -> None:
         self.child.mass, self.child.moment = self._mass, self._moment
-        # A sleeping body would not notice that its constraint has another goal.
+        # A sleeping body would not notice a new goal of its constraint.
         self.child.activate()
 
     def _steer(self, target: float, rate: float, effort: float, lag: float) -> None:
@@ -201,16 +201,16 @@ class JointDrive:
 
 
 def _error_bias(lag: float) -> float:
-    """Return the share of an error that Chipmunk is to leave after a second, by time constant."""
+    """Return Chipmunk's remaining share of an error after a second, for a time constant."""
     return float((1.0 - DT / lag) ** TICK_RATE)
 
 
 class JointJumper:
-    """Teleports the part of an object that hangs on one joint.
+    """Teleport of the part of an object behind one joint.
 
-    A target that is clear of the robot is reached at once, whatever lies between: that is what a
-    jump is. A target inside the robot is not: the part then sweeps from where it is towards the
-    target and stays at the first touch, where the physics takes over and the contact is recorded.
+    A target clear of the robot is reached at once, regardless of obstacles between. If the target
+    is inside the robot, the part sweeps towards it and stays at the first touch. There the physics
+    takes over, and the contact is recorded.
     """
 
     def __init__(self, drive: JointDrive, assembly: BodyAssembly) -> None:
@@ -242,7 +242,7 @@ class JointJumper:
     def _free_way(self, way: float, footprint: Floats) -> float:
         if self._hits(0.0, footprint):
             return 0.0
-        # In steps before bisecting: a corner of the robot may lie between two free positions.
+        # Steps before bisection, because a corner of the robot may lie between two free positions.
         reach = self._reach()
         steps = max(1, math.ceil(abs(way) * reach / _STEP))
         low = high = 0.0
@@ -295,6 +295,6 @@ class JointJumper:
             body.angle += turn
             body.position = position
             body.velocity, body.angular_velocity = (0.0, 0.0), 0.0
-            # Chipmunk finds a body that was moved by hand at its old place until then.
+            # Until then, Chipmunk finds a teleported body at its old place.
             if body.space is not None:
                 body.space.reindex_shapes_for_body(body)

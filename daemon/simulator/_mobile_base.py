@@ -1,15 +1,15 @@
-"""The mobile base: a rigid body, and how its drive moves it.
+"""Mobile base: a rigid body and its drive.
 
-A base driven by motors has a control body that is kinematic and carries the commanded velocity; a
-pivot and a gear joint with bounded effort and no position correction make the robot follow it. So
-it pushes doors with what its motors have, stalls at walls and never tunnels, which writing
-velocities into the robot body would do. Measured against a wall, four seconds at 1 m/s: 5 mm deep
-in it, 14 cm with a velocity written every 50 ms, on the other side with one written every step.
+A base driven by motors has a kinematic control body with the commanded velocity. A pivot and a gear
+joint with bounded effort and no position correction make the robot follow it. So it pushes doors
+with the effort of its motors, stalls at walls and never tunnels. Velocities written into the robot
+body would tunnel. After four seconds against a wall at 1 m/s the base is 5 mm deep in it, but 14 cm
+with a velocity written every 50 ms, and on the other side with one written every step (measured).
 
-A base whose velocity is imposed has it written into its body once a tick, before it moves, as
-Gazebo's planar-move plugin does. That alone would press the body through walls; so while anything
-touches it, the velocity is written where Gazebo's plugin writes it in effect: after the step has
-found the contacts and before their forces are solved.
+A base with imposed velocity has it written into its body once a tick, before it moves, as in
+Gazebo's planar-move plugin. That alone would press the body through walls. In contact, the velocity
+is therefore written where Gazebo's plugin effectively writes it: after the step has found the
+contacts and before it solves their forces.
 """
 
 from __future__ import annotations
@@ -26,18 +26,17 @@ from grammars.model.geometry import Pose2, Twist2
 from grammars.model.robot import Robot
 
 _MEAN_UPDATE_TIME: Final = 0.0045
-"""Mean time of ten updates of the plugin at the start of each millisecond of a tick [s]: that of
-0, 1, ... 9 ms."""
+"""Mean time of ten updates of the plugin at 0, 1, ... 9 ms of a tick [s]."""
 
 
 class MobileBase:
-    """The robot body, its command and a body of its own to be driven by.
+    """The robot body, its command and its control body.
 
-    The mass is balanced about the base frame's origin.
+    The centre of mass is the base frame's origin.
 
     Attributes:
         handle: the body, for the functions of ``_chipmunk``.
-        touching: pairs of shapes in contact, kept by the log of contacts.
+        touching: number of pairs of shapes in contact, set by the log of contacts.
     """
 
     def __init__(self, space: pymunk.Space, robot: Robot, start: Pose2) -> None:
@@ -55,8 +54,8 @@ class MobileBase:
         self._control = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
         self._control.position = self.body.position
         self._control_handle = chipmunk.handle(self._control)
-        # Added to the space, but without a shape: nothing can touch it. Joints to a kinematic body
-        # also keep the robot from falling asleep.
+        # The control body has no shape, so nothing can touch it. Joints to a kinematic body also
+        # keep the robot awake.
         space.add(self.body, self.shape, self._control)
         self._goal = (0.0, 0.0, 0.0)
         self._expiry = math.inf
@@ -81,7 +80,7 @@ class MobileBase:
         raise NotImplementedError
 
     def penetration_depth(self) -> float:
-        """Return how deep the robot is in what it touches at most [m]."""
+        """Return the largest penetration depth of the robot [m]."""
         deepest = [0.0]
 
         def look(arbiter: pymunk.Arbiter) -> None:
@@ -119,12 +118,12 @@ class MotorDrivenBase(MobileBase):
             self._goal, self._expiry = (0.0, 0.0, 0.0), math.inf
         speed, yaw = self._speed, chipmunk.angle(self.handle)
         settled = speed == self._goal
-        # Straight on at a constant speed, which is most of a run: nothing to write.
+        # Straight on at a constant speed, as in most of a run, needs no update.
         if settled and yaw == self._written_yaw:
             return
-        # The step that starts now first moves the body with the velocity it has, then finds the
-        # velocity of the next one: halfway through that one, 1.5 ticks from now, is the heading
-        # that makes an arc out of straight steps.
+        # The step that starts now moves the body by its present velocity, then computes that of the
+        # next step. The heading halfway through the next step, 1.5 ticks from now, makes an arc of
+        # straight steps.
         if settled:
             vx, vy, wz = speed
             heading = yaw + 1.5 * DT * wz
@@ -155,7 +154,7 @@ class MotorDrivenBase(MobileBase):
         return Twist2(vx, vy, wz)
 
     def _body_velocity(self, yaw: float, spin: float) -> tuple[float, float]:
-        # The velocity was found for the heading in the middle of its step.
+        # The velocity belongs to the heading in the middle of its step.
         velocity = chipmunk.velocity(self.handle)
         x, y = velocity.x, velocity.y
         heading = yaw + 0.5 * DT * spin
@@ -166,8 +165,8 @@ class MotorDrivenBase(MobileBase):
 def _approach(goal: float, demanded: float, true: float, limit: float) -> float:
     """Return the next demanded speed, at most ``limit`` from the last one.
 
-    A stalled robot that is told to turn back starts from its true speed, not from the speed it
-    was pushing for.
+    A stalled robot with a command to turn back starts from its true speed, not from the speed of
+    its push.
     """
     change = goal - demanded
     if change == 0.0:
@@ -182,11 +181,11 @@ def _clamp(value: float, limit: float) -> float:
 
 
 class ImposedVelocityBase(MobileBase):
-    """A base that has the commanded velocity from the next tick on, less what the ground takes."""
+    """A base with the commanded velocity from the next tick on, less the loss by friction."""
 
     def __init__(self, space: pymunk.Space, robot: Robot, start: Pose2) -> None:
         super().__init__(space, robot, start)
-        # A joint to a kinematic body, without force: it keeps the robot from falling asleep.
+        # A joint to a kinematic body, without force, keeps the robot awake.
         leash = pymunk.GearJoint(self._control, self.body, 0.0, 1.0)
         leash.max_force = 0.0
         space.add(leash)
@@ -194,13 +193,13 @@ class ImposedVelocityBase(MobileBase):
         self._written = (self._goal, start.yaw)
 
     def update(self, tick: int) -> None:
-        """Write the velocity for the tick that starts now, or have it written in contact."""
+        """Write the velocity for the tick that starts now; in contact the solver's hook does."""
         if tick >= self._expiry:
             self._goal, self._expiry = (0.0, 0.0, 0.0), math.inf
         if self._resisted != (self.touching > 0):
             self._resisted = not self._resisted
-            # Only while it lasts: a velocity function in Python costs 2.5 us in every step. The yaw
-            # nan is unlike any, so that the velocity is written again afterwards.
+            # Only during contact, because a velocity function in Python costs 2.5 us in every step.
+            # The yaw nan equals no other, so the velocity is written again afterwards.
             own = self._impose_in_contact if self._resisted else pymunk.Body.update_velocity
             self.body.velocity_func = own
             self._written = (self._goal, math.nan)
@@ -214,14 +213,14 @@ class ImposedVelocityBase(MobileBase):
     def _impose_in_contact(
         self, body: pymunk.Body, gravity: tuple[float, float], damping: float, dt: float
     ) -> None:
-        """Have the commanded velocity again, for the solver to take away what meets resistance."""
+        """Restore the commanded velocity; the solver then removes the part against contacts."""
         self._impose(chipmunk.angle(self.handle))
 
     def _impose(self, yaw: float) -> None:
         vx, vy, wz = self._goal
         loss, spin = self._drive.friction_loss, _reduced_speed(wz, self._drive.turning_loss)
-        # The plugin turns the velocity with the heading at the start of each of its steps; over a
-        # tick the mean of those directions is the one in the middle.
+        # The plugin turns the velocity with the heading at the start of each of its steps. Over a
+        # tick, the mean of these directions is the middle one.
         heading = yaw + spin * _MEAN_UPDATE_TIME
         c, s = math.cos(heading), math.sin(heading)
         speed = (_reduced_speed(c * vx - s * vy, loss), _reduced_speed(s * vx + c * vy, loss))
@@ -239,7 +238,7 @@ class ImposedVelocityBase(MobileBase):
 
 
 def make_base(space: pymunk.Space, robot: Robot, start: Pose2) -> MobileBase:
-    """Put the robot into ``space`` with the drive it has."""
+    """Put the robot with its kind of drive into ``space``."""
     return (ImposedVelocityBase if robot.drive.law == "imposed" else MotorDrivenBase)(
         space, robot, start
     )

@@ -1,4 +1,4 @@
-"""Physics basics: time step, materials, who collides with whom; mass and distance of polygons."""
+"""Basics of the physics: time step, materials, collision filters; mass and distance of polygons."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from daemon.model.kernels import kernel
 from daemon.model.sut import TICK_RATE
 from grammars.model.geometry import Floats, Point2, Pose2, Ring
 
-# 100 Hz: with 20 doors a simulated second costs 0.3 to 1.2 ms, at 1 kHz 2 to 10 ms (measured), and
-# a robot driven through joints is no deeper in a wall than 5 mm.
+# 100 Hz: with 20 doors a simulated second costs 0.3 to 1.2 ms, at 1 kHz 2 to 10 ms (measured). A
+# robot driven through joints is at most 5 mm deep in a wall.
 DT = 1.0 / TICK_RATE
 
 FRICTION = 0.5
-"""Coulomb friction of every surface; Chipmunk multiplies those of two in contact, to 0.25 here."""
+"""Coulomb friction of every surface; Chipmunk multiplies those of two in contact: 0.25."""
 
 ROBOT_COLLISION_TYPE = 1
 """Collision type of the robot, the only one whose contacts are recorded."""
@@ -32,9 +32,8 @@ def link_filter(group: int, *, moves: bool) -> pymunk.ShapeFilter:
     """Return the filter of a link of object number ``group`` (from 1).
 
     Moving links meet the robot and the links of other objects. They ignore walls, columns and
-    dividers: a leaf stands in its jamb and a sliding panel runs into its wall by design, and how
-    far a leaf may go is said by the limits of its joint. Links of one object ignore each other
-    for the same reason.
+    dividers: by design a leaf stands in its jamb and a sliding panel runs into its wall, and the
+    limits of its joint bound its motion. Links of one object ignore each other for the same reason.
     """
     if moves:
         return pymunk.ShapeFilter(group, _MOVING, _ROBOT | _FIXED | _MOVING)
@@ -42,9 +41,9 @@ def link_filter(group: int, *, moves: bool) -> pymunk.ShapeFilter:
 
 
 def walker_filter(group: int) -> pymunk.ShapeFilter:
-    """Return the filter of a mover's body: it meets the robot alone.
+    """Return the filter of a mover's body, which meets only the robot.
 
-    Nothing stops a mover, so between it and a leaf at its limit the hinge would break.
+    A mover is unstoppable, so the hinge of a leaf at its limit would break.
     """
     return pymunk.ShapeFilter(group, _WALKING, _ROBOT)
 
@@ -60,10 +59,10 @@ def ring_edges(ring: Ring) -> list[tuple[float, float, float, float]]:
 
 
 def transform_array(pose: Pose2, points: Floats) -> Floats:
-    """Return points of shape (n, 2), given in the frame at ``pose``, in the parent frame."""
+    """Transform points of shape (n, 2) from the frame at ``pose`` into the parent frame."""
     c, s = math.cos(pose.yaw), math.sin(pose.yaw)
-    moved: Floats = points @ np.array([[c, s], [-s, c]]) + (pose.x, pose.y)
-    return moved
+    result: Floats = points @ np.array([[c, s], [-s, c]]) + (pose.x, pose.y)
+    return result
 
 
 def area_and_centroid(ring: Ring) -> tuple[float, Point2]:
@@ -78,9 +77,9 @@ def area_and_centroid(ring: Ring) -> tuple[float, Point2]:
 
 
 def mass_properties(parts: Sequence[tuple[Ring, float]]) -> tuple[float, Point2, float]:
-    """Return mass, centre of mass and moment about it of polygons with a mass each.
+    """Return total mass, centre of mass and moment about it of polygons with masses.
 
-    The mass of every polygon is spread evenly over its area.
+    The mass of a polygon is spread evenly over its area.
     """
     centroids = [area_and_centroid(ring)[1] for ring, _ in parts]
     mass = sum(m for _, m in parts)
@@ -93,7 +92,7 @@ def mass_properties(parts: Sequence[tuple[Ring, float]]) -> tuple[float, Point2,
 @kernel
 def has_separating_edge(a: Floats, b: Floats) -> bool:
     """Tell whether an edge of convex ``a`` (n, 2) has all of ``b`` (m, 2) strictly outside."""
-    # Twice the area, signed: rings come in either direction of turning.
+    # Twice the signed area, because rings may turn either way.
     n = a.shape[0]
     turn = 0.0
     for i in range(1, n - 1):
@@ -133,11 +132,11 @@ def corner_distance(a: Floats, b: Floats) -> float:
 
 @kernel
 def convex_distance(a: Floats, b: Floats) -> float:
-    """Return the distance [m] between convex polygons (n, 2) and (m, 2); 0 when they overlap.
+    """Return the distance [m] between convex polygons (n, 2) and (m, 2); 0 if they overlap.
 
-    A polygon may have a single corner. Overlap is decided by the separating axis theorem.
+    A polygon may have a single corner. The separating axis theorem decides about overlap.
     """
-    # Two corners, or a corner and an edge, enclose no area that could overlap.
+    # Two corners, or a corner and an edge, have no area that could overlap.
     if not (has_separating_edge(a, b) or has_separating_edge(b, a)) and a.shape[0] + b.shape[0] > 3:
         return 0.0
     return min(corner_distance(a, b), corner_distance(b, a))

@@ -27,7 +27,7 @@ from daemon.simulator._physics import ROBOT_COLLISION_TYPE
 from daemon.simulator._scheduler import BehaviourScheduler
 from daemon.simulator._sensors import LaserPlane, LaserScanner, OdometrySensor
 from grammars.model.behaviour import Behaviour, Walk
-from grammars.model.geometry import Floats, Pose2, Ring, Twist2
+from grammars.model.geometry import Floats, Pose2, Twist2
 from grammars.model.robot import Robot
 from grammars.model.scene import Scene
 
@@ -251,6 +251,3 @@ def _stream(seed: np.random.SeedSequence, name: str) -> np.random.Generator:
     key = (*seed.spawn_key, zlib.crc32(name.encode()))
     child = np.random.SeedSequence(entropy=seed.entropy, spawn_key=key, pool_size=seed.pool_size)
     return np.random.Generator(np.random.PCG64(child))
-
-
-_SQUARE: Ring = ((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2))

@@ -120,7 +120,7 @@ def test_a_check_says_what_a_factory_refuses(installed, kind, words):
 def test_a_check_says_where_a_factory_hangs(installed, monkeypatch, kind, place):
     let_time_pass_while(monkeypatch, lambda frame: frame.f_code.co_name == place)
     monkeypatch.setattr(registry, "CHECK_LIMIT", 0.1)
-    words = r"was not made: stopped after 0.1 s .* its factory \(.*\.py:\d+\); what takes longer"
+    words = r"was not made: stopped after 0.1 s .* its factory \(.*\.py:\d+\); longer work"
     with pytest.raises(ValueError, match=words) as caught:
         check_parameters(kind, {})
     if kind == "factory-hangs":

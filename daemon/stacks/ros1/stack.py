@@ -110,14 +110,14 @@ class Navigation:
         self,
         parameters: RosParameters,
         layered: LayeredCostmap,
-        lasers: Collection[str],
+        audible: Collection[str],
         briefing: Briefing,
     ) -> ObservedCostmap:
         lasers, footprint = briefing.robot.lasers, layered.padded_footprint()
         hears = partial(parameters.topics.lasers_on, lasers=[laser.name for laser in lasers])
         costmap = Costmap(layered, footprint, parameters.quirks, briefing.map, hears)
         frame = CostmapFrame(layered.frame, self._transforms)
-        return ObservedCostmap(costmap, frame, self._scans, lasers)
+        return ObservedCostmap(costmap, frame, self._scans, audible)
 
     def _set_up_move_base(self, p: RosParameters, controller: Dwa | TrajectoryPlanner) -> None:
         footprint = p.local_costmap.padded_footprint()

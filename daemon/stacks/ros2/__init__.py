@@ -1,7 +1,6 @@
-"""ROS 2 stacks of their users, as they start them, in lock step with the simulation.
+"""ROS 2 stacks of users, started by their own commands, in lock step with the simulation.
 
-A link (:mod:`daemon.stacks.ros2.link`) talks to a stack by a relay that runs in the stack's own
-ROS 2.
+A link (:mod:`daemon.stacks.ros2.link`) talks to a stack through a relay in the stack's own ROS 2.
 """
 
 from __future__ import annotations
@@ -36,15 +35,15 @@ class _Ros2Kind(StackKind[Ros2Settings]):
         return read_settings(parameters)
 
     def make(self, settings: Ros2Settings) -> SystemUnderTest:
-        """Return a stack that is started once a run begins.
+        """Return a stack that starts with its run.
 
         Raises :class:`SutMissing` where commands of SUT files are refused.
         """
         if not commands_allowed():
             raise SutMissing(
-                "this worker starts no commands that come from elsewhere: let it with --commands"
+                "this worker refuses commands of SUT files: start it with --commands to allow them"
             )
-        # Checks of campaigns load nothing that starts processes.
+        # Checks of campaigns need not load the code that starts processes.
         from daemon.stacks.ros2.stack import Ros2Stack
 
         return Ros2Stack(settings)

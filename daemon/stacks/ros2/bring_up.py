@@ -1,7 +1,7 @@
-"""From the command that starts a stack to a stack that is ready for a mission.
+"""Bring-up of a stack, from its command until it is ready for a mission.
 
-Started; in sight of the relay; told where the robot stands; every lifecycle node active; and the
-clock at a round number.
+The steps: start the stack, connect the relay, send the initial pose, wait until every lifecycle
+node is active, and advance the clock to a round number.
 """
 
 from __future__ import annotations
@@ -33,54 +33,54 @@ from grammars.model.map_files import write_map
 
 _NANO: Final = 1_000_000_000
 _FIRST_CLOCK: Final = _NANO
-"""ROS time of the first clock: bring-up that began at 1 s came up, at 100 s it failed once, and 0
-means "no clock yet" to ROS."""
+"""ROS time of the first clock: bring-up from 1 s succeeded, from 100 s it failed once, and 0 means
+"no clock yet" to ROS."""
 _ROUND: Final = 5 * _NANO
-"""The run begins at a multiple of this, so that what a stack computes of its clock is mostly the
-same from run to run, however long it took to come up."""
+"""The run begins at a multiple of this, so that results of a stack's clock are mostly the same in
+every run, independent of the duration of its bring-up."""
 _ALIGNING_PAUSE: Final = 0.005
 _ASK_PERIOD: Final = 0.25
 _POSE_PERIOD: Final = 3.0
-"""The initial pose is sent again at this interval [s of wall clock] until the stack has a pose."""
+"""Interval of the initial pose until the stack has a pose [s of wall clock]."""
 _POSE_PATIENCE: Final = 5.0
-"""Time [s of wall clock] for a stack that is otherwise ready to publish its pose."""
+"""Time for an otherwise ready stack to publish its pose [s of wall clock]."""
 _FAR: Final = 0.5
-"""Largest distance [m, rad] between start and believed pose without a warning."""
+"""Largest distance between start and estimated pose without a warning [m, rad]."""
 _NOT_UP: Final = "the stack did not come up"
 _POLL: Final = 0.05
 _SETTLING: Final = 0.2
-"""Last lines of a process may come this long [s of wall clock] after the news of its death."""
+"""Longest delay of a process's last lines after the news of its death [s of wall clock]."""
 _EXIT_CODE_LIMIT: Final = 1.0
-"""Longest wait [s of wall clock] for launch to print the exit code of a process that ended."""
+"""Longest wait for launch to print the exit code of a dead process [s of wall clock]."""
 _ORDINALS: Final = ("first", "second", "third")
 
 
 class StackSession:
-    """A stack that runs, and what is connected to it; ``zero`` is the ROS time of time 0 [ns]."""
+    """A running stack with its link; ``zero`` is the ROS time of simulated time 0 [ns]."""
 
     def __init__(self, settings: Ros2Settings, process: StackProcess, link: RelayLink) -> None:
         self.settings, self.process, self.link = settings, process, link
         self.telemetry = Telemetry(settings)
         self.zero = self.time = 0
-        # From before the run, the newest of each kind: a costmap may come with every tick.
+        # The newest report of each kind from before the run; a costmap may come with every tick.
         self.reports: dict[tuple[type[StackReport], str], StackReport] = {}
         self.fault = ""
-        """Why the stack is not what it was; empty while it is."""
+        """Defect of the stack, empty while it is sound."""
         self.is_aborted = False
-        """True when Nav2's lifecycle manager has given up bringing its nodes up."""
+        """True after Nav2's lifecycle manager has given up bringing its nodes up."""
         self._alarms = 0
         self._events: list[SutEvent] = []
         # A long wait for a command must not hide a death.
         link.is_interrupted = self.is_dead
 
     def watch(self) -> list[SutEvent]:
-        """Look whether the stack goes on living; return what is worth a line of the log."""
+        """Check the stack's processes; return new events for the log."""
         self.is_dead()
         events, self._events = self._events, []
         return events
 
     def is_dead(self) -> bool:
-        """Look whether the stack goes on living; return whether it does not."""
+        """Check the stack's processes; tell whether the stack has a fault."""
         self._look()
         if not self.fault and (process := self.process.dead_process()):
             self._look_until(_EXIT_CODE_LIMIT)
@@ -88,14 +88,14 @@ class StackSession:
         return bool(self.fault)
 
     def _look_until(self, limit: float) -> None:
-        """Wait for a fault, ``limit`` [s of wall clock] at most."""
+        """Wait for a fault, at most ``limit`` [s of wall clock]."""
         until = wall_clock.monotonic() + limit
         while not self.fault and wall_clock.monotonic() < until:
             wall_clock.sleep(_POLL)
             self._look()
 
     def _look(self) -> None:
-        """Take in what the supervisor has reported."""
+        """Read the supervisor's new reports."""
         ended = self.process.ended()
         alarms = self.process.alarms()[self._alarms :]
         self._alarms += len(alarms)
@@ -110,31 +110,31 @@ class StackSession:
                 down = f"{node} is down: the lifecycle manager has missed its heartbeat"
                 self.fault = self.fault or down
             self.is_aborted = self.is_aborted or ABORTED in line
-        # A launch file may end all because of a death, which says more.
+        # A launch file may end everything because of a death, which explains more.
         self.fault = self.fault or ended
 
     def cycle(self, cycle: Cycle) -> CycleAnswer:
-        """Do one cycle; the clock never goes back."""
+        """Run one cycle; the clock never goes back."""
         self.time = cycle.time
         return self.link.cycle(cycle)
 
-    def explain(self, lost: LinkLost) -> str:
-        """Return why the link was lost: an end of a process says more than its silence.
+    def explain(self, error: LinkLost) -> str:
+        """Return why the link was lost; the end of a process explains more than its silence.
 
-        A refusal is the reason itself; the relay ends because the link was closed after it.
+        A refusal is the reason itself: after it the link closes, and therefore the relay ends.
         """
-        if isinstance(lost, LinkRefused):
-            return str(lost)
+        if isinstance(error, LinkRefused):
+            return str(error)
         if not self.is_dead():
             self._look_until(2.0)
-        return self.fault or str(lost)
+        return self.fault or str(error)
 
     def failure(self, reason: str, events: Sequence[SutEvent] = ()) -> SutFailure:
-        """Return a failure of the stack with the lines it printed that tell most."""
+        """Return a failure of the stack with its most telling output lines."""
         return SutFailure(reason, printed=telling_lines(self.process.lines()), events=events)
 
     def start_failure(self, fault: str) -> SutFailure:
-        """Return a failure of the start: its cause as far as the stack has printed it."""
+        """Return a failure of the start, with its cause if the stack has printed it."""
         wall_clock.sleep(_SETTLING)
         printed = self.process.lines()
         cause = find_cause(printed, self.settings.files)
@@ -142,16 +142,16 @@ class StackSession:
         return self.failure(f"{_NOT_UP}: {cause or (f'{fault}: {first}' if first else fault)}")
 
     def close(self) -> Mapping[str, bytes]:
-        """End the stack; return what it printed."""
+        """End the stack; return its output."""
         self.link.close()
         self.process.release()
         return self.process.outputs()
 
 
 class BringUp:
-    """The start of a stack; ``session`` is there as soon as something is connected.
+    """Start of a stack; ``session`` exists once a link listens.
 
-    ``outputs`` are those of attempts before the last one, by name.
+    ``outputs`` are those of all attempts except the last, by name.
     """
 
     def __init__(self, settings: Ros2Settings, briefing: Briefing, first: Observation) -> None:
@@ -164,15 +164,15 @@ class BringUp:
         self.outputs: dict[str, bytes] = {}
 
     def run(self) -> Iterator[str]:
-        """Yield what is being waited for; raises :class:`SutFailure` when it does not come up."""
+        """Yield progress messages; raises :class:`SutFailure` if the stack does not come up."""
         self._began = wall_clock.monotonic()
         for ordinal in _ORDINALS[: self._settings.attempts]:
             try:
                 yield from self._attempt()
                 break
             except SutFailure as error:
-                last = ordinal == _ORDINALS[self._settings.attempts - 1]
-                if last or self._seconds() > self._settings.start_up:
+                is_last = ordinal == _ORDINALS[self._settings.attempts - 1]
+                if is_last or self._seconds() > self._settings.start_up:
                     raise
                 why = error.reason.removeprefix(f"{_NOT_UP}: ")
                 text = f"the {ordinal} start failed: {why}; started again"
@@ -197,7 +197,7 @@ class BringUp:
             raise session.start_failure(session.explain(error)) from error
 
     def _end_attempt(self, ordinal: str) -> None:
-        """End a stack that did not come up; what it printed is kept."""
+        """End a stack that did not come up, and keep its output."""
         if self.session is not None:
             for name, data in self.session.close().items():
                 self.outputs[f"{ordinal}-{name}"] = data
@@ -205,7 +205,7 @@ class BringUp:
         self._latched = False
 
     def ready_session(self) -> StackSession:
-        """Return the session; only after something was connected."""
+        """Return the session, which must exist."""
         assert self.session is not None
         return self.session
 
@@ -215,7 +215,7 @@ class BringUp:
         yield "starting the stack"
         values = self._values()
         process = StackProcess(settings, values=values, relay=relay_path())
-        # Where the map lies is known with the folder; the values are used when it is started.
+        # The path of the map depends on the folder; the start uses the values later.
         values[placeholders.MAP] = str(self._write_map(process))
         try:
             link = RelayLink.listen(process.socket, process.nonce)
@@ -230,7 +230,7 @@ class BringUp:
         link.set_up(link_setup(settings, self._briefing.robot.lasers))
 
     def _start(self, process: StackProcess) -> Iterator[str]:
-        """Start the processes; a domain that is another run's at the moment is waited for."""
+        """Start the processes; wait while another run holds the domain."""
         while True:
             try:
                 process.start()
@@ -244,20 +244,21 @@ class BringUp:
 
     def _wait_until_ready(self) -> Iterator[str]:
         session, settings = self.ready_session(), self._settings
-        ask = tell = 0.0
+        next_ask = next_pose = 0.0
         complete_since: float | None = None
         readiness: Readiness | None = None
         while True:
             self._tick(wait=settings.period)
             now = wall_clock.monotonic()
-            if now >= ask:
-                ask, readiness = now + _ASK_PERIOD, session.link.readiness()
+            if now >= next_ask:
+                next_ask, readiness = now + _ASK_PERIOD, session.link.readiness()
             assert readiness is not None
             pose = session.telemetry.pose()
-            heard = readiness.listeners.get(settings.topics.initial_pose, 0) > 0
-            if settings.initial_pose == "published" and heard and pose is None and now >= tell:
-                self._tell_pose()
-                tell = now + _POSE_PERIOD
+            is_due = readiness.listeners.get(settings.topics.initial_pose, 0) > 0
+            is_due = is_due and pose is None and now >= next_pose
+            if settings.initial_pose == "published" and is_due:
+                self._send_pose()
+                next_pose = now + _POSE_PERIOD
             missing = self._missing(readiness)
             if not missing:
                 complete_since = complete_since or now
@@ -273,7 +274,7 @@ class BringUp:
         self._check_alone()
 
     def _missing(self, readiness: Readiness) -> str:
-        """Return what a stack still lacks, empty when nothing."""
+        """Return the first thing that the stack still lacks, or an empty text."""
         settings = self._settings
         states = readiness.nodes
         waiting = [node for node in settings.ready if states.get(node) != "active"]
@@ -288,13 +289,13 @@ class BringUp:
             return f"no action server {settings.action}"
         scans = scan_topics(settings, self._briefing.robot.lasers)
         if not settings.ready and not any(readiness.listeners.get(name, 0) for name in scans):
-            return f"nobody listens to {' or '.join(scans)}"
+            return f"no subscription to {' or '.join(scans)}"
         return ""
 
     def _check_alone(self) -> None:
-        """Raise :class:`SutFailure` when somebody else has a clock in this stack's domain.
+        """Raise :class:`SutFailure` if another program publishes a clock in this stack's domain.
 
-        Domains are exclusive among runs, but nobody keeps other programs out of them.
+        Domains are exclusive among runs, but other programs may use them.
         """
         session = self.ready_session()
         clocks = [
@@ -305,11 +306,11 @@ class BringUp:
         if clocks:
             raise SutFailure(
                 f"{', '.join(clocks)} publishes /clock too, in ROS domain "
-                f"{session.process.domain}: another simulator, or a bag that is played"
+                f"{session.process.domain}: end the other simulator or bag player"
             )
 
     def _check_pose(self, pose: Pose2 | None) -> None:
-        """Warn when the stack does not know, or not rightly, where it was told to be."""
+        """Warn if the stack has no pose, or one far from the start."""
         settings = self._settings
         frames = settings.frames
         if pose is None:
@@ -322,7 +323,7 @@ class BringUp:
                 self.events.append(SutEvent(text, "warn"))
 
     def _tick(self, *, wait: float) -> None:
-        """Let the clock go on by a period, with the first measurements as if they were of now."""
+        """Advance the clock by a period, with the first measurements at the present time."""
         session = self.ready_session()
         period = round(self._settings.period * _NANO)
         now = session.time + period if session.time else _FIRST_CLOCK
@@ -342,31 +343,31 @@ class BringUp:
         self._cycle(Cycle(now, tuple(messages), "nothing", wait))
 
     def _cycle(self, cycle: Cycle) -> None:
-        """Do one cycle and hear its answer: the link forgets what it has handed over."""
+        """Run one cycle and read its answer; the link keeps no messages."""
         session = self.ready_session()
         answer = session.cycle(cycle)
-        heard = session.telemetry.read(
+        news = session.telemetry.read(
             answer.messages, 0.0, self._first.odometry[-1], answer.dropped
         )
-        self.events += heard.events
-        for report in heard.reports:
+        self.events += news.events
+        for report in news.reports:
             session.reports[type(report), getattr(report, "scope", "")] = report
 
     def _align(self) -> None:
-        """Let the clock go on to a round number, quickly."""
+        """Advance the clock quickly to a round number."""
         session = self.ready_session()
         period = round(self._settings.period * _NANO)
         session.zero = -(-(session.time + period) // _ROUND) * _ROUND
         while session.time + period < session.zero:
             self._tick(wait=_ALIGNING_PAUSE)
 
-    def _tell_pose(self) -> None:
+    def _send_pose(self) -> None:
         session = self.ready_session()
         message = sensors.initial_pose(self._briefing.start, session.time, self._settings.frames)
         self._cycle(Cycle(session.time + 1, ((self._settings.topics.initial_pose, message),)))
 
     def _check_alive(self, missing: str) -> None:
-        """Raise :class:`SutFailure` when the stack cannot come up any more, or not in time."""
+        """Raise :class:`SutFailure` if the stack has failed or is late."""
         session, limit = self.ready_session(), self._settings.start_up
         self.events += session.watch()
         if session.fault or session.is_aborted:
@@ -379,7 +380,7 @@ class BringUp:
             )
 
     def _seconds(self) -> float:
-        """Return for how long the stack is coming up [s of wall clock]."""
+        """Return the time since the start [s of wall clock]."""
         return wall_clock.monotonic() - self._began
 
     def _waited(self) -> str:

@@ -1,8 +1,7 @@
-"""The cause of a failure, from what a stack has printed: one sentence that names file and node.
+"""Cause of a failure from the output of a stack: one sentence that names file and node.
 
 Texts are those of launch, rclcpp, rclcpp_lifecycle, rcl_yaml_param_parser, pluginlib,
-class_loader, BehaviorTree.CPP and Nav2 from Humble to Kilted. A text that is not known here is
-quoted.
+class_loader, BehaviorTree.CPP and Nav2 from Humble to Kilted. An unknown text is quoted.
 """
 
 from __future__ import annotations
@@ -23,23 +22,23 @@ DIED: Final = "process has died"
 ABORTED: Final = "Failed to bring up all requested nodes"
 DOWN: Final = "CRITICAL FAILURE: SERVER"
 ALARMS: Final = (DIED, ABORTED, DOWN)
-"""Parts of the lines after which a stack is not what it was."""
+"""Parts of the lines that report a damaged stack."""
 
 _LINE: Final = re.compile(
     r"(?:\[(?P<process>[^\[\]]+)-\d+\] )?"
     r"(?:\[(?P<level>[A-Z]+)\] (?:\[[\d.]+\] )?\[(?P<logger>[^\]]*)\]:? ?)?(?P<text>.*)"
 )
-"""``[process-3] [ERROR] [1712.5] [logger]: text``: launch sets the process before it, rcutils the
-rest. Launch's own lines have no time, and the process in place of the logger."""
+"""``[process-3] [ERROR] [1712.5] [logger]: text``: launch writes the process, rcutils the rest.
+Launch's own lines have no time, and the process in the place of the logger."""
 _DEATH: Final = re.compile(
     r"\[(?P<process>[^\[\]]+)-\d+\]: process has died "
     r"\[pid \d+, exit code (?P<code>-?\d+)(?:, cmd '(?P<command>.*)')?"
 )
 _SERVER: Final = re.compile(r"SERVER (?P<node>\S+) IS DOWN")
 _LIBRARIES: Final = ("rcl", "rclcpp", "rclcpp_lifecycle", "launch")
-"""Loggers that are not called as a node."""
+"""Loggers without the name of a node."""
 _CONTAINER: Final = "component_container"
-"""Executables that hold several nodes begin with it."""
+"""Prefix of executables that hold several nodes."""
 _ERRORS: Final = ("ERROR", "FATAL")
 _EXCEPTION: Final = "what(): "
 _CONSEQUENCES: Final = (
@@ -50,7 +49,7 @@ _CONSEQUENCES: Final = (
     "does not have error state implemented",
     "Failed to parse global arguments",
 )
-"""Texts printed because of an earlier error; the first may also be a late answer."""
+"""Texts that follow from an earlier error; the first may also be a late answer."""
 _MOST_LINES: Final = 20
 _PARAMETERS: Final = "ros__parameters"
 _ALL_NODES: Final = "**"
@@ -77,7 +76,7 @@ _LAUNCH_YAML: Final = re.compile(r'in "(?P<file>[^"]+)", line (?P<line>\d+), col
 
 @dataclass(frozen=True, slots=True)
 class _Line:
-    """A printed line: the name of its process and node (empty when unknown), level, and text."""
+    """A printed line: the name of its process and node (empty if unknown), level, and text."""
 
     process: str
     node: str
@@ -86,15 +85,15 @@ class _Line:
 
     @property
     def is_error(self) -> bool:
-        """Return whether the line reports an error, or an exception that ended a process."""
+        """True for an error, or an exception that ended a process."""
         return self.level in _ERRORS or self.text.lstrip().startswith(_EXCEPTION)
 
 
 @dataclass(frozen=True, slots=True)
 class ProcessDeath:
-    """A process that launch has started and that ended by an error.
+    """Death of a process of launch by an error.
 
-    ``process`` is the name of its executable, ``command`` its command line where launch says it.
+    ``process`` is the name of its executable, ``command`` its command line if launch prints it.
     """
 
     process: str
@@ -102,7 +101,7 @@ class ProcessDeath:
     command: str
 
     def is_of(self, nodes: Sequence[str]) -> bool:
-        """Return whether one of the nodes, absolute names, lived in it or may have."""
+        """Tell whether one of the nodes, by absolute names, may have lived in it."""
         names = {node.rpartition("/")[2] for node in nodes}
         renamed = re.findall(r"__node:=(\S+)", self.command)
         return (
@@ -118,7 +117,7 @@ class ProcessDeath:
 
 
 def read_death(line: str) -> ProcessDeath | None:
-    """Return the death that a line of launch reports, ``None`` when it reports none."""
+    """Return the death that a line of launch reports, ``None`` without one."""
     match = _DEATH.search(line)
     if match is None:
         return None
@@ -132,7 +131,7 @@ def read_down(line: str) -> str:
 
 
 def find_cause(printed: Sequence[str], files: Mapping[str, str]) -> str:
-    """Return the first cause in the printed lines that is known, in a sentence; empty without one.
+    """Return the first known cause in the printed lines as a sentence; empty without one.
 
     ``files`` are the paths of the user's parameter files by their name in the SUT file.
     """
@@ -143,12 +142,12 @@ def find_cause(printed: Sequence[str], files: Mapping[str, str]) -> str:
             if match is not None and line.level in ("", *_ERRORS):
                 return explain(match, line, files)
         if line.is_error and (place := _launch_yaml(lines[index:])):
-            return _told(files, place[0], place[1], f"launch cannot read it: {place[2]}")
+            return _about_file(files, place[0], place[1], f"launch cannot read it: {place[2]}")
     return ""
 
 
 def first_error(printed: Sequence[str]) -> str:
-    """Return the first error that is no consequence of another one, with its node; or empty."""
+    """Return the first error that does not follow from another, with its node; or empty."""
     errors = [line for line in map(_read, printed) if line.is_error]
     for consequences in (_CONSEQUENCES, _CONSEQUENCES[1:]):
         for line in errors:
@@ -159,7 +158,7 @@ def first_error(printed: Sequence[str]) -> str:
 
 
 def telling_lines(printed: Sequence[str]) -> tuple[str, ...]:
-    """Return the lines with errors, then the last lines, each at most once and in their order."""
+    """Return the lines with errors and the last lines, each once, in their order."""
     count = len(printed)
     errors = [i for i, line in enumerate(printed) if DIED in line or _read(line).is_error]
     indices = {*errors[:_MOST_LINES], *range(max(0, count - _MOST_LINES), count)}
@@ -168,7 +167,7 @@ def telling_lines(printed: Sequence[str]) -> tuple[str, ...]:
 
 def _read(line: str) -> _Line:
     match = _LINE.match(line)
-    assert match is not None  # everything in it may be left out
+    assert match is not None  # every part is optional
     process, logger = match["process"] or "", match["logger"] or ""
     parts = logger.split(".")
     node = "" if logger in _LIBRARIES else parts[-1]
@@ -186,7 +185,7 @@ def _wrong_type(match: re.Match[str], line: _Line, files: Mapping[str, str]) -> 
     needed, actual = match["type"] or match["old_type"], match["actual"] or match["old_actual"]
     place, value = _find_value(files, line.node, lambda path, _: ".".join(map(str, path)) == name)
     literal = f'"{value}"' if isinstance(value, str) else str(value)
-    what = f"{literal} is {_a(actual)}" if place else f"{_a(actual)} was given"
+    what = f"{literal} is {_a(actual)}" if place else f"got {_a(actual)}"
     return f"{place}{line.node or 'a node'} needs {_a(needed)} for {name}, and {what}"
 
 
@@ -216,7 +215,7 @@ def _no_file(match: re.Match[str], line: _Line, files: Mapping[str, str]) -> str
     at = _AT_LINE.search(why)
     why = _AT_LINE.sub("", why).strip()
     what = f"{line.node or 'a node'} cannot read it: {why}"
-    return _told(files, match["file"], int(at["line"]) if at else 0, what)
+    return _about_file(files, match["file"], int(at["line"]) if at else 0, what)
 
 
 _KINDS: Final[tuple[tuple[re.Pattern[str], Callable[..., str]], ...]] = (
@@ -228,7 +227,7 @@ _KINDS: Final[tuple[tuple[re.Pattern[str], Callable[..., str]], ...]] = (
 
 
 def _launch_yaml(lines: Sequence[_Line]) -> tuple[str, int, str] | None:
-    """Return file, line and problem of a YAML error of Python's, which takes several lines."""
+    """Return file, line and problem of a YAML error of Python, which takes several lines."""
     problem = ""
     place = None
     for line in lines[1:5]:
@@ -242,15 +241,15 @@ def _launch_yaml(lines: Sequence[_Line]) -> tuple[str, int, str] | None:
     return (*place, problem)
 
 
-def _told(files: Mapping[str, str], path: str, line: int, what: str) -> str:
-    """Return a sentence about a file of the user, or about a copy that launch has made of it."""
+def _about_file(files: Mapping[str, str], path: str, line: int, what: str) -> str:
+    """Return a sentence about a file of the user, or about launch's copy of it."""
     for name, own in files.items():
         if own == path:
             return f"{_place(name, line)}{what}"
     copied = _lines_of(path)[line - 1 : line] if line else []
     for name, own in files.items():
         lines = _lines_of(own)
-        # Launch files rewrite parameters: the line has another number there.
+        # Launch files rewrite parameters, so the line has another number there.
         if copied and lines.count(copied[0]) == 1:
             return f"{_place(name, lines.index(copied[0]) + 1)}{what}"
     return f"{path}{f', line {line}' if line else ''}: {what}"
@@ -270,10 +269,10 @@ def _place(name: str, line: int) -> str:
 def _find_value(
     files: Mapping[str, str], node: str, condition: Callable[[Sequence[Any], Any], bool]
 ) -> tuple[str, Any]:
-    """Return place and value of the parameter that meets ``condition``, or nothing and ``None``.
+    """Return place and value of the parameter that meets ``condition``, or ("", ``None``).
 
-    One of the node counts before one of all nodes, and that before the only one there is.
-    ``condition`` is called with the path below ``ros__parameters`` and the value there.
+    A parameter of the node takes precedence over one of all nodes, and that over a single match.
+    ``condition`` takes the path below ``ros__parameters`` and the value there.
     """
     values = [
         (owner, _place(name, line), value)
@@ -289,7 +288,7 @@ def _find_value(
 
 
 def _parameters(file: str) -> Iterator[tuple[str, Sequence[Any], Any, int]]:
-    """Yield node, path below it, value and line of each parameter; nothing of other files."""
+    """Yield node, path below it, value and line of each parameter in a ROS parameter file."""
     try:
         document, _ = load_ros_yaml(file)
     except (InputError, OSError):

@@ -1,7 +1,7 @@
 """Lines of a check: needs of a run against the graph of a stack, with remedies.
 
-Nothing here talks to the stack. Quality of service is matched as DDS does: a publisher that offers
-less than a subscription asks for is not heard by it, and neither of them says so.
+This module does not talk to the stack. Quality of service is matched as in DDS: a subscription does
+not hear a publisher that offers less than it requires, and neither of them reports that.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from grammars.text.diagnostics import closest
 CLOCK: Final = TopicSetup("/clock", "rosgraph_msgs/msg/Clock")
 
 _ZENOH: Final = "rmw_zenoh_cpp"
-"""Zenoh has no incompatible quality of service: everything matches."""
+"""Zenoh has no incompatible quality of service."""
 _GET_STATE: Final = "/get_state"
 _SEND_GOAL: Final = "/_action/send_goal"
 _SHOWN_NAMES: Final = 4
@@ -37,11 +37,11 @@ _SHOWN_NAMES: Final = 4
 
 @dataclass(frozen=True, slots=True)
 class StackCheck:
-    """Comparison of an external system that was started with the needs of a run.
+    """Comparison of a started external system with the needs of a run.
 
-    ``failure`` says why it could not be started at all, or did not get ready, and ``printed``
-    holds the lines of its programs that tell most; ``lines`` are empty when there was nothing to
-    look at. It took ``seconds`` of wall clock. ``outputs`` are files with all that was printed.
+    ``failure`` is the reason why it did not start or get ready, ``printed`` holds its most telling
+    output lines. ``lines`` are empty if there was nothing to inspect. The check took ``seconds`` of
+    wall clock. ``outputs`` are files with the whole output.
     """
 
     sut: str
@@ -57,16 +57,16 @@ class StackCheck:
 def examine(
     settings: Ros2Settings, inspection: Inspection, lasers: Sequence[Laser]
 ) -> tuple[CheckLine, ...]:
-    """Return a line for everything a run needs of a stack and for what is in its way.
+    """Return a line for every need of a run and for every obstacle.
 
-    ``lasers`` are those of the robot it was looked at with.
+    ``lasers`` are those of the robot of the inspection.
     """
     return tuple(_Checkup(settings, inspection, lasers).lines())
 
 
 @dataclass(frozen=True, slots=True)
 class _Published:
-    """A topic that is published from here: how bad it is when nobody listens, and what then."""
+    """A topic published from here: severity and consequence if it has no listener."""
 
     topic: TopicSetup
     key: str
@@ -75,7 +75,7 @@ class _Published:
 
 
 class _Checkup:
-    """One stack while it is looked at."""
+    """Check of one stack."""
 
     def __init__(
         self, settings: Ros2Settings, inspection: Inspection, lasers: Sequence[Laser]
@@ -87,7 +87,7 @@ class _Checkup:
         self._lenient = inspection.identity.rmw == _ZENOH
 
     def lines(self) -> Iterator[CheckLine]:
-        """Yield everything there is to say, what comes first in a run first."""
+        """Yield all lines, in the order of a run."""
         yield self._stack()
         yield from self._nodes()
         yield from self._clock()
@@ -121,12 +121,12 @@ class _Checkup:
                 yield CheckLine(
                     node,
                     "missing",
-                    f"{state or 'its state is not known'}: it must be active",
+                    f"{state or 'its state is unknown'}: it must be active",
                     "see what it logs; a lifecycle manager with autostart: true activates nodes",
                 )
             else:
                 yield CheckLine(
-                    node, "missing", _absence(node, self._graph), _meant(node, lifecycle)
+                    node, "missing", _absence(node, self._graph), _nearest(node, lifecycle)
                 )
         if not self._settings.ready and lifecycle:
             above = f"{self._settings.namespace}/"
@@ -135,7 +135,7 @@ class _Checkup:
             yield CheckLine("ready", "note", text, f"write ready: [{listed}]")
 
     def _clock(self) -> Iterator[CheckLine]:
-        """Yield who hears the clock; there must be no other."""
+        """Yield the listeners of the clock, or other publishers, which must not exist."""
         others = self._ends(CLOCK.name, "publisher")
         listeners = self._ends(CLOCK.name, "subscription")
         if others:
@@ -154,9 +154,9 @@ class _Checkup:
             yield self._line(CLOCK, "ok", f"heard by {_names(listeners)}")
 
     def _published(self) -> Iterator[_Published]:
-        """Yield what is published from here, most important first."""
+        """Yield the topics published from here, most important first."""
         topics = self._settings.topics
-        # Of several lasers a stack may leave one unused; that it hears none of them is a defect.
+        # A stack may ignore one of several lasers, but not all of them.
         audible = [name for name in self._scans if self._ends(name, "subscription")]
         scan: tuple[str, CheckState, str] = ("scan", "missing", "the stack is blind")
         if audible and len(self._scans) > 1:
@@ -170,7 +170,7 @@ class _Checkup:
             topics.initial_pose: (
                 "initial-pose",
                 "warning",
-                "the stack is not told where it starts, so it must know",
+                "the stack does not receive its start pose, so it must know it",
             ),
         }
         published = {topic.name: topic for topic in self._setup.publish}
@@ -181,7 +181,7 @@ class _Checkup:
                 yield _Published(published[name], key, unheard, consequence)
 
     def _heard(self, published: _Published) -> Iterator[CheckLine]:
-        """Yield whether a topic is heard, and what keeps listeners from hearing it."""
+        """Yield whether a topic is heard, and obstacles between it and its listeners."""
         topic = published.topic
         ears = self._ends(topic.name, "subscription")
         obstacles = [(ear, *self._obstacle(published, ear)) for ear in ears]
@@ -192,7 +192,7 @@ class _Checkup:
             text = f"nobody listens: {published.consequence}"
             hint = self._elsewhere(published) if published.unheard != "note" else ""
             yield self._line(topic, published.unheard, text, hint)
-        # A listener wants the topic; where others hear it, runs may still work.
+        # If other listeners hear the topic, runs may still work.
         is_missing = published.unheard == "missing" and not hearing
         state: CheckState = "missing" if is_missing else "warning"
         for ear, reason, hint in obstacles:
@@ -209,7 +209,7 @@ class _Checkup:
                 )
 
     def _obstacle(self, published: _Published, ear: GraphEndpoint) -> tuple[str, str]:
-        """Return why a subscription does not hear a topic, and the remedy; empty when it does."""
+        """Return why a subscription does not hear a topic, and the remedy; empty if it does."""
         topic, key = published.topic, published.key
         if ear.kind != topic.kind:
             hint = f"give it another topic below topics: {{{key}: ...}}"
@@ -220,11 +220,11 @@ class _Checkup:
             return "it wants a reliable publisher", f"write qos: {{{key}: reliable}}"
         if ear.transient_local and topic.qos != "latched":
             reason = "it wants a publisher that keeps the last message (transient local)"
-            return reason, "make its subscription volatile: what is new comes all the time"
+            return reason, "make its subscription volatile: new messages come all the time"
         return "", ""
 
     def _command(self) -> Iterator[CheckLine]:
-        """Yield who drives the robot, and by which type."""
+        """Yield the publishers of commands, and their type."""
         name = self._settings.topics.command
         speaking = self._ends(name, "publisher")
         usable = [end for end in speaking if end.kind in COMMAND_KINDS]
@@ -233,7 +233,7 @@ class _Checkup:
         topic = TopicSetup(name, kinds[0] if kinds else either)
         for end in speaking:
             if end.kind not in COMMAND_KINDS:
-                text = f"{end.node} publishes {end.kind}: it is not listened to"
+                text = f"{end.node} publishes {end.kind}, which is ignored"
                 yield self._line(TopicSetup(name, end.kind), "warning", text, f"use {either}")
         if not usable:
             others = {
@@ -245,7 +245,7 @@ class _Checkup:
             hint = " or ".join(where) or "see why the controller is not there"
             yield self._line(topic, "missing", "nobody publishes it: the robot never moves", hint)
         elif len(kinds) > 1:
-            text = f"published as {' and '.join(kinds)}: only one of them is listened to"
+            text = f"published as {' and '.join(kinds)}: only one of them is used"
             yield self._line(topic, "missing", text, "set enable_stamped_cmd_vel alike everywhere")
         else:
             stamped = kinds[0] == COMMAND_KINDS[0]
@@ -255,16 +255,16 @@ class _Checkup:
             yield self._line(topic, "ok", f"published by {_names(usable)}; {how}")
 
     def _action(self) -> CheckLine:
-        """Say whether the mission can be sent."""
+        """Return whether there is an action server for the mission."""
         action, kind = self._settings.action, ACTION_KINDS[self._settings.action_kind]
         if self._inspection.readiness.server:
             return CheckLine(action, "ok", "the action server is there", kind=kind)
         actions = self._owners(_SEND_GOAL)
-        text = "no action server: there is nobody to send the mission to"
-        return CheckLine(action, "missing", text, _meant(action, actions, "action: "), kind)
+        text = "no action server, so the mission cannot be sent"
+        return CheckLine(action, "missing", text, _nearest(action, actions, "action: "), kind)
 
     def _transforms(self) -> Iterator[CheckLine]:
-        """Yield whether the stack says where the robot is, and whether somebody else does."""
+        """Yield whether the stack publishes the robot's pose, and foreign odometry."""
         frames, here = self._settings.frames, self._settings.transforms != "none"
         if self._inspection.located:
             yield CheckLine(f"{frames.map} -> {frames.base}", "ok", "the transform is known")
@@ -285,20 +285,20 @@ class _Checkup:
                 "write transforms: none, or end what publishes it (robot_localization, a driver)",
             )
         elif not elsewhere and not here:
-            text = "nobody publishes it, and transforms: none keeps it from being published here"
+            text = "nobody publishes it, and with transforms: none the simulator does not either"
             yield CheckLine(subject, "missing", text, "write transforms: odom")
 
     def _recorded(self) -> Iterator[CheckLine]:
-        """Yield whether each report that ``record`` names is published in a form that is heard."""
+        """Yield whether each report of ``record`` is published in a readable form."""
         reports = report_topics(self._settings)
         for topic in report_subscriptions(self._settings):
             ends = self._ends(topic.name, "publisher")
             obstacles = [(end, self._unrecorded(topic, end)) for end in ends]
-            heard = [end for end, reason in obstacles if not reason]
-            if heard:
-                yield self._line(topic, "ok", f"published by {_names(heard)}; it is recorded")
+            readable = [end for end, reason in obstacles if not reason]
+            if readable:
+                yield self._line(topic, "ok", f"published by {_names(readable)}; it is recorded")
             elif not ends:
-                text = "nobody publishes it: there is nothing to record"
+                text = "nobody publishes it, so it is not recorded"
                 others = {
                     end.topic
                     for end in self._graph.endpoints
@@ -313,7 +313,7 @@ class _Checkup:
                     yield self._line(topic, "warning", f"not recorded from {end.node}: {reason}")
 
     def _unrecorded(self, topic: TopicSetup, end: GraphEndpoint) -> str:
-        """Return why messages of a publisher do not arrive, empty when they do."""
+        """Return why messages of a publisher do not arrive, empty if they do."""
         if end.kind != topic.kind:
             return f"it publishes {end.kind}"
         if self._lenient or (end.reliable and (end.transient_local or topic.qos != "latched")):
@@ -321,13 +321,13 @@ class _Checkup:
         return f"its publisher is not {'reliable' if not end.reliable else 'transient local'}"
 
     def _concerned(self) -> frozenset[str]:
-        """Return the nodes that a run has to do with."""
+        """Return the nodes that a run depends on."""
         topics = {CLOCK.name, self._setup.command, *(topic.name for topic in self._setup.publish)}
         talking = {end.node for end in self._graph.endpoints if end.topic in topics}
         return frozenset({*talking, *self._settings.ready})
 
     def _elsewhere(self, published: _Published) -> str:
-        """Say which topics of the type are listened to and published by nobody."""
+        """Return a hint with topics of the type that have listeners but no publisher."""
         ends = self._graph.endpoints
         published_topics = {end.topic for end in ends if end.role == "publisher"}
         awaited = {
@@ -340,7 +340,7 @@ class _Checkup:
         return f"write {' or '.join(where)}" if where else ""
 
     def _key(self, published: _Published, topic: str) -> str:
-        """Return how another topic for what is published is written below ``topics``."""
+        """Return the entry below ``topics`` that gives a published topic another name."""
         if published.key == "scan" and len(self._lasers) > 1:
             here = (x for x in self._lasers if self._settings.scan_topic(x) == published.topic.name)
             return f"scan: {{{', '.join(f'{laser.name}: {topic}' for laser in here)}}}"
@@ -364,19 +364,19 @@ class _Checkup:
 
 def _absence(node: str, graph: Graph) -> str:
     if node in graph.nodes:
-        return "it is no lifecycle node: whether it is active cannot be known"
+        return "it is no lifecycle node, so it has no state"
     return "there is no such node"
 
 
-def _meant(name: str, names: Iterable[str], before: str = "") -> str:
-    """Return the name in the graph that was probably meant, or all of the kind."""
-    there = sorted(names)
-    close = closest(name, there) or next(
-        (one for one in there if one.rpartition("/")[2] == name.rpartition("/")[2]), ""
+def _nearest(name: str, names: Iterable[str], prefix: str = "") -> str:
+    """Return a hint with the nearest name in the graph, or with all names of the kind."""
+    existing = sorted(names)
+    close = closest(name, existing) or next(
+        (one for one in existing if one.rpartition("/")[2] == name.rpartition("/")[2]), ""
     )
     if close:
-        return f'did you mean "{before}{close}"?'
-    return f"there are {', '.join(there)}" if there else "none of the kind is there at all"
+        return f'did you mean "{prefix}{close}"?'
+    return f"there are {', '.join(existing)}" if existing else "the graph has none of this kind"
 
 
 def _names(ends: Sequence[GraphEndpoint]) -> str:

@@ -1,8 +1,8 @@
-"""Stacks in containers: the command of the engine, and the script that is run inside.
+"""Stacks in containers: the command of the engine, and the script inside.
 
-Stack and relay are in one container, so that they need no network but their own. The stack's
-folder is mounted at the same path, and in it is the socket the relay connects to. Tested with a
-script in the place of an engine that does what these options say; no engine was at hand.
+Stack and relay share a container, so that they need no other network. The stack's folder, with the
+relay's socket, is mounted at the same path. The tests use a script with the same options in the
+place of an engine; no real engine has been tried.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from daemon.supervision.plan import ALARM, RELAY_EXIT
 from daemon.supervision.remains import MARKER
 
 _ENGINE_LIMIT: Final = 30.0
-"""Seconds within which an engine says what it knows of an image."""
+"""Time limit for an engine to inspect an image [s]."""
 
 
 def container_name(token: str) -> str:
@@ -31,7 +31,7 @@ def container_name(token: str) -> str:
 
 
 def find_engine(container: Ros2Container) -> str:
-    """Return the path of the engine; raises ``SutFailure`` when it is not installed."""
+    """Return the path of the engine; raises ``SutFailure`` if it is not installed."""
     engine = shutil.which(container.engine)
     if engine is None:
         raise SutFailure(
@@ -43,7 +43,7 @@ def find_engine(container: Ros2Container) -> str:
 def run_command(
     engine: str, container: Ros2Container, *, folder: Path, files: Iterable[Path], script: Path
 ) -> list[str]:
-    """Return the words that run ``script`` in a container that has the stack's folder."""
+    """Return the command that runs ``script`` in a container with the stack's folder."""
     token = folder.name
     words = [engine, "run", "--rm", "--init", "--name", container_name(token)]
     words += ["--label", f"scenario={token}", "--network", container.network]
@@ -51,21 +51,21 @@ def run_command(
     for file in files:
         words += ["--volume", f"{file}:{file}:ro"]
     words += ["--env", f"{MARKER}={token}"]
-    # Whoever inside is the one who we are outside, or the folder is closed to the stack, or full
-    # of files that only root can remove: podman's root is its user, docker's is the machine's.
+    # The user inside must be ours outside. Otherwise the folder is closed to the stack, or only
+    # root can remove its files. Podman's root is our user, docker's the machine's root.
     ours = container.engine == "docker" and os.getuid()
     words += ["--user", f"{os.getuid()}:{os.getgid()}" if ours else "0:0"]
     words += [*container.options, container.image]
-    # Setup files are written for bash; an image without ROS, a test's say, may have none.
+    # Setup files need bash; an image without ROS, such as a test's, may lack it.
     choose = 'if command -v bash >/dev/null; then exec bash "$0"; else exec sh "$0"; fi'
     return [*words, "sh", "-c", choose, str(script)]
 
 
 def image_command(engine: str, container: Ros2Container) -> str:
-    """Return the image's own command, for a shell; raises ``SutFailure`` when there is none."""
+    """Return the image's own command, for a shell; raises ``SutFailure`` without one."""
     words = [engine, "image", "inspect", "--format", "{{json .Config.Cmd}}", container.image]
     try:
-        asked = subprocess.run(
+        result = subprocess.run(
             words,
             stdin=subprocess.DEVNULL,
             capture_output=True,
@@ -74,14 +74,14 @@ def image_command(engine: str, container: Ros2Container) -> str:
         )
     except (OSError, subprocess.TimeoutExpired) as error:
         raise SutFailure(f"{container.engine} does not answer: {error}") from error
-    if asked.returncode:
-        said = asked.stderr.decode("utf-8", "replace").strip().rpartition("\n")[2]
+    if result.returncode:
+        last_line = result.stderr.decode("utf-8", "replace").strip().rpartition("\n")[2]
         raise SutFailure(
-            f"{container.engine} knows no image {container.image} ({said}): fetch it with "
+            f"{container.engine} knows no image {container.image} ({last_line}): fetch it with "
             f'"{container.engine} pull", or write "launch"'
         )
     try:
-        command = json.loads(asked.stdout)
+        command = json.loads(result.stdout)
     except ValueError:
         command = None
     if not isinstance(command, list) or not command:
@@ -92,9 +92,9 @@ def image_command(engine: str, container: Ros2Container) -> str:
 def container_script(
     environment: Path, launch: str, python: str, relay: Path, variables: dict[str, str]
 ) -> str:
-    """Return the script that starts stack and relay; it ends with the stack, and with its code.
+    """Return the script that starts stack and relay; it ends with the stack and its exit code.
 
-    ``environment`` is sourced first; ``variables`` are for the relay alone.
+    The script sources ``environment`` first; ``variables`` are for the relay alone.
     """
     own = shlex.join([f"{name}={value}" for name, value in variables.items()])
     words = shlex.join([python, str(relay)])
@@ -103,26 +103,26 @@ def container_script(
     missing = shlex.quote(f"{ALARM}there is no {python} in the container for the relay")
     lines = [
         f". {shlex.quote(str(environment))}",
-        # Job control, for the two get groups of their own and SIGINT is not ignored in them, as it
-        # is in what a shell without it puts into the background.
+        # Job control gives the two their own groups, in which SIGINT is not ignored. Without it a
+        # shell ignores SIGINT in background processes.
         "set -m",
         f"command -v {shlex.quote(python)} >/dev/null || {{ echo {missing} >&2; exit 127; }}",
-        # The shell's own words about a relay that was killed are no last lines of the stack.
+        # The shell's message about a killed relay must not be among the last lines of the stack.
         f"( trap : INT TERM; exec 3>&2 2>/dev/null; env {own} {words} 2>&3 3>&-; scenario_code=$?",
-        # A relay that is ended because the stack has ended did not end by itself.
+        # A relay that ends because of the stack's end writes no exit code.
         f"  [ -e {over} ] || {{ echo $scenario_code > {code}.new; mv {code}.new {code}; }} ) &",
         "scenario_relay=$!",
         f'"${{BASH:-sh}}" -c {shlex.quote(launch)} &',
         "scenario_stack=$!",
         "scenario_tell() {",
         '    for scenario_job in "$scenario_stack" $scenario_relay; do',
-        # The second for a shell that has no job control without a terminal.
+        # The second form is for shells without job control outside of a terminal.
         '        kill "-$1" "-$scenario_job" 2>/dev/null || kill "-$1" "$scenario_job" 2>/dev/null',
         "    done",
         "}",
         "trap 'scenario_tell INT' INT",
         "trap 'scenario_tell TERM' TERM",
-        # A signal ends the wait, not the job.
+        # A signal ends the wait but not the job.
         'wait "$scenario_stack"; scenario_code=$?',
         'while kill -0 "$scenario_stack" 2>/dev/null; do',
         '    wait "$scenario_stack"; scenario_code=$?',

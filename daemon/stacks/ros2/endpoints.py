@@ -1,6 +1,6 @@
-"""Topics, actions and nodes that a run uses by the settings of its stack, and its messages.
+"""Topics, actions and nodes of a run by the settings of its stack, and its messages.
 
-A live world, which goes on by the clock, uses the same.
+A live world, which runs by the clock, uses the same.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from grammars.model.robot import Laser
 
 
 def link_setup(settings: Ros2Settings, lasers: Sequence[Laser]) -> LinkSetup:
-    """Return everything a link makes for a stack with these settings and a robot's ``lasers``."""
+    """Return the setup of a link for a stack with these settings and a robot's ``lasers``."""
     topics = settings.topics
     publish = [
         TopicSetup(topics.odom, sensors.ODOMETRY, settings.qos.odom, 5),
@@ -60,9 +60,9 @@ def scan_topics(settings: Ros2Settings, lasers: Sequence[Laser]) -> tuple[str, .
 def fixed_messages(
     settings: Ros2Settings, briefing: Briefing, time: int
 ) -> Iterator[tuple[str, bytes]]:
-    """Yield topic and CDR of what is published once, at ROS ``time`` [ns].
+    """Yield topic and CDR of messages that are published once, at ROS ``time`` [ns].
 
-    The places of the lasers on the robot, and the map if it is a topic.
+    They are the transforms of the lasers on the robot, and the map if it is a topic.
     """
     if settings.transforms == "all":
         mounted = sensors.laser_transforms(briefing.robot.lasers, time, settings.frames)
@@ -80,7 +80,7 @@ def measured_messages(
 ) -> Iterator[tuple[str, bytes]]:
     """Yield topic and CDR of measurements: for each sample its transform first, scans last.
 
-    ``stamp`` makes ROS time [ns] of simulated time [s].
+    ``stamp`` turns simulated time [s] into ROS time [ns].
     """
     topics, frames = settings.topics, settings.frames
     for sample in odometry:

@@ -1,11 +1,11 @@
-"""Folders of running stacks, with the locks of their holders, and the remains of earlier ones.
+"""Folders of running stacks, with the locks of their holders, and remains of earlier stacks.
 
-    scenario-<uid>/stacks/lock              held while a folder is made or all are looked at
+    scenario-<uid>/stacks/lock              held while a folder is made or all are searched
     scenario-<uid>/stacks/<token>/lock      held as long as the stack's supervisor or holder lives
     scenario-<uid>/stacks/<token>/stack.json
 
-A folder whose lock is free belongs to a supervisor that was killed. The next stack that starts on
-this machine ends it.
+A folder with a free lock belongs to a killed supervisor. The next stack that starts on this machine
+ends it.
 """
 
 from __future__ import annotations
@@ -30,19 +30,19 @@ _RECORD: Final = "stack.json"
 
 @dataclass(frozen=True, slots=True)
 class StackRecord:
-    """Facts by which others can end a stack; ``engine`` and ``name`` are those of a container."""
+    """Data for ending a stack from outside; ``engine`` and ``name`` are those of a container."""
 
     domain: int
     engine: str = ""
     name: str = ""
 
     def write(self, folder: Path) -> None:
-        """Leave it in the stack's folder; raises ``OSError``."""
+        """Write it into the stack's folder; raises ``OSError``."""
         write_atomically(folder / _RECORD, codec.to_json(self), durable=False)
 
     @classmethod
     def read(cls, folder: Path) -> StackRecord | None:
-        """Return the record in a folder, ``None`` while the stack has not been started."""
+        """Return the record in a folder, ``None`` before the stack's start."""
         try:
             return codec.from_json(cls, (folder / _RECORD).read_bytes())
         except (OSError, ValueError):
@@ -50,7 +50,7 @@ class StackRecord:
 
 
 def make_folder(root: Path) -> tuple[Path, IO[str]]:
-    """Make the folder of a new stack; its name is the token, the file its lock, held.
+    """Make the folder of a new stack, named by its token; return it with its held lock.
 
     Raises ``OSError``.
     """
@@ -73,14 +73,14 @@ def end_remains(root: Path) -> None:
 
 
 def end_stack(folder: Path) -> None:
-    """End a stack that has no supervisor any more, and remove its folder."""
+    """End a stack without a supervisor, and remove its folder."""
     end_marked(folder.name)
     record = StackRecord.read(folder)
     if record is not None and record.engine:
         end_container(record.engine, record.name)
     elif record is not None:
         remove_shared_memory(record.domain)
-    # Files that a container made as root stay; they do no harm.
+    # Files that a container made as root stay, without harm.
     shutil.rmtree(folder, ignore_errors=True)
 
 
@@ -93,7 +93,7 @@ def _alone(root: Path) -> Iterator[None]:
 
 def _try_lock(folder: Path) -> IO[str] | None:
     try:
-        # It may be missing: a supervisor was killed while it removed its folder.
+        # It may be missing if a supervisor was killed while it removed its folder.
         lock = (folder / _LOCK).open("a")
     except FileNotFoundError:
         return None  # the folder is gone by now

@@ -1,4 +1,4 @@
-"""Inspection of a stack: it is brought up as for a run, looked at, and ended; no mission is sent.
+"""Inspection of a stack: bring it up as for a run, inspect it, and end it, without a mission.
 
 :mod:`daemon.stacks.ros2.checkup` compares the inspection with the needs of a run.
 """
@@ -24,13 +24,13 @@ PARAMETERS: Final = (
     "use_sim_time", "controller_frequency", "default_server_timeout", "bond_timeout",
     "always_send_full_costmap",
 )  # fmt: skip
-"""Parameters that nodes are asked for."""
+"""Parameters to request from nodes."""
 
 _NANO: Final = 1_000_000_000
 _LISTENING: Final = 1.0
-"""Others are listened to for this long [s of wall clock]; odometry comes ten times as often."""
+"""Time of listening for other transforms [s of wall clock]; odometry comes ten times as often."""
 _ASKING: Final = 20.0
-"""Nodes are asked for parameters for at most this long [s of wall clock]: each may take two."""
+"""Longest time for requests of parameters [s of wall clock]; each may take two seconds."""
 _GET_PARAMETERS: Final = "/get_parameters"
 
 
@@ -38,10 +38,10 @@ _GET_PARAMETERS: Final = "/get_parameters"
 class Inspection:
     """State of a stack that is up, or that did not come up in time.
 
-    ``parameters`` are those of :data:`PARAMETERS` that nodes have, by absolute name of the node;
-    ``transforms`` (parent, child) come from others than this side. ``located``: it knows where the
-    robot is in the map. ``failure`` says why it did not come up, ``None`` when it did, after
-    ``seconds`` of wall clock.
+    ``parameters`` are those of :data:`PARAMETERS` that nodes have, by absolute name of the node.
+    ``transforms`` (parent, child) come from other publishers. ``located``: the stack knows the
+    robot's pose in the map. ``failure`` is the reason why it did not come up, ``None`` if it did,
+    after ``seconds`` of wall clock.
     """
 
     identity: StackIdentity
@@ -61,10 +61,10 @@ CheckState: TypeAlias = Literal["ok", "note", "warning", "missing"]
 class CheckLine:
     """A thing a stack needs, has, or should not have; ``subject`` names it.
 
-    ``state``: ``missing`` keeps runs from working, ``warning`` will probably do so, ``note`` is
-    good to know. ``text`` says what is so and ``hint`` what to do. Of a topic or an action there
-    is its type, ``kind``; of a topic ``qos`` as it is published from here, and how many
-    ``publishers`` and ``listeners`` the stack has.
+    ``state``: ``missing`` prevents runs, ``warning`` probably does, ``note`` is informative.
+    ``text`` describes the finding and ``hint`` the remedy. ``kind`` is the type of a topic or an
+    action. A topic also has the ``qos`` of its publisher here, and the numbers of ``publishers``
+    and ``listeners`` in the stack.
     """
 
     subject: str
@@ -84,14 +84,14 @@ def inspect_stack(
     on_progress: Callable[[str], None],
     on_end: Callable[[Mapping[str, bytes]], None],
 ) -> Inspection:
-    """Start a stack, look at it, and end it.
+    """Start a stack, inspect it, and end it.
 
-    ``first`` is what the robot would measure at the start; ``on_progress`` hears what is being
-    waited for; ``on_end`` gets what stack and relay have printed, by name, also after a failure.
-    Raises :class:`SutFailure` when the stack cannot be started or nothing can be asked; one that
-    only does not get ready is looked at.
+    ``first`` is the robot's measurement at the start. ``on_progress`` receives progress messages,
+    ``on_end`` the output of stack and relay by name, also after a failure. Raises
+    :class:`SutFailure` if the stack does not start or does not answer; a stack that is merely not
+    ready is inspected.
     """
-    # What starts processes is loaded when something is started.
+    # Load the code that starts processes only when it is needed.
     from daemon.stacks.ros2.bring_up import BringUp
 
     attempt = BringUp(settings, briefing, first)
@@ -114,7 +114,7 @@ def inspect_stack(
         try:
             inspection = _look(session, settings, first.odometry[-1])
         except LinkLost as error:
-            # The reason why it did not come up says more than its end.
+            # The reason of the failed bring-up explains more than the end of the link.
             raise failure or session.failure(session.explain(error)) from error
         return dataclasses.replace(inspection, seconds=seconds, failure=failure)
     finally:
@@ -123,7 +123,7 @@ def inspect_stack(
 
 
 def _look(session: StackSession, settings: Ros2Settings, standing: Odometry) -> Inspection:
-    """Return everything a session can be asked; raises :class:`LinkLost`."""
+    """Return the inspection of a session; raises :class:`LinkLost`."""
     link = session.link
     transforms = frozenset(_foreign_transforms(session, settings, standing))
     graph = link.graph()
@@ -140,22 +140,22 @@ def _look(session: StackSession, settings: Ros2Settings, standing: Odometry) -> 
 def _foreign_transforms(
     session: StackSession, settings: Ros2Settings, standing: Odometry
 ) -> Iterator[tuple[str, str]]:
-    """Yield parents and children of the transforms that come while this side publishes none."""
+    """Yield parents and children of transforms that come while this side publishes none."""
     topics, period = settings.topics, settings.period
     cycles = max(2, round(_LISTENING / period))
     for number in range(cycles):
         after = session.time + round(period * _NANO)
         answer = session.cycle(Cycle(after, (), "nothing", period))
-        # A stack may find out only now where the robot is.
+        # A stack may localise the robot only now.
         session.telemetry.read(answer.messages, 0.0, standing)
-        # In the first there may still be what this side has published before.
+        # The first answer may still contain transforms of this side.
         for message in answer.messages if number else ():
             if message.topic in (topics.tf, topics.tf_static):
                 yield from _frames(message.data)
 
 
 def _frames(data: bytes) -> Iterator[tuple[str, str]]:
-    """Yield parents and children; bring-up has reported a damaged message already."""
+    """Yield parents and children; bring-up has already reported damaged messages."""
     try:
         transforms = sensors.read_message(data, sensors.TRANSFORMS).transforms
     except ValueError:
@@ -165,7 +165,7 @@ def _frames(data: bytes) -> Iterator[tuple[str, str]]:
 
 
 def _parameters(link: RelayLink, graph: Graph) -> dict[str, Mapping[str, Any]]:
-    """Return what nodes say of :data:`PARAMETERS`; those that come last may not be asked."""
+    """Return nodes' values of :data:`PARAMETERS`; the last nodes may be skipped."""
     until = wall_clock.monotonic() + _ASKING
     values: dict[str, Mapping[str, Any]] = {}
     for service in sorted(graph.services):

@@ -1,9 +1,8 @@
-"""Separation of stacks: from those that run at the same time, the user's own, and our Python.
+"""Isolation of stacks from simultaneous ones, from the user's own, and from our Python.
 
-A stack gets a ROS domain that nobody else on the machine has, folders of its own, and an
-environment without what belongs to us alone. Its environment is made by a shell script, the same
-one for a stack of this machine and one in a container: the user's setup files first, then the
-variables of the SUT file, then what isolates it.
+A stack gets a ROS domain that is unique on the machine, its own folders, and an environment without
+our private variables. A shell script makes this environment, on this machine and in a container
+alike: the user's setup files first, then the variables of the SUT file, then those of isolation.
 """
 
 from __future__ import annotations
@@ -24,31 +23,30 @@ from daemon.stacks.ros2.keys import OWN_PREFIX
 from grammars.text.files import private_folder
 
 OWN_DOMAINS: Final = range(1, 102)
-"""Domain ids handed out. Ports of higher ones lie in Linux' range of ephemeral ports (ROS 2
-documentation, "The ROS_DOMAIN_ID"); 0 is everybody's who has chosen none."""
+"""Domain ids for stacks. Ports of higher ones lie in Linux' range of ephemeral ports (ROS 2
+documentation, "The ROS_DOMAIN_ID"); 0 is the default of all other programs."""
 _OURS: Final = ("PYTHONSAFEPATH", "PYTHONHOME", "__PYVENV_LAUNCHER__")
 _THREADS: Final = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 _LONGEST_SOCKET: Final = 103
-"""Bytes of a socket's path: systems take 103 or 107."""
+"""Longest path of a socket [bytes]; systems allow 103 or 107."""
 _SPARE: Final = 60
-"""Bytes that come after the runtime folder in the path of a socket."""
+"""Longest part of a socket's path after the runtime folder [bytes]."""
 _LOCALHOST: Final = "ROS_LOCALHOST_ONLY"
 _RANGE: Final = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 
-
 DomainLock: TypeAlias = tuple[int, socket.socket]
-"""A ROS domain and what holds it: until the last process that has the socket closes it or dies."""
+"""A ROS domain and its lock, a socket, which lasts until the last process with it closes it."""
 
 
 class DomainTaken(SutFailure):
-    """The ROS domain that a SUT file asks for is another run's, at the moment."""
+    """Another run uses the ROS domain that a SUT file requests."""
 
 
 def runtime_folder() -> Path:
-    """Return this user's folder of running stacks, private; raises ``SutFailure``.
+    """Return this user's private folder of running stacks; raises ``SutFailure``.
 
-    With the temporary files and not in ``XDG_RUNTIME_DIR``: that is small, in memory, and gone
-    when its user logs out, also under a daemon that goes on.
+    It is among the temporary files. ``XDG_RUNTIME_DIR`` would be small, in memory, and gone when
+    its user logs out, even while a daemon runs.
     """
     place = Path(tempfile.gettempdir())
     if len(os.fsencode(place)) + _SPARE > _LONGEST_SOCKET:
@@ -58,24 +56,22 @@ def runtime_folder() -> Path:
         return private_folder(own / "stacks")
     except OSError as error:
         raise SutFailure(
-            f"no folder for a running stack: {error}; name another one by TMPDIR"
+            f"no folder for a running stack: {error}; set TMPDIR to another one"
         ) from error
 
 
-def lock_domain(wanted: int | None) -> DomainLock:
-    """Lock a ROS domain: ``wanted``, or one of :data:`OWN_DOMAINS`.
+def lock_domain(requested: int | None) -> DomainLock:
+    """Lock a ROS domain: ``requested``, or one of :data:`OWN_DOMAINS`.
 
-    Raises :class:`DomainTaken` when ``wanted`` is, ``SutFailure`` when all are.
+    Raises :class:`DomainTaken` if ``requested`` is in use, ``SutFailure`` if all are.
     """
-    # A name in the abstract namespace of Unix sockets, never listened to: all users of a machine
-    # share these, they are as exclusive as a lock, gone with their holder, and leave no file that
-    # another user of the machine could have made first. They are those of the network namespace,
-    # and so are the ports of a domain.
-    # At random, not the lowest: what still finds its way from a stack that ended this moment
-    # should not find one that has just begun.
+    # The lock is a name in the abstract namespace of Unix sockets. All users of a machine share
+    # these names; they are exclusive, vanish with their holder, and leave no file that another user
+    # could have made first. Like the ports of a domain they belong to the network namespace.
+    # The choice is random, so that late messages of an ended stack do not reach a new one.
     chance = random.SystemRandom()
     own = chance.sample(OWN_DOMAINS, len(OWN_DOMAINS))
-    for domain in own if wanted is None else (wanted,):
+    for domain in own if requested is None else (requested,):
         holder = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         try:
             holder.bind(f"\0scenario-ros-domain-{domain}")
@@ -85,10 +81,10 @@ def lock_domain(wanted: int | None) -> DomainLock:
                 raise
         else:
             return domain, holder
-    if wanted is None:
+    if requested is None:
         raise SutFailure(f"all {len(OWN_DOMAINS)} ROS domains of this machine are in use")
     raise DomainTaken(
-        f"ROS_DOMAIN_ID {wanted} is in use by another run on this machine: "
+        f"ROS_DOMAIN_ID {requested} is in use by another run on this machine: "
         "with ROS_DOMAIN_ID: own each run gets a domain for itself"
     )
 
@@ -96,27 +92,27 @@ def lock_domain(wanted: int | None) -> DomainLock:
 def without_ours(
     environ: Mapping[str, str], *, prefix: str = sys.prefix, base_prefix: str = sys.base_prefix
 ) -> dict[str, str]:
-    """Return ``environ`` without what is there for us alone.
+    """Return ``environ`` without our private variables.
 
     ``#!/usr/bin/env python3`` and the relay must find the Python of the stack's ROS, not the one
-    of a virtual environment that we are installed in.
+    of our virtual environment.
     """
-    kept = {name: value for name, value in environ.items() if not name.startswith(OWN_PREFIX)}
+    result = {name: value for name, value in environ.items() if not name.startswith(OWN_PREFIX)}
     for name in _OURS:
-        kept.pop(name, None)
+        result.pop(name, None)
     for name in _THREADS:
-        # A worker sets them, for runs are one thread each; a stack has as many as it likes.
-        if kept.get(name) == "1":
-            del kept[name]
+        # A worker sets them because runs are single threads; a stack may use more.
+        if result.get(name) == "1":
+            del result[name]
     if prefix != base_prefix:
         programs = Path(prefix) / "bin"
-        folders = kept.get("PATH", os.defpath).split(os.pathsep)
-        left = [folder for folder in folders if folder and not _same(Path(folder), programs)]
-        kept["PATH"] = os.pathsep.join(left) or os.defpath
-        if _same(Path(kept.get("VIRTUAL_ENV", prefix)), Path(prefix)):
-            kept.pop("VIRTUAL_ENV", None)
-            kept.pop("VIRTUAL_ENV_PROMPT", None)
-    return kept
+        folders = result.get("PATH", os.defpath).split(os.pathsep)
+        others = [folder for folder in folders if folder and not _same(Path(folder), programs)]
+        result["PATH"] = os.pathsep.join(others) or os.defpath
+        if _same(Path(result.get("VIRTUAL_ENV", prefix)), Path(prefix)):
+            result.pop("VIRTUAL_ENV", None)
+            result.pop("VIRTUAL_ENV_PROMPT", None)
+    return result
 
 
 def _same(one: Path, other: Path) -> bool:
@@ -124,9 +120,9 @@ def _same(one: Path, other: Path) -> bool:
 
 
 def isolating_variables(folder: Path, home: Path | None) -> dict[str, str]:
-    """Return what a stack gets unless its SUT file says otherwise; makes the folders it names.
+    """Return default variables of a stack and make the folders that they name.
 
-    ``home`` is the user's: packages that were installed with ``pip install --user`` stay in sight.
+    With the user's ``home``, packages installed by ``pip install --user`` stay available.
     """
     names = {"HOME": "home", "ROS_HOME": "ros", "ROS_LOG_DIR": "log", "TMPDIR": "tmp"}
     places = {variable: folder / name for variable, name in names.items()}
@@ -149,20 +145,20 @@ def environment_script(
     isolation: Mapping[str, str],
     own: Mapping[str, str],
 ) -> str:
-    """Return a shell script, to be sourced, that makes the environment of a stack.
+    """Return a shell script to source that makes the environment of a stack.
 
-    Files of ``setup`` are sourced in their order; then come ``isolation``, the ``variables`` of
-    the SUT file, which win over it, and ``own``, which wins over all. What is wrong it says on
-    standard error, in a line that begins with ``scenario:``, and ends the shell.
+    It sources the files of ``setup`` in their order. Then it sets ``isolation``, the ``variables``
+    of the SUT file, which override it, and ``own``, which overrides all. An error goes to standard
+    error, in a line that begins with ``scenario:``, and ends the shell.
     """
     lines = [_SOURCING] if setup else []
     for file in setup:
-        # Below the user's own home folder: that of the stack comes afterwards.
+        # This is the user's home folder; the stack's HOME is set later.
         home, path = ('"$HOME"/', file[2:]) if file.startswith("~/") else ("", file)
         lines.append(f"scenario_setup={home}{shlex.quote(path)}")
         lines.append(_SOURCE)
     if setup:
-        # What a setup file switched on ends shells at the first command that fails.
+        # A setup file may switch on options that end shells at the first failing command.
         lines.append("trap - EXIT; set +eu; unset scenario_setup scenario_code")
     exported = {**isolation, **variables}
     lines += [f"export {name}={shlex.quote(value)}" for name, value in exported.items()]
@@ -171,7 +167,7 @@ def environment_script(
     return "\n".join(lines) + "\n"
 
 
-# A setup file that ends the shell itself is named by the trap; one that fails, by the line after.
+# The trap reports a setup file that ends the shell; the line after it reports one that fails.
 _SOURCING: Final = """\
 scenario_refuse() { trap - EXIT; echo "scenario: $1" >&2; exit 1; }
 trap 'scenario_code=$?
@@ -187,9 +183,9 @@ scenario_code=$?
 
 
 def _local_discovery(variables: Mapping[str, str]) -> list[str]:
-    """Return lines that keep discovery on this machine, in the words of the distribution.
+    """Return lines that keep discovery on this machine, by the variables of the distribution.
 
-    From Iron on ``ROS_LOCALHOST_ONLY`` is out of date: setting it is warned about, and it wins.
+    From Iron on ``ROS_LOCALHOST_ONLY`` is deprecated: it causes a warning and takes precedence.
     """
     if _LOCALHOST in variables or _RANGE in variables:
         return [f"unset {name}" for name in (_LOCALHOST, _RANGE) if name not in variables]

@@ -1,8 +1,8 @@
 """Keys of a ROS 2 stack at the top of a SUT file, with their defaults.
 
-Every key may be left out, because a file that is ``like`` another names the differences only. The
-needs of a stack as a whole are checked by :mod:`daemon.stacks.ros2.settings`. The key ``files``,
-which other kinds have too, is not among them.
+Every key is optional, because a file that is ``like`` another contains differences only.
+:mod:`daemon.stacks.ros2.settings` checks a stack as a whole. The key ``files``, which other kinds
+have too, is not among them.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ from grammars.text.quantity import Duration, Ratio
 HIGHEST_DOMAIN: Final = 101
 """Domain ids up to this one fit the ephemeral port range of every system (ROS 2 documentation)."""
 TICK: Final = 1.0 / TICK_RATE
-"""A period is a multiple of this [s]."""
+"""Periods are multiples of this [s]."""
 _ROUNDING: Final = 1e-6
 OWN_PREFIX: Final = "SCENARIO_"
-"""Prefix of environment variables that tell the relay where the run is."""
+"""Prefix of environment variables from the run to the relay."""
 
 _TOKEN: Final = r"[A-Za-z_][A-Za-z0-9_]*"
 _ROS_NAME: Final = re.compile(rf"/?{_TOKEN}(?:/{_TOKEN})*")
@@ -56,7 +56,7 @@ def _ros_name(text: str) -> str:
 
 
 def _absolute(name: str, info: ValidationInfo) -> str:
-    """Return a name as the graph has it; the context has the namespace as it was written."""
+    """Return the absolute form of a name; the context has the namespace as written."""
     return _in_namespace((info.context or {}).get("namespace"), _ros_name(name))
 
 
@@ -65,7 +65,7 @@ def _in_namespace(namespace: object, name: str) -> str:
 
 
 def _prefix(namespace: object) -> str:
-    """Return a namespace as it stands before a name: empty, or with one leading slash."""
+    """Return a namespace as the prefix of a name: empty, or with one leading slash."""
     name = str(namespace or "").strip("/")
     return f"/{name}" if name else ""
 
@@ -107,10 +107,10 @@ def _word(text: str) -> str:
 
 
 def _worker_path(text: str) -> str:
-    """Take a path on the machine of the worker; the loading machine cannot look there."""
+    """Return a path on the worker's machine, which the loading machine cannot check."""
     if not text.startswith(("/", "~/")):
         raise ValueError(
-            f'"{text}" is looked for on the machine the stack runs on: '
+            f'"{text}" is a path on the machine of the stack: '
             "write it from the root, /opt/ros/jazzy/setup.bash, or from home, ~/ws/install/…"
         )
     return _word(text)
@@ -138,7 +138,7 @@ def _period(value: float) -> float:
 
 
 def _by_laser(value: Any, check: Callable[[str], str]) -> Any:
-    """Check a name, or names by laser: as one type of two pydantic would complain about both."""
+    """Check a name, or names by laser; pydantic's union would report errors of both forms."""
     if not isinstance(value, Mapping):
         return check(_text(value))
     if not value:
@@ -203,7 +203,7 @@ Reliability: TypeAlias = Literal["best effort", "reliable"]
 
 
 def _name_of(laser: Laser, names: str | Mapping[str, str], usual: str) -> str:
-    """Return the name of a laser's topic or frame among ``names``, else the ``usual`` one."""
+    """Return the name of a laser's topic or frame among ``names``, or the ``usual`` one."""
     if isinstance(names, str):
         usual = names
     elif laser.name in names:
@@ -212,7 +212,7 @@ def _name_of(laser: Laser, names: str | Mapping[str, str], usual: str) -> str:
 
 
 def default_for_null(value: Any) -> Any:
-    """Validate null, which takes an inherited value away, as the default of its key."""
+    """Validate null, which removes an inherited value, as the default of its key."""
     if value is None:
         raise PydanticUseDefault
     return value
@@ -225,7 +225,7 @@ class _Section(StrictModel):
 
 
 class Ros2Container(_Section):
-    """An image that the stack is started in."""
+    """Container in which the stack starts."""
 
     image: Annotated[str, AfterValidator(_word)] = ""
     """The image, with its tag: my/nav2:1.4."""
@@ -238,15 +238,15 @@ class Ros2Container(_Section):
 
 
 class Ros2Environment(_Section):
-    """Environment of the stack: files that are sourced, domain, variables."""
+    """Environment of the stack: setup files, domain, variables."""
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[_Variable, _VariableText | None] = Field(init=False)
 
     setup: _Setups = ()
-    """Files that are sourced before the command, in this order; paths on the worker's machine."""
+    """Files to source before the command, in this order; paths on the worker's machine."""
     domain: _Domain = Field(default="own", alias="ROS_DOMAIN_ID")
-    """own: a domain for each run alone; or a number from 0 to 101."""
+    """own: a separate domain for each run; or a number from 0 to 101."""
 
     @property
     def variables(self) -> dict[str, str]:
@@ -255,25 +255,25 @@ class Ros2Environment(_Section):
 
 
 class Ros2Topics(_Section):
-    """Topics under other names than the usual ones; without a slash they are in the namespace."""
+    """Names of topics; without a leading slash they are in the namespace."""
 
     model_config = ConfigDict(validate_default=True)
 
     scan: _ScanTopics = "scan"
-    """The laser scan is published here. A laser with a name is published with _NAME behind it,
-    scan_front, or where it is said by its name: {front: front/scan}."""
+    """Topic of the laser scan. A laser with a name has the suffix _NAME, scan_front, or its own
+    topic: {front: front/scan}."""
     odom: _Name = "odom"
-    """The wheel odometry is published here."""
+    """Topic of the wheel odometry."""
     command: _Name = "cmd_vel"
-    """Here the robot listens for velocities, stamped or not."""
+    """Topic of the velocities for the robot, stamped or not."""
     tf: _Name = "/tf"
-    """Transforms are published here, and those of the stack are heard."""
+    """Transforms of the simulator and of the stack."""
     tf_static: _Name = Field(default="/tf_static", alias="tf-static")
     """Transforms that never change."""
     map: _Name = "map"
-    """The map is published here with "map: published"."""
+    """Topic of the map with "map: published"."""
     initial_pose: _Name = Field(default="initialpose", alias="initial-pose")
-    """The initial pose is published here."""
+    """Topic of the initial pose."""
     plan: _Name = "plan"
     """The stack's global plan, recorded."""
     local_plan: _Name = Field(default="local_plan", alias="local-plan")
@@ -291,16 +291,16 @@ class Ros2Topics(_Section):
     collision_monitor: _Name = Field(default="collision_monitor_state", alias="collision-monitor")
     """The state of the stack's collision monitor, recorded with "record"."""
     speed_limit: _Name = Field(default="speed_limit", alias="speed-limit")
-    """The speed limit that the stack is to keep, recorded with "record"."""
+    """The speed limit for the stack, recorded with "record"."""
 
 
 class Ros2Qos(_Section):
     """Reliability of sensor data."""
 
     scan: Reliability = "best effort"
-    """Of the laser scans."""
+    """Reliability of the laser scans."""
     odom: Reliability = "best effort"
-    """Of the wheel odometry."""
+    """Reliability of the wheel odometry."""
 
 
 class Ros2Frames(_Section):
@@ -313,8 +313,8 @@ class Ros2Frames(_Section):
     base: _Frame = "base_link"
     """The robot; also the frame of odometry twists."""
     laser: _LaserFrames = "laser"
-    """The frame of scans. That of a laser with a name has _NAME behind it, laser_front, or is said
-    by its name: {front: front_laser_link}."""
+    """The frame of scans. A laser with a name has the suffix _NAME, laser_front, or its own frame:
+    {front: front_laser_link}."""
 
     def of_laser(self, laser: Laser) -> str:
         """Return the frame of a laser."""
@@ -322,15 +322,16 @@ class Ros2Frames(_Section):
 
 
 class Ros2Keys(StrictModel):
-    """Keys of a ROS 2 stack; all that is left out has a default, except how it is started."""
+    """Keys of a ROS 2 stack; all except the start command have defaults."""
 
     elsewhere: ClassVar[Mapping[str, str | RemovedKey]] = {
         "reuse": RemovedKey("a stack belongs to one run")
     }
 
     launch: Annotated[str, AfterValidator(_shell_text)] = ""
-    """For "kind: ros2": the command that starts the stack, for a shell. {map}, {start.x} and names
-    below "files" in braces are filled in, quoted; double braces {{ }} are plain ones."""
+    """For "kind: ros2": the shell command that starts the stack. It may contain {map}, {start.x}
+    and names below "files" in braces, which become quoted values; double braces {{ }} are plain
+    ones."""
     container: Ros2Container | None = None
     """For "kind: ros2": start the stack in a container; without "launch" by the image's own
     command."""
@@ -338,11 +339,11 @@ class Ros2Keys(StrictModel):
     """For "kind: ros2": setup files, ROS_DOMAIN_ID, and variables; their values may contain
     placeholders."""
     python: Annotated[str, AfterValidator(_word)] = "python3"
-    """For "kind: ros2": the Python that has rclpy, found after the setup files."""
+    """For "kind: ros2": the Python with rclpy, searched after the setup files."""
     namespace: Annotated[str, AfterValidator(_namespace)] = ""
-    """For "kind: ros2": comes before topics, actions and nodes that do not begin with a slash."""
+    """For "kind: ros2": prefix of topics, actions and nodes without a leading slash."""
     topics: Ros2Topics = Field(default_factory=dict, validate_default=True)
-    """For "kind: ros2": topics under other names than the usual ones."""
+    """For "kind: ros2": names of topics."""
     qos: Ros2Qos = Field(default_factory=Ros2Qos)
     """For "kind: ros2": reliability of the scan and the odometry."""
     frames: Ros2Frames = Field(default_factory=Ros2Frames)
@@ -351,34 +352,34 @@ class Ros2Keys(StrictModel):
     """For "kind: ros2": file: {map} is the map.yaml written for the run; published: a latched
     topic."""
     transforms: Literal["all", "odom", "none"] = "all"
-    """For "kind: ros2", what is published of tf: all: odom to base and base to laser; odom: odom to
-    base; none: the stack does it itself."""
+    """For "kind: ros2": published transforms. all: odom to base and base to laser; odom: odom to
+    base; none: the stack publishes them itself."""
     initial_pose: Literal["published", "none"] = Field(default="published", alias="initial-pose")
-    """For "kind: ros2": whether the start pose is told."""
+    """For "kind: ros2": publish the start pose, or not."""
     mission: MissionMode = "waypoints"
-    """For "kind: ros2": how waypoints are sent. waypoints: NavigateToPose for each; follow:
+    """For "kind: ros2": action for the waypoints. waypoints: NavigateToPose for each; follow:
     FollowWaypoints; through: NavigateThroughPoses."""
     action: _Name = Field(default="", validate_default=True)
-    """For "kind: ros2": the action they are sent to, when it is not called as Nav2 calls it."""
+    """For "kind: ros2": name of the action, if it differs from Nav2's."""
     ready: _Names = ()
     """For "kind: ros2": lifecycle nodes that must be active before the mission begins."""
     record: tuple[_Report, ...] = ()
-    """For "kind: ros2": what is recorded besides plans, pose and particles: the log of the behavior
-    tree, costmaps, interventions of the collision monitor, the speed limit."""
+    """For "kind: ros2": recordings in addition to plans, pose and particles: the log of the
+    behavior tree, costmaps, interventions of the collision monitor, the speed limit."""
     start_up: Duration = Field(default=60.0, alias="start-up", gt=0.0, le=3600.0)
-    """For "kind: ros2": wall time until it must be ready."""
+    """For "kind: ros2": wall time until the stack must be ready."""
     attempts: int = Field(default=1, ge=1, le=3)
-    """For "kind: ros2": starts within start-up; after one that failed the stack is started anew."""
+    """For "kind: ros2": starts within start-up; a failed start is repeated."""
     patience: Duration = Field(default=1.0, gt=0.0, le=60.0)
-    """For "kind: ros2": wall time an answer is waited for in each cycle; a stack that hangs costs
-    this much in each. More than the period, or a controller on wall time is late in every cycle."""
+    """For "kind: ros2": longest wall time for an answer in each cycle; a hanging stack takes it in
+    every cycle. More than the period, or a controller on wall time is late in every cycle."""
     late: Ratio = Field(default=0.05, ge=0.0, lt=1.0)
     """For "kind: ros2": share of cycles that may go unanswered before the run is an error."""
     tolerance: Duration = Field(default=0.0, ge=0.0, le=1.0)
     """For "kind: ros2": a command stamped this much before the cycle is its answer too. From a
-    period on, the command of the cycle before is one."""
+    period on, the command of the previous cycle counts as an answer."""
     idle: Duration = Field(default=0.02, ge=0.0, le=1.0)
-    """For "kind: ros2": wall time a cycle takes while nothing is expected."""
+    """For "kind: ros2": wall time of a cycle without an expected command."""
     period: Annotated[Duration, AfterValidator(_period)] = Field(default=0.05, ge=TICK, le=1.0)
     """For "kind: ros2": the period of the stack's controller, a multiple of 0.01 s."""
 
@@ -388,7 +389,7 @@ class Ros2Keys(StrictModel):
 
     @property
     def action_kind(self) -> str:
-        """The kind of Nav2's actions by which the mission is sent."""
+        """Kind of Nav2's action for the mission."""
         return _ACTIONS[self.mission]
 
     @field_validator("action", mode="before")
@@ -398,4 +399,4 @@ class Ros2Keys(StrictModel):
 
 
 ROS2_KEYS: Final = tuple(field.alias or name for name, field in Ros2Keys.model_fields.items())
-"""The keys as they are written."""
+"""Keys as written in files."""

@@ -1,8 +1,8 @@
-"""The values that pass between lock step and the relay: requests to a stack and its answers.
+"""Values between lock step and the relay: requests to a stack and its answers.
 
-A link (:mod:`daemon.stacks.ros2.relay_link`) makes publishers, subscriptions and action clients
-as a :class:`LinkSetup` says, and then only answers. Message contents are CDR, little-endian with
-its four bytes of encapsulation, made and read on this side; times are ROS time [ns] of the clock
+A link (:mod:`daemon.stacks.ros2.relay_link`) makes the publishers, subscriptions and action clients
+of a :class:`LinkSetup`, and then only answers. Message contents are CDR, little-endian with its
+four bytes of encapsulation; this side writes and reads them. Times are ROS time [ns] of the clock
 that the link publishes.
 """
 
@@ -23,19 +23,19 @@ ACTION_KINDS: Final = {
 }
 
 
-class LinkLost(Exception):  # noqa: N818  (says what happened)
-    """The other side is gone, refuses or cannot be understood; the message is for people."""
+class LinkLost(Exception):  # noqa: N818  (names the event)
+    """The other side is gone, refuses or is incomprehensible; the message is for people."""
 
 
 class LinkRefused(LinkLost):
-    """The other side cannot do what was asked of it, and says why."""
+    """The other side refuses a request; the message is its reason."""
 
 
 @dataclass(frozen=True, slots=True)
 class TopicSetup:
-    """A topic that is published or subscribed: absolute name, type, quality of service, depth.
+    """A topic to publish or subscribe to: absolute name, type, quality of service, depth.
 
-    ``keep`` of a subscription: only the ``last`` message of a cycle is handed over, or ``all``.
+    ``keep`` of a subscription: only the ``last`` message of a cycle is passed on, or ``all``.
     """
 
     name: str
@@ -47,12 +47,12 @@ class TopicSetup:
 
 @dataclass(frozen=True, slots=True)
 class LinkSetup:
-    """Everything a link makes before the first cycle.
+    """Everything that a link makes before the first cycle.
 
-    ``command`` is the topic the robot listens to: of which of the :data:`COMMAND_KINDS` it is,
-    the graph says. ``action`` is the absolute name of the action a mission is sent to,
+    ``command`` is the topic of the robot's commands; the graph tells which of the
+    :data:`COMMAND_KINDS` it has. ``action`` is the absolute name of the action for the mission,
     ``action_kind`` one of the keys of :data:`ACTION_KINDS`. ``nodes`` are the absolute names of
-    the lifecycle nodes that must be active. Every link publishes ``/clock`` besides.
+    the lifecycle nodes that must be active. Every link also publishes ``/clock``.
     """
 
     publish: tuple[TopicSetup, ...]
@@ -65,7 +65,7 @@ class LinkSetup:
 
 @dataclass(frozen=True, slots=True)
 class StackIdentity:
-    """The ROS 2 of a stack: ``distribution`` (``jazzy``; empty when unknown) and ``rmw``."""
+    """The ROS 2 of a stack: ``distribution`` (``jazzy``; empty if unknown) and ``rmw``."""
 
     distribution: str
     rmw: str
@@ -75,10 +75,10 @@ class StackIdentity:
 class Cycle:
     """One step of the clock: messages to publish in this order, then the clock at ``time`` [ns].
 
-    ``until``: wait for a ``command`` that answers this cycle, or for nothing, the whole of
-    ``wait`` [s of wall clock]. The wait for a command also ends when a goal does: nothing is
-    owed then. A stamped command answers when its stamp is not before
-    ``time - tolerance``; one without a stamp when it came after the clock went out.
+    ``until``: wait for a ``command`` that answers this cycle, at most ``wait`` [s of wall clock];
+    or for ``nothing``, exactly that long. The wait for a command also ends with the goal. A stamped
+    command answers if its stamp is not before ``time - tolerance``, an unstamped one if it came
+    after the clock was sent.
     """
 
     time: int
@@ -99,11 +99,11 @@ class ReceivedMessage:
 
 @dataclass(frozen=True, slots=True)
 class GoalUpdate:
-    """News of a goal: ``goal`` is the number it was sent with.
+    """News of a goal: ``goal`` is the number of its request.
 
-    ``state`` is ``unanswered`` when no answer came to the request within ten seconds of wall
-    clock, ``feedback`` for feedback (the latest of a cycle). The other fields are those of the
-    result or feedback, as far as it has them; ``missed_waypoints`` are indices.
+    ``state`` is ``unanswered`` after ten seconds of wall clock without an answer to the request,
+    ``feedback`` for feedback (the latest of a cycle). The other fields are those of the result or
+    feedback, if it has them; ``missed_waypoints`` are indices.
     """
 
     goal: int
@@ -120,15 +120,14 @@ class GoalUpdate:
 
 @dataclass(frozen=True, slots=True)
 class CycleAnswer:
-    """Everything that came since the cycle before, oldest first.
+    """Everything that came since the previous cycle, oldest first.
 
-    ``latency`` [s of wall clock] from the clock to the command that answered, ``None`` when none
-    did within ``wait``. ``commands`` counts all of this cycle; the last one is among the
-    ``messages``. ``heard``: anything at all came from the stack. ``server``: the action server is
-    in the graph (looked at now and then, so up to a second old). ``dropped`` names the topics with
-    too many messages for one cycle; the oldest are lost. ``inactive``: the nodes of the setup that
-    were active and no longer are, with their state as in :class:`Readiness` (checked twice a
-    second).
+    ``latency`` [s of wall clock] is the time from the clock to the answering command, ``None``
+    without an answer within ``wait``. ``commands`` counts all of this cycle; the last one is among
+    the ``messages``. ``heard``: the stack sent anything at all. ``server``: the action server is
+    in the graph (up to a second ago). ``dropped`` names the topics with too many messages for one
+    cycle; the oldest are lost. ``inactive`` are the nodes of the setup that are no longer active,
+    with their state as in :class:`Readiness` (checked twice a second).
     """
 
     latency: float | None
@@ -143,11 +142,11 @@ class CycleAnswer:
 
 @dataclass(frozen=True, slots=True)
 class Readiness:
-    """State of a stack that comes up: ``nodes`` with their lifecycle state.
+    """State of a starting stack: ``nodes`` with their lifecycle state.
 
-    The state is empty for a node that is not in the graph or has not answered yet, and
-    ``not answering`` for one that is in the graph and has not answered for two seconds.
-    ``listeners`` counts subscribers of each published topic.
+    The state is empty for a node that is not in the graph or has not answered yet. It is ``not
+    answering`` for a node in the graph without an answer for two seconds. ``listeners`` counts
+    the subscribers of each published topic.
     """
 
     nodes: Mapping[str, str]
@@ -169,7 +168,7 @@ class GraphEndpoint:
 
 @dataclass(frozen=True, slots=True)
 class Graph:
-    """A view of the graph: endpoints except those of the link, nodes, names of served services."""
+    """View of the graph: endpoints except those of the link, nodes, names of served services."""
 
     endpoints: tuple[GraphEndpoint, ...]
     nodes: tuple[str, ...]

@@ -1,11 +1,12 @@
-"""Lock step: how long a cycle waits for a stack, and what a missing answer means.
+"""Lock step: the wait of a cycle for a stack, and the meaning of a missing answer.
 
-Three paces. *Free*: nothing is expected, because no goal is active or the first command has not
-come; the clock goes on after a short wait (PX4 does the same until the first actuator message).
-*Locked*: every cycle waits for its command, at most the patience. *Quiet*: after a cycle that was
-not answered the clock goes on at the pace of real time until commands come again, because a
-stack that plans anew or waits in a recovery commands nothing for seconds and is none the worse. A
-stack that says nothing at all for ten seconds of it hangs.
+There are three paces. *Free*: no command is expected, because no goal is active or the first
+command has not come. The clock goes on after a short wait (as in PX4 until the first actuator
+message).
+*Locked*: every cycle waits for its command, at most the patience. *Quiet*: after a cycle without
+an answer the clock runs in real time until commands come again, because a stack that replans or
+waits in a recovery may send no command for seconds. A stack that sends no message at all for ten
+seconds hangs.
 """
 
 from __future__ import annotations
@@ -17,15 +18,14 @@ from daemon.model.sut import SutEvent, SutFailure
 from daemon.stacks.ros2.settings import Ros2Settings
 
 _FEW: Final = 5
-"""So many cycles may be late in any run: one is lost whenever a stack pauses, between waypoints or
-for a recovery, and a short run has few others."""
+"""Late cycles that any run may have: one is late whenever a stack pauses, between waypoints or for
+a recovery, and a short run has few others."""
 _SILENCE: Final = 10.0
-"""A stack that says nothing for so long [s of wall clock] does not work any more."""
+"""A stack that is silent for this time hangs [s of wall clock]."""
 _MOST_BEHIND: Final = 4
-"""Commands may be stamped up to so many periods before the clock: a velocity smoother passes on the
-stamp of what it was given."""
+"""Largest lag of a command's stamp [periods]; velocity smoothers pass on that of their input."""
 _STEADY: Final = 3
-"""So many waits in a row that ended with nothing but earlier commands show that it is a habit."""
+"""Number of successive waits with earlier commands only that shows a steady lag."""
 
 Pace = Literal["free", "locked", "quiet"]
 
@@ -34,8 +34,8 @@ Pace = Literal["free", "locked", "quiet"]
 class HeardAnswer:
     """Answer to a cycle: its ``latency`` [s], ``None`` without one.
 
-    ``behind`` is how far the newest command's stamp lies before the clock [s], ``None`` without a
-    stamped command; ``commands`` counts all; ``alive``: any message came.
+    ``behind`` is the lag of the newest command's stamp [s], ``None`` without a stamped command.
+    ``commands`` counts all; ``alive``: any message came.
     """
 
     latency: float | None
@@ -45,7 +45,7 @@ class HeardAnswer:
 
 
 class LockStep:
-    """The pace of one run and its count of late answers.
+    """Pace of a run and its count of late answers.
 
     ``real_time``: the stack's control loop runs on the wall clock, so no cycle may be shorter than
     its period.
@@ -61,7 +61,7 @@ class LockStep:
         self._lagging = 0
 
     def wait(self, *, active: bool) -> float:
-        """Return how long the next cycle waits for a command [s]; ``active``: there is a goal."""
+        """Return the wait of the next cycle for a command [s]; ``active``: there is a goal."""
         if not active:
             self.pace = "free"
         real_time = max(self._settings.idle, self._settings.period)
@@ -74,7 +74,7 @@ class LockStep:
     def take(self, answer: HeardAnswer, *, active: bool) -> tuple[float | None, list[SutEvent]]:
         """Judge an answer; return the latency to record [s], if any, and events.
 
-        Raises :class:`SutFailure` when the stack cannot keep up or has gone silent.
+        Raises :class:`SutFailure` if the stack cannot keep up or is silent.
         """
         if not active:
             return None, []
@@ -82,8 +82,8 @@ class LockStep:
             return self._answered(answer)
         if self.pace != "locked":
             self._listen(self.wait(active=True), answer.alive)
-            # Commands, but of earlier cycles: a stack that lags behind is waited for, or it would
-            # drive the robot by what it saw long ago and never catch up.
+            # Commands of earlier cycles only: wait for a stack that lags behind. Otherwise it would
+            # drive the robot by old observations and never catch up.
             if answer.commands:
                 self.pace = "locked"
             return None, []
@@ -100,11 +100,11 @@ class LockStep:
         self._listen(self._settings.patience, answer.alive)
         self.check_share()
         text = f"no command within {self._settings.patience:g} s: the last one holds"
-        # Recorded as the whole patience: what judges latencies must not miss the worst ones.
+        # Record the whole patience, so that judgements of latencies include the worst ones.
         return self._settings.patience, [SutEvent(text, "warn")]
 
     def check_share(self) -> None:
-        """Raise :class:`SutFailure` when too large a share of the cycles was late."""
+        """Raise :class:`SutFailure` if too large a share of the cycles was late."""
         if self.late > max(_FEW, self._settings.late * self.expected):
             share = 100.0 * self.late / self.expected
             raise SutFailure(
@@ -132,7 +132,7 @@ class LockStep:
         return answer.latency, events
 
     def _adapts(self, answer: HeardAnswer) -> bool:
-        """Take a steady lag of stamps for what it is, no moment of a busy machine."""
+        """Raise the tolerance to a steady lag of stamps; a single lag may be a busy moment."""
         behind = answer.behind
         if self._lagging < _STEADY:
             return False

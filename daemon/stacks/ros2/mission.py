@@ -1,6 +1,6 @@
-"""A mission as goals of Nav2's actions, and what the results say about its progress.
+"""Mission as goals of Nav2's actions, with the progress from their results.
 
-Progress comes from results and feedback alone, never from where the robot really is. Sources:
+Progress comes from results and feedback alone, never from the true pose of the robot. Sources:
 nav2_msgs of Humble to Lyrical (NavigateToPose, NavigateThroughPoses, FollowWaypoints).
 """
 
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from daemon.stacks.ros2.relay_link import RelayLink
 
 _ACKNOWLEDGEMENT: Final = "Timed out while waiting for action server to acknowledge goal request"
-"""Log text of bt_navigator when a server has not acknowledged in ``default_server_timeout``. That
-is a time of the wall clock, so a loaded machine aborts missions that the robot was fine with."""
+"""Log text of bt_navigator if a server has not acknowledged within ``default_server_timeout``. This
+is wall time, so a loaded machine aborts missions without any fault of the robot."""
 
 
 class GoalSequence:
-    """Sends the waypoints of a mission and keeps its progress.
+    """Sender of the waypoints of a mission, with its progress.
 
-    ``waypoints``: one goal after the other; ``follow`` and ``through``: all of them in one goal.
+    ``waypoints``: one goal after the other; ``follow`` and ``through``: all in one goal.
     """
 
     def __init__(self, mission: Mission, mode: MissionMode, link: RelayLink, frame: str) -> None:
@@ -41,11 +41,11 @@ class GoalSequence:
 
     @property
     def active(self) -> bool:
-        """True while a goal has been accepted and has no result."""
+        """True while an accepted goal has no result."""
         return self._accepted
 
     def send_next(self, time: int) -> None:
-        """Send the goal that is due, stamped with ROS ``time`` [ns], unless one is under way."""
+        """Send the next goal, stamped with ROS ``time`` [ns], unless one is under way."""
         due = self.progress.reached if self._mode == "waypoints" else 0
         if self.progress.state != "active" or self._goal >= due:
             return
@@ -56,17 +56,17 @@ class GoalSequence:
         self._link.send_goal(due, poses, self._frame, time)
 
     def hear_log(self, text: str) -> None:
-        """Take a line of the stack's log: some aborts are only explained there."""
+        """Take a line of the stack's log, the only place where some aborts are explained."""
         if _ACKNOWLEDGEMENT in text:
             self._acknowledgement_lost = True
 
     def take(self, update: GoalUpdate) -> tuple[SutEvent, ...]:
-        """Take what became of a goal; return what there is to say about it.
+        """Take news of a goal; return events.
 
-        Raises :class:`SutFailure` for what is not the robot's doing: a goal that is refused or
+        Raises :class:`SutFailure` for failures that are not the robot's: a goal that is refused or
         not answered, an abort because the machine was too slow for the stack.
         """
-        # What still comes of a goal that is over, or of one of the run before.
+        # Late news of an ended goal.
         if update.goal != self._goal:
             return ()
         if update.state == "feedback":
@@ -91,7 +91,7 @@ class GoalSequence:
 
     def _take_feedback(self, update: GoalUpdate) -> tuple[SutEvent, ...]:
         total = len(self._poses)
-        # Never backwards, and never to the end: only the result says that a mission is over.
+        # Never backwards, and never to the end: only the result ends a mission.
         if self._mode == "follow":
             self._advance(min(update.current_waypoint, total - 1))
         elif self._mode == "through" and update.number_of_poses_remaining:
@@ -107,11 +107,11 @@ class GoalSequence:
             self.progress = Progress(reached, reached, "active")
 
     def _take_success(self, update: GoalUpdate, name: str) -> tuple[SutEvent, ...]:
-        missed = update.missed_waypoints
-        if missed:
-            first = max(0, min(*missed, len(self._names) - 1))
+        indices = update.missed_waypoints
+        if indices:
+            first = max(0, min(*indices, len(self._names) - 1))
             self.progress = Progress(first, first, "aborted")
-            names = ", ".join(self._names[i] for i in missed if 0 <= i < len(self._names))
+            names = ", ".join(self._names[i] for i in indices if 0 <= i < len(self._names))
             return (SutEvent(f"goal {name} ended with missed waypoints: {names}", "error"),)
         total = len(self._poses)
         reached = self.progress.reached + 1 if self._mode == "waypoints" else total
@@ -121,15 +121,15 @@ class GoalSequence:
     def _take_end(self, update: GoalUpdate, name: str) -> tuple[SutEvent, ...]:
         code = f", error code {update.error_code}" if update.error_code else ""
         text = f": {update.error_text}" if update.error_text else ""
-        said = f"goal {name} {update.state}{code}{text}"
+        outcome = f"goal {name} {update.state}{code}{text}"
         if self._acknowledgement_lost or _ACKNOWLEDGEMENT in update.error_text:
             raise SutFailure(
-                f"{said}, after a server of the stack had not acknowledged a request in time: that "
-                "time is on the wall clock, so the machine was too slow, not the robot; set "
+                f"{outcome}, after a server of the stack had not acknowledged a request in time: "
+                "that time is on the wall clock, so the machine was too slow, not the robot; set "
                 "default_server_timeout of bt_navigator to 1000 ms or more"
             )
         self.progress = Progress(self.progress.current, self.progress.reached, "aborted")
-        return (SutEvent(said, "error"),)
+        return (SutEvent(outcome, "error"),)
 
     def _goal_name(self) -> str:
         if self._mode == "waypoints":
@@ -138,14 +138,14 @@ class GoalSequence:
 
 
 def _goal_poses(mission: Mission) -> list[tuple[float, float, float]]:
-    """Return (x, y, yaw) of each waypoint; where any heading will do, that of the way there."""
-    before: Waypoint | None = None
-    found = []
+    """Return (x, y, yaw) of each waypoint; without a heading, yaw is that of the way there."""
+    previous: Waypoint | None = None
+    poses = []
     for waypoint in mission.waypoints:
-        x, y = (before.x, before.y) if before else (mission.start.x, mission.start.y)
+        x, y = (previous.x, previous.y) if previous else (mission.start.x, mission.start.y)
         yaw = waypoint.yaw
         if yaw is None:
             yaw = math.atan2(waypoint.y - y, waypoint.x - x)
-        found.append((waypoint.x, waypoint.y, yaw))
-        before = waypoint
-    return found
+        poses.append((waypoint.x, waypoint.y, yaw))
+        previous = waypoint
+    return poses

@@ -1,6 +1,6 @@
-"""Speed that a stack allows, and time-outs of its own that are in the way.
+"""Possible speed of a stack, and its own time-outs that limit it.
 
-Nav2 does some things by the simulated clock and others by the wall clock. Sources:
+Nav2 uses the simulated clock in some places and the wall clock in others. Sources:
 nav2_controller/src/controller_server.cpp and nav2_lifecycle_manager of each distribution.
 """
 
@@ -15,41 +15,37 @@ from daemon.stacks.ros2.inspection import CheckLine, Inspection
 from daemon.stacks.ros2.settings import Ros2Settings
 
 WALL_CLOCK_CONTROLLERS: Final = frozenset({"humble", "iron", "jazzy", "kilted"})
-"""Distributions whose controller_server loops on ``rclcpp::WallRate``, whatever ``/clock`` does;
-from Lyrical on it is the node's clock."""
+"""Distributions whose controller_server loops on ``rclcpp::WallRate``, not by ``/clock``."""
 _SIMULATED_CLOCK_CONTROLLERS: Final = frozenset({"lyrical", "rolling"})
-"""Those whose controller_server loops on the node's clock; Rolling since April 2026."""
+"""Distributions whose controller_server loops on the node's clock; Rolling since April 2026."""
 _SHORTEST_ACKNOWLEDGEMENT: Final = 500.0
-"""[ms] With 20 ms, the default of bringup, two of three goals failed beside another job on the
-machine (Jazzy); with 1000 ms none did."""
+"""Shortest sound time-out [ms]. With 20 ms, the default of bringup, two of three goals failed
+beside another job on the machine (Jazzy); with 1000 ms all succeeded."""
 _EQUAL: Final = 0.01
-"""Rates that differ by less than this share are meant to be the same."""
+"""Largest relative difference of equal rates."""
 
 
 def about_speed(inspection: Inspection) -> CheckLine:
-    """Say whether runs can be faster than real time, and what would have to change."""
+    """Return whether runs can be faster than real time, with a remedy."""
     name = inspection.identity.distribution
     if name in WALL_CLOCK_CONTROLLERS:
         return CheckLine(
             "speed",
             "note",
             f"at most real time: the controller of Nav2 runs on the wall clock in {name.title()}, "
-            "whatever /clock does",
-            "ROS 2 Lyrical or later is as fast as the stack can; here a controller_frequency that "
-            "is raised by a factor allows that factor, then look at velocity smoother and "
-            "progress checker too",
+            "independent of /clock",
+            "ROS 2 Lyrical or later is as fast as the stack; here a controller_frequency raised by "
+            "a factor allows that factor, then adapt velocity smoother and progress checker too",
         )
     if name in _SIMULATED_CLOCK_CONTROLLERS:
         text = f"as fast as the stack answers: in {name.title()} Nav2's controller follows /clock"
-        hint = "" if name == "lyrical" else "in a Rolling of before April 2026 it does not"
+        hint = "" if name == "lyrical" else "before April 2026 that of Rolling does not"
         return CheckLine("speed", "ok", text, hint)
-    which = (
-        f'the distribution "{name}" is not known here' if name else "its distribution is unknown"
-    )
+    which = f'the distribution "{name}" is unknown here' if name else "its distribution is unknown"
     return CheckLine(
         "speed",
         "note",
-        f"{which}: whether it can be faster than real time cannot be said",
+        f"{which}, so its possible speed is unknown, too",
         "up to ROS 2 Kilted the controller of Nav2 runs on the wall clock, from Lyrical on it "
         "follows /clock",
     )
@@ -69,12 +65,12 @@ def about_parameters(
             yield CheckLine(
                 f"{node} default_server_timeout",
                 "warning",
-                f"{acknowledgement:g} ms of wall clock for a server to acknowledge: on a machine "
-                "with other work goals are aborted by that and not by the robot",
+                f"{acknowledgement:g} ms of wall clock for a server to acknowledge: a busy machine "
+                "aborts goals by that, without any fault of the robot",
                 "set it to 1000 or more",
             )
-        asked = any(report.replace(" ", "_") in node for report in settings.record)
-        if asked and values.get("always_send_full_costmap") is False:
+        is_recorded = any(report.replace(" ", "_") in node for report in settings.record)
+        if is_recorded and values.get("always_send_full_costmap") is False:
             yield CheckLine(
                 f"{node} always_send_full_costmap",
                 "warning",
@@ -86,8 +82,8 @@ def about_parameters(
             yield CheckLine(
                 f"{node} bond_timeout",
                 "note",
-                f"nodes that are silent for {bond:g} s of wall clock are taken for dead",
-                "set it to 0.0 where a cycle may take long",
+                f"nodes that are silent for {bond:g} s of wall clock count as dead",
+                "set it to 0.0 if a cycle may take long",
             )
 
 
@@ -104,25 +100,25 @@ def _simulated_time(
         yield CheckLine(
             "use_sim_time",
             "missing",
-            f"false in {named}: what they compute is of another time than what they are sent",
+            f"false in {named}: their results are of another time than their inputs",
             "start them with use_sim_time: true",
         )
     elif any(values.get("use_sim_time") is True for values in parameters.values()):
-        yield CheckLine("use_sim_time", "ok", "true in every node of the run that says")
+        yield CheckLine("use_sim_time", "ok", "true in every node of the run that has it")
 
 
 def _controller(period: float, node: str, frequency: float, distribution: str) -> CheckLine:
-    """Compare how often a controller answers with how often it is asked."""
+    """Compare the rate of a controller with that of the cycles."""
     subject, ratio = f"{node} controller_frequency", frequency * period
     each = f"{frequency:g} Hz, a command every {1.0 / frequency:g} s"
     if abs(ratio - 1.0) <= _EQUAL:
-        return CheckLine(subject, "ok", f"{each}, as the period of the cycles says")
+        return CheckLine(subject, "ok", f"{each}, equal to the period of the cycles")
     if ratio < 1.0:
         answered = max(1, math.ceil(TICK_RATE / frequency - 1e-6)) / TICK_RATE
         return CheckLine(
             subject,
             "warning",
-            f"{each}, but cycles are {period:g} s: there is no answer to most of them"
+            f"{each}, but cycles are {period:g} s: most have no answer"
             if ratio <= 0.5
             else f"{each}, but cycles are {period:g} s: some have no answer",
             f"write period: {answered:g} s, or raise controller_frequency to {1 / period:g}",

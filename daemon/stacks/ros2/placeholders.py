@@ -1,7 +1,7 @@
-"""Placeholders in what starts a stack: ``{map}``, ``{start.x}``, the names of files.
+"""Placeholders in the start command of a stack: ``{map}``, ``{start.x}``, the names of files.
 
-A value is one word to the shell, whatever it contains; braces that are meant as they are, those
-of the shell among them, are doubled.
+A value is one word to the shell, whatever it contains. Literal braces, also those of the shell,
+are doubled.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ STANDARD: Final = (
     "robot.name",
     "seed",
 )
-"""Placeholders that every run has; ``map`` only where it is written to a file."""
-DOUBLED: Final = "write {{ and }} for braces that are meant as they are"
+"""Placeholders of every run; ``map`` only if the map is a file."""
+DOUBLED: Final = "write {{ and }} for literal braces"
 _PART: Final = re.compile(
     r"\{\{|\}\}|\{(?P<name>[A-Za-z0-9][A-Za-z0-9_.-]*)\}|[{}]|[^{}]+", re.DOTALL
 )
 
 
 class PlaceholderError(ValueError):
-    """A text cannot be filled: ``message`` says why, ``hint`` what to write.
+    """Failure to fill a text: ``message`` is the reason, ``hint`` the remedy.
 
-    ``name`` is the placeholder without a value, empty where braces are no placeholder.
+    ``name`` is the placeholder without a value, empty for braces that are no placeholder.
     """
 
     def __init__(self, message: str, hint: str, name: str = "") -> None:
@@ -46,7 +46,8 @@ class PlaceholderError(ValueError):
 def fill(text: str, values: Mapping[str, str], *, quoted: bool = True) -> str:
     """Return ``text`` with placeholders replaced, each value as one word of a shell.
 
-    Without ``quoted`` as it is, for what no shell reads. Raises :class:`PlaceholderError`.
+    Without ``quoted`` values are unchanged, for texts that no shell reads. Raises
+    :class:`PlaceholderError`.
     """
     parts = []
     for plain, name in _parts(text):
@@ -65,7 +66,7 @@ def placeholders_in(text: str) -> tuple[str, ...]:
 
 
 def check_placeholders(text: str, names: Iterable[str]) -> Iterator[PlaceholderError]:
-    """Yield a problem for each reason why a text cannot be filled with values of ``names``."""
+    """Yield the problems of a text that has values for ``names`` only."""
     offered = frozenset(names)
     try:
         placeholders = placeholders_in(text)
@@ -80,8 +81,8 @@ def run_values(
 ) -> dict[str, str]:
     """Return the values of a run that do not depend on the folder and domain of its stack.
 
-    ``map`` (a path) and ``domain`` come with these. The ``namespace`` has no slash before it, as
-    launch files want it.
+    ``map`` (a path) and ``domain`` come later. The ``namespace`` has no leading slash, as launch
+    files expect.
     """
     x, y, yaw = (repr(float(value)) for value in (start.x, start.y, start.yaw))
     return {
@@ -104,7 +105,7 @@ def _parts(text: str) -> Iterator[tuple[str, str]]:
         elif token in ("{{", "}}"):
             yield token[0], ""
         elif token in ("{", "}"):
-            raise PlaceholderError(f'"{token}" begins or ends no placeholder', DOUBLED)
+            raise PlaceholderError(f'"{token}" does not belong to a placeholder', DOUBLED)
         else:
             yield token, ""
 

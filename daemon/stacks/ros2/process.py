@@ -1,7 +1,7 @@
-"""A running stack as its run sees it: started, watched, read, and ended.
+"""Process of a stack for its run: start, watch, read output, and end.
 
-The work is done by a supervisor, a process of its own (:mod:`daemon.supervision`),
-which ends the stack also when the run's process cannot ask for it any more.
+A separate supervisor process does the work (:mod:`daemon.supervision`). It also ends the stack if
+the run's process dies.
 """
 
 from __future__ import annotations
@@ -56,30 +56,29 @@ from grammars.text.terminal_text import printable, without_escapes
 
 SOCKET_VARIABLE: Final = "SCENARIO_SOCKET"
 NONCE_VARIABLE: Final = "SCENARIO_NONCE"
-"""The socket the relay connects to, and its password there."""
+"""Variables for the relay: the socket to connect to, and its password."""
 _GRACE: Final = 5.0
 _ENGINE_FAILED: Final = 125
-"""Exit code of podman and docker when they failed themselves (podman-run(1))."""
+"""Exit code of podman and docker for their own failures (podman-run(1))."""
 _ENGINE_LIMIT: Final = 40.0
-"""Seconds that the engine of a container is given to end and to remove it."""
-
+"""Time for the engine of a container to end and to remove it [s]."""
 
 _ERRORS: Final = "supervisor.txt"
 """Error output of a supervisor that fails."""
 _ANSWER_LIMIT: Final = 60.0
-"""Seconds within which a supervisor answers, in addition to what it waits for itself: it may have
-to share a processor with many runs."""
+"""Time limit for a supervisor's answer [s], in addition to its own waits; it may share a processor
+with many runs."""
 _ROOM: Final = Path(inspect.getfile(StackPlan)).parent
 
 
 class StackProcess:
-    """The stack of one run, and the relay beside it.
+    """Stack of one run, and its relay.
 
-    ``values`` are those of placeholders; ``domain`` is added to them. ``relay`` is the file that is
-    run by the stack's Python. ``grace`` [s] is waited after SIGINT and again after SIGTERM.
+    ``values`` are those of placeholders, except ``domain``. The stack's Python runs the file
+    ``relay``. The end waits ``grace`` [s] after SIGINT and again after SIGTERM.
 
-    The folder is there from the beginning, the rest after :meth:`start`. Whoever makes one has to
-    release it. Raises ``SutFailure`` when there is no place for the folder.
+    The folder exists from the beginning, the rest after :meth:`start`. The caller must call
+    :meth:`release`. Raises ``SutFailure`` if the folder cannot be made.
     """
 
     def __init__(
@@ -97,7 +96,7 @@ class StackProcess:
         self._outputs: dict[str, bytes] | None = None
         self._ended = ""
         self._nodes: dict[int, str] = {}
-        """Names of the processes that have nodes, by the descriptors that tell their end."""
+        """Names of the processes with nodes, by pidfd."""
         self.domain = -1
         root = runtime_folder()
         try:
@@ -109,7 +108,7 @@ class StackProcess:
 
     @property
     def socket(self) -> Path:
-        """The socket that the relay connects to; the caller listens there."""
+        """Socket for the relay; the caller listens there."""
         return self.folder / "relay.sock"
 
     # Starting
@@ -117,9 +116,8 @@ class StackProcess:
     def start(self) -> None:
         """Start the stack.
 
-        Raises :class:`~daemon.stacks.ros2.isolation.DomainTaken` when another run has the ROS
-        domain that was asked for, after which it may be called again; ``SutFailure`` when there is
-        something that keeps the command from being started at all.
+        Raises :class:`~daemon.stacks.ros2.isolation.DomainTaken` if another run has the requested
+        ROS domain; a later call may succeed. Raises ``SutFailure`` if the command cannot start.
         """
         domain = self._settings.environment.domain
         try:
@@ -138,7 +136,7 @@ class StackProcess:
             raise SutFailure(answer["failed"])
 
     def _plan(self) -> StackPlan:
-        """Write what the supervisor needs into the folder; return what it is to do."""
+        """Write the supervisor's files into the folder; return its plan."""
         folder, token = self.folder, self.folder.name
         values = {**self._values, "domain": str(self.domain)}
         settings = fill_settings(self._settings, values)
@@ -161,7 +159,7 @@ class StackProcess:
         engine = name = ""
         if container is None:
             dump = shlex.quote(str(folder / ENVIRONMENT))
-            # No arguments: a setup file would take them for its own.
+            # No arguments, because a setup file would read them as its own.
             words = f". {shlex.quote(str(script))} && command cat /proc/self/environ > {dump}"
             prepare = [shell, "-c", words]
             stack = [shell, "-c", settings.launch]
@@ -194,7 +192,7 @@ class StackProcess:
         )
 
     def _place_relay(self) -> Path:
-        """Copy the relay to where nothing else lies that its Python could import by mistake."""
+        """Copy the relay into a folder without other modules that its Python could import."""
         place = self.folder / "relay"
         place.mkdir(exist_ok=True)
         return Path(shutil.copyfile(self._relay, place / self._relay.name))
@@ -202,7 +200,7 @@ class StackProcess:
     # Watching
 
     def ended(self) -> str:
-        """Return how stack or relay ended, empty while both live."""
+        """Return a description of the end of stack or relay, empty while both live."""
         if self._supervisor is None or self._outputs is not None:
             return self._ended
         self._supervisor.listen()
@@ -213,12 +211,12 @@ class StackProcess:
                 return f"the launch command {_end_in_words(event['code'])}"
             if event.get("ended") == "relay":
                 return f"the relay {_end_in_words(event['code'])}{self._quote(RELAY_OUTPUT)}"
-        if self._supervisor.lost:
+        if self._supervisor.is_lost:
             return f"the supervisor of the stack was ended{self._quote(_ERRORS)}"
         return ""
 
     def watch_nodes(self, nodes: Sequence[str]) -> None:
-        """Watch the processes of nodes, absolute names, that are named in their command lines."""
+        """Watch the processes whose command lines name ``nodes`` (absolute names)."""
         names: dict[int, str] = {}
         for process in marked_processes(self.folder.name):
             with suppress(OSError):
@@ -226,13 +224,13 @@ class StackProcess:
                 name = Path(words[0]).name
                 if nodes and ProcessDeath(name, 0, " ".join(words)).is_of(nodes):
                     names[process] = name
-        # Shells and ``ros2 run`` have the words of the process that they wait for.
+        # Shells and ``ros2 run`` repeat the command line of the process that they wait for.
         for process in names.keys() - set(map(parent_of, names)):
             with suppress(OSError):
                 self._nodes[os.pidfd_open(process)] = names[process]
 
     def dead_process(self) -> str:
-        """Return the name of a process with nodes that has ended, empty while all live."""
+        """Return the name of an ended process with nodes, empty while all live."""
         poller = select.poll()
         for descriptor in self._nodes:
             poller.register(descriptor, select.POLLIN)
@@ -251,11 +249,11 @@ class StackProcess:
         return [one["alarm"] for one in self._supervisor.events if "alarm" in one]
 
     def lines(self) -> list[str]:
-        """Return the lines the stack printed, without escapes for terminals."""
+        """Return the output lines of the stack without terminal escapes."""
         return _lines(self._read(STACK_OUTPUT))
 
     def outputs(self) -> Mapping[str, bytes]:
-        """Return what stack and relay printed in this run, by name, at most a MiB each."""
+        """Return the output of stack and relay by name, at most a MiB each."""
         if self._outputs is not None:
             return self._outputs
         outputs = {"stack.txt": self._read(STACK_OUTPUT), "relay.txt": self._read(RELAY_OUTPUT)}
@@ -272,9 +270,9 @@ class StackProcess:
     # The end
 
     def release(self) -> None:
-        """End the stack, all of it; may be called again.
+        """End the whole stack; further calls do nothing.
 
-        After this, :meth:`outputs` returns what was printed until now.
+        :meth:`outputs` then returns the final output.
         """
         if self._outputs is not None:
             return
@@ -292,26 +290,26 @@ class StackProcess:
         for descriptor in self._nodes:
             os.close(descriptor)
         self._nodes.clear()
-        # Others take the stack for alive as long as anybody has one of these open.
+        # The stack counts as alive as long as a process has one of these open.
         for lock in (self._lock, self._domain_lock):
             if lock is not None:
                 lock.close()
 
 
 class _Supervisor:
-    """The supervisor of one stack as a process, and the wire to it.
+    """Supervisor process of one stack, and the wire to it.
 
-    It starts what ``plan`` says, has locks in the descriptors ``inherited``, and ends its stack
-    when this end of the wire is closed. ``events`` are those it has reported, oldest first;
-    ``lost`` says that no more will come. Raises ``OSError`` when it cannot be started.
+    It executes ``plan``, holds locks in the descriptors ``inherited``, and ends its stack when
+    this end of the wire closes. ``events`` are its reports, oldest first; after ``is_lost`` no more
+    will come. Raises ``OSError`` if it cannot start.
     """
 
     def __init__(self, plan: StackPlan, inherited: tuple[int, ...]) -> None:
         self.events: list[dict[str, Any]] = []
-        self.lost = False
+        self.is_lost = False
         self._received = b""
         self._wire, theirs = socket.socketpair()
-        # Isolated, because variables for Python are the stack's.
+        # Isolated, because Python's variables in the environment are for the stack.
         words = [sys.executable, "-I", "-S", "-c", PROGRAM, str(_ROOM.parent)]
         try:
             with theirs, Path(plan.folder, _ERRORS).open("wb") as errors:
@@ -331,42 +329,42 @@ class _Supervisor:
         self._send(asdict(plan))
 
     def ask_to_end(self) -> None:
-        """Ask for the end of the stack; the event ``gone`` says that nothing of it is left."""
+        """Request the end of the stack; the event ``gone`` confirms that it is complete."""
         self._send({"end": True})
 
     def _send(self, request: dict[str, Any]) -> None:
-        # The wait for the answer notices that the supervisor is gone.
+        # The wait for the answer notices a dead supervisor.
         with suppress(OSError):
             self._wire.sendall(json.dumps(request).encode() + b"\n")
 
     def wait_for(self, *names: str, limit: float) -> dict[str, Any] | None:
-        """Return the first event of one of these names, ``None`` when none comes in ``limit`` s."""
+        """Return the first event of one of these names, ``None`` after ``limit`` s without one."""
         deadline = time.monotonic() + limit
         while True:
             for event in self.events:
                 if any(name in event for name in names):
                     return event
             rest = deadline - time.monotonic()
-            if self.lost or rest <= 0:
+            if self.is_lost or rest <= 0:
                 return None
             self.listen(rest)
 
     def listen(self, limit: float = 0.0) -> None:
-        """Take in what has happened; wait up to ``limit`` seconds for something."""
-        while not self.lost and select.select([self._wire], [], [], limit)[0]:
+        """Read new events; wait up to ``limit`` [s] for the first."""
+        while not self.is_lost and select.select([self._wire], [], [], limit)[0]:
             limit = 0.0
             try:
                 data = self._wire.recv(4096)
             except ConnectionError:
                 data = b""
-            self.lost = not data
+            self.is_lost = not data
             *lines, self._received = (self._received + data).split(b"\n")
             self.events += map(json.loads, lines)
 
     def close(self, *, limit: float) -> bool:
-        """Hang up and wait until the supervisor is gone: within ``limit`` seconds, or by SIGKILL.
+        """Close the wire and wait up to ``limit`` [s] for the supervisor's end, then kill it.
 
-        Return whether it went by itself.
+        Return whether it ended by itself.
         """
         self._wire.close()
         try:
@@ -381,8 +379,8 @@ def _end_in_words(code: int) -> str:
     names = {int(number): number.name for number in signal.Signals}
     if code < 0:
         return f"was killed by {names.get(-code, f'signal {-code}')}"
-    # A shell's codes for what it has started (bash(1), EXIT STATUS).
-    special = {126: "what it names cannot be executed", 127: "command not found"}
+    # Exit codes of a shell for its commands (bash(1), EXIT STATUS).
+    special = {126: "the command cannot be executed", 127: "command not found"}
     special |= {128 + number: f"{name} in a process it started" for number, name in names.items()}
     why = f" ({special[code]})" if code in special else ""
     return f"ended with exit code {code}{why}"

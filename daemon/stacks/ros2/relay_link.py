@@ -1,8 +1,8 @@
-"""The simulation's end of the relay: requests out, answers in.
+"""Simulation's end of the relay: requests out, answers in.
 
 The relay (:mod:`daemon.stacks.ros2.relay`) runs in the user's ROS 2. Frames are those of
-:mod:`multiprocessing.connection`, but nothing is ever unpickled: their content is JSON and CDR,
-which is read into the types of :mod:`daemon.stacks.ros2.link` or ends the connection.
+:mod:`multiprocessing.connection`, but without pickles: their content is JSON and CDR. An answer
+that does not fit the types of :mod:`daemon.stacks.ros2.link` ends the connection.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ from daemon.stacks.ros2.link import (
 from grammars.text.documents import plain_message
 
 _SILENCE: Final = 30.0
-"""Seconds of wall clock after which a relay that says or reads nothing hangs."""
+"""Wall clock after which a relay that writes and reads nothing hangs [s]."""
 _LOOK_PERIOD: Final = 0.1
 _REMEDY: Final = "take the relay of this installation (scenario sut relay prints it)"
 _UNCLEAR: Final = "an answer of the relay cannot be understood"
 _LARGEST: Final = 256 << 20
-"""Bytes of the largest answer that is read."""
+"""Largest answer [bytes]."""
 _LONGEST_REASON: Final = 4096
-"""Characters of what the relay says that are kept."""
+"""Longest reason of a refusal [characters]."""
 _CYCLE: Final = TypeAdapter(CycleAnswer)
 _READINESS: Final = TypeAdapter(Readiness)
 _GRAPH: Final = TypeAdapter(Graph)
@@ -72,14 +72,14 @@ class RelayLink:
         self.address = address
         """The value of ``SCENARIO_SOCKET``: a path, or ``tcp://127.0.0.1:PORT``."""
         self.is_interrupted: Callable[[], bool] = lambda: False
-        """Return whether to stop waiting; a wait asks ten times a second."""
+        """Tell whether to stop waiting; a wait calls this ten times a second."""
 
     @classmethod
     def listen(cls, path: Path | str, nonce: str) -> RelayLink:
         """Listen at a path, for this user only, or at ``tcp://127.0.0.1:0``.
 
         Raises:
-            LinkLost: nothing can listen there; the message says why.
+            LinkLost: listening there is impossible; the message is the reason.
         """
         address = str(path)
         tcp = address.startswith("tcp://")
@@ -97,14 +97,14 @@ class RelayLink:
             listener.listen(1)
         except (OSError, ValueError, OverflowError) as error:
             listener.close()
-            raise LinkLost(f"the relay cannot be listened for at {address}: {error}") from None
+            raise LinkLost(f"cannot listen for the relay at {address}: {error}") from None
         return cls(listener, address, nonce)
 
     def accept(self, timeout: float = 0.1) -> bool:
-        """Wait ``timeout`` [s] at most for the relay; return whether it is there.
+        """Wait at most ``timeout`` [s] for the relay; return whether it is connected.
 
         Raises:
-            LinkLost: it ended, cannot do its work, or something else than a relay came.
+            LinkLost: it ended or cannot work, or another program connected.
         """
         if self._identity is not None:
             return True
@@ -118,28 +118,28 @@ class RelayLink:
         except TimeoutError:
             return False
         except (EOFError, ConnectionError):
-            raise self._lost("the relay has ended before it said anything") from None
+            raise self._lost("the relay has ended before its first message") from None
         except (OSError, ValueError, RecursionError) as error:
             raise self._lost(
-                f"something that is not the relay of this version connected ({error}): {_REMEDY}"
+                f"another program than the relay of this version connected ({error}): {_REMEDY}"
             ) from None
         self._welcome(hello)
         return True
 
     @property
     def identity(self) -> StackIdentity:
-        """The ROS 2 of the stack; raises LinkLost before the relay has connected."""
+        """ROS 2 of the stack; raises LinkLost before the relay has connected."""
         if self._identity is None:
             raise LinkLost("the relay has not connected yet")
         return self._identity
 
     def set_up(self, setup: LinkSetup) -> None:
-        """Make publishers, subscriptions and clients; once, before the first cycle."""
+        """Make publishers, subscriptions and clients, once before the first cycle."""
         request = asdict(setup) | {"action_kind": ACTION_KINDS[setup.action_kind]}
         self._ask(request, _nothing)
 
     def cycle(self, cycle: Cycle) -> CycleAnswer:
-        """Publish, move the clock on, wait for the answer."""
+        """Publish, advance the clock, and wait for the answer."""
         request = {
             "do": "cycle",
             "time": cycle.time,
@@ -152,7 +152,7 @@ class RelayLink:
         return self._ask(request, _read_cycle, blob, cycle.wait + _SILENCE)
 
     def readiness(self) -> Readiness:
-        """Return how far the stack has come up; asks nodes in the background, never waits."""
+        """Return the state of the stack's nodes; queries them in the background, never waits."""
         return self._ask({"do": "readiness"}, lambda head, _: _READINESS.validate_python(head))
 
     def send_goal(
@@ -163,16 +163,16 @@ class RelayLink:
         self._ask(request, _nothing)
 
     def graph(self) -> Graph:
-        """Return everything in sight."""
+        """Return the graph."""
         return self._ask({"do": "graph"}, lambda head, _: _GRAPH.validate_python(head))
 
     def parameters(self, node: str, names: tuple[str, ...]) -> dict[str, _Parameter]:
-        """Return the parameters that are there, arrays left out; takes two seconds at most."""
+        """Return the existing parameters except arrays; takes two seconds at most."""
         request = {"do": "parameters", "node": node, "names": names}
         return self._ask(request, lambda head, _: _PARAMETERS.validate_python(head))
 
     def close(self) -> None:
-        """Let go; never raises."""
+        """Close the connection; never raises."""
         for one in (self._peer, self._listener):
             if one is not None:
                 with contextlib.suppress(OSError):
@@ -185,11 +185,11 @@ class RelayLink:
     def _welcome(self, hello: dict[str, Any]) -> None:
         if hello.get("nonce") != self._nonce:
             raise self._lost(
-                "something that does not belong to this run connected in place of the relay"
+                "a program that does not belong to this run connected in place of the relay"
             )
         if hello.get("version") != relay.VERSION:
             raise self._lost(
-                f"the relay speaks version {hello.get('version')} of its protocol and this is"
+                f"the relay has version {hello.get('version')} of its protocol, not"
                 f" version {relay.VERSION}: {_REMEDY}"
             )
         if "problem" in hello:
@@ -203,7 +203,7 @@ class RelayLink:
         blob: bytes = b"",
         patience: float = _SILENCE,
     ) -> _Answer:
-        """Send a request, wait ``patience`` [s] at most, return the answer as ``read`` reads it."""
+        """Send a request, wait at most ``patience`` [s], and return the answer through ``read``."""
         if self._peer is None or self._identity is None:
             raise LinkLost("the connection to the stack is closed")
         try:
@@ -233,13 +233,13 @@ class RelayLink:
         raise LinkRefused(str(head["refused"])[:_LONGEST_REASON])
 
     def _lost(self, text: str) -> LinkLost:
-        """Close the connection; its state is unknown after the first fault."""
+        """Close the connection, whose state is unknown after a fault, and return the error."""
         self.close()
         return LinkLost(text[:_LONGEST_REASON])
 
 
 def _connection(peer: socket.socket) -> Connection:
-    """Wrap a socket; a frame that stops halfway is a BlockingIOError after the silence."""
+    """Wrap a socket; a frame that stops halfway raises BlockingIOError after ``_SILENCE``."""
     patience = struct.pack("ll", int(_SILENCE), int(_SILENCE % 1.0 * 1e6))
     for direction in (socket.SO_RCVTIMEO, socket.SO_SNDTIMEO):
         peer.setsockopt(socket.SOL_SOCKET, direction, patience)
@@ -249,11 +249,11 @@ def _connection(peer: socket.socket) -> Connection:
 
 
 def _nothing(_head: Any, _data: bytes) -> None:
-    """Read the answer to a request that has none."""
+    """Ignore an empty answer."""
 
 
 def _read_cycle(head: Any, data: bytes) -> CycleAnswer:
-    """Cut the messages of a cycle out of ``data``; raises ValueError if they do not fit."""
+    """Split ``data`` into the messages of a cycle; raises ValueError if they do not fit."""
     messages: list[dict[str, Any]] = []
     begin = 0
     for topic, kind, size in head["messages"]:

@@ -1,4 +1,4 @@
-"""Reports of Nav2 that a run records when asked: their topics and their reading."""
+"""Reports of Nav2 that a run records on request: their topics and their decoding."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from daemon.stacks.ros2.keys import Ros2Frames, Ros2Keys
 from daemon.stacks.ros2.link import ReceivedMessage, TopicSetup
 
 _TREE_DEPTH: Final = 100
-"""Logs that may wait for a cycle: a tree ticks up to a hundred times a second."""
+"""Number of logs that may wait for a cycle; a tree ticks up to a hundred times a second."""
 
 
 def report_topics(settings: Ros2Keys) -> dict[str, ReportName]:
-    """Return the reports to be recorded by their topics."""
+    """Return the reports to record, by topic."""
     topics = settings.topics
     names: dict[ReportName, str] = {
         "behavior tree": topics.behavior_tree,
@@ -42,7 +42,7 @@ def report_subscriptions(settings: Ros2Keys) -> Iterator[TopicSetup]:
         if report == "behavior tree":
             yield TopicSetup(topic, kind, depth=_TREE_DEPTH, keep="all")
         else:
-            # Costmaps are latched: one that does not change is sent once, perhaps before the run.
+            # Costmaps are latched, because an unchanged one is sent once, perhaps before the run.
             yield TopicSetup(topic, kind, "latched" if kind == COSTMAP else "reliable", 1)
 
 
@@ -51,8 +51,8 @@ def read_report(
 ) -> StackReport:
     """Read a report that came at ``now`` [s].
 
-    Raises ``ValueError`` for a message that cannot be read, and for a costmap in a frame that is
-    neither that of the map nor that of odometry.
+    Raises ``ValueError`` for a damaged message, and for a costmap in a frame other than those of
+    the map and of odometry.
     """
     names: dict[str, Literal["map", "odom"]] = {frames.map: "map", frames.odom: "odom"}
     try:

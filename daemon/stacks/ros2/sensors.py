@@ -24,8 +24,8 @@ TRANSFORMS: Final = "tf2_msgs/msg/TFMessage"
 GRID: Final = "nav_msgs/msg/OccupancyGrid"
 INITIAL_POSE: Final = "geometry_msgs/msg/PoseWithCovarianceStamped"
 
-# What RViz sends with its "2D Pose Estimate": 0.5 m, 0.5 m and 15 degrees. AMCL spreads its
-# particles by it, so no stack gets a better start than a person would give.
+# Variances of RViz' "2D Pose Estimate": 0.5 m, 0.5 m and 15 degrees. AMCL spreads its particles by
+# them, so a stack gets no better start than from a person.
 _START_VARIANCE: Final = {0: 0.25, 7: 0.25, 35: 0.06853891945200942}
 
 
@@ -63,7 +63,7 @@ def occupancy_grid(grid: OccupancyGrid, time: int, frames: Ros2Frames) -> bytes:
 
 
 def initial_pose(pose: Pose2, time: int, frames: Ros2Frames) -> bytes:
-    """Return where the robot stands, as a person would tell it in RViz, at ``time`` [ns]."""
+    """Return the pose of the robot at ``time`` [ns], with the uncertainty of RViz."""
     message = ros.uncertain_pose(ros.time(time), frames.map, _pose(pose), _START_VARIANCE)
     return ros.serialize(message, INITIAL_POSE)
 
@@ -87,7 +87,7 @@ def read_message(data: bytes, kind: str) -> Any:
     try:
         return ros.deserialize(data, kind)
     except Exception as error:
-        # rosbags reads with struct, numpy and code it generates: whatever those raise.
+        # rosbags uses struct, numpy and generated code, which may raise anything.
         raise ValueError(f"a damaged {kind}: {error}") from error
 
 
@@ -98,7 +98,7 @@ def stamp(message: Any) -> int:
 
 
 def plane_pose(position: Any, orientation: Any) -> Pose2:
-    """Return a pose or transform seen from above; roll and pitch are left out."""
+    """Return a pose or transform in the plane, without roll and pitch."""
     x, y, z, w = orientation.x, orientation.y, orientation.z, orientation.w
     yaw = float(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
     return Pose2(float(position.x), float(position.y), yaw)

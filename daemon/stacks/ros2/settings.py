@@ -1,4 +1,4 @@
-"""Settings of a ROS 2 stack: reading, placeholders, defaults that apply, warnings.
+"""Settings of a ROS 2 stack: reading, placeholders, defaults in use, warnings.
 
 Times are seconds, shares fractions, names of topics, actions and nodes absolute.
 """
@@ -27,13 +27,13 @@ from grammars.text.quantity import QuantityField
 
 _FILE_NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,59}$"
 _SHORTEST_START: Final = 15.0
-"""[s] The eight lifecycle nodes of Nav2 (Jazzy) were active 12.3 s after "ros2 launch" on an idle
-machine."""
+"""Shortest start-up without a warning [s]. The eight lifecycle nodes of Nav2 (Jazzy) were active
+12.3 s after "ros2 launch" on an idle machine."""
 _ROUNDING: Final = 1e-6
 
 
 class Ros2Settings(Ros2Keys):
-    """Everything about a stack that its user sets: the keys, and the files that travel, by name."""
+    """User's settings of a stack: the keys, and the attached files by name."""
 
     files: dict[Annotated[str, Field(pattern=_FILE_NAME)], str] = Field(default_factory=dict)
 
@@ -41,7 +41,7 @@ class Ros2Settings(Ros2Keys):
 def read_settings(parameters: Mapping[str, Any]) -> Ros2Settings:
     """Return the settings in a tree of parameters: keys as written, and ``repeatable: false``.
 
-    Raises :class:`~daemon.stacks.findings.ParameterError` with everything that is wrong.
+    Raises :class:`~daemon.stacks.findings.ParameterError` with all errors.
     """
     keys = {name: value for name, value in parameters.items() if name != "repeatable"}
     problems = []
@@ -59,7 +59,7 @@ def read_settings(parameters: Mapping[str, Any]) -> Ros2Settings:
 
 
 def settings_not_written(settings: Ros2Settings) -> dict[str, dict[str, Any]]:
-    """Return the defaults that apply, as they would be written, by section.
+    """Return the defaults in use by section, in the form of a file.
 
     The section of keys at the top of a file is called ``stack``.
     """
@@ -82,13 +82,13 @@ def _not_written(section: BaseModel) -> Iterator[tuple[str, Any]]:
 
 
 def placeholder_names(settings: Ros2Settings) -> tuple[str, ...]:
-    """Return the names that may stand in braces, the files' among them."""
+    """Return the names of placeholders, including files."""
     standard = [name for name in STANDARD if name != MAP or settings.map == "file"]
     return (*standard, *settings.files)
 
 
 def texts_with_placeholders(settings: Ros2Settings) -> Iterator[tuple[ParameterLocation, str]]:
-    """Yield every text that is filled, with its place in the tree."""
+    """Yield every text with placeholders and its place in the tree."""
     if settings.launch:
         yield ("launch",), settings.launch
     for name, value in settings.environment.variables.items():
@@ -100,9 +100,9 @@ def texts_with_placeholders(settings: Ros2Settings) -> Iterator[tuple[ParameterL
 
 
 def fill_settings(settings: Ros2Settings, values: Mapping[str, str]) -> Ros2Settings:
-    """Return the settings with placeholders filled: quoted in ``launch`` alone.
+    """Return the settings with placeholders filled; values are quoted only in ``launch``.
 
-    Raises :class:`~daemon.stacks.ros2.placeholders.PlaceholderError` for a value that is missing.
+    Raises :class:`~daemon.stacks.ros2.placeholders.PlaceholderError` for a missing value.
     """
 
     def plain(text: str) -> str:
@@ -129,17 +129,17 @@ def _in_words(error: Any) -> ParameterFinding:
 
 
 def _start_problems(settings: Ros2Settings) -> Iterator[ParameterFinding]:
-    """Yield what keeps the stack from being started at all."""
+    """Yield problems that prevent the start of the stack."""
     if not settings.launch and settings.container is None:
         message = 'key "launch" is missing: the command that starts the stack'
         yield ParameterFinding(("launch",), message, "or name an image below container")
     if settings.container is not None and not settings.container.image:
-        message = 'key "image" is missing: the image the stack is started in'
+        message = 'key "image" is missing: the image of the stack'
         yield ParameterFinding(("container", "image"), message)
     for name in settings.files:
         if name in STANDARD:
             message = f'{name}: every run has a placeholder "{name}"'
-            yield ParameterFinding((FILES_PARAMETER, name), message, "call the file otherwise")
+            yield ParameterFinding((FILES_PARAMETER, name), message, "give the file another name")
 
 
 def _placeholder_problems(settings: Ros2Settings) -> Iterator[ParameterFinding]:
@@ -148,39 +148,39 @@ def _placeholder_problems(settings: Ros2Settings) -> Iterator[ParameterFinding]:
         for problem in check_placeholders(text, names):
             hint = problem.hint
             if problem.name == MAP and settings.map == "published":
-                hint = "the map is published, not written: leave it out, or write map: file"
+                hint = "the map is a topic, not a file: leave it out, or write map: file"
             yield ParameterFinding(path, problem.message, hint)
 
 
 def warnings_about(settings: Ros2Settings) -> Iterator[ParameterFinding]:
-    """Yield the reasons why a stack that can be started will probably not do its work."""
+    """Yield the reasons why a stack will start but probably not work."""
     used = {name for _, text in texts_with_placeholders(settings) for name in placeholders_in(text)}
     if settings.start_up < _SHORTEST_START:
         message = f"{settings.start_up:g} s: Nav2 needs 12 s on an idle machine"
         yield ParameterFinding(("start-up",), message, "leave it out for 60 s")
     if not settings.ready:
         message = (
-            "ready names no nodes: the mission begins once its action is there and the scan is "
-            "heard, whether or not the stack is active"
+            "ready names no nodes: the mission begins once its action and a subscription to the "
+            "scan exist, even if the stack is not active"
         )
         hint = "name the lifecycle nodes, such as [amcl, controller_server, bt_navigator]"
         yield ParameterFinding(("ready",), message, hint)
     if settings.map == "file" and MAP not in used:
-        message = "nothing here says {map}, so the stack is not given the map of the run"
+        message = "{map} is not used, so the stack does not receive the map of the run"
         hint = 'pass it on, such as map:={map}, or write "map: published"'
         yield ParameterFinding(("launch",), message, hint)
     for name in settings.files:
         if name not in used:
-            message = f"nothing here says {{{name}}}, so the stack is not given this file"
-            yield ParameterFinding((FILES_PARAMETER, name), message, "pass on where it is")
+            message = f"{{{name}}} is not used, so the stack does not receive this file"
+            yield ParameterFinding((FILES_PARAMETER, name), message, "pass its path on")
     if settings.environment.domain != "own":
-        message = "runs that go on at once on one machine share this domain and hear each other"
-        hint = "own gives each run a domain of its own"
+        message = "simultaneous runs on one machine share this domain and disturb each other"
+        hint = "own gives each run its own domain"
         yield ParameterFinding(("environment", "ROS_DOMAIN_ID"), message, hint)
 
 
 def advise_for_robot(settings: Ros2Settings, robot: Robot) -> Iterator[ParameterFinding]:
-    """Yield settings that do not fit the robot: lasers it has not, a period beside its rates."""
+    """Yield settings that do not fit the robot: unknown lasers, a period that misses its rates."""
     yield from _about_lasers(settings, robot)
     sensors = {laser.label: laser.rate for laser in robot.lasers}
     for name, rate in (sensors | {"odometry": robot.odometry.rate}).items():

@@ -1,10 +1,10 @@
-"""A user's own ROS 2 stack as a system under test: brought up, kept in lock step, ended.
+"""User's ROS 2 stack as a system under test: bring-up, lock step, end.
 
-One cycle, every period of simulated time: transforms, odometry and scans that are new go out, the
-clock last, because a timer that fires on the clock must find its data; then the command that
-answers is awaited. ROS time begins near 0 when the stack is started and runs on while it comes up,
-because nothing comes up without a clock, and Nav2's costmaps take one that begins late for a
-time-out; the run's time 0 is the next multiple of five seconds after that.
+Every period of simulated time has one cycle. New transforms, odometry and scans go out, then the
+clock, because a timer that fires on the clock must find its data. Then the cycle waits for the
+answering command. ROS time begins near 0 with the stack and runs during bring-up: no stack comes up
+without a clock, and Nav2's costmaps take a late one for a time-out. The run's time 0 is the next
+multiple of five seconds.
 """
 
 from __future__ import annotations
@@ -32,23 +32,22 @@ from grammars.model.geometry import Twist2
 
 _NANO: Final = 1_000_000_000
 _PATIENCE: Final = {"": 1.0, "not answering": 8.0}
-"""A node of these states may come back within so long [s of wall clock]: discovery forgets nodes
-and finds them again, and on a machine with eight times more work than cores live nodes were silent
-for five seconds. The end of a process is noticed without this."""
+"""Time for a node of these states to come back [s of wall clock]. Discovery may lose and find
+nodes, and with eight times more work than cores live nodes were silent for five seconds. The end of
+a process is noticed independently."""
 _LOST: Final = {"": "left the graph", "not answering": "did not answer any more"}
 _FAILED: Final = ("aborted", "canceled", "rejected", "unanswered")
 _NEWS: Final = 3.0
 _NEWS_OF_LAUNCH: Final = 0.3
-"""The end of a goal may be known so long before the death that caused it [s of wall clock]: until
-nodes are known not to answer, or launch has said what died."""
+"""Longest time from the end of a goal to the news of the death that caused it [s of wall clock]:
+until nodes are known to be silent, or until launch has reported the death."""
 _POLL: Final = 0.05
 _SERVER_GONE: Final = 3.0
-"""The action server may be out of sight for so long [s of wall clock]: discovery forgets and finds
-again."""
+"""Longest absence of the action server [s of wall clock]; discovery may lose and find it."""
 
 
 class Ros2Stack:
-    """Fulfils :class:`daemon.model.sut.ExternalSystem`."""
+    """ROS 2 stack as a :class:`daemon.model.sut.ExternalSystem`."""
 
     needs_ground_truth = False
 
@@ -65,11 +64,11 @@ class Ros2Stack:
         return self._settings.period
 
     def start(self, briefing: Briefing) -> None:
-        """Take the briefing; processes are started by :meth:`bring_up`, which can say so."""
+        """Take the briefing; :meth:`bring_up` starts processes, with messages."""
         self._briefing = briefing
 
     def bring_up(self, first: Observation) -> Iterator[str]:
-        """Start the stack, wait until it is ready; see the module for its clock."""
+        """Start the stack and wait until it is ready; see the module for its clock."""
         assert self._briefing is not None
         attempt = BringUp(self._settings, self._briefing, first)
         try:
@@ -77,17 +76,17 @@ class Ros2Stack:
         except SutFailure as error:
             raise SutFailure(error.reason, printed=error.printed, events=attempt.events) from error
         finally:
-            # A stack that did not come up has to be ended too, and its output kept.
+            # A stack that did not come up must also be ended, and its output kept.
             self._session, self._outputs = attempt.session, attempt.outputs
         self._drive = _StackDrive(attempt.ready_session(), self._briefing, first, attempt.events)
 
     def update(self, observation: Observation) -> Decision:
-        """Do one cycle; raises :class:`SutFailure` when the stack cannot be tested any further."""
+        """Run one cycle; raises :class:`SutFailure` if the test cannot continue."""
         assert self._drive is not None
         return self._drive.update(observation)
 
     def finish(self) -> None:
-        """Raise :class:`SutFailure` when too many answers were late."""
+        """Raise :class:`SutFailure` if too many answers were late."""
         assert self._drive is not None
         self._drive.finish()
 
@@ -97,12 +96,12 @@ class Ros2Stack:
             self._outputs = {**self._outputs, **self._session.close()}
 
     def outputs(self) -> Mapping[str, bytes]:
-        """Return what the stack and the relay printed."""
+        """Return the output of the stack and of the relay."""
         return self._outputs
 
 
 class _StackDrive:
-    """A stack that is ready and its mission, cycle by cycle."""
+    """Cycles of a ready stack and its mission."""
 
     def __init__(
         self, session: StackSession, briefing: Briefing, first: Observation, events: list[SutEvent]
@@ -117,11 +116,11 @@ class _StackDrive:
         self._odometry = first.odometry[-1]
         self._server_missing: float | None = None
         self._missing: dict[str, float] = {}
-        """Nodes that are out of sight or do not answer, since when [s of wall clock]."""
+        """Begin of the absence or silence of nodes [s of wall clock]."""
         self._events = list(events)
 
     def update(self, observation: Observation) -> Decision:
-        """Do one cycle; raises :class:`SutFailure` with what the stack has printed."""
+        """Run one cycle; raises :class:`SutFailure` with the stack's output."""
         session = self._session
         try:
             return self._cycle(observation)
@@ -132,11 +131,11 @@ class _StackDrive:
             raise session.failure(error.reason, self._events) from error
 
     def finish(self) -> None:
-        """Raise :class:`SutFailure` when a node is missing or too many answers were late."""
+        """Raise :class:`SutFailure` if a node is missing or too many answers were late."""
         session = self._session
         try:
             if self._missing and self._mission.progress.state != "succeeded":
-                # A loaded machine answers late, which is no reason to call the run an error.
+                # A loaded machine answers late, which alone is no error of the run.
                 self._await_nodes((session.time - session.zero) / _NANO)
             self._lockstep.check_share()
         except LinkLost as error:
@@ -162,23 +161,23 @@ class _StackDrive:
         )
         wait, tolerance = lockstep.wait(active=active), round(lockstep.tolerance * _NANO)
         answer = session.cycle(Cycle(time, tuple(outgoing), "command", wait, tolerance))
-        # First of all: what a stack says last explains why it ended.
-        heard = session.telemetry.read(
+        # First, because the last messages of a stack explain its end.
+        news = session.telemetry.read(
             answer.messages, observation.time, self._odometry, answer.dropped
         )
-        self._events += heard.events
-        heard.reports[:0] = session.reports.values()
+        self._events += news.events
+        news.reports[:0] = session.reports.values()
         session.reports.clear()
-        # After the wait, in which a crash shows: it says more than what is missing because of it.
+        # After the wait, which reveals a crash; it explains more than its consequences.
         self._check_stack(answer.inactive, observation.time)
         command, behind = _newest_command(answer, self._settings.topics.command, time)
-        for line in heard.log:
+        for line in news.log:
             mission.hear_log(line)
         for update in answer.goals:
             if update.state in _FAILED:
                 self._await_news(observation.time)
             self._events += mission.take(update)
-        # A goal that ended in this cycle is owed no command any more.
+        # A goal that ended in this cycle needs no command any more.
         latency, events = lockstep.take(
             HeardAnswer(answer.latency, behind, answer.commands, answer.heard),
             active=active and mission.active,
@@ -186,36 +185,36 @@ class _StackDrive:
         self._events += events
         self._watch_server(answer)
         events, self._events = self._events, []
-        return heard.decision(mission.progress, command, latency=latency, events=events)
+        return news.decision(mission.progress, command, latency=latency, events=events)
 
     def _ros_time(self, time: float) -> int:
         """Return ROS time [ns] of simulated time [s]."""
         return self._session.zero + round(time * _NANO)
 
     def _check_stack(self, inactive: Mapping[str, str], time: float) -> None:
-        """Raise :class:`SutFailure` for what has died or is no longer active."""
+        """Raise :class:`SutFailure` for a dead process or an inactive node."""
         session, now = self._session, wall_clock.monotonic()
         self._events += session.watch()
         if session.fault:
             raise SutFailure(f"{session.fault} at {time:.1f} s")
         self._missing = {node: self._missing.get(node, now) for node in inactive}
-        # The states that say least come first: others may be their consequence.
+        # Absent and silent nodes come first: other states may be their consequence.
         for node, state in sorted(inactive.items(), key=lambda item: item[1] not in _LOST):
             if now - self._missing[node] >= _PATIENCE.get(state, 0.0):
                 what = _LOST.get(state, f"became {state}")
                 raise SutFailure(f"{node.lstrip('/')} {what} at {time:.1f} s")
 
     def _await_news(self, time: float) -> None:
-        """Raise :class:`SutFailure` when a node has died: that is why a goal failed just now."""
+        """Raise :class:`SutFailure` if a node has died, which explains a failed goal."""
         link, ready = self._session.link, self._settings.ready
-        # Nodes that answer are proof that none has died; every node has this parameter.
-        proven = all(link.parameters(node, ("use_sim_time",)) for node in ready)
-        self._await_nodes(time, _NEWS_OF_LAUNCH if proven else _NEWS)
+        # A node that answers is alive; every node has this parameter.
+        all_answer = all(link.parameters(node, ("use_sim_time",)) for node in ready)
+        self._await_nodes(time, _NEWS_OF_LAUNCH if all_answer else _NEWS)
 
     def _await_nodes(self, time: float, least: float = 0.0) -> None:
-        """Wait until every node is active, and ``least`` [s of wall clock].
+        """Wait until every node is active, at least ``least`` [s of wall clock].
 
-        Raises :class:`SutFailure` when one does not become active again.
+        Raises :class:`SutFailure` if one does not become active again.
         """
         until = wall_clock.monotonic() + least
         while True:
@@ -239,7 +238,7 @@ class _StackDrive:
 def _newest_command(
     answer: CycleAnswer, topic: str, time: int
 ) -> tuple[Twist2 | None, float | None]:
-    """Return the last command of a cycle, and how far its stamp lies before the clock [s]."""
+    """Return the last command of a cycle, and the lag of its stamp [s]."""
     for message in reversed(answer.messages):
         if message.topic == topic:
             try:

@@ -1,6 +1,6 @@
-"""Messages of a stack except commands, for the trace: pose, plan, particles, its log.
+"""Messages of a stack except commands, for the trace: pose, plan, particles, log.
 
-Everything here is looked at or recorded; a message that cannot be read is told once and left out.
+A damaged message causes one warning and is ignored.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ PARTICLES: Final = "nav2_msgs/msg/ParticleCloud"
 
 _LOG_LEVELS: Final = {10: "debug", 20: "info", 30: "warn", 40: "error", 50: "fatal"}
 _MOST_LOG_LINES: Final = 5000
-"""Lines of the stack's log that a trace takes: everything it prints is kept beside it anyway."""
+"""Most lines of the stack's log in a trace; its whole output is kept beside the trace."""
 _PLANE: Final = (0, 1, 5)
 """Rows of x, y and yaw in a (6, 6) covariance."""
 _PARTICLE: Final = np.dtype([("position", "<f8", 3), ("orientation", "<f8", 4), ("weight", "<f8")])
@@ -44,7 +44,7 @@ _SHOWN_PARTICLES: Final = 100
 
 
 @dataclass(slots=True)
-class Heard:
+class StackNews:
     """Content of the messages of one cycle; ``None`` for anything without news."""
 
     estimate: Estimate | None = None
@@ -64,7 +64,7 @@ class Heard:
         latency: float | None = None,
         events: Sequence[SutEvent],
     ) -> Decision:
-        """Return it as the answer of a system under test."""
+        """Return the news as the answer of a system under test."""
         return Decision(
             command=command,
             progress=progress,
@@ -80,7 +80,7 @@ class Heard:
 
 
 class TransformTree:
-    """The newest transforms between frames, seen from above."""
+    """Newest transforms between frames, in the plane."""
 
     def __init__(self) -> None:
         self._parents: dict[str, tuple[str, Pose2]] = {}
@@ -90,9 +90,9 @@ class TransformTree:
         self._parents[child.lstrip("/")] = (parent.lstrip("/"), pose)
 
     def find(self, child: str, parent: str) -> Pose2 | None:
-        """Return the pose of ``child`` in ``parent``, a frame above it, ``None`` if unknown."""
+        """Return the pose of ``child`` in its ancestor ``parent``, ``None`` if unknown."""
         frame, pose = child, Pose2()
-        # As many steps as there are frames: somebody else's transforms may go round in circles.
+        # At most as many steps as frames, because foreign transforms may form a circle.
         for _ in range(len(self._parents) + 1):
             if frame == parent:
                 return pose
@@ -104,26 +104,26 @@ class TransformTree:
 
 
 class Telemetry:
-    """Reads what a stack says during one run."""
+    """Reader of a stack's messages during one run."""
 
     def __init__(self, settings: Ros2Keys) -> None:
         self._topics, self._frames = settings.topics, settings.frames
         self._reports = report_topics(settings)
         self._tree = TransformTree()
         self._covariance = np.zeros((3, 3))
-        self._told: set[str] = set()
+        self._warnings: set[str] = set()
         self._log_lines = 0
 
     def pose(self) -> Pose2 | None:
-        """Return where the stack believes the base is in the map, ``None`` while unknown."""
+        """Return the stack's estimate of the base in the map, ``None`` while unknown."""
         return self._tree.find(self._frames.base, self._frames.map)
 
     def forget(self) -> None:
-        """Forget every transform, because the world has begun anew."""
+        """Drop all transforms, because the world has restarted."""
         self._tree = TransformTree()
 
     def move(self, sample: Odometry) -> None:
-        """Take the robot's own odometry: odom -> base is published on this side."""
+        """Take the robot's own odometry; this side publishes odom -> base."""
         self._tree.add(self._frames.odom, self._frames.base, sample.pose)
 
     def read(
@@ -132,50 +132,50 @@ class Telemetry:
         now: float,
         odometry: Odometry,
         dropped: tuple[str, ...] = (),
-    ) -> Heard:
+    ) -> StackNews:
         """Read the messages of one cycle at the simulated time ``now`` [s].
 
-        ``odometry`` is the newest sample: an estimate is map -> odom with it. ``dropped`` names
-        the topics with too many messages for the cycle.
+        ``odometry`` is the newest sample, which combines with map -> odom to an estimate.
+        ``dropped`` names the topics with too many messages for the cycle.
         """
-        heard = Heard()
+        news = StackNews()
         for topic in dropped:
             text = f"{topic} had more messages in one cycle than are taken: old ones are lost"
-            self._tell(text, heard)
-        localised = False
+            self._warn_once(text, news)
+        is_localised = False
         for message in messages:
             try:
-                localised |= self._read_one(message, heard, now)
+                is_localised |= self._read_one(message, news, now)
             except (ValueError, AttributeError, TypeError) as error:
-                self._tell(f"{message.topic} cannot be read: {error}", heard)
-        if localised:
+                self._warn_once(f"{message.topic} cannot be read: {error}", news)
+        if is_localised:
             self._tree.add(self._frames.odom, self._frames.base, odometry.pose)
             pose = self.pose()
             if pose is not None and math.isfinite(pose.x + pose.y + pose.yaw):
-                heard.estimate = Estimate(odometry.time, pose, self._covariance)
-        return heard
+                news.estimate = Estimate(odometry.time, pose, self._covariance)
+        return news
 
-    def _read_one(self, message: ReceivedMessage, heard: Heard, now: float) -> bool:
-        """Read a message; return whether it says where the robot is."""
+    def _read_one(self, message: ReceivedMessage, news: StackNews, now: float) -> bool:
+        """Read a message; return whether it localises the robot."""
         topics = self._topics
         if message.topic in (topics.tf, topics.tf_static):
             return self._read_transforms(sensors.read_message(message.data, sensors.TRANSFORMS))
         if message.topic == ROSOUT:
-            self._read_log(sensors.read_message(message.data, LOG), heard)
+            self._read_log(sensors.read_message(message.data, LOG), news)
         elif message.topic == topics.pose:
-            self._read_pose(sensors.read_message(message.data, POSE), heard, now)
+            self._read_pose(sensors.read_message(message.data, POSE), news, now)
         elif message.topic == topics.plan:
-            heard.plan = self._read_path(message, heard)
+            news.plan = self._read_path(message, news)
         elif message.topic == topics.local_plan:
-            heard.local_plan = self._read_path(message, heard)
+            news.local_plan = self._read_path(message, news)
         elif message.topic == topics.particles:
-            self._read_particles(message.data, heard, now)
+            self._read_particles(message.data, news, now)
         elif message.topic in self._reports:
             report = read_report(self._reports[message.topic], message, now, self._frames)
             if isinstance(report, CostmapPicture):
                 frame = self._frames.map if report.frame == "map" else self._frames.odom
                 report = replace(report, frame_pose=self._tree.find(frame, self._frames.map))
-            heard.reports.append(report)
+            news.reports.append(report)
         return False
 
     def _read_transforms(self, message: Any) -> bool:
@@ -183,50 +183,50 @@ class Telemetry:
         for transform in message.transforms:
             parent = transform.header.frame_id.lstrip("/")
             child = transform.child_frame_id.lstrip("/")
-            moved = transform.transform
-            # What this side publishes comes back on the same topic.
+            motion = transform.transform
+            # Transforms of this side come back on the same topic.
             if child == self._frames.base and parent == self._frames.odom:
                 continue
-            self._tree.add(parent, child, sensors.plane_pose(moved.translation, moved.rotation))
+            self._tree.add(parent, child, sensors.plane_pose(motion.translation, motion.rotation))
             localises |= parent == self._frames.map
         return localises
 
-    def _read_log(self, message: Any, heard: Heard) -> None:
+    def _read_log(self, message: Any, news: StackNews) -> None:
         text = str(message.msg)
-        heard.log.append(text)
+        news.log.append(text)
         level = _LOG_LEVELS.get(int(message.level), "info")
         if level == "debug":
             return
         self._log_lines += 1
         if self._log_lines > _MOST_LOG_LINES:
-            self._tell("the rest of the stack's log is left out here", heard)
+            self._warn_once("the rest of the stack's log is left out here", news)
             return
-        heard.events.append(SutEvent(text, level, str(message.name)))  # type: ignore[arg-type]
+        news.events.append(SutEvent(text, level, str(message.name)))  # type: ignore[arg-type]
 
-    def _read_pose(self, message: Any, heard: Heard, now: float) -> None:
+    def _read_pose(self, message: Any, news: StackNews, now: float) -> None:
         full = np.asarray(message.pose.covariance, np.float64).reshape(6, 6)
         covariance = full[np.ix_(_PLANE, _PLANE)]
         if np.isfinite(covariance).all():
             self._covariance = covariance
-        # A stack that sends no transforms still says where it is.
+        # This is the only pose of a stack that sends no transforms.
         if self.pose() is None and message.header.frame_id.lstrip("/") == self._frames.map:
             pose = sensors.plane_pose(message.pose.pose.position, message.pose.pose.orientation)
             if math.isfinite(pose.x + pose.y + pose.yaw):
-                heard.estimate = Estimate(now, pose, self._covariance)
+                news.estimate = Estimate(now, pose, self._covariance)
 
-    def _read_path(self, message: ReceivedMessage, heard: Heard) -> Floats | None:
+    def _read_path(self, message: ReceivedMessage, news: StackNews) -> Floats | None:
         path = sensors.read_message(message.data, PATH)
         frame = path.header.frame_id.lstrip("/")
         to_map = self._tree.find(frame, self._frames.map)
         if to_map is None:
-            self._tell(f"{message.topic} is in frame {frame!r}, which is not known here", heard)
+            self._warn_once(f"{message.topic} is in frame {frame!r}, which is not known here", news)
             return None
         points = [to_map.apply((pose.pose.position.x, pose.pose.position.y)) for pose in path.poses]
-        found = np.array(points, np.float64).reshape(-1, 2)
-        return found if np.isfinite(found).all() else None
+        way = np.array(points, np.float64).reshape(-1, 2)
+        return way if np.isfinite(way).all() else None
 
-    def _read_particles(self, data: bytes, heard: Heard, now: float) -> None:
-        """Read a ``nav2_msgs/ParticleCloud``, which rosbags does not know: header, then a table."""
+    def _read_particles(self, data: bytes, news: StackNews, now: float) -> None:
+        """Read a ``nav2_msgs/ParticleCloud``, unknown to rosbags: a header, then a table."""
         frame_length = int.from_bytes(data[12:16], "little")
         # After the encapsulation: stamp (8), frame, number of rows (4), all aligned to 4, then rows
         # of doubles aligned to 8; alignment counts from behind the encapsulation.
@@ -242,14 +242,14 @@ class Telemetry:
         poses = np.column_stack((table["position"][:, :2], 2.0 * np.arctan2(z, w)))
         if not np.isfinite(poses).all():
             raise ValueError("particles that are not finite")
-        heard.particles = poses[:: max(1, count // _SHOWN_PARTICLES)]
-        heard.cloud = _summary(poses, now)
+        news.particles = poses[:: max(1, count // _SHOWN_PARTICLES)]
+        news.cloud = _summary(poses, now)
 
-    def _tell(self, text: str, heard: Heard) -> None:
-        """Say something once in a run."""
-        if text not in self._told:
-            self._told.add(text)
-            heard.events.append(SutEvent(text, "warn"))
+    def _warn_once(self, text: str, news: StackNews) -> None:
+        """Add a warning, each text once in a run."""
+        if text not in self._warnings:
+            self._warnings.add(text)
+            news.events.append(SutEvent(text, "warn"))
 
 
 def _summary(poses: Floats, now: float) -> Cloud:

@@ -1,8 +1,8 @@
-"""The node that sends the waypoints of a mission to move_base, one after the other.
+"""Node that sends the waypoints of a mission to move_base, one after the other.
 
-As argenos/waypoint_dispatcher does: ask for a plan, which is thrown away but whose request has
-side effects, send the goal, wait for its result, keep to a rate of one goal a second, give the
-whole mission up when a goal is not reached. No time-out, no second try.
+It follows argenos/waypoint_dispatcher: request a plan, whose side effects count but not its result;
+send the goal; wait for the outcome; send at most one goal a second. A missed goal ends the mission.
+There is no time-out and no second attempt.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ Outcome: TypeAlias = Literal["succeeded", "aborted"]
 
 
 class WaypointDispatcher:
-    """Hands out goals; ``step`` is called once per instant, after move_base.
+    """Source of goals; ``step`` is called once per instant, after move_base.
 
-    ``make_plan`` is the service of that name, from a start and a goal in map.
+    ``make_plan`` is the service of that name, for a start and a goal in map.
     """
 
     def __init__(
@@ -37,12 +37,12 @@ class WaypointDispatcher:
         self._sleeps_until = 0.0
         self._waiting = False
         self.progress = Progress(0, 0, "active")
-        """Where the mission stands."""
+        """Progress of the mission."""
 
     def step(self, now: float, result: Outcome | None, pose: Pose2) -> Pose2 | None:
         """Return a goal to send now, if any.
 
-        ``result`` is the outcome of the last one, ``pose`` the last that AMCL published.
+        ``result`` is the outcome of the last goal, ``pose`` the latest from AMCL.
         """
         if self._rate is None:
             self._rate = RosRate(1.0 / self._parameters.rate, now)

@@ -1,9 +1,8 @@
-"""Recoveries that move_base tries before it gives a goal up.
+"""Recoveries that move_base tries before it aborts a goal.
 
-Resets clear layers of the costmaps outside a square around the robot, at once; with the parameters
-people have they clear nothing (:attr:`Quirks.resets_clear_nothing`). The turn on the
-spot takes its time: it commands at its own rate until the robot has turned once, and blocks the
-control loop meanwhile.
+Resets clear layers of the costmaps outside a square around the robot, in no time. With common
+parameters they clear nothing (:attr:`Quirks.resets_clear_nothing`). The turn on the spot takes
+time: it commands at its own rate until the robot has turned once, and blocks the control loop.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ from daemon.stacks.ros1.scan_buffer import ObservedCostmap
 from grammars.model.geometry import Floats, Pose2, Twist2, wrap_angle
 
 _CIRCUMSCRIBED: Final = 0.46
-"""Radius that the aggressive reset takes the robot to have [m], a quarter of its square."""
+"""Radius of the robot for the aggressive reset [m], a quarter of its square."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,10 +42,10 @@ class RecoveryStep:
 
 
 class ClearCostmapRecovery:
-    """Clears named layers outside (or inside) a square of ``distance`` [m] around the robot.
+    """Reset of named layers outside (or inside) a square of ``distance`` [m] around the robot.
 
-    Without :attr:`Quirks.resets_clear_nothing` it clears all layers that lasers fill where it finds
-    none of those named.
+    Without :attr:`Quirks.resets_clear_nothing` it clears all layers of lasers if none has the
+    right name.
     """
 
     period = 0.0
@@ -70,7 +69,7 @@ class ClearCostmapRecovery:
         """Nothing to prepare."""
 
     def step(self) -> RecoveryStep:
-        """Clear, and be done."""
+        """Clear the layers and end."""
         maps = self._parameters.affected_maps
         cleared = [
             name
@@ -100,10 +99,10 @@ def turn_is_free(
 ) -> bool:
     """Tell whether the outline of ``footprint`` (k, 2) stays free while it turns left by ``angle``.
 
-    It is looked at every ``granularity`` [rad], at the end itself only by chance. Cells inside the
+    The check is every ``granularity`` [rad], so at the end only by chance. Cells inside the
     outline do not count (rotate_recovery, ``CostmapModel::footprintCost``).
     """
-    # No kernel of its own: half a millisecond at 20 Hz, and only while a robot turns.
+    # No kernel: this takes half a millisecond at 20 Hz, and only while a robot turns.
     frame = np.array((grid.x, grid.y, grid.resolution))
     no_spans = np.empty((0, 2), dtype=np.int32)
     turned = 0.0
@@ -117,10 +116,10 @@ def turn_is_free(
 
 
 class RotateRecovery:
-    """Turns left through half a turn and on to where it began (``RotateRecovery``).
+    """Full turn to the left, back to the initial heading (``RotateRecovery``).
 
     Before each command the rest of the turn must be free of collisions in the local costmap,
-    looked at every ``sim_granularity``. Its last command stays when it ends, unless
+    checked every ``sim_granularity``. The last command stays after the end, unless
     :attr:`Quirks.turn_ends_unstopped` is off.
     """
 
@@ -136,18 +135,18 @@ class RotateRecovery:
         self.period = 1.0 / parameters.frequency
         self._parameters, self._footprint, self._local = parameters, footprint, local_costmap
         self._at_the_end = None if quirks.turn_ends_unstopped else Twist2()
-        self._begun = self._heading = 0.0
+        self._initial = self._heading = 0.0
         self._halfway = False
 
     def start(self) -> None:
-        """Remember the heading to come back to."""
-        self._begun = self._heading = self._local.frame.base.yaw
+        """Remember the heading to return to."""
+        self._initial = self._heading = self._local.frame.base.yaw
         self._halfway = False
 
     def step(self) -> RecoveryStep:
-        """Command the next piece of the turn; the heading of the last step decides on the end."""
+        """Command the next part of the turn; the heading of the last step decides about the end."""
         parameters = self._parameters
-        if self._halfway and self._away(self._begun) <= parameters.yaw_goal_tolerance:
+        if self._halfway and self._away(self._initial) <= parameters.yaw_goal_tolerance:
             return RecoveryStep(self._at_the_end, True, f"{self.name} has turned once")
         pose = self._local.frame.base
         self._heading = pose.yaw
@@ -162,10 +161,10 @@ class RotateRecovery:
         return RecoveryStep(Twist2(0.0, 0.0, min(speed, parameters.max_vel_theta)), False)
 
     def _remaining(self) -> float:
-        """Return how far there is to turn [rad]."""
+        """Return the remaining turn [rad]."""
         if self._halfway:
-            return self._away(self._begun)
-        away = self._away(self._begun + math.pi)
+            return self._away(self._initial)
+        away = self._away(self._initial + math.pi)
         if away < self._parameters.yaw_goal_tolerance:
             self._halfway = True
         return math.pi + away
@@ -187,7 +186,7 @@ def make_recoveries(
     global_costmap: ObservedCostmap,
     local_costmap: ObservedCostmap,
 ) -> tuple[Recovery, ...]:
-    """Return the behaviours in the order they are tried, none when they are disabled."""
+    """Return the behaviours in their order, an empty tuple if they are disabled."""
     if not parameters.recovery_behavior_enabled:
         return ()
     distances = {}

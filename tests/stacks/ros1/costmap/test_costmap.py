@@ -78,7 +78,7 @@ def test_impossible_costmaps_are_refused(parameters, message):
 
 
 def test_a_static_costmap_needs_a_map():
-    with pytest.raises(ValueError, match="was given no map"):
+    with pytest.raises(ValueError, match="has no map"):
         Costmap(STILL, STILL.padded_footprint(), FAST)
 
 
