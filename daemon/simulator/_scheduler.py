@@ -1,6 +1,6 @@
-"""Lets behaviours act at the right ticks, and costs next to nothing in between.
+"""Scheduler of behaviours: they act at the right ticks and cost almost nothing in between.
 
-Reactions and walks wait in a queue for events of the run: each happens once.
+Reactions and walks wait in a queue for events of the run, and each happens once.
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ from grammars.model.scene import Scene
 
 Action = Callable[[], None]
 MOVED_BY = 0.01
-"""A joint this far from where it started has started to move [rad or m]: more than joints give way
-under a load, less than anybody would call open."""
+"""Displacement at which a joint has started to move [rad or m]: more than the yield under a load,
+less than an open door."""
 
 
 class EventQueue:
-    """Acts that wait for events, and the agenda of those that are due after a delay.
+    """Actions that wait for events, and the agenda of those whose delay runs.
 
     Attributes:
         due: tick at which the next act is due, if any.
@@ -57,7 +57,7 @@ class EventQueue:
         self, waypoints: Sequence[str], positions: Mapping[str, Callable[[], float]]
     ) -> None:
         self._waypoints = list(waypoints)
-        # Looked up when asked: walkers add theirs after this queue was made.
+        # Looked up late, because walkers add theirs after this queue is made.
         self._positions = positions
         self._waiting: list[tuple[Event, int, Action]] = []
         self._agenda: list[tuple[int, int, Action]] = []
@@ -73,11 +73,11 @@ class EventQueue:
         if isinstance(event, WaypointReached) and event.waypoint not in self._waypoints:
             raise ValueError(f"the mission has no waypoint {event.waypoint!r}")
         self._waiting.append((event, delay, act))
-        # Joints already watched keep the position they were first seen at: slow motion adds up.
+        # Watched joints keep their first position, so that slow motion adds up.
         self._watch()
 
     def _watch(self) -> None:
-        """Watch the joints whose motion some act waits for, from where they are now."""
+        """Watch the joints whose motion an action waits for, from their present positions."""
         names = {
             name
             for event, _, _ in self._waiting
@@ -91,7 +91,7 @@ class EventQueue:
 
     @property
     def due(self) -> float:
-        """The tick of the next act on the agenda; infinite without one."""
+        """Tick of the next action on the agenda; infinite without one."""
         return self._agenda[0][0] if self._agenda else math.inf
 
     @property
@@ -100,7 +100,7 @@ class EventQueue:
         return bool(self._watched)
 
     def note_progress(self, current: int, reached: int, tick: int) -> None:
-        """Take note of the mission: index of the waypoint approached, number of those reached."""
+        """Process the mission: index of the present waypoint, number of reached ones."""
 
         def happened(event: Event) -> bool:
             if isinstance(event, LegBegins):
@@ -112,13 +112,13 @@ class EventQueue:
         self._schedule_matching(happened, tick)
 
     def note_fired(self, joint: str, tick: int) -> None:
-        """Take note that the behaviour of a joint went off."""
+        """Process the firing of a joint's behaviour."""
         self._schedule_matching(
             lambda e: isinstance(e, JointActs) and e.act == "fires" and joint in e.joints, tick
         )
 
     def check_moving_joints(self, tick: int) -> None:
-        """Take note of joints that started to move."""
+        """Process joints that have started to move."""
         stirred = {
             name
             for name, start in self._watched.items()
@@ -139,23 +139,23 @@ class EventQueue:
         waiting, self._waiting = self._waiting, []
         for event, delay, act in waiting:
             if happened(event):
-                # The count keeps those of one tick in the order they were declared in.
+                # The count keeps the actions of one tick in the order of their declaration.
                 self._count += 1
                 heapq.heappush(self._agenda, (tick + delay, self._count, act))
             else:
                 self._waiting.append((event, delay, act))
 
     def run_due(self, tick: int) -> None:
-        """Do what is due, also what becomes due by doing it."""
+        """Run the due actions, and those that become due by them."""
         while self._agenda and self._agenda[0][0] <= tick:
             heapq.heappop(self._agenda)[2]()
 
 
 class BehaviourScheduler:
-    """Owns the controllers of one run and calls them when, and only when, they can matter.
+    """Owner of the controllers of a run; it calls them only when they can matter.
 
     Attributes:
-        due: tick at which :meth:`update` has to be called next: before it nothing happens.
+        due: tick of the next call of :meth:`update`; earlier calls change nothing.
     """
 
     def __init__(
@@ -181,8 +181,8 @@ class BehaviourScheduler:
             name: drive.position for name, drive in drives.items()
         }
         self._events = EventQueue(waypoints, positions)
-        # Walkers first and their waiting afterwards: a walk may wait for another walker to move,
-        # which needs the position of that one.
+        # First make all walkers, then let them wait: a walk may wait for the motion of another
+        # walker, which needs that walker's position.
         walks = [b for b in behaviours if isinstance(b, Walk)]
         for walk in walks:
             walker = self._add_walker(walk)
@@ -194,7 +194,7 @@ class BehaviourScheduler:
             if not isinstance(behaviour, Hold | Walk):
                 self._add(behaviour)
         self._due = min((t.due for t in self._timed), default=math.inf)
-        self._seen = (0.0, 0.0)
+        self._checked_at = (0.0, 0.0)
         self._slack = 0.0 if self._triggers else math.inf
         self.due: float = 0
 
@@ -238,7 +238,7 @@ class BehaviourScheduler:
         self._events.wait(event, round(delay * TICK_RATE), act)
 
     def _react(self, actuator: JointActuator, end: float) -> None:
-        """Move a joint: the event has happened and the delay is over."""
+        """Move a joint after the event and the delay."""
         actuator.report(f"reacts: to {end:g}")
         actuator.move_to(end, self._world_footprint(), hold=True)
         self._note_fired(actuator.name)
@@ -247,28 +247,28 @@ class BehaviourScheduler:
         self._events.note_fired(joint, self._tick)
 
     def progress(self, current: int, reached: int, tick: int) -> None:
-        """Take note of the progress of the mission."""
+        """Process the progress of the mission."""
         self._events.note_progress(current, reached, tick)
-        # What waited for this may have to happen at once.
+        # An action that waited for this may be due at once.
         self.due = min(self.due, self._events.due)
 
     def update(self, tick: int) -> None:
-        """Let everything happen that is due at the start of ``tick``.
+        """Run everything that is due at the start of ``tick``.
 
-        Causes before effects: key frames and triggers, then joints seen moving, then what waited
-        for any of these, so that a reaction without a delay happens in the same tick.
+        Causes come before effects: key frames and triggers, then moving joints, then the actions
+        that waited for them, so that a reaction without a delay happens in the same tick.
         """
         self._tick = tick
         if tick >= self._due:
             self._play(tick)
-        # Not ``>=``: a robot whose position has become nan is checked, not trusted.
+        # Not ``>=``, so that a position of nan leads to a check.
         if self._slack != math.inf and not self._way_since_check() < self._slack:
             self._check_triggers()
         if self._events.watching:
             self._events.check_moving_joints(tick)
         if tick >= self._events.due:
             self._events.run_due(tick)
-        # Walkers last: one that sets out now makes its first step now.
+        # Walkers come last: one that sets out now makes its first step now.
         for actuator in self._reacting:
             if actuator.blocked:
                 actuator.retry(self._world_footprint())
@@ -277,9 +277,9 @@ class BehaviourScheduler:
         self.due = self._next_due(tick)
 
     def _next_due(self, tick: int) -> float:
-        """Return the first tick after ``tick`` at which anything can happen."""
-        # How far the robot is, whether a joint moves and whether a jump is still blocked can be
-        # another matter in every tick: only what is bound to a time can be waited for.
+        """Return the first tick after ``tick`` with possible actions."""
+        # Distances of the robot, motions of joints and blocked jumps can change in every tick. Only
+        # actions with a fixed time allow a wait.
         following = tick + 1
         if self._slack != math.inf or self._events.watching:
             return following
@@ -291,9 +291,9 @@ class BehaviourScheduler:
         return max(following, due)
 
     def _way_since_check(self) -> float:
-        """Return how far the base is from where it was when the triggers were watched [m]."""
+        """Return the distance of the base from its place at the last check of triggers [m]."""
         base = chipmunk.position(self._base.handle)
-        return math.hypot(base.x - self._seen[0], base.y - self._seen[1])
+        return math.hypot(base.x - self._checked_at[0], base.y - self._checked_at[1])
 
     def _play(self, tick: int) -> None:
         footprint = self._world_footprint()
@@ -310,8 +310,8 @@ class BehaviourScheduler:
             slack = trigger.check(pose, footprint)
             # A blocked jump is retried every tick, so that it follows the robot out of its way.
             slacks.append(0.0 if trigger.actuator.blocked else slack)
-        self._seen = (pose.x, pose.y)
-        # Slightly less than the bound, so that rounding cannot make a check late.
+        self._checked_at = (pose.x, pose.y)
+        # Slightly less than the bound, so that rounding cannot delay a check.
         self._slack = min(slacks) - 1e-6
 
     def _world_footprint(self) -> Floats:

@@ -1,11 +1,11 @@
-"""The robot's sensors: laser scanners, exact but for their noise, and wheel odometry.
+"""Sensors of the robot: laser scanners, exact except for their noise, and wheel odometry.
 
-The laser is an angular z-buffer over line segments. All rays leave one point at even angles, so a
-segment only touches the rays between the directions of its two ends, and along it 1/range is
-linear in (cos, sin) of the ray. Two arctangents per segment and one multiply-add per covered ray
-give the exact scan: 15 us for 500 rays over 354 segments, to 2e-14 m, where testing every ray with
-every segment takes 335 us and Chipmunk's own ray queries 1800 us. A march over a distance field of
-5 cm takes 34 us and is more than 1 cm off for most rays.
+The laser is an angular z-buffer over line segments. All rays leave one point at even angles. A
+segment touches only the rays between the directions of its two ends, and along it 1/range is linear
+in (cos, sin) of the ray. Two arctangents per segment and one multiply-add per covered ray give the
+exact scan, to 2e-14 m, in 15 us for 500 rays over 354 segments. A test of every ray with every
+segment takes 335 us, Chipmunk's own ray queries 1800 us. A march over a distance field of 5 cm takes
+34 us and is more than 1 cm off for most rays.
 
 Odometry is the true motion with errors that grow with the way travelled.
 """
@@ -32,17 +32,16 @@ _POSE: Final = struct.Struct("=3d")
 _TOLERANCE = 1e-9
 """Widening of a segment's interval of rays [rad], so that no ray slips through a corner."""
 
-
 _DRAWN_AHEAD = 256
-"""Normal numbers that odometry draws at a time; even, since every sample takes two."""
+"""Number of normal deviates that odometry draws at a time; even, because a sample takes two."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LaserPlane:
-    """Surfaces that lasers at one height can hit, cut there once for all of them.
+    """Surfaces at one height, shared by all lasers there.
 
-    ``static`` segments (n, 4) in the world; ``moving`` ones (m, 4) in the frame of the body in row
-    ``moving_slot`` of the table of bodies, sorted by it.
+    ``static`` segments (n, 4) are in the world; ``moving`` ones (m, 4) in the frame of the body in
+    row ``moving_slot`` of the table of bodies, sorted by it.
     """
 
     static: Floats
@@ -64,7 +63,7 @@ def _draw_segment(
     sines: Floats,
     inverse: Floats,
 ) -> None:
-    """Draw one segment that faces the sensor (sensor frame) into the buffer of inverse ranges.
+    """Draw a segment that faces the sensor (sensor frame) into the buffer of inverse ranges.
 
     Seen from the sensor it runs clockwise. ``first`` is the angle of ray 0, ``density`` the
     number of rays per radian.
@@ -104,7 +103,7 @@ def _is_hidden(px: float, py: float, qx: float, qy: float, reach2: float) -> boo
     return along >= length2 and qx * qx + qy * qy > reach2
 
 
-# Long, because its two loops share the frame of the sensor and its arrays.
+# One function, because its two loops share the frame of the sensor and its arrays.
 @kernel
 def cast_rays(
     base: tuple[float, float, float],
@@ -124,9 +123,9 @@ def cast_rays(
 
     ``static`` (n, 4) are world segments, ``moving`` (m, 4) segments in the frame of the body in
     row ``moving_slot`` of ``bodies`` (x, y, angle, ...). The solid side of every segment is on
-    its left; a surface is only seen from outside, which halves the work and changes nothing as
-    long as the sensor is not inside a solid. Writes ``inverse`` ranges [1/m], 1/reach where nothing
-    is nearer than ``reach``.
+    its left. Surfaces are visible only from outside, which halves the work and is exact while the
+    sensor is outside of solids. Writes ``inverse`` ranges [1/m], 1/reach without a surface within
+    ``reach``.
     """
     inverse[:] = 1.0 / reach
     reach2 = reach * reach
@@ -134,8 +133,8 @@ def cast_rays(
     x, y = base[0] + c * mount[0] - s * mount[1], base[1] + s * mount[0] + c * mount[1]
     yaw = base[2] + mount[2]
     c, s = math.cos(yaw), math.sin(yaw)
-    # Walls are chains: a segment that starts where the last one ended takes over its end, turned
-    # into the sensor frame, and the arctangent if there was one.
+    # Walls are chains: a segment that starts at the end of the previous one reuses that end in the
+    # sensor frame, and its arctangent if computed.
     qx = qy = to_angle = 0.0
     has_angle = False
     for k in range(static.shape[0]):
@@ -156,7 +155,7 @@ def cast_rays(
         _draw_segment(
             px, py, qx, qy, from_angle, to_angle, first, density, cosines, sines, inverse,
         )  # fmt: skip
-    # Moving segments are sorted by body: each body's frame is worked out once.
+    # Moving segments are sorted by body, so each body's frame is computed once.
     slot = -1
     bc = bs = bx = by = 0.0
     for k in range(moving.shape[0]):
@@ -190,12 +189,12 @@ def _add_noise(
     farthest: float,
     ranges: npt.NDArray[np.float32],
 ) -> None:
-    """Turn exact inverse ranges into what the sensor reports (REP 117); -inf below ``blind``."""
+    """Turn exact inverse ranges into measured ones (REP 117); -inf below ``blind``."""
     nothing = 1.0 / farthest
     for i in range(inverse.shape[0]):
         distance = 1.0 / inverse[i]
-        # A lost ray first: what it would have hit does not matter. "Too near" is judged by the true
-        # distance, before the noise that the sensor adds to what it can see.
+        # Lost rays come first, regardless of surfaces. "Too near" depends on the true distance,
+        # before the noise.
         if chance.shape[0] > 0 and chance[i] < dropout:
             ranges[i] = np.nan
         elif inverse[i] == nothing:
@@ -211,8 +210,8 @@ def _add_noise(
 class LaserScanner:
     """A laser on the robot, with its own random streams.
 
-    Every scan draws the same amount from each stream, whatever the rays hit, so that the noise
-    of scan n never depends on the scene.
+    Every scan draws the same amount from each stream, regardless of the rays, so that the noise of
+    scan n never depends on the scene.
     """
 
     def __init__(
@@ -233,15 +232,15 @@ class LaserScanner:
         self._noise_stream, self._dropout_stream = noise, dropout
         self._noise = np.empty(laser.rays if laser.noise > 0.0 else 0)
         self._chance = np.empty(laser.rays if laser.dropout > 0.0 else 0)
-        self._seen = (0, b"")
+        self._cast_state = (0, b"")
 
     def _cast(self, base: Pose2, bodies: Floats, version: int) -> None:
-        # Nothing has moved since the last time: a robot that waits, beside doors at rest. Poses are
-        # compared by their bits, which also tell 0.0 from -0.0.
+        # No motion since the last scan: a waiting robot beside doors at rest. The comparison of
+        # poses by bits also distinguishes 0.0 from -0.0.
         state = (version, _POSE.pack(base.x, base.y, base.yaw))
-        if state == self._seen:
+        if state == self._cast_state:
             return
-        self._seen = state
+        self._cast_state = state
         laser, plane = self._laser, self._plane
         cast_rays(
             (base.x, base.y, base.yaw), self._mount, plane.static, plane.moving,
@@ -252,13 +251,13 @@ class LaserScanner:
     def scan(self, base: Pose2, bodies: Floats, version: int) -> npt.NDArray[np.float32]:
         """Return one measured sweep, shape (rays,).
 
-        ``bodies`` are as they were before when ``version`` is. Lost rays are nan, rays without
-        return within range_max inf, returns nearer than range_min -inf (REP 117) unless the laser
-        clamps them; noisy ranges are clamped to the range of the sensor.
+        Equal ``version`` means equal ``bodies``. Lost rays are nan, rays without return within
+        range_max inf, returns nearer than range_min -inf (REP 117) unless the laser clamps them.
+        Noisy ranges are clamped to the range of the sensor.
         """
         self._cast(base, bodies, version)
         laser = self._laser
-        # Drawn for every ray, also those without a return; see the class.
+        # Draw for every ray, also for those without a return (see the class).
         if self._noise.size:
             self._noise_stream.standard_normal(out=self._noise)
         if self._chance.size:
@@ -272,11 +271,11 @@ class LaserScanner:
 
 
 class OdometrySensor:
-    """Integrates noisy motion in the odom frame, from the start pose or the map's origin.
+    """Integrator of noisy motion in the odom frame, from the start pose or the map's origin.
 
-    Per update over a way d [m] and a turn a [rad] the distance gets an error of standard
-    deviation translation * sqrt(d), the turn one of sqrt(rotation^2 |a| + drift^2 d): the
-    variances grow linearly, so the statistics do not depend on the update rate.
+    Per update over a way d [m] and a turn a [rad] the error of the distance has the standard
+    deviation translation * sqrt(d). That of the turn is sqrt(rotation^2 |a| + drift^2 d). Variances
+    grow linearly, so the statistics do not depend on the update rate.
     """
 
     def __init__(self, noise: OdometryNoise, start: Pose2, generator: np.random.Generator) -> None:
@@ -287,14 +286,14 @@ class OdometrySensor:
         # Variances of the turn [rad^2] per radian turned and per metre.
         self._per_turn, self._per_way = noise.rotation**2, noise.drift**2
         self._generator = generator
-        # Drawn ahead, the next one last: many at once are the same numbers as one by one.
+        # Numbers drawn in advance, the next one last; they equal those drawn one by one.
         self._normals: list[float] = []
         self._truth, self._pose, self._time = start, self._to_odom @ start, 0.0
 
     def sample(self, time: float, truth: Pose2, twist: Callable[[], Twist2]) -> Odometry:
         """Return the odometry at ``time`` [s]; draws two numbers per call unless noise free.
 
-        ``twist`` returns the true one and is called only if the sensor measures it.
+        ``twist`` returns the true velocity and is called only if the sensor measures it.
         """
         last, elapsed = self._pose, time - self._time
         stretch, error = 1.0, 0.0
@@ -315,7 +314,7 @@ class OdometrySensor:
     def _err(self, truth: Pose2) -> tuple[float, float]:
         """Add the way since the last sample to the pose, with errors.
 
-        Returns the factor by which the way was taken too long, and the error of the turn [rad].
+        Returns the factor on the way, and the error of the turn [rad].
         """
         if not self._normals:
             self._normals = self._generator.standard_normal(_DRAWN_AHEAD).tolist()[::-1]
@@ -323,10 +322,10 @@ class OdometrySensor:
         noise, last, pose = self._noise, self._truth, self._pose
         dx, dy, turn = truth.x - last.x, truth.y - last.y, wrap_angle(truth.yaw - last.yaw)
         way = math.hypot(dx, dy)
-        # sqrt(way) over way: the error of the distance as a share of it.
+        # The relative error of the distance is sqrt(way) / way.
         stretch = 1.0 + (forward * noise.translation / math.sqrt(way) if way > 0.0 else 0.0)
         error = turning * math.sqrt(self._per_turn * abs(turn) + self._per_way * way)
-        # The step turned from the true world into the drifted odom frame.
+        # Turn the step from the true world into the drifted odom frame.
         c, s = math.cos(pose.yaw - last.yaw), math.sin(pose.yaw - last.yaw)
         x, y = pose.x + stretch * (c * dx - s * dy), pose.y + stretch * (s * dx + c * dy)
         self._pose = Pose2(x, y, wrap_angle(pose.yaw + turn + error))

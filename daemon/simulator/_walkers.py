@@ -1,7 +1,7 @@
-"""Movers that walk: each follows its route and makes way for the robot.
+"""Walking movers: each follows its route and makes way for the robot.
 
-Between the moments at which the robot makes it stop, the place of a walk has a closed form; the
-kinematic body of the mover is driven there.
+Between stops for the robot, the place of a walk has a closed form, to which the kinematic body of
+the mover is driven.
 """
 
 from __future__ import annotations
@@ -24,24 +24,24 @@ from grammars.model.geometry import Floats, Pose2, Ring
 from grammars.model.movers import TURN_RATE, Profile, Route
 
 SQUEEZED_DEPTH: Final = 0.02
-"""A mover stops dead when the robot it touches is this deep in anything [m]: it has no way out."""
+"""Penetration depth of a touched robot at which a mover stops [m]: the robot has no way out."""
 
 CLEAR_AGAIN: Final = 0.05
-"""It goes on when the robot is this much farther away than where it stopped for it [m]: otherwise a
-robot that creeps along the limit would make it stop and go at every tick."""
+"""Additional distance of the robot before the mover continues [m]. Otherwise a robot that creeps
+along the limit would make it stop and go at every tick."""
 
 YIELD_ANGLE: Final = math.radians(60.0)
-"""A mover yields to robots this far to the left and right of the way it goes [rad]."""
+"""Half angle of the sector ahead in which a mover yields to robots [rad]."""
 
 _NEAR: Final = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
 class _Leg:
-    """From one stop to the next: arc length at its begin, which way (1 or -1), how far [m].
+    """Leg between two stops: arc length at its begin, direction (1 or -1), length [m].
 
-    ``turned`` is what is added to the heading of the route [rad], ``goal`` the number of the stop
-    at its end.
+    ``turned`` is an offset to the heading of the route [rad], ``goal`` the number of the stop at
+    its end.
     """
 
     origin: float
@@ -52,9 +52,9 @@ class _Leg:
 
 
 class RouteFollower:
-    """The place of a walk as an exact function of time, until it has to stop for the robot.
+    """Place of a walk as an exact function of time, until it has to stop for the robot.
 
-    Times are seconds since the walk began and must not decrease from call to call.
+    Times are seconds since the begin of the walk and must not decrease from call to call.
     """
 
     def __init__(self, walk: Walk) -> None:
@@ -74,7 +74,7 @@ class RouteFollower:
         return _Leg(0.0, 1.0, length, 0.0, 1)
 
     def _next_leg(self) -> _Leg | None:
-        """Return the leg after the present one, or ``None`` at the end of a walk done once."""
+        """Return the leg after the present one, or ``None`` at the end of a single walk."""
         leg, stops, manner = self._leg, self.route.stops, self._walk.manner
         at, last = leg.goal, len(stops) - 1
         if manner == "once" and at == last:
@@ -91,13 +91,13 @@ class RouteFollower:
         return _Leg(leg.origin + leg.way * leg.length, way, length, turned, following)
 
     def _set_out(self, time: float, way: float, speed: float) -> None:
-        """Go on from ``way`` of the present leg at ``speed``."""
+        """Continue from ``way`` of the present leg at ``speed``."""
         walk = self._walk
         self._profile = Profile.plan(self._leg.length - way, speed, walk.speed, walk.acceleration)
         self._begin, self._from = time, way
 
     def _roll(self, time: float) -> None:
-        """Go on to the leg that is under way at ``time``, or to the rest before it."""
+        """Advance to the leg at ``time``, or to the rest before it."""
         while not (self._done or self._stopped):
             arrival = self._begin + self._profile.duration
             if time < arrival:
@@ -106,7 +106,7 @@ class RouteFollower:
             if following is None:
                 self._done = True
                 return
-            # A pause that is shorter than turning round takes as long as that.
+            # A pause lasts at least as long as the turn.
             self._arrived, self._turn_from = arrival, self._leg.turned
             turn = abs(following.turned - self._leg.turned) / TURN_RATE
             self._rest_until = arrival + max(self._walk.pause, turn)
@@ -122,15 +122,15 @@ class RouteFollower:
         turned = leg.turned
         if time < self._rest_until and turned != self._turn_from:
             step = math.copysign((time - self._arrived) * TURN_RATE, turned - self._turn_from)
-            # Never more than half a turn, whatever rounding adds to the time.
+            # Never more than half a turn, in spite of rounding.
             turned = self._turn_from + (step if abs(step) < math.pi else turned - self._turn_from)
         x, y = self.route.point(along)
         return x, y, self.route.yaw(along) + turned
 
     def _state(self, time: float) -> tuple[float, float]:
         """Return the way on the present leg and the speed."""
-        # In closed form from the last change on, never summed up tick by tick: the place of a walk
-        # does not depend on how often it was asked for.
+        # Closed form since the last change instead of a sum over ticks: the place of a walk does
+        # not depend on the number of calls.
         passed = max(0.0, time - self._begin)
         if self._stopped:
             a, v = self._walk.acceleration, self._braked_from
@@ -141,11 +141,11 @@ class RouteFollower:
 
     @property
     def done(self) -> bool:
-        """True once the walk is over."""
+        """True after the end of the walk."""
         return self._done
 
     def heading(self, time: float) -> tuple[float, float] | None:
-        """Return the unit vector of the way it goes or is to go, ``None`` while at rest."""
+        """Return the unit vector of the present or intended direction, ``None`` while at rest."""
         self._roll(time)
         if self._done or time < self._rest_until:
             return None
@@ -154,20 +154,20 @@ class RouteFollower:
         return (leg.way * x, leg.way * y)
 
     def stop(self, time: float, *, dead: bool = False) -> None:
-        """Brake from now on; ``dead`` at once."""
+        """Brake from now on; with ``dead`` stop at once."""
         way, speed = self._state(time)
         self._stopped, self._begin, self._from = True, time, way
         self._braked_from = 0.0 if dead else speed
 
     def resume(self, time: float) -> None:
-        """Set out again from where it is."""
+        """Set out again from the present place."""
         way, speed = self._state(time)
         self._stopped = False
         self._set_out(time, way, speed)
 
 
 class _RobotInTheWay(Enum):
-    """A walker's answer to the robot, in the words of its events."""
+    """Reaction of a walker to the robot; values are the words of its events."""
 
     NO = ""
     YIELDS = "yields to"
@@ -199,18 +199,18 @@ class Walker:
         self._obstacle = _RobotInTheWay.NO
 
     def moved(self) -> float:
-        """Return how far it is from where it started [m]."""
+        """Return the distance from the start [m]."""
         position = chipmunk.position(self._body)
         return math.hypot(position.x - self._home[0], position.y - self._home[1])
 
     def set_out(self, tick: int) -> None:
-        """Set out now: the event of the walk has happened."""
+        """Set out now, because the event of the walk has happened."""
         if self._began is None:
             self._began = tick / TICK_RATE
 
     @property
     def due(self) -> float:
-        """A tick before which :meth:`update` changes nothing; infinite while it stands for good."""
+        """Tick before which :meth:`update` changes nothing; infinite while it stands for good."""
         if self._began is None or self._still:
             return math.inf
         # Two ticks early: rounding must not make the first step late.
@@ -237,7 +237,7 @@ class Walker:
             self._still = True
             self._report(self._walk.object, "has arrived")
             return
-        # From where the body is, so that rounding never adds up.
+        # Start from the actual place of the body, so that rounding never adds up.
         chipmunk.set_velocity(body, ((x - px) * TICK_RATE, (y - py) * TICK_RATE))
         chipmunk.set_angular_velocity(body, (yaw - angle) * TICK_RATE)
 
@@ -253,20 +253,20 @@ class Walker:
             self._report(self._walk.object, "walks on")
 
     def _look(self, now: float) -> _RobotInTheWay:
-        """Return whether the robot is in the way, and how much."""
+        """Return the reaction to the robot."""
         here, robot = chipmunk.position(self._body), chipmunk.position(self._base.handle)
         dx, dy = robot.x - here.x, robot.y - here.y
         yielding = self._walk.yielding or 0.0
-        # Far away, as most of the time: no polygons.
+        # The robot is usually far away: skip the polygons.
         if dx * dx + dy * dy > (yielding + self._reach) ** 2:
             return _RobotInTheWay.NO
-        # Only a robot ahead is in the way: a mover does not wait for one it overtakes or passes.
+        # Only a robot ahead is in the way: a mover does not wait for one that it passes.
         heading = self._follower.heading(now)
         ahead = 0.0 if heading is None else dx * heading[0] + dy * heading[1]
         if ahead <= 0.0:
             return _RobotInTheWay.NO
         gap = self._gap()
-        # Touching alone does not stop a mover that yields to nobody: it pushes the robot until that
+        # A touch alone does not stop a mover that never yields: it pushes the robot until the robot
         # is pressed into something.
         squeezed = gap <= 0.0 and self._base.penetration_depth() > SQUEEZED_DEPTH
         if squeezed or (self._obstacle is _RobotInTheWay.BLOCKED and gap < CLEAR_AGAIN):

@@ -1,4 +1,4 @@
-"""The world of one run: building, objects, robot, sensors and behaviours, stepped together."""
+"""World of a run: building, objects, robot, sensors and behaviours, stepped together."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ from grammars.model.scene import Scene
 
 
 class World:
-    """One simulated run, at 100 ticks per second from time 0.
+    """Simulated run at 100 ticks per second from time 0.
 
-    Building order, random streams and stepping depend on the arguments alone: equal arguments
-    and equal calls give equal floats, in any process on one kind of CPU.
+    Building order, random streams and stepping depend on the arguments alone. Equal arguments and
+    equal calls give equal floats in any process on one kind of CPU.
 
     Attributes:
         tick: number of physics ticks done.
@@ -54,16 +54,16 @@ class World:
     ) -> None:
         """Build the world; the robot stands still at ``start``.
 
-        ``waypoints`` are the ids of the mission, for reactions to their being reached.
+        ``waypoints`` are the ids of the mission, for reactions to reached waypoints.
 
         Raises:
-            ValueError: behaviours that contradict the scene or each other, objects whose joints
-                form no tree, moving links without mass, waypoints that are not in the mission.
+            ValueError: behaviours contradict the scene or each other, joints of an object form no
+                tree, a moving link has no mass, or a waypoint is not in the mission.
         """
         self.tick = 0
         self.joint_names = scene.joint_names
-        # A new space for every run, filled in a fixed order: what Chipmunk computes depends on the
-        # order in which things were added, and on what a space has seen before.
+        # A new space for every run, filled in a fixed order: results of Chipmunk depend on the
+        # order of additions and on the history of a space.
         self._space = space = _new_space()
         begin, holds = starting_positions(scene, behaviours)
         walking = [b.object for b in behaviours if isinstance(b, Walk)]
@@ -84,10 +84,10 @@ class World:
         )
         self._set_up_lasers(scene, robot, seed)
         self._odometry = OdometrySensor(robot.odometry, start, _stream(seed, "odometry"))
-        # Read from the physics once a tick.
+        # These are read from the physics once a tick.
         self._pose_tick, self._pose = -1, start
         self._twist_tick, self._twist = -1, Twist2()
-        # A step of no time moves nothing: pymunk looks at whether every body has a mass.
+        # A step of zero time moves nothing, but pymunk checks that every body has a mass.
         space.step(0.0)
         self._step = chipmunk.stepper(space)
         self._between_ticks = robot.odometry.period > 0.0
@@ -97,11 +97,11 @@ class World:
         planes: dict[float, LaserPlane] = {}
         self._lasers: dict[str, LaserScanner] = {}
         for laser in robot.lasers:
-            # Lasers at one height see the same segments: those are cut once and kept once.
+            # Lasers at one height share their segments.
             if laser.z not in planes:
                 planes[laser.z] = cut_at(scene, self._assembly, laser.z)
-            # A stream each, by name: one sensor more, or noise switched off, leaves the others
-            # alone.
+            # A stream for each name: another sensor, or noise switched off, does not affect the
+            # others.
             noise, dropout = (_stream(seed, f"{laser.label} {of}") for of in ("noise", "dropout"))
             self._lasers[laser.name] = LaserScanner(laser, planes[laser.z], noise, dropout)
         self._first_laser = robot.laser.name
@@ -120,10 +120,10 @@ class World:
         self._base.command(twist, self.tick)
 
     def progress(self, current: int, reached: int) -> None:
-        """Tell the progress of the mission, to which behaviours may react.
+        """Report the progress of the mission, to which behaviours may react.
 
-        ``current`` is the index of the waypoint being approached, ``reached`` the number of
-        waypoints reached. What has happened once stays so.
+        ``current`` is the index of the present waypoint, ``reached`` the number of reached
+        waypoints. Events are never taken back.
         """
         self._scheduler.progress(current, reached, self.tick)
 
@@ -133,13 +133,13 @@ class World:
         end = self.tick + ticks
         body, last = self._base.handle, end - 1 if self._between_ticks else -1
         for tick in range(self.tick, end):
-            # Before the step, inside of which Chipmunk calls the log back.
+            # Before the step, because Chipmunk calls the log inside of it.
             log.tick = tick
             if tick == last:
                 position = chipmunk.position(body)
                 self._before = (position.x, position.y, chipmunk.angle(body))
-            # Doors and people first, then the robot, then all move at once: each sees the world as
-            # it was recorded at this tick, and none sees another's half-done step.
+            # Doors and people act first, then the robot, then all move at once. Each sees the world
+            # as recorded at this tick, never another's half-done step.
             if tick >= scheduler.due:
                 self.tick = tick
                 scheduler.update(tick)
@@ -149,8 +149,8 @@ class World:
             self.tick = end
 
     def close(self) -> None:
-        """End the world, which is stepped and looked at no more; its ``time`` remains."""
-        # Chipmunk still reports touches as over while it frees a space, perhaps after their log.
+        """End the world; only its ``time`` stays valid."""
+        # Chipmunk still reports ends of touches while it frees a space, perhaps after their log.
         nobody = pymunk.empty_callback
         self._space.on_collision(ROBOT_COLLISION_TYPE, None, begin=nobody, separate=nobody)
 
@@ -167,22 +167,23 @@ class World:
         return self._twist
 
     def joint_positions(self) -> Floats:
-        """Return the joint positions [rad or m], shape (joints,), to be read and kept.
+        """Return the joint positions [rad or m], shape (joints,), as an array that never changes.
 
-        The same array as before while no joint has moved.
+        It is the same array until a joint moves.
         """
         return self.joint_states()[0]
 
     def joint_states(self) -> tuple[Floats, Floats]:
-        """Return joint positions as above and velocities [rad/s or m/s], at the price of one."""
-        # In this order: the version is that of the table as it is now.
+        """Return joint positions as above and velocities [rad/s or m/s] together."""
+        # In this order, because reading the table sets its version.
         table = self._bodies.at(self.tick)
         return self._joints.at(table, self._bodies.version)
 
     def scan(self, laser: str | None = None) -> npt.NDArray[np.float32]:
         """Take one laser sweep, shape (rays,) in metres; nan, inf and -inf as in REP 117.
 
-        ``laser`` is its name; the first laser when left out. Raises ``KeyError`` for another one.
+        ``laser`` is its name, by default that of the first laser. Raises ``KeyError`` for an
+        unknown one.
         """
         table = self._bodies.at(self.tick)
         return self._scanner(laser).scan(self.pose(), table, self._bodies.version)
@@ -193,7 +194,7 @@ class World:
     def odometry(self, at: float | None = None) -> Odometry:
         """Take one odometry sample; its noise is for the way since the previous sample.
 
-        ``at`` is the instant of the sample, within the last tick; now when left out. Only a robot
+        ``at`` is the instant of the sample within the last tick, by default now. Only a robot
         whose odometry has a ``period`` can look back.
         """
         now = self.time
@@ -202,7 +203,7 @@ class World:
         return self._odometry.sample(at, self._between((now - at) * TICK_RATE), self.twist)
 
     def _between(self, ago: float) -> Pose2:
-        """Return the true pose a fraction of a tick ago: within a tick the velocity is constant."""
+        """Return the true pose a fraction of a tick ago, by the constant velocity of a tick."""
         x, y, yaw = self._before
         now, angle = chipmunk.position(self._base.handle), chipmunk.angle(self._base.handle)
         return Pose2(
@@ -212,11 +213,11 @@ class World:
         )
 
     def take_contacts(self) -> tuple[RobotContact, ...]:
-        """Return what the robot touched since the last call, ordered by begin and owner."""
+        """Return the robot's touches since the last call, ordered by begin and owner."""
         return self._contacts.take(self.tick)
 
     def take_events(self) -> tuple[WorldEvent, ...]:
-        """Return what behaviours did since the last call, in order."""
+        """Return the events of behaviours since the last call, in order."""
         if not self._events:
             return ()
         events = tuple(self._events)
@@ -228,16 +229,16 @@ class World:
 
 
 def _new_space() -> pymunk.Space:
-    # Ten iterations of the solver, the default: with 30 a hinge gives way just as much (1.1 mm when
-    # pushed with 300 N) and a step takes twice as long.
+    # Ten iterations of the solver, the default: with 30 a hinge yields just as much (1.1 mm at
+    # 300 N) and a step takes twice as long.
     space = pymunk.Space()
-    # Penetration that is left alone, so that resting contacts last. The default of 0.1 is meant for
+    # Penetration without correction, so that resting contacts last. The default of 0.1 is for
     # pixels.
     space.collision_slop = 5e-4
-    # Chipmunk keeps this share of a penetration after one second: 20 % goes in every tick (by
-    # default 10 % in a sixtieth of a second).
+    # Share of a penetration that Chipmunk keeps after one second: every tick removes 20 % (by
+    # default a sixtieth of a second removes 10 %).
     space.collision_bias = 0.8**TICK_RATE
-    # Bodies at rest cost nothing: a step with 20 doors takes 11.5 us awake and 3.6 asleep, on the
+    # Bodies at rest are cheap: a step with 20 doors takes 11.5 us awake and 3.6 us asleep, on the
     # same trajectories. A leaf slower than 0.1 mm/s for half a second is at rest.
     space.sleep_time_threshold = SLEEP_TIME
     space.idle_speed_threshold = 1e-4
@@ -246,8 +247,8 @@ def _new_space() -> pymunk.Space:
 
 def _stream(seed: np.random.SeedSequence, name: str) -> np.random.Generator:
     """Return the random stream ``name`` below ``seed``, without changing ``seed``."""
-    # Not ``spawn``, which counts in the seed itself: whoever asks twice gets the same stream. And
-    # not ``hash``, which differs from process to process.
+    # ``spawn`` would count in the seed itself, but equal calls must give equal streams. ``hash``
+    # would differ from process to process.
     key = (*seed.spawn_key, zlib.crc32(name.encode()))
     child = np.random.SeedSequence(entropy=seed.entropy, spawn_key=key, pool_size=seed.pool_size)
     return np.random.Generator(np.random.PCG64(child))

@@ -1,4 +1,4 @@
-"""Messages on their way into a chunk: collected per channel, then put in the order of time."""
+"""Messages for a chunk: collected by channel, then sorted by time."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from daemon.trace.layouts import HEADER, MESSAGE_OPCODE, ByteArray, IntArray, Me
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MessageBlock:
-    """Message records of one channel: ``times`` (n,) [ns] and where each starts in ``data``.
+    """Message records of one channel: ``times`` (n,) [ns] and ``offsets`` (n,) in ``data``.
 
-    A view as ``data`` is of single bytes.
+    A memory view as ``data`` has single bytes.
     """
 
     channel: int
@@ -26,8 +26,8 @@ class MessageBlock:
 
     @property
     def sizes(self) -> IntArray:
-        """Bytes of each record (n,)."""
-        # A third of what np.diff takes with its append; asked of every block of every chunk.
+        """Size of each record (n,) [bytes]."""
+        # A third of the time of np.diff with its append, for every block of every chunk.
         sizes = np.empty_like(self.offsets)
         np.subtract(self.offsets[1:], self.offsets[:-1], out=sizes[:-1])
         sizes[-1:] = len(self.data) - self.offsets[-1:]
@@ -36,7 +36,7 @@ class MessageBlock:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MessageTable:
-    """Message records of many channels as they lie in ``data``, one behind the other.
+    """Message records of many channels, one behind the other in ``data``.
 
     ``channels``, ``times`` [ns] and ``offsets`` [bytes] are (n,), in the order of the records.
     """
@@ -50,9 +50,9 @@ class MessageTable:
 def split_blocks(
     blocks: Iterable[MessageBlock], before: int | None
 ) -> tuple[list[MessageBlock], list[MessageBlock]]:
-    """Return the messages earlier than ``before`` [ns], all for ``None``, and the rest.
+    """Return the messages earlier than ``before`` [ns], or all for ``None``, and the rest.
 
-    Of a block that goes back in time everything up to its last earlier message is early.
+    In a block that goes back in time, everything up to its last earlier message is early.
     """
     early, late = [], []
     for block in blocks:
@@ -68,10 +68,10 @@ def split_blocks(
 
 
 def interleave(blocks: Sequence[MessageBlock]) -> MessageTable:
-    """Put the messages of some blocks in the order of their times.
+    """Sort the messages of some blocks by time.
 
-    Those of one instant follow each other by channel, those of a block as they were recorded, also
-    where their times go back: a reader sees that they did.
+    Messages of one instant are sorted by channel. Messages of a block keep their order, even if
+    their times go back, so that a reader notices it.
     """
     counts = [len(block.times) for block in blocks]
     channels = np.repeat([block.channel for block in blocks], counts)
@@ -93,9 +93,9 @@ def interleave(blocks: Sequence[MessageBlock]) -> MessageTable:
 
 
 def records_at_any_place(data: bytes | memoryview | ByteArray, size: int) -> ByteArray:
-    """Return every place a record of ``size`` bytes can lie at, as the rows of a table: a view.
+    """Return a view with a row for every possible place of a record of ``size`` bytes.
 
-    Many records are then read or written at once. Shape (len(data) - size + 1, size).
+    It allows reading or writing many records at once. Shape (len(data) - size + 1, size).
     """
     return np.ndarray((len(data) - size + 1, size), np.uint8, data, 0, (1, 1))
 
@@ -124,7 +124,7 @@ def _scatter(block: MessageBlock, sizes: IntArray, data: ByteArray, places: IntA
 
 
 class MessageRecords:
-    """Ready-made messages of one channel, for rare topics and those of varying size."""
+    """Serialised messages of one channel, for rare topics and those of varying size."""
 
     __slots__ = ("_channel", "_lengths", "_parts", "_times", "size")
 
@@ -154,7 +154,7 @@ class MessageRecords:
         )
 
     def drain(self) -> MessageBlock:
-        """Return the messages as a block and start anew."""
+        """Return the messages as a block and clear them."""
         block = self.peek()
         self._times, self._lengths, self._parts, self.size = [], [], [], 0
         return block

@@ -1,4 +1,4 @@
-"""From runs of message records to tracks and records."""
+"""Decoder of runs of message records into tracks and records."""
 
 from __future__ import annotations
 
@@ -43,9 +43,8 @@ Fields = dict[str, npt.NDArray[Any]]
 T = TypeVar("T")
 
 _RARE_LIMIT: Final = 1 << 20
-"""Largest message [bytes] that is given to rosbags; ours cut texts at ten thousand characters."""
+"""Largest message for rosbags [bytes]; ours cut texts at ten thousand characters."""
 _LEVELS: Final = {number: level for level, number in messages.LEVELS.items()}
-
 
 Track = TypeVar("Track", MotionTrack, CommandTrack, PoseTrack, LatencyTrack, JointTrack, ScanTrack)
 
@@ -55,7 +54,7 @@ def track(
 ) -> Track:
     """Decode the messages of a layout as a track with some ``constants``.
 
-    Its other fields are those of the messages, ``time`` [s], ``yaw`` and ``covariance``.
+    The other fields come from the messages, ``time`` [s], ``yaw`` and ``covariance``.
     """
     columns = _fields(recording, layout)
     columns["time"] = columns["log_time"] / 1e9
@@ -74,7 +73,7 @@ def cloud_count(recording: McapContents) -> npt.NDArray[np.int64]:
 
 
 def joints(recording: McapContents, names: tuple[str, ...]) -> JointTrack:
-    """Decode ``/joint_states``; a scene without joints has none."""
+    """Decode ``/joint_states``; empty for a scene without joints."""
     if not names:
         nothing = np.empty((0, 0))
         return JointTrack((), np.empty(0), nothing, nothing)
@@ -96,10 +95,10 @@ def contacts(recording: McapContents) -> tuple[ContactRecord, ...]:
     """Decode ``/contacts``, in the order of their times."""
     records: list[ContactRecord] = []
     for rows in recording.runs.get("/contacts", []):
-        # A run of equal-sized messages may hold several pairs of names of the same length: the
-        # first row names a pair, all rows of it are taken at once, the rest is looked at again.
+        # A run of equal-sized messages may hold several pairs of names of the same length. Take the
+        # pair of the first row with all its rows at once, then repeat with the rest.
         while len(rows):
-            # A pair of names costs a layout and a look at all rows, some 4 of them a step.
+            # A pair of names costs a layout and a check of all rows, about 4 of them a step.
             recording.spend(128 + len(rows) // 4)
             ((first, second),) = _decoded(rows[:1], "/contacts", _contact_names)
             layout = layouts.contact(first, second)
@@ -174,13 +173,13 @@ def _fields(recording: McapContents, layout: MessageLayout) -> Fields:
             raise DamagedTraceError(f"{layout.topic} holds something else than expected")
         packed.append(layout.pack(rows))
     packed = packed or [layout.pack(np.empty((0, len(layout.template)), np.uint8))]
-    # Field by field: numpy compares the types of whole records anew for every pair.
+    # Field by field, because numpy compares the types of whole records for every pair.
     names = packed[0].dtype.names or ()
     return {name: np.concatenate([part[name] for part in packed]) for name in names}
 
 
 def _yaw(fields: Fields) -> Floats:
-    """Return yaws in (-pi, pi]; by the C library one by one, equal on every machine."""
+    """Return yaws in (-pi, pi], one by one by the C library, so equal on every machine."""
     halves = map(math.atan2, fields["qz"].tolist(), fields["qw"].tolist())
     yaw = 2.0 * np.fromiter(halves, np.float64, len(fields["qz"]))
     yaw[yaw > math.pi] -= math.tau
@@ -205,7 +204,7 @@ def _contact_names(message: Any) -> tuple[str, str]:
 def _rare(
     recording: McapContents, topic: str, read: Callable[[Any], T]
 ) -> Iterator[tuple[float, T]]:
-    """Yield time and content of messages that are decoded one by one."""
+    """Yield time and content of messages, decoded one by one."""
     for rows in recording.runs.get(topic, []):
         recording.spend(2 * RECORD_STEPS * len(rows))
         yield from zip(_times(rows), _decoded(rows, topic, read), strict=True)
@@ -214,27 +213,27 @@ def _rare(
 def _messages(
     recording: McapContents, topic: str, read: Callable[[bytes, float], T]
 ) -> Iterator[T]:
-    """Yield what ``read`` makes of the CDR and the time [s] of each message."""
+    """Yield the result of ``read`` for the CDR and the time [s] of each message."""
     for rows in recording.runs.get(topic, []):
         recording.spend(2 * RECORD_STEPS * len(rows))
         for time, row in zip(_times(rows), rows[:, HEADER.size :], strict=True):
             try:
                 content = read(row.tobytes(), time)
             except Exception as error:
-                # Whatever: damaged bytes are read with struct, numpy and by rosbags.
+                # struct, numpy and rosbags may raise anything for damaged bytes.
                 raise DamagedTraceError(f"a damaged message on {topic}") from error
             yield content
 
 
 def _decoded(rows: ByteArray, topic: str, read: Callable[[Any], T]) -> Iterator[T]:
-    """Yield messages of one size as ``read`` returns them."""
+    """Yield the results of ``read`` for messages of one size."""
     if rows.shape[1] > _RARE_LIMIT:
         raise DamagedTraceError(f"a message on {topic} is too large")
     for row in rows[:, HEADER.size :]:
         try:
             content = read(ros.deserialize(row.tobytes(), messages.KINDS[topic]))
         except Exception as error:
-            # Whatever: rosbags reads damaged bytes with struct, numpy and its own code.
+            # rosbags uses struct, numpy and its own code, which may raise anything.
             raise DamagedTraceError(f"a damaged message on {topic}") from error
         yield content
 

@@ -23,15 +23,15 @@ _FIRST: Final = (
     "/mission/status",
     "/events",
 )
-"""Topics in the order of cause, for those that differ at one instant: the input of a stack, its
+"""Topics from cause to effect, to order differences at one instant: the input of a stack, its
 answer, the consequences."""
 
 
 @dataclass(frozen=True, slots=True)
 class TraceDifference:
-    """The first difference: its ``topic`` and simulated ``time`` [s].
+    """First difference: its ``topic`` and simulated ``time`` [s].
 
-    If all messages are the same, ``topic`` is empty and ``what`` names the difference.
+    If all messages are equal, ``topic`` is empty and ``what`` describes the difference.
     """
 
     topic: str = ""
@@ -63,7 +63,7 @@ def first_difference(one: Path, other: Path) -> TraceDifference | None:
 
 
 def _parting(one: list[ByteArray], other: list[ByteArray]) -> int | None:
-    """Return the earlier time [ns] of the first two messages that differ."""
+    """Return the earlier time [ns] of the first two different messages."""
     for mine, theirs in zip_longest(_messages(one), _messages(other)):
         if mine != theirs:
             return min(_time(message) for message in (mine, theirs) if message is not None)
@@ -80,7 +80,7 @@ def _time(message: bytes) -> int:
 
 
 def _besides_messages(one: McapContents, other: McapContents) -> str:
-    """Name the difference of files whose messages are the same."""
+    """Describe the difference of files with equal messages."""
     names = [
         f"{kind} {name}"
         for kind, mine, theirs in (

@@ -1,7 +1,7 @@
-"""Walking an MCAP file: metadata, attachments, and runs of equal-sized messages per topic.
+"""Reader of MCAP files: metadata, attachments, and runs of equal-sized messages by topic.
 
-Nothing a file claims is believed: lengths are held against the bytes that are there, chunk
-sizes against limits before anything is decompressed, checksums against the decompressed bytes.
+The reader checks every claim of a file: lengths against the existing bytes, chunk sizes against
+limits before decompression, checksums against the decompressed bytes.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ from daemon.trace.messages import KINDS
 FILE_LIMIT: Final = 1 << 30
 CHUNK_LIMIT: Final = 1 << 28
 TOTAL_LIMIT: Final = 1 << 29
-"""Largest file, chunk and sum of decompressed chunks [bytes] a reader takes on."""
+"""Largest file, chunk and sum of decompressed chunks [bytes] that a reader accepts."""
 
 STEP_LIMIT: Final = 1 << 22
-"""Most work a reader takes on, in steps of about two microseconds; a run leaves some thousands.
+"""Most work of a reader, in steps of about two microseconds; a run leaves some thousands.
 
-Counted, not timed: whether a trace can be read must not depend on what else the machine does."""
+Steps are counted, not timed, so that the result does not depend on the load of the machine."""
 RECORD_STEPS: Final = 4
-"""Steps of a record that is read by itself, and of a run of messages of equal size."""
+"""Steps of a single record, and of a run of messages of equal size."""
 
 _RECORD: Final = struct.Struct("<BQ")
 _CHUNK_HEAD: Final = struct.Struct("<QQQII")
@@ -50,16 +50,16 @@ _INDEX_ENTRY: Final = np.dtype([("time", "<i8"), ("offset", "<i8")])
 
 
 class DamagedTraceError(Exception):
-    """Damage beyond which a file cannot be read; the message says why."""
+    """Damage that ends the reading of a file; the message describes it."""
 
 
 @dataclass(slots=True)
 class McapContents:
     """Contents of a file: ``runs`` are rows of message records (n, size), in file order.
 
-    Those of topics with one of the ``layouts`` are in ``packed``, as :meth:`MessageLayout.pack` has
-    them; rows that do not fit it stay in ``runs``. ``cut`` says why reading stopped before the end
-    of the file, or is empty. ``steps`` is the work done so far.
+    Records that fit one of the ``layouts`` of topics are in ``packed``
+    (:meth:`MessageLayout.pack`), others in ``runs``. ``cut`` is the reason why reading stopped
+    before the end of the file, or empty. ``steps`` is the work so far.
     """
 
     path: Path
@@ -72,7 +72,7 @@ class McapContents:
     steps: int = 0
 
     def copy(self) -> McapContents:
-        """Return contents that can be added to without changing these."""
+        """Return a copy that can grow without changing these contents."""
         return replace(
             self,
             metadata={**self.metadata},
@@ -81,9 +81,9 @@ class McapContents:
         )
 
     def add(self, topic: str, data: bytes | memoryview, offsets: IntArray, sizes: IntArray) -> None:
-        """Add message records of a topic, each ``sizes`` (n,) bytes long from ``offsets`` (n,) on.
+        """Add message records of a topic, with their ``sizes`` (n,) [bytes] and ``offsets`` (n,).
 
-        Those of equal size in a row are kept together.
+        Successive records of equal size stay together.
         """
         edges = (np.flatnonzero(np.diff(sizes)) + 1).tolist()
         self.spend(RECORD_STEPS * (len(edges) + 1))
@@ -97,7 +97,7 @@ class McapContents:
                 self.runs.setdefault(topic, []).append(rows)
 
     def spend(self, steps: int) -> None:
-        """Count work; raises :class:`TraceError` when it is more than a trace can need."""
+        """Count work; raises :class:`TraceError` if it is more than a trace can need."""
         self.steps += steps
         if self.steps > STEP_LIMIT:
             raise TraceError(
@@ -113,12 +113,12 @@ def read_mcap(
     *,
     layouts: Mapping[str, MessageLayout] | None = None,
 ) -> McapContents:
-    """Read the messages on topics that ``select`` takes, and everything that is not a message.
+    """Read the messages on topics that ``select`` accepts, and everything that is no message.
 
-    With ``layouts`` of topics the reader keeps their values and lets go of the chunk: of a run of
-    the reference stack 2 MB instead of 26.
+    With ``layouts`` of topics the reader keeps only values, not the chunk: 2 MB instead of 26 for
+    a run of the reference stack.
 
-    Raises :class:`TraceError` when the file cannot be opened or is no MCAP file.
+    Raises :class:`TraceError` if the file cannot be opened or is no MCAP file.
     """
     try:
         status = path.stat()
@@ -144,7 +144,7 @@ def read_mcap(
 
 
 class _McapWalk:
-    """One pass over the records of a file."""
+    """Pass over the records of a file."""
 
     def __init__(
         self, recording: McapContents, data: bytes, select: Callable[[str], bool] | None
@@ -158,7 +158,7 @@ class _McapWalk:
         self._total = 0
 
     def run(self) -> None:
-        """Read up to the end of the data; raises :class:`DamagedTraceError` when it is cut."""
+        """Read to the end of the data; raises :class:`DamagedTraceError` if it is cut."""
         data = self._data
         while True:
             opcode, content = self._record(self.at)
@@ -198,13 +198,13 @@ class _McapWalk:
         try:
             record = kinds[opcode].read(ReadDataStream(io.BytesIO(content)))
         except (McapError, struct.error, ValueError, OverflowError) as error:
-            # The mcap library takes lengths inside of a record as they are, up to 2**64.
+            # The mcap library trusts lengths inside of a record, up to 2**64.
             raise DamagedTraceError(f"a damaged {kinds[opcode].__name__.lower()} record") from error
         if isinstance(record, records.Schema):
             self._schemas[record.id] = record.name
         elif isinstance(record, records.Channel):
             kind = KINDS.get(record.topic)
-            # Topics that are not ours may be anything: merged files and other tools' additions.
+            # Foreign topics may have any type: merged files and additions of other tools.
             if kind is not None and self._schemas.get(record.schema_id) != kind:
                 raise DamagedTraceError(f"{record.topic} is not {kind}")
             self._channels[record.id] = record.topic
@@ -223,7 +223,7 @@ class _McapWalk:
     def _message_offsets(self, data: bytes, indexed: IntArray) -> IntArray:
         """Read the declarations in a chunk; return the offsets of its messages.
 
-        These are the ``indexed`` ones (n,) if the data agrees.
+        The result is ``indexed`` (n,) if the data agrees.
         """
         at = 0
         walked: list[int] = []
@@ -234,7 +234,7 @@ class _McapWalk:
                 offsets = None if walked else record_offsets(data, at, indexed)
                 if offsets is not None:
                     return offsets
-                # No index, or one that leaves something out: one record after the other.
+                # Without a complete index, read one record after the other.
                 walked.append(at)
             else:
                 self._rare(opcode, data[at + _RECORD.size : end])
@@ -242,13 +242,13 @@ class _McapWalk:
         return np.array(walked, np.int64)
 
     def _indexed_offsets(self, at: int) -> IntArray:
-        """Return offsets of messages from the indexes after a chunk; they may hold anything."""
+        """Return offsets of messages from the indexes after a chunk, which may be wrong."""
         entries = [np.empty(0, np.int64)]
         while True:
             try:
                 opcode, content = self._record(at)
             except DamagedTraceError:
-                # Cut right behind the chunk: its index is lost, the chunk is not.
+                # The file is cut right behind the chunk: only its index is lost.
                 return entries[0]
             if opcode != Opcode.MESSAGE_INDEX:
                 return np.concatenate(entries)
@@ -270,7 +270,7 @@ class _McapWalk:
         if _LENGTH.unpack_from(raw, start - _LENGTH.size)[0] != len(raw) - start:
             raise DamagedTraceError("a damaged chunk")
         self._total += size
-        # Before decompressing: a few bytes of zstd can claim, and become, gigabytes.
+        # Check before decompression: a few bytes of zstd can become gigabytes.
         if size > CHUNK_LIMIT or self._total > TOTAL_LIMIT:
             raise TraceError(
                 self.recording.path,
@@ -283,7 +283,7 @@ class _McapWalk:
         return data
 
     def _messages(self, data: bytes, offsets: IntArray, select: Callable[[str], bool]) -> None:
-        """Collect the messages at ``offsets`` (n,) of a chunk whose topics ``select`` takes."""
+        """Collect the messages at ``offsets`` (n,) of a chunk on topics that ``select`` accepts."""
         lengths = _numbers(data, offsets + 1, "<u8").astype(np.int64)
         if int(lengths.min()) < HEADER.size - _RECORD.size:
             raise DamagedTraceError("a message without a header")
@@ -298,10 +298,10 @@ class _McapWalk:
 
 
 def record_offsets(data: bytes, at: int, offsets: IntArray) -> IntArray | None:
-    """Return ``offsets`` of messages in the order of the file when they are all from ``at`` on.
+    """Return sorted ``offsets`` of messages if they cover the data from ``at`` on.
 
-    ``None`` when the data has anything else there: each must be a message that ends where the next
-    one starts, the last with the data.
+    Each must be a message that ends at the begin of the next one, the last at the end of the data;
+    otherwise ``None``.
     """
     offsets = np.sort(offsets)
     if not len(offsets) or offsets[0] != at or offsets[-1] > len(data) - HEADER.size:
@@ -314,7 +314,7 @@ def record_offsets(data: bytes, at: int, offsets: IntArray) -> IntArray | None:
 
 
 def _record_end(data: bytes, at: int) -> tuple[int, int]:
-    """Return the opcode of the record at ``at`` in a chunk, and where the record ends."""
+    """Return the opcode and the end of the record at ``at`` in a chunk."""
     if at + _RECORD.size > len(data):
         raise DamagedTraceError("a damaged chunk")
     opcode, length = _RECORD.unpack_from(data, at)
@@ -325,7 +325,7 @@ def _record_end(data: bytes, at: int) -> tuple[int, int]:
 
 
 def _numbers(data: bytes, at: IntArray, kind: str) -> npt.NDArray[Any]:
-    """Return the numbers of a type that start at the places ``at`` (n,) of the data."""
+    """Return the numbers of a type at the places ``at`` (n,) of the data."""
     size = np.dtype(kind).itemsize
     every = np.ndarray((len(data) - size + 1,), kind, data, 0, (1,))
     numbers: npt.NDArray[Any] = every[at]
@@ -340,15 +340,15 @@ def decompress(
     *,
     decompressor: zstandard.ZstdDecompressor | None = None,
 ) -> bytes:
-    """Decompress exactly ``size`` bytes, or any number up to ``limit`` when it is ``None``.
+    """Decompress exactly ``size`` bytes, or any number up to ``limit`` if it is ``None``.
 
-    A ``decompressor`` serves many chunks. Memory is only taken up to the allowed size. Raises
-    :class:`DamagedTraceError` for anything else.
+    A ``decompressor`` serves many chunks. Memory stays within the allowed size. Raises
+    :class:`DamagedTraceError` for damaged data or another size.
     """
     most = limit if size is None else size
     try:
         if method == b"zstd":
-            # As a stream: ``decompress`` allocates what the frame's header claims.
+            # As a stream, because ``decompress`` allocates the size in the frame's header.
             claimed = zstandard.frame_content_size(data)
             own = decompressor or zstandard.ZstdDecompressor()
             with own.stream_reader(data) as reader:

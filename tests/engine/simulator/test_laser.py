@@ -119,7 +119,7 @@ def test_a_sweep_from_where_nothing_has_moved_is_the_one_a_fresh_laser_takes():
             simulated.command(twist)
             simulated.advance(ticks)
         # Forgotten before every scan: cast anew each time.
-        elsewhere._lasers[""]._seen = (0, b"")
+        elsewhere._lasers[""]._cast_state = (0, b"")
         assert here.scan().tobytes() == elsewhere.scan().tobytes()
         assert true_ranges(here).tobytes() == true_ranges(elsewhere).tobytes()
     assert not np.array_equal(here.scan(), here.scan())
