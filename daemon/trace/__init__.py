@@ -1,4 +1,4 @@
-"""MCAP traces: ROS 2 messages in CDR, written and read back."""
+"""Writer and reader of MCAP traces with ROS 2 messages in CDR."""
 
 from daemon.trace._difference import TraceDifference, first_difference
 from daemon.trace._model import (

@@ -1,9 +1,9 @@
-"""Writing the MCAP container: whole columns of messages per chunk.
+"""Writer of the MCAP container for whole columns of messages per chunk.
 
-The mcap library's ``Writer`` spends about 4 us of Python on each message, more than encoding and
-compressing it costs. Here a chunk is given as ready-made bytes, one block per channel, and put in
-order and indexed with numpy; every record that is written once per file or chunk is still the
-mcap library's.
+The mcap library's ``Writer`` spends about 4 us of Python on each message, more than its encoding
+and compression take. This writer gets the bytes of a chunk, one block per channel, and sorts and
+indexes them with numpy. The mcap library still makes the records that occur once per file or
+chunk.
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ COMPRESSION_LEVEL: Final = 1
 default level takes 6.3 us and 1234 kB. The noise of laser ranges does not compress at any level."""
 
 _CHUNK_HEAD: Final = struct.Struct("<BQQQQII4sQ")
-"""Opcode, length, first and last time, size and checksum of what is compressed, length and name of
-the compression, compressed size. What follows is the data, which the mcap library's ``Chunk`` would
-copy three times."""
+"""Opcode, length, first and last time, size and checksum before compression, length and name of the
+compression, compressed size. The data follow; the mcap library's ``Chunk`` would copy them three
+times."""
 _COMPRESSION: Final = b"zstd"
 _INDEX_HEAD: Final = struct.Struct("<BQHI")
 _INDEX_NUMBER: Final = np.dtype("<i8")
-"""The time [ns] of an entry, and its offset in the chunk [bytes]. The format has unsigned numbers;
-neither ever reaches the bit in which they differ."""
+"""Time [ns] of an entry, and its offset in the chunk [bytes]. The numbers of the format are
+unsigned, equal to these below 2**63."""
 
 
 class McapWriter:
-    """An MCAP file being written to a binary stream; same calls, same bytes."""
+    """Writer of an MCAP file to a binary stream; the same calls give the same bytes."""
 
     def __init__(self, stream: BinaryIO) -> None:
         self._stream = stream
@@ -85,7 +85,7 @@ class McapWriter:
         return self._span[1] if self._span else 0
 
     def add_attachment(self, name: str, media_type: str, data: bytes) -> None:
-        """Write an attachment; its times are 0, like everything that is not simulated."""
+        """Write an attachment, with 0 as its times because it has no simulated time."""
         attachment = records.Attachment(
             create_time=0, log_time=0, name=name, media_type=media_type, data=data
         )
@@ -107,7 +107,7 @@ class McapWriter:
     def add_channel(self, topic: str, kind: str, text: str, metadata: Mapping[str, str]) -> int:
         """Declare a topic of CDR messages; returns its channel id (1, 2, ... in this order).
 
-        Declarations travel in the first chunk, so all channels come before any chunk.
+        Declarations are in the first chunk, so all channels come before any chunk.
         """
         ids = [schema.id for schema in self._schemas if schema.name == kind]
         if not ids:
@@ -123,12 +123,12 @@ class McapWriter:
         return channel.id
 
     def add_chunk(self, blocks: Sequence[MessageBlock]) -> None:
-        """Write blocks of messages as one compressed chunk in the order of time, and its index."""
+        """Write blocks of messages as one compressed chunk in the order of time, and the index."""
         blocks = [block for block in blocks if len(block.times)]
         if not blocks:
             return
         table = interleave(blocks)
-        # Schemas and channels inside of the first chunk, where they are compressed.
+        # Schemas and channels go into the first chunk and are compressed with it.
         declarations = () if self._chunks else (*self._schemas, *self._channels)
         head = b"".join(map(_record_bytes, declarations))
         data = b"".join((head, table.data.data)) if head else table.data.data
@@ -190,7 +190,7 @@ class McapWriter:
         self._write(body + _record_bytes(footer) + MAGIC)
 
     def reopen(self) -> None:
-        """Take the end of a finished file back, so that more can be added and finished again."""
+        """Remove the end of a finished file, so that more can be added."""
         if self._data_end is not None:
             self._size, self._sha256, self._crc = self._data_end
             self._stream.seek(self._size)
@@ -198,9 +198,12 @@ class McapWriter:
             self._data_end = None
 
     def _index(self, table: MessageTable, base: int, position: int) -> tuple[bytes, dict[int, int]]:
-        """Return the message indexes of a chunk and where each lies; ``base`` [bytes] precedes."""
-        # By channel, and in each by time, for readers find its messages in order by it; stable, so
-        # that those of one instant stay in the order they were recorded in.
+        """Return the message indexes of a chunk and the position of each in the file.
+
+        The messages begin ``base`` bytes after the start of the chunk's data.
+        """
+        # By channel, and in each by time, which is the order for readers. The sort is stable:
+        # messages of one instant stay in the order of their recording.
         order = np.lexsort((table.times, table.channels))
         channels, first = np.unique(table.channels[order], return_index=True)
         entries = np.empty((len(order), 2), _INDEX_NUMBER)

@@ -1,4 +1,4 @@
-"""Value types of a trace that was read, as flat arrays.
+"""Value types of a trace in memory, as flat arrays.
 
 Times are simulated seconds (float64). Arrays of one track share their first dimension.
 """
@@ -20,16 +20,16 @@ from grammars.text.diagnostics import Finding, InputError, Where
 
 
 class TraceError(InputError):
-    """Unusable trace file: the file, its fault and a remedy."""
+    """Unusable trace file, with its path, the fault and a remedy."""
 
     def __init__(self, path: Path | str, message: str, hint: str = "") -> None:
         super().__init__(Finding(Where(str(path)), message, hint))
 
 
-# ``eq=False`` where there are arrays: comparing them gives arrays, not an answer.
+# ``eq=False`` for types with arrays: == of arrays gives an array.
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionTrack:
-    """A moving base: ``time`` (n,), pose ``x, y`` [m] and ``yaw`` [rad, wrapped], body twist.
+    """Motion of a base: ``time`` (n,), pose ``x, y`` [m] and ``yaw`` [rad, wrapped], body twist.
 
     ``vx, vy`` [m/s] and ``wz`` [rad/s] are in the body frame (REP 103), all of shape (n,).
     """
@@ -45,7 +45,7 @@ class MotionTrack:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CommandTrack:
-    """Velocity commands in the body frame as the system under test gave them, shape (n,)."""
+    """Velocity commands of the system under test in the body frame, shape (n,)."""
 
     time: Floats
     vx: Floats
@@ -68,8 +68,8 @@ class PoseTrack:
 class JointTrack:
     """Joint states: ``position`` and ``velocity`` (n, k) in the order of ``names``.
 
-    Samples that repeat the one before are not all kept, but linear interpolation between the
-    kept ones gives every recorded sample back (the last repeat before a change is kept).
+    A trace leaves out samples that repeat the previous one, except the last before a change.
+    Linear interpolation between the others gives every recorded sample.
     """
 
     names: tuple[str, ...]
@@ -100,7 +100,7 @@ class ScanTrack:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanRecord:
-    """A global plan as the system under test had it from ``time`` [s] on: ``points`` (n, 2) [m]."""
+    """Global plan of the system under test from ``time`` [s] on: ``points`` (n, 2) [m]."""
 
     time: float
     points: Floats
@@ -108,7 +108,7 @@ class PlanRecord:
 
 @dataclass(frozen=True, slots=True)
 class ContactRecord:
-    """Two bodies touching at ``point`` [m, map frame]; ``depth`` [m] of penetration.
+    """Contact of two bodies at ``point`` [m, map frame]; ``depth`` [m] of penetration.
 
     ``normal`` points from ``first`` to ``second``.
     """
@@ -123,9 +123,9 @@ class ContactRecord:
 
 @dataclass(frozen=True, slots=True)
 class ProgressRecord:
-    """A change of the mission: ``reached`` waypoints done, ``current`` being approached.
+    """Change of the mission: number of ``reached`` waypoints, and index of the ``current`` one.
 
-    ``current`` equals the number of waypoints once all are reached.
+    ``current`` equals the number of waypoints after the last one.
     """
 
     time: float
@@ -136,7 +136,7 @@ class ProgressRecord:
 
 @dataclass(frozen=True, slots=True)
 class EventRecord:
-    """A sentence of ``source`` in the log of the run."""
+    """Sentence of ``source`` in the log of the run."""
 
     time: float
     source: str
@@ -148,11 +148,11 @@ class EventRecord:
 class Trace:
     """One recorded run.
 
-    ``ended`` is ``None`` and ``complete`` false for a trace that was cut (its writer died);
-    everything up to ``valid_until`` [s] can still be judged. ``problems`` are faults that make the
-    recording itself doubtful: a judge must not trust a trace that has any. ``scans`` are those of
-    every laser in the order of the robot's, ``None`` unless they were asked for; so are ``plans``
-    and ``costmaps``, empty unless asked for. ``reports`` of a stack are in the order of time.
+    ``ended`` is ``None`` and ``complete`` false for a trace without an end, because its writer
+    died; the part up to ``valid_until`` [s] can still be judged. ``problems`` are faults of the
+    recording: a judge must not trust a trace that has any. ``scans`` has an item for every laser of
+    the robot, in that order. Without a request for them, ``scans`` is ``None``, and ``plans`` and
+    ``costmaps`` are empty. ``reports`` of a stack are in the order of time.
     """
 
     path: Path

@@ -1,8 +1,8 @@
-"""Reading traces fast: columns straight from the bytes, no Python object per frequent message.
+"""Reader of traces: columns directly from the bytes, no Python object per frequent message.
 
-Chunks whose index shows nothing of interest are not even decompressed. A file that is cut or
-damaged yields its readable prefix as an incomplete trace, or a :class:`TraceError` when there is
-none. What makes a recording doubtful, whatever the robot did in it, is noted in the trace.
+Chunks without a selected topic in their index stay compressed. A file that is cut or damaged gives
+its readable part as an incomplete trace, or raises :class:`TraceError` when it has none. Faults of
+the recording are ``problems`` of the trace.
 """
 
 from __future__ import annotations
@@ -39,19 +39,19 @@ MAX_GAP: Final = 0.5
 may be missing, as it is recorded at 20 Hz."""
 
 _SCENE_LIMIT: Final = 64 << 20
-"""Largest scene [bytes of JSON] that is unpacked from a file that may be anybody's."""
+"""Size limit of a scene [bytes of JSON], because a file may come from an untrusted source."""
 
 
 def read_trace(path: Path, *, scans: bool = False, views: bool = False) -> Trace:
     """Read a trace, with ``scans`` of all lasers, and with plans and costmaps, its ``views``.
 
-    Raises :class:`TraceError` when the file cannot be opened, is not a trace written by
-    :class:`TraceWriter`, or is damaged before anything of it can be used.
+    Raises :class:`TraceError` when the file cannot be opened, is not a trace of
+    :class:`TraceWriter`, or has no readable part.
     """
     topics = messages.JUDGED | messages.VIEWS if views else messages.JUDGED
 
     def select(topic: str) -> bool:
-        # The names of the lasers are only known afterwards.
+        # The names of the lasers are in the specification, which is read later.
         return topic in topics or (scans and messages.is_scan(topic))
 
     recording = read_mcap(path, select, layouts=judged_layouts())
@@ -69,13 +69,13 @@ def read_spec(path: Path) -> RunSpec:
 
 
 def read_scene(path: Path) -> Scene:
-    """Read only the scene inside of a trace; raises as :func:`read_trace` does."""
+    """Read only the scene of a trace; raises as :func:`read_trace` does."""
     recording = read_mcap(path)
     return _attached_scene(recording, _attached_spec(recording))
 
 
 def read_outputs(path: Path) -> dict[str, str]:
-    """Read what the system under test printed, by name; raises as :func:`read_trace` does."""
+    """Read the output of the system under test, by name; raises as :func:`read_trace` does."""
     attachments = read_mcap(path).attachments.items()
     prefix = messages.OUTPUT_PREFIX
     return {
@@ -89,8 +89,8 @@ def read_outputs(path: Path) -> dict[str, str]:
 def judged_layouts() -> dict[str, MessageLayout]:
     """Return the layouts of the judged topics that are the same in every trace."""
     signals = common_signals().values()
-    filled = (layout for signal in signals for layout in signal.layouts)
-    return {layout.topic: layout for layout in filled if layout.topic in messages.JUDGED}
+    common = (layout for signal in signals for layout in signal.layouts)
+    return {layout.topic: layout for layout in common if layout.topic in messages.JUDGED}
 
 
 def decode_trace(
@@ -153,10 +153,10 @@ def _scans(recording: McapContents, spec: RunSpec) -> tuple[ScanTrack, ...]:
 def _attached_spec(recording: McapContents) -> RunSpec:
     data = _attachment(recording, "spec.json")
     about = recording.metadata.get("run", {})
-    # Attachments have no checksum of ours otherwise, and everything is judged by what they say. Up
-    # to engine 4 the digest of a run was that of this text.
-    named = about.get("sha256", about.get("digest"))
-    if named != hashlib.sha256(data).hexdigest():
+    # The metadata are the only checksum of this attachment, on which all verdicts depend. Up to
+    # engine 4 the digest of a run was that of this text.
+    expected = about.get("sha256", about.get("digest"))
+    if expected != hashlib.sha256(data).hexdigest():
         raise TraceError(recording.path, "the run specification in the file is damaged")
     try:
         return codec.from_json(RunSpec, data)
@@ -182,12 +182,12 @@ def _attached_scene(recording: McapContents, spec: RunSpec) -> Scene:
 def _attachment(recording: McapContents, name: str) -> bytes:
     data = recording.attachments.get(name)
     if data is None:
-        what = "was cut before anything was recorded" if recording.cut else "is not a trace"
-        raise TraceError(recording.path, f"{what}: no {name} in it", "run it again")
+        fault = "was cut before anything was recorded" if recording.cut else "is not a trace"
+        raise TraceError(recording.path, f"{fault}: no {name} in it", "run it again")
     return data
 
 
-# A campaign's hundreds of traces have a scene or two.
+# The hundreds of traces of a campaign share one or two scenes.
 @functools.lru_cache(maxsize=16)
 def _cached_scene(packed: bytes) -> tuple[Scene, str]:
     data = decompress(packed, b"zstd", None, _SCENE_LIMIT)
@@ -212,7 +212,7 @@ def _pose_values(track: PoseTrack) -> tuple[Floats, ...]:
 
 
 def _not_finite(name: str, time: Floats, *values: Floats) -> list[str]:
-    # As they lie in memory: nearly always that is all there is to ask.
+    # First without a copy, which is enough for nearly all traces.
     if all(np.isfinite(each).all() for each in values):
         return []
     finite = np.isfinite(np.column_stack(values)).all(axis=1)
@@ -222,7 +222,7 @@ def _not_finite(name: str, time: Floats, *values: Floats) -> list[str]:
 def _gaps(time: Floats, valid_until: float) -> list[str]:
     if not len(time):
         return ["there is no ground truth"]
-    # From the start of the run to the end of what is judged: missing ends are gaps like any other.
+    # From the start of the run to the end of the judged time: missing ends are gaps, too.
     edges = np.concatenate(([0.0], time, [valid_until]))
     steps = np.diff(edges)
     worst = int(np.argmax(steps))

@@ -1,7 +1,7 @@
-"""Recording of a run: one call per thing that happens, turned into samples and messages.
+"""Recorder of a run: turns calls of the engine into samples and messages.
 
-A trace collects them (:class:`~daemon.trace.TraceWriter`), a live world hands them over at once
-(:class:`MessageStream`): the same topics, types and bytes.
+:class:`~daemon.trace.TraceWriter` collects them in a trace, :class:`MessageStream` sends them at
+once for a live world, with the same topics, types and bytes.
 """
 
 from __future__ import annotations
@@ -54,9 +54,9 @@ Correction: TypeAlias = tuple[float, float, float, float]
 """x, y [m], qz, qw of odom in map."""
 
 
-# Close to twenty methods, and on purpose: one per thing that is recorded is its interface.
+# Close to twenty methods on purpose: the interface has one per recorded quantity.
 class Recorder(ABC):
-    """Recorder of one run; times are simulated seconds, and calls come in the order of events.
+    """Recorder of one run. Times are simulated seconds, and calls are in the order of events.
 
     Values of the wrong shape raise ``ValueError``.
     """
@@ -74,18 +74,18 @@ class Recorder(ABC):
 
     @abstractmethod
     def _sample(self, signal: SampledSignal, time: float, values: Sequence[Any]) -> None:
-        """Take a sample of a signal."""
+        """Record a sample of a signal."""
 
     @abstractmethod
     def _message(self, topic: str, time: float, encode: Callable[[int], bytes]) -> None:
-        """Take a message; ``encode`` returns its CDR for a time [ns]."""
+        """Record a message; ``encode`` returns its CDR for a time [ns]."""
 
     @abstractmethod
     def _latch(self, payloads: Mapping[str, bytes]) -> None:
-        """Take messages, by topic, that hold for the whole run."""
+        """Record the latched messages, by topic."""
 
     def static(self, grid: OccupancyGrid) -> None:
-        """Record everything that holds for the whole run, at time 0."""
+        """Record the latched messages and the first progress, at time 0."""
         grid_map = ros.serialize(ros.occupancy_grid(grid), messages.KINDS["/map"])
         latched = _latched_payloads(self._scene, self._spec.robot, self._spec.mission)
         self._latch({"/map": grid_map, **latched})
@@ -104,8 +104,8 @@ class Recorder(ABC):
     def odometry(self, sample: Odometry) -> None:
         """Record an odometry sample, and odom -> base_link.
 
-        The first one also fixes map -> odom by the pose the mission starts at, which holds
-        until there is an estimate.
+        The first one also sets map -> odom by the start of the mission, until there is an
+        estimate.
         """
         pose, twist = sample.pose, sample.twist
         row = (pose.x, pose.y, pose.yaw, twist.vx, twist.vy, twist.wz)
@@ -126,12 +126,12 @@ class Recorder(ABC):
         values: Sequence[float]
         values = vx, vy, wz = twist.vx, twist.vy, twist.wz
         if not (type(vx) is type(vy) is type(wz) is float):
-            # From a system under test: anything but numbers is refused now and not with its chunk.
+            # A system under test may give other types: raise now and not with the chunk.
             values = array("d", values)
         self._sample(self._signals["/cmd_vel"], time, values)
 
     def estimate(self, estimate: Estimate) -> None:
-        """Record a pose estimate, and map -> odom as it follows from odometry at that time."""
+        """Record a pose estimate, and map -> odom from it and odometry of the same time."""
         row = _belief(estimate.pose, estimate.covariance)
         self._sample(self._signals["/pose"], estimate.time, row)
         self._correct(estimate.time, self._corrections.estimate(estimate))
@@ -159,7 +159,7 @@ class Recorder(ABC):
         self._message(messages.COSTMAP, picture.time, lambda now: encode_costmap(now, picture))
 
     def report(self, report: StackReport) -> None:
-        """Record a report of a stack, which its file must ask for."""
+        """Record a report of a stack; the file of the stack must list it."""
         match report:
             case BehaviorTreeLog() as log:
                 self._report("behavior tree", log.time, lambda now: encode_tree_log(now, log))
@@ -177,7 +177,7 @@ class Recorder(ABC):
         self._message(REPORT_TOPICS[name][0], time, encode)
 
     def progress(self, time: float, progress: Progress) -> None:
-        """Record the state of the mission when it has changed, and the current waypoint."""
+        """Record the state of the mission if it has changed, and the current waypoint."""
         if progress == self._progress:
             return
         status = ros.serialize(messages.status(self._goals, progress), messages.STATUS)
@@ -192,7 +192,7 @@ class Recorder(ABC):
     def contact(
         self, time: float, first: str, second: str, point: Point2, normal: Point2, depth: float
     ) -> None:
-        """Record two bodies touching; ``normal`` points from first to second, in map."""
+        """Record a contact of two bodies; ``normal`` points from first to second, in map."""
         row = (point[0], point[1], normal[0], normal[1], depth)
         signal = self._contacts.get((first, second))
         if signal is None:
@@ -204,9 +204,9 @@ class Recorder(ABC):
         self._message("/events", time, lambda now: _log_payload(now, source, text, level))
 
     def latency(self, time: float, seconds: float) -> None:
-        """Record how long an external system took to answer [s of wall clock].
+        """Record the wall time of an external system's answer [s].
 
-        A repeatable run records none: the wall clock would be all that differs between two of them.
+        Repeatable runs record none, because two of them must not differ.
         """
         if not self._spec.sut.repeatable:
             self._sample(self._signals["/sut/latency"], time, (seconds,))
@@ -217,10 +217,10 @@ class Recorder(ABC):
 
 
 class MessageStream(Recorder):
-    """Recorder that hands over every message as topic, time [ns] and CDR, in the order of time.
+    """Recorder that sends every message as topic, time [ns] and CDR, in the order of time.
 
-    Nothing is collected, so clock, joints, plans and costmaps come as often as they are recorded.
-    ``is_wanted`` is called with a topic before its message is made; latched ones are always made.
+    It sends clock, joints, plans and costmaps at the rate of the calls. ``is_wanted`` tells for a
+    topic whether to make and send its message; latched ones are always sent.
     """
 
     def __init__(
@@ -240,7 +240,7 @@ class MessageStream(Recorder):
             signal.keep_last()
             for layout, times, columns in signal.messages():
                 if self._is_wanted(layout.topic):
-                    # A layout is that of a record in a file, of which the message is the rest.
+                    # A layout describes a record of a file: a header, then the message.
                     for row in layout.encode(0, times, columns)[:, HEADER.size :]:
                         self._send(layout.topic, now, row.tobytes())
 
@@ -255,19 +255,19 @@ class MessageStream(Recorder):
 
 
 class _MapCorrection:
-    """Latest odometry, and map -> odom as it follows from pose estimates.
+    """Latest odometry, and map -> odom from it and pose estimates.
 
-    ``start`` is where the mission starts: it holds until there is an estimate.
+    ``start`` is the start of the mission and counts until there is an estimate.
     """
 
     def __init__(self, start: Pose2) -> None:
         self._start = start
-        # Three seconds at 20 Hz: an estimate has the stamp of its scan, a few samples back.
+        # Three seconds at 20 Hz: the stamp of an estimate is that of its scan, a few samples ago.
         self._odometers: deque[Odometry] = deque(maxlen=64)
         self._localised = False
 
     def odometry(self, sample: Odometry) -> Correction | None:
-        """Take a sample; return the correction after the first one, then ``None``."""
+        """Store a sample; return the correction by the start for the first one, else ``None``."""
         self._odometers.append(sample)
         if self._localised:
             return None
@@ -276,12 +276,12 @@ class _MapCorrection:
     def estimate(self, estimate: Estimate) -> Correction | None:
         """Return the correction by an estimate and the odometry at its time.
 
-        A pose that is not a number has no frame (``None``); viewers keep the one before.
+        ``None`` for a pose that is not a number: viewers keep the previous frame.
         """
         return self._correct(estimate.pose, self._odometer_at(estimate.time))
 
     def _odometer_at(self, time: float) -> Pose2:
-        """Return base_link in odom, carried on by its twist since the last sample."""
+        """Return base_link in odom, extrapolated by the twist of the last sample."""
         for sample in reversed(self._odometers):
             if sample.time <= time:
                 since, twist = time - sample.time, sample.twist
@@ -304,12 +304,12 @@ class _MapCorrection:
 
 def nanoseconds(time: float) -> int:
     """Return a simulated time [s] in nanoseconds."""
-    # Times are multiples of 10 or of 1 ms in binary floats; rounding makes them whole again.
+    # Times are multiples of 10 or 1 ms as binary floats; rounding makes them exact.
     return int(time * 1e9 + 0.5)
 
 
 def utf8_text(text: str) -> str:
-    """Return text cut to a length and without code points that UTF-8 cannot hold."""
+    """Return text within the limit of length and without code points that UTF-8 cannot encode."""
     if len(text) > _TEXT_LIMIT:
         text = text[: _TEXT_LIMIT - 1] + "…"
     return text.encode("utf-8", "backslashreplace").decode()
@@ -317,7 +317,7 @@ def utf8_text(text: str) -> str:
 
 @functools.lru_cache(maxsize=4)
 def _latched_payloads(scene: Scene, robot: Robot, course: Mission) -> dict[str, bytes]:
-    """Return the payloads of the latched topics but the map, the same for every repeat."""
+    """Return the payloads of the latched topics except the map, equal for every repeat."""
     latched = {
         "/footprint": _statics.footprint(robot),
         "/tf_static": _statics.fixed_frames(robot, scene),
@@ -327,7 +327,7 @@ def _latched_payloads(scene: Scene, robot: Robot, course: Mission) -> dict[str, 
 
 
 def _log_payload(now: int, source: str, text: str, level: str) -> bytes:
-    """Return a sentence for the log at ``now`` [ns]; raises ``ValueError`` for another level."""
+    """Return a message of the log at ``now`` [ns]; raises ``ValueError`` for another level."""
     if level not in messages.LEVELS:
         levels = ", ".join(messages.LEVELS)
         raise ValueError(f"the level of an event is one of {levels}, not {level!r}")
@@ -341,7 +341,7 @@ def _log_payload(now: int, source: str, text: str, level: str) -> bytes:
 
 
 def _belief(pose: Pose2, covariance: Floats) -> tuple[float, ...]:
-    """Return pose and covariance (3, 3) as an estimate's layout names them, in its order."""
+    """Return pose and covariance (3, 3) in the order of an estimate's layout."""
     if covariance.shape != (3, 3):
         raise ValueError(f"a covariance must have shape (3, 3), not {covariance.shape}")
     return (pose.x, pose.y, *ros.yaw_quaternion(pose.yaw), *covariance.ravel().tolist())

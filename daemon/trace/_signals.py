@@ -1,7 +1,7 @@
-"""Signals of a run: how their samples are collected, and the messages that these become.
+"""Signals of a run: buffers of samples, and their messages.
 
-One buffer per signal and not one list of messages: a chunk is then encoded column by column, see
-:mod:`daemon.trace.layouts`.
+Each signal has its own buffer, so that a chunk is encoded column by column (see
+:mod:`daemon.trace.layouts`).
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from grammars.model.robot import Laser, Robot
 from grammars.model.scene import Scene
 
 HEARTBEAT: Final = 1_000_000_000
-"""Longest time [ns] for which a repeated joint state is left out. Doors rest most of the time, and
-the states of 20 doors take 436 bytes, 20 times a second; a viewer that jumps into the file must
-still find one near."""
+"""Longest time [ns] without a joint state while it repeats. Doors rest most of the time, and the
+states of 20 doors take 436 bytes, 20 times a second; a viewer that jumps into the file still needs
+one close by."""
 
 DOOR_PERIOD: Final = 100_000_000
-"""Shortest time [ns] between two messages with the frames of doors: enough for eyes. Judges read
+"""Shortest time [ns] between two messages with the frames of doors, enough for viewers. Judges use
 the joint states, which have every sample."""
 
 POSE: Final = ("x", "y", "qz", "qw")
@@ -40,35 +40,35 @@ BELIEF: Final = (*POSE, *(f"c{i}" for i in range(9)))
 _FLOAT32: Final = np.dtype(np.float32)
 
 Columns: TypeAlias = dict[str, npt.NDArray[Any]]
-"""A column (n, ...) for every field of a message that varies."""
+"""A column (n, ...) for every variable field of a message."""
 
 
 class SampledSignal(ABC):
-    """Samples of one signal since the last chunk; each fills one message of every layout.
+    """Samples of one signal since the last chunk; each makes one message of every layout.
 
-    Times are simulated ones [ns].
+    Times are simulated times [ns].
     """
 
     __slots__ = ("layouts", "topics")
 
-    def __init__(self, *filled: MessageLayout) -> None:
-        self.layouts = filled
-        self.topics = frozenset(layout.topic for layout in filled)
+    def __init__(self, *message_layouts: MessageLayout) -> None:
+        self.layouts = message_layouts
+        self.topics = frozenset(layout.topic for layout in message_layouts)
 
     @abstractmethod
     def add(self, time: int, values: Sequence[Any]) -> None:
-        """Append a sample; raises ``ValueError`` for values of another shape."""
+        """Append a sample; raises ``ValueError`` for values of a wrong shape."""
 
     @abstractmethod
     def peek(self) -> tuple[IntArray, Columns]:
-        """Return times (n,) and columns as they would be if this were the end, and keep them."""
+        """Return times (n,) and columns of the samples including the last one, and keep them."""
 
     @abstractmethod
     def drain(self) -> tuple[IntArray, Columns]:
-        """Return times (n,) and columns, and start anew."""
+        """Return times (n,) and columns, and empty the buffer."""
 
     def keep_last(self) -> None:
-        """Keep the last sample, if it was left out because it repeats the one before."""
+        """Add the last sample to the buffer if it was left out as a repetition."""
         return
 
     def messages(self) -> Iterator[tuple[MessageLayout, IntArray, Columns]]:
@@ -79,18 +79,18 @@ class SampledSignal(ABC):
 
 
 class SampleColumns(SampledSignal):
-    """Samples of a fixed number of floats each; a yaw gets its quaternion when they are columns.
+    """Samples of a fixed number of floats each; the columns have the quaternion of a yaw, too.
 
-    Appending costs a fraction of a microsecond; nothing is encoded before :meth:`drain`.
+    :meth:`add` takes a fraction of a microsecond, because :meth:`drain` does the encoding.
     """
 
     __slots__ = ("_names", "_times", "_values")
 
-    def __init__(self, names: tuple[str, ...], *filled: MessageLayout) -> None:
-        super().__init__(*filled)
+    def __init__(self, names: tuple[str, ...], *message_layouts: MessageLayout) -> None:
+        super().__init__(*message_layouts)
         self._names = names
-        # Lists and not ``array``: extending one by seven floats takes 27 ns and 8 ns each when it
-        # becomes columns, extending an ``array`` 350 ns.
+        # Lists and not ``array``: to extend a list by seven floats takes 27 ns, and 8 ns each for
+        # the columns; to extend an ``array`` takes 350 ns.
         self._times: list[int] = []
         self._values: list[float] = []
 
@@ -110,7 +110,7 @@ class SampleColumns(SampledSignal):
         return times, columns
 
     def drain(self) -> tuple[IntArray, Columns]:
-        """Return times and columns as :meth:`peek` does, and start anew."""
+        """Return times and columns as :meth:`peek` does, and empty the buffer."""
         samples = self.peek()
         self._times, self._values = [], []
         return samples
@@ -119,9 +119,8 @@ class SampleColumns(SampledSignal):
 class JointSamples(SampledSignal):
     """Joint states, and at most ten times a second the frames of the links that joints move.
 
-    A state is kept when it differs from the one before, and once a second. The last of a row of
-    equal states is kept too, so that linear interpolation between the kept ones gives back every
-    one that was left out.
+    A state is kept if it differs from the previous one, and once a second. The last of a row of
+    equal states is kept, too, so that linear interpolation gives all states that were left out.
     """
 
     __slots__ = (
@@ -142,16 +141,16 @@ class JointSamples(SampledSignal):
         self._repeated: tuple[Floats, Floats] | None = None
 
     def add(self, time: int, values: Sequence[Floats]) -> None:
-        """Take positions and velocities; raises ``ValueError`` unless they are a float64 a joint.
+        """Append positions and velocities; raises ``ValueError`` unless one float64 per joint.
 
-        While joints rest, the same two arrays again, if read-only, are not looked into.
+        While joints rest, the same two read-only arrays are accepted without a comparison.
         """
         positions, velocities = values
         same = self._repeated
         if same and positions is same[0] and velocities is same[1] and time < self._due:
             self._held = time
             return
-        # By bytes: there nan equals itself.
+        # As bytes, in which nan equals itself.
         state = positions.tobytes() + velocities.tobytes()
         if not state and not self._joints:
             return
@@ -170,7 +169,7 @@ class JointSamples(SampledSignal):
         self._last, self._due = state, time + HEARTBEAT
 
     def keep_last(self) -> None:
-        """Keep the last repetition, because something else follows (or nothing any more)."""
+        """Add the last repetition, before a different state or at the end."""
         if self._held >= 0:
             self._times.append(self._held)
             self._states.append(self._last)
@@ -183,7 +182,7 @@ class JointSamples(SampledSignal):
         return self._columns([*self._times, self._held], [*self._states, self._last])
 
     def drain(self) -> tuple[IntArray, Columns]:
-        """Return times (n,), ``position`` and ``velocity`` (n, joints), and start anew."""
+        """Return times (n,), ``position`` and ``velocity`` (n, joints), and empty the buffer."""
         samples = self._columns(self._times, self._states)
         self._times, self._states = [], []
         return samples
@@ -224,7 +223,7 @@ class LaserScans(SampledSignal):
         self._ranges: list[bytes] = []
 
     def add(self, time: int, values: Sequence[npt.NDArray[np.float32]]) -> None:
-        """Take a scan; raises ``ValueError`` for other than float32 of shape (rays,)."""
+        """Append a scan; raises ``ValueError`` for other than float32 of shape (rays,)."""
         (ranges,) = values
         if ranges.shape != (self._rays,) or ranges.dtype != _FLOAT32:
             raise ValueError(f"ranges must be float32 of shape ({self._rays},)")
@@ -238,7 +237,7 @@ class LaserScans(SampledSignal):
         return np.array(self._times, np.int64), columns
 
     def drain(self) -> tuple[IntArray, Columns]:
-        """Return times and columns as :meth:`peek` does, and start anew."""
+        """Return times and columns as :meth:`peek` does, and empty the buffer."""
         samples = self.peek()
         self._times, self._ranges = [], []
         return samples
@@ -247,15 +246,14 @@ class LaserScans(SampledSignal):
 def common_signals() -> dict[str, SampledSignal]:
     """Return the signals that are the same in every run, by topic.
 
-    Several signals share ``/tf``. Its messages of one instant follow each other in the order of
-    this table.
+    Several signals share ``/tf``; its messages of one instant are in the order of this table.
     """
     summary = layouts.estimate("/particle_cloud/summary")
     to_base = layouts.transforms((("odom", "base_link"),))
     return {
         "/clock": SampleColumns((), layouts.clock()),
         "/tf": SampleColumns(POSE, layouts.transforms((("map", "odom"),))),
-        # odom -> base_link has the columns of the odometry, so the two can never disagree.
+        # odom -> base_link has the columns of the odometry, so the two always agree.
         "/odom": SampleColumns(MOTION, layouts.odometry("/odom", "odom"), to_base),
         "/ground_truth": SampleColumns(MOTION, layouts.odometry("/ground_truth", "map")),
         "/cmd_vel": SampleColumns(TWIST, layouts.command()),
@@ -266,7 +264,7 @@ def common_signals() -> dict[str, SampledSignal]:
 
 
 def run_signals(robot: Robot, scene: Scene) -> dict[str, SampledSignal]:
-    """Return the signals of a run but its contacts, by topic."""
+    """Return the signals of a run except its contacts, by topic."""
     return {
         **common_signals(),
         "/joint_states": JointSamples(scene),
@@ -280,7 +278,7 @@ def contact_signal(first: str, second: str) -> SampledSignal:
 
 
 def _quaternions(yaw: Floats) -> Columns:
-    """Return z and w of the quaternions of yaws (n,), as :func:`ros.yaw_quaternion` gives them."""
+    """Return z and w of the quaternions of yaws (n,), equal to :func:`ros.yaw_quaternion`."""
     halves = yaw * 0.5
     halves[np.isinf(halves)] = math.nan
     values = halves.tolist()

@@ -1,8 +1,7 @@
-"""Messages written once: map, footprint, fixed frames, the building and its doors as markers.
+"""Latched messages (footprint, fixed frames, markers of the building), and poses of moving links.
 
-Also the poses of the moving links of a scene for recorded joint positions. A link's frame is the
-object's frame carried along by the link: with all joints at zero they coincide, so a link's
-polygons, given in the object frame, are constant in its own frame.
+The frame of a link is the frame of its object, moved along by the link. Both coincide if all
+joints are at zero, so the polygons of a link in the object frame are constant in the link's frame.
 """
 
 from __future__ import annotations
@@ -33,20 +32,20 @@ _COLOURS: Final = {
 # visualization_msgs/Marker: ARROW, TEXT_VIEW_FACING, TRIANGLE_LIST.
 _ARROW, _TEXT, _TRIANGLES = 0, 9, 11
 _FLOOR_HEIGHT: Final = 0.02
-"""Arrows lie this far above the floor [m], so that its plane does not hide half of them."""
+"""Height of arrows above the floor [m], so that its plane does not hide half of them."""
 
 
 @dataclass(frozen=True, slots=True)
 class MovingLinks:
-    """The links of a scene that joints can move, prepared for :meth:`poses`.
+    """Links of a scene that joints can move, prepared for :meth:`poses`.
 
     ``names`` are ``<object>/<link>``, in the order of the scene.
     """
 
     names: tuple[str, ...]
     _hinges: Floats
-    """A row for each object with one joint, a hinge, as most doors are: the column of its position,
-    the index of its link, its x, y, yaw, and the hinge's x, y in it."""
+    """A row for each object whose only joint is a hinge, such as most doors: the column of the
+    position, the index of the link, x, y, yaw of the object, and x, y of the hinge in it."""
     _others: tuple[tuple[SceneObject, int, int], ...]
 
     @classmethod
@@ -61,9 +60,9 @@ class MovingLinks:
         column = 0
         for item in scene.objects:
             if item.joints and not item.frozen:
-                # With no rows: it computes nothing but raises for joints that form no tree.
+                # Without rows this only raises an error for joints that form no tree.
                 link_tracks(item, np.empty((0, len(item.joints))))
-                # The parent of an only joint, the world or a post, is where the object is.
+                # The parent of an only joint, the world or a post, has the pose of the object.
                 if len(item.joints) == 1 and item.joints[0].kind != "prismatic":
                     pose = (item.pose.x, item.pose.y, item.pose.yaw)
                     hinges.append((column, len(names), *pose, *item.joints[0].anchor))
@@ -93,14 +92,14 @@ class MovingLinks:
         return out
 
     def _swing(self, positions: Floats, out: Floats) -> None:
-        """Write the poses of hinged links, all at once.
+        """Write the poses of all hinged links.
 
-        The same sums in the same order as :func:`grammars.model.kinematics.link_tracks`, whose
-        last bit is recorded.
+        The sums and their order are those of :func:`grammars.model.kinematics.link_tracks`, so
+        that the recorded poses are equal to the last bit.
         """
         columns, indices = self._hinges[:, :2].T.astype(np.int64)
         angles = positions[:, columns]
-        # Doors rest most of the time: only what differs from the row above is computed.
+        # Doors rest most of the time: compute only positions that differ from the row above.
         new = _changes(angles)
         angle, which = angles[new], np.nonzero(new)[1]
         x, y, yaw, ax, ay = self._hinges[which, 2:].T
@@ -117,7 +116,7 @@ class MovingLinks:
 
 
 def _changes(positions: Floats) -> npt.NDArray[np.bool_]:
-    """Return where ``positions`` (n, k) differ from the row above, by their bits; all of row 0."""
+    """Return True where bits of ``positions`` (n, k) differ from the row above, and in row 0."""
     bits = np.ascontiguousarray(positions).view(np.int64)
     changes = np.ones(bits.shape, np.bool_)
     np.not_equal(bits[1:], bits[:-1], out=changes[1:])
@@ -160,9 +159,9 @@ def fixed_frames(robot: Robot, scene: Scene) -> Any:
 def markers(scene: Scene, mission: Mission) -> Any:
     """``/scene``: the building in 3D for viewers.
 
-    Triangles for walls, columns and dividers in map, and for each link of an object in the
-    link's own frame (``frame_locked``: doors swing with tf); an arrow and a label per waypoint
-    (along x when any heading will do).
+    It has triangles for walls, columns and dividers in map, triangles for each link of an object
+    in the link's frame (``frame_locked``: doors swing with tf), and an arrow and a label per
+    waypoint. The arrow points along x for a waypoint without a heading.
     """
     items: list[Any] = []
     for kind in ("wall", "column", "divider"):
@@ -194,7 +193,7 @@ def markers(scene: Scene, mission: Mission) -> Any:
 
 
 def _frozen_poses(item: SceneObject) -> Iterable[tuple[str, Any]]:
-    """Yield the links of a frozen object with the poses its initial joint positions give."""
+    """Yield the links of a frozen object with their poses at the initial joint positions."""
     alone = replace(item, frozen=False)
     links = MovingLinks.of(Scene("", (), (), (), (alone,)))
     poses = links.poses(np.array([item.initial], np.float64).reshape(1, -1))
@@ -209,9 +208,9 @@ def _transform(parent: str, child: str, x: float, y: float, yaw: float, z: float
 
 
 def _prism(ring: Ring, bottom: float, top: float) -> list[Any]:
-    """Return the corners of triangles covering the top and the sides of a convex prism."""
+    """Return the corners of triangles for the top and the sides of a convex prism."""
     corners: list[tuple[Point2, float]] = []
-    # A fan from the first corner, since links and solids are convex. No bottom: nobody sees it.
+    # A fan from the first corner, because links and solids are convex. The bottom is not visible.
     for a, b in itertools.pairwise(ring[1:]):
         corners += [(ring[0], top), (a, top), (b, top)]
     for a, b in zip(ring, ring[1:] + ring[:1], strict=True):

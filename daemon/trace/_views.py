@@ -1,8 +1,8 @@
 """Messages for viewers: plans, particles and costmaps as CDR.
 
-A plan has hundreds of poses and a costmap thousands of cells, of each of which rosbags wants a
-Python object or a copy. So the CDR of these messages is written out here, a header and a table of
-rows; tests hold it to rosbags.
+A plan has hundreds of poses and a costmap thousands of cells, and rosbags needs a Python object or
+a copy of each. So this module makes the CDR itself, from a header and a table of rows; tests
+compare it with rosbags.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ _ENCAPSULATION: Final = b"\0\1\0\0"
 _FRAME: Final = (4, b"map\0")
 _STAMPED_POSE: Final = np.dtype([("stamp", "<u8"), ("frame", "V8"), ("pose", "<f8", 7)])
 _FIRST: Final = 16
-"""Bytes of the first pose of a path before its doubles. These lie at multiples of eight
-bytes after the four of the encapsulation, so four of padding precede them; all further rows are
-aligned by then."""
+"""Bytes of the first pose of a path before its doubles. Doubles start at multiples of eight bytes
+after the four of the encapsulation, so four bytes of padding precede them; the further rows need
+none."""
 _PADDING: Final = bytes(4)
 
 PLAN_POINTS: Final = 500
-"""A plan of more points is thinned to about as many; navfn puts one every 2.5 cm."""
+"""Approximate limit of the points of a plan; navfn sets one every 2.5 cm."""
 
 _STEPS_PER_METRE: Final = 1024.0
 
@@ -59,7 +59,7 @@ def encode_path(now: int, points: Floats) -> bytes:
 def decode_path(payload: bytes) -> Floats:
     """Return the points (n, 2) of a path written by :func:`encode_path`.
 
-    Raises ``ValueError`` for a payload of another size than its number of poses takes.
+    Raises ``ValueError`` if the size of the payload does not fit its number of poses.
     """
     first = _HEAD.size + _FIRST
     rows = payload[_HEAD.size : first] + payload[first + len(_PADDING) :]
@@ -79,7 +79,7 @@ def _pack_head(now: int, count: int) -> bytes:
 
 
 def thin_plan(points: Floats) -> Floats:
-    """Round a plan and leave points out evenly, but never the last one."""
+    """Return a plan with rounded points, evenly thinned but with the last one."""
     _check_plan(points)
     step = -(-len(points) // PLAN_POINTS)
     if step <= 1:
@@ -95,7 +95,7 @@ def _round_coordinates(values: Floats) -> Floats:
 def encode_poses(now: int, poses: Floats) -> bytes:
     """Return a ``geometry_msgs/PoseArray`` in map at ``now`` [ns], of ``poses`` (n, 3), as CDR.
 
-    Raises ``ValueError`` for another shape and for values that are not finite.
+    Raises ``ValueError`` for a wrong shape and for values that are not finite.
     """
     if poses.ndim != 2 or poses.shape[1] != 3 or not np.isfinite(poses).all():
         raise ValueError(f"particles must be finite and of shape (n, 3), not {poses.shape}")
@@ -108,11 +108,11 @@ def encode_poses(now: int, poses: Floats) -> bytes:
 
 
 def encode_costmap(now: int, picture: CostmapPicture) -> bytes:
-    """Return a ``nav_msgs/OccupancyGrid`` at ``now`` [ns], as costmap_2d publishes one, as CDR.
+    """Return a ``nav_msgs/OccupancyGrid`` of costmap_2d at ``now`` [ns] as CDR.
 
     Its cells are 0 free, 1 to 98, 99 inscribed, 100 lethal, -1 unknown. Source: the cost
     translation table of ``costmap_2d::Costmap2DPublisher``. Raises ``ValueError`` for cells of
-    another shape or type.
+    a wrong shape or type.
     """
     cells = picture.cells
     if cells.ndim != 2 or cells.dtype != np.uint8:
@@ -129,12 +129,13 @@ def encode_costmap(now: int, picture: CostmapPicture) -> bytes:
 
 @functools.cache
 def _grid_head(frame: int) -> struct.Struct:
-    """Return the head of an ``OccupancyGrid`` for a frame's text of that length, its 0 included.
+    """Return the head of an ``OccupancyGrid``; ``frame`` is the length of its text with the 0.
 
-    Encapsulation, stamp, frame, load time, resolution, width, height, origin, number of cells.
+    The fields are encapsulation, stamp, frame, load time, resolution, width, height, origin and
+    number of cells.
     """
     text = f"{frame}s{-frame % 4}x"
-    # After the encapsulation: two times, three numbers and two lengths of four bytes precede the
-    # origin's doubles, which lie at multiples of eight.
-    before = struct.calcsize(f"<iIi{text}iIfII")
-    return struct.Struct(f"<4siIi{text}iIfII{-before % 8}x7dI")
+    # After the encapsulation, two times, three numbers and two lengths of four bytes precede the
+    # doubles of the origin, which start at multiples of eight.
+    offset = struct.calcsize(f"<iIi{text}iIfII")
+    return struct.Struct(f"<4siIi{text}iIfII{-offset % 8}x7dI")

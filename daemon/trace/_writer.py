@@ -1,11 +1,12 @@
-"""Recording a run as MCAP: ROS 2 messages in CDR, simulated time only, same calls same bytes.
+"""Writer of traces: ROS 2 messages in CDR with simulated time; the same calls give the same bytes.
 
-Messages lie in the order of time, in the file as in its index, so that it can be played from a
-pipe. Messages that an earlier one may still follow (a plan that waits, an estimate that took a
-while) wait for the next chunk. The writer leaves out joint states that repeat (see
-:class:`~daemon.trace.JointSamples`), door frames beyond 10 Hz, plans and progress that did not
-change, and messages within the period of their topic (see
-:class:`~daemon.trace.messages.Topic`).
+Messages are in the order of time, in the file and in its index, so that it can be played from a
+pipe. Recent messages wait for the next chunk, because earlier ones may still arrive: plans wait,
+and estimates take a while.
+
+The writer leaves out messages that add nothing: joint states that repeat (see
+:class:`~daemon.trace.JointSamples`), and plans and progress without a change. It limits the rate
+of door frames and of topics with a period (see :class:`~daemon.trace.messages.Topic`).
 """
 
 from __future__ import annotations
@@ -39,34 +40,34 @@ from grammars.text import codec
 from grammars.text.files import sync_directory
 
 PARTIAL: Final = ".partial"
-"""Added to the name of a trace while it is written, and left there when its writer dies."""
+"""Suffix of a trace until it is complete; it stays if the writer dies."""
 
 _SECOND: Final = 1_000_000_000
 _CHUNK: Final = 10 * _SECOND
 """Simulated time that a chunk covers [ns]."""
 _LATEST_ARRIVAL: Final = 1_200_000_000
-"""Longest delay [ns] with which a message is recorded and still has its place in the order: plans
-wait for a second and the next tick of the clock, estimates come within a tenth of one. Chunk and
-this are lost when a writer dies, and how far behind somebody is who judges a run as it goes on."""
+"""Longest delay [ns] of a message that still gets its place in the order. Plans wait for a second
+and the next tick of the clock, estimates come within 0.1 s. A writer that dies loses at most a
+chunk and this time, and verdicts during a run lag behind by as much."""
 _WAITING_BYTES: Final = 8 << 20
-"""Messages of one topic that wait for their chunk [bytes]; a system that talks without end must
-not fill memory. Those of the latest arrival's time go on waiting."""
+"""Limit of the messages of one topic that wait for their chunk [bytes], so that a system cannot
+fill the memory. Messages within the latest arrival time still wait."""
 _PERIODS: Final = {topic.name: topic.period for topic in messages.TOPICS}
 _COSTMAPS: Final = frozenset(topic.name for topic in messages.TOPICS if topic.is_costmap_report)
 _MOST_COSTMAPS: Final = 64 << 20
-"""Bytes of a reported costmap in a trace, before they are compressed: one of a large building comes
-less often, or nobody could read the trace (see ``TOTAL_LIMIT`` of its reader)."""
+"""Limit of a reported costmap in a trace [bytes before compression]. Costmaps of large buildings
+are recorded less often to stay within the ``TOTAL_LIMIT`` of the reader."""
 _LATEST: Final = 2.0**31
-"""ROS 2 keeps seconds in an int32 [s]."""
+"""End of the times of ROS 2 [s], whose seconds are an int32."""
 
 
 class TraceWriter(Recorder):
     """Recorder that writes one trace; a context manager.
 
-    Times are simulated seconds in [0, 2**31). The file appears under its name when :meth:`publish`
-    or :meth:`close` return; leaving the context without them (or dying) leaves a ``.partial`` file,
-    readable up to the last complete chunk. Values of the wrong shape, times out of range and a
-    scene that is not the specified one raise ``ValueError``.
+    Times are simulated seconds in [0, 2**31). The file gets its name from :meth:`publish` or
+    :meth:`close`. Without them it stays a ``.partial`` file, readable up to the last complete
+    chunk. Values of a wrong shape, times out of range and another scene than the specified one
+    raise ``ValueError``.
     """
 
     def __init__(
@@ -74,7 +75,7 @@ class TraceWriter(Recorder):
     ) -> None:
         super().__init__(spec, scene)
         packed = _compress_scene(scene, spec.scene)
-        # Channels are numbered as they are declared: those that are not come last.
+        # Channels have numbers in the order of declaration: topics without one come last.
         topics = sorted(
             messages.topics_of(spec.robot), key=lambda topic: not topic.is_recorded(spec.sut)
         )
@@ -88,22 +89,22 @@ class TraceWriter(Recorder):
         self._judged: McapContents | None = None
         self._time, self._now = math.nan, 0
         self._path, self._partial = path, path.with_name(path.name + PARTIAL)
-        # What a writer that died left behind. One that still lives, because it was only taken for
-        # dead, keeps writing into a file without a name; see _publish.
+        # The file of a writer that died. If that writer is still alive, it goes on with a file
+        # without a name; see _publish.
         self._partial.unlink(missing_ok=True)
         self._file = self._partial.open("xb")
         self._container = McapWriter(self._file)
         _write_preamble(self._container, spec, packed, versions or {})
 
     def clock(self, time: float) -> None:
-        """Record the simulated time, and a plan that waited for its second to be over."""
+        """Record the simulated time, and a plan that has waited for a second."""
         super().clock(time)
         self._write_plan(self._now)
 
     def plan(self, time: float, points: Floats) -> None:
-        """Record a global plan (n, 2) in map when it has changed.
+        """Record a global plan (n, 2) in map if it has changed.
 
-        Of plans that change more than once a second the latest is kept until it is time.
+        Of several plans in a second, only the latest one is recorded, after that second.
         """
         now, thin = self._at(time), thin_plan(points)
         raw = thin.tobytes()
@@ -118,7 +119,7 @@ class TraceWriter(Recorder):
             self._waiting_plan, self._next["/plan"] = None, now + _PERIODS["/plan"]
 
     def _sample(self, signal: SampledSignal, time: float, values: Sequence[Any]) -> None:
-        # Most samples come with others of their instant.
+        # Mostly the same time as the sample before.
         signal.add(self._now if time == self._time else self._at(time), values)
 
     def _message(self, topic: str, time: float, encode: Callable[[int], bytes]) -> None:
@@ -148,15 +149,15 @@ class TraceWriter(Recorder):
         self._flush()
 
     def attach(self, name: str, data: bytes) -> None:
-        """Put text that a system under test printed beside the messages."""
+        """Attach output of a system under test."""
         self._container.add_attachment(f"{messages.OUTPUT_PREFIX}{name}", "text/plain", data)
 
     def so_far(self, ended: str | None = None, note: str = "") -> Trace:
-        """Return the trace recorded so far, as reading the file gives it, without changing that.
+        """Return the trace recorded so far, without scans and plans, and change nothing in it.
 
-        Without scans and plans. With ``ended`` and ``note`` the run is over, otherwise its trace is
-        that of a run that was cut. The first call reads the file; from then on judged messages
-        are kept in memory. Raises :class:`TraceError` when another has replaced the file.
+        With ``ended`` and ``note`` the trace is that of a complete run, otherwise that of a run
+        that was cut. The first call reads the file; later calls keep judged messages in memory.
+        Raises :class:`TraceError` if another process has replaced the file.
         """
         if self._judged is None:
             self._file.flush()
@@ -183,16 +184,16 @@ class TraceWriter(Recorder):
             yield self._records[topic].peek()
 
     def _keep(self, contents: McapContents, blocks: Sequence[MessageBlock]) -> None:
-        """Add encoded messages, if judged, to the contents of the file."""
+        """Add the judged ones of encoded messages to the contents of a file."""
         names = {number: topic for topic, number in self._ids.items() if topic in JUDGED}
         for block in blocks:
             if block.channel in names and len(block.times):
                 contents.add(names[block.channel], block.data, block.offsets, block.sizes)
 
     def finish(self, ended: str, note: str = "") -> Path:
-        """Write how the run ended and return where the recording is read until it has its name.
+        """Write the end of the run and return the temporary path of the complete recording.
 
-        ``ended`` and ``note`` say why the run ended. Nothing more can be recorded.
+        ``ended`` and ``note`` are the reason of the end. Later calls cannot record anything.
         """
         self._keep_last()
         self._flush()
@@ -203,7 +204,7 @@ class TraceWriter(Recorder):
         return self._partial
 
     def add_verdicts(self, data: bytes) -> None:
-        """Put the verdicts on a finished recording behind it, as ``verdicts.json``."""
+        """Append the verdicts to a finished recording, as ``verdicts.json``."""
         self._container.reopen()
         self._container.add_attachment(messages.VERDICTS, "application/json", data)
         self._container.finish()
@@ -211,7 +212,7 @@ class TraceWriter(Recorder):
     def publish(self) -> TraceInfo:
         """Give a finished recording its name."""
         self._file.flush()
-        # Before the rename, or a power cut could leave the final name on an empty file.
+        # Before the rename: a power cut must not leave an empty file with the final name.
         os.fsync(self._file.fileno())
         self._publish()
         container = self._container
@@ -223,7 +224,7 @@ class TraceWriter(Recorder):
         return self.publish()
 
     def _publish(self) -> None:
-        """Rename the file; another writer of the same trace must not have taken its place."""
+        """Rename the file; raises ``FileExistsError`` if another writer has replaced it."""
         mine = os.fstat(self._file.fileno())
         self._file.close()
         there = self._partial.stat()
@@ -248,7 +249,7 @@ class TraceWriter(Recorder):
                     self._flush()
 
     def _at(self, time: float) -> int:
-        """Return a time in nanoseconds; a chunk is written whenever ten seconds have passed."""
+        """Return a time in nanoseconds, and write a chunk every ten seconds."""
         if time == self._time:
             return self._now
         if not 0.0 <= time < _LATEST:
@@ -261,7 +262,7 @@ class TraceWriter(Recorder):
         return now
 
     def _keep_last(self) -> None:
-        """Record the joint states and the plan that wait for another one to follow."""
+        """Record the joint states and the plan that still wait."""
         for signal in self._signals.values():
             signal.keep_last()
         self._next["/plan"] = 0
@@ -275,7 +276,7 @@ class TraceWriter(Recorder):
             for layout, times, columns in signal.messages()
         ]
         blocks += [records.drain() for records in self._records.values()]
-        # Contacts of one instant lie in the order in which the pairs of a chunk first touched.
+        # Contacts of one instant are in the order of the first contacts of the pairs in a chunk.
         self._contacts.clear()
         if self._judged is not None:
             self._keep(self._judged, blocks)
@@ -297,7 +298,7 @@ def _outcome(ended: str, note: str, last: int) -> dict[str, str]:
 def _write_preamble(
     container: McapWriter, spec: RunSpec, scene: bytes, versions: Mapping[str, str]
 ) -> None:
-    """Declare the topics and write the identity of the run, ahead of everything recorded."""
+    """Declare the topics and write the identity of the run, before all messages."""
     for topic in messages.topics_of(spec.robot):
         if not topic.is_recorded(spec.sut):
             continue
@@ -325,7 +326,7 @@ def _write_preamble(
 
 
 def _compress_scene(scene: Scene, digest: str) -> bytes:
-    """Return the scene's canonical JSON, compressed; it must be the one the run specifies."""
+    """Return the scene as compressed JSON; raises ``ValueError`` for a wrong digest."""
     data = codec.to_json(scene)
     actual = hashlib.sha256(data).hexdigest()
     if actual != digest:
@@ -333,7 +334,7 @@ def _compress_scene(scene: Scene, digest: str) -> bytes:
     return _compressed(data)
 
 
-# Level 9 and not 1 as for messages: once per scene and process, while every trace carries it.
+# Level 9 and not 1 as for messages: it runs once per scene and process, and every trace has a copy.
 @functools.lru_cache(maxsize=4)
 def _compressed(data: bytes) -> bytes:
     return zstandard.ZstdCompressor(level=9).compress(data)

@@ -1,10 +1,10 @@
 """Fixed-size CDR messages as numpy record types, derived from rosbags' own serializer.
 
-A prototype message carries unmistakable marker values where the data will go; serializing it
-once with rosbags shows where each field lies. Whole columns of messages are then written and
-read with a handful of numpy assignments, and agree with rosbags byte for byte by construction.
-The frequent topics have one prototype each. Measured: rosbags takes 5 to 13 us to serialize one
-of them, a template that is filled in message by message 0.6 to 1 us.
+A prototype message has unique marker values in the places of the data. rosbags serializes it once,
+and the markers show the position of each field. A few numpy assignments then write or read whole
+columns of messages, which are equal to those of rosbags byte for byte. The frequent topics have one
+prototype each. rosbags takes 5 to 13 us to serialize one of these messages, a template per message
+0.6 to 1 us.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ IntArray = npt.NDArray[np.int64]
 
 @dataclass(slots=True)
 class FieldMarker:
-    """Marker values for a prototype message, with the fields they stand for."""
+    """Marker values of a prototype message, with their fields."""
 
     slots: list[tuple[str, str, tuple[int, ...], bytes]] = field(default_factory=list)
 
@@ -70,7 +70,7 @@ class FieldMarker:
     def _floats(
         self, name: str, count: int, kind: type, shape: tuple[int, ...]
     ) -> npt.NDArray[Any]:
-        # All unlike each other, and within a third of one, so that no mark reaches the next.
+        # Different values within a third of 1, so that no marker reaches the next one.
         steps = np.arange(count) / max(3 * count, 1)
         values: npt.NDArray[Any] = (12345.0 + len(self.slots) + steps).astype(kind)
         self.slots.append((name, "<f8" if kind is np.float64 else "<f4", shape, values.tobytes()))
@@ -79,10 +79,10 @@ class FieldMarker:
 
 @dataclass(frozen=True, slots=True)
 class MessageLayout:
-    """A fixed-size message on ``topic``: ``record`` is the numpy type of its MCAP record.
+    """Fixed-size message on ``topic``; ``record`` is the numpy type of its MCAP record.
 
-    ``template`` holds the record's constant bytes; ``constant`` lists where they lie, as
-    (start, stop), for checking the contents of a file.
+    ``template`` has the constant bytes of the record, and ``constant`` their positions as
+    (start, stop), for the check of a file.
     """
 
     topic: str
@@ -90,7 +90,7 @@ class MessageLayout:
     template: ByteArray
     constant: tuple[tuple[int, int], ...]
     names: tuple[str, ...] = field(init=False)
-    """Fields of the message that vary, without the header's."""
+    """Variable fields of the message, without the header."""
     _constant_bits: ByteArray = field(init=False)
     _packed: np.dtype[np.void] = field(init=False)
 
@@ -98,7 +98,7 @@ class MessageLayout:
         assert self.record.names is not None
         names = tuple(n for n in self.record.names if n not in _HEADER_FIELDS)
         object.__setattr__(self, "names", names)
-        # Stamps are the times once more.
+        # Stamps repeat the times.
         packed_names = ("log_time", *(name for name in names if not name.startswith("stamp")))
         packed = np.dtype([(name, self.record[name]) for name in packed_names])
         object.__setattr__(self, "_packed", packed)
@@ -112,8 +112,8 @@ class MessageLayout:
     ) -> ByteArray:
         """Return the MCAP message records of a channel, one row of bytes per message.
 
-        ``times`` (n,) in nanoseconds; ``columns`` holds an array (n, ...) per field but the
-        stamps, which are the times.
+        ``times`` (n,) is in nanoseconds; ``columns`` has an array (n, ...) per field except
+        the stamps, which are the times.
         """
         rows = np.empty((len(times), len(self.template)), np.uint8)
         rows[:] = self.template
@@ -127,12 +127,12 @@ class MessageLayout:
         return rows
 
     def view(self, rows: ByteArray) -> npt.NDArray[np.void]:
-        """Return rows of bytes (n, size) read from a file as records (n,)."""
+        """Return rows of bytes (n, size) of a file as records (n,)."""
         records: npt.NDArray[np.void] = np.ascontiguousarray(rows).view(self.record)[:, 0]
         return records
 
     def pack(self, rows: ByteArray) -> npt.NDArray[np.void]:
-        """Return ``log_time`` and the fields but the stamps of rows (n, size), as a copy (n,)."""
+        """Return a copy (n,) of rows (n, size) with ``log_time`` and the fields except stamps."""
         records = self.view(rows)
         packed = np.empty(len(rows), self._packed)
         for name in self._packed.fields or ():
@@ -140,7 +140,7 @@ class MessageLayout:
         return packed
 
     def fits(self, rows: ByteArray) -> npt.NDArray[np.bool_]:
-        """Return which rows of bytes (n, size) have this layout: size and constant bytes."""
+        """Return True for rows (n, size) with the size and constant bytes of this layout."""
         if rows.shape[1] != len(self.template):
             return np.zeros(len(rows), np.bool_)
         if not len(rows):
@@ -149,14 +149,14 @@ class MessageLayout:
         return fits
 
     def fits_all(self, rows: ByteArray) -> bool:
-        """Say whether all rows of bytes (n, size) have this layout: see :meth:`fits`."""
+        """Return True if all rows of bytes (n, size) have this layout, see :meth:`fits`."""
         if rows.shape[1] != len(self.template):
             return not len(rows)
         return not len(rows) or not self._other_bits(rows).max()
 
     def _other_bits(self, rows: ByteArray) -> ByteArray:
-        """Return where constant bits of rows (n, size) are other ones."""
-        # Whole rows at once: 200 of 751 bytes took 27 us, comparing 50 bytes of each of them 20.
+        """Return the constant bits of rows (n, size) that differ from the template."""
+        # Whole rows at once: 200 rows of 751 bytes took 27 us; only 50 bytes of each took 20 us.
         other: ByteArray = rows ^ self.template
         other &= self._constant_bits
         return other
@@ -164,24 +164,24 @@ class MessageLayout:
 
 def stamps(times: IntArray) -> npt.NDArray[np.uint64]:
     """Return nanoseconds as CDR ``Time`` (int32 sec, uint32 nanosec) in one little-endian u64."""
-    # One number instead of two fields: half the assignments, and stamps are in every message.
+    # One number instead of two fields halves the assignments.
     seconds, rest = np.divmod(times, 1_000_000_000)
     both: npt.NDArray[np.uint64] = (seconds | rest << 32).view(np.uint64)
     return both
 
 
 def derive_layout(topic: str, kind: str, build: Callable[[FieldMarker], Any]) -> MessageLayout:
-    """Derive the layout of the message type ``kind`` from a prototype built with marks."""
+    """Derive the layout of the message type ``kind`` from a prototype with markers."""
     mark = FieldMarker()
     payload = serialize(build(mark), kind)
     head = HEADER.pack(MESSAGE_OPCODE, HEADER.size - 9 + len(payload), 0, 0, 0, 0)
     data = head + payload
     fields = {name: (np.dtype(form), at) for name, (form, at) in _HEADER_FIELDS.items()}
     constant = np.ones(len(data), np.bool_)
-    # Channel, sequence and both times; opcode and length before them stay the same.
+    # Channel, sequence and both times vary; opcode and length before them are constant.
     constant[9 : HEADER.size] = False
     template = np.frombuffer(data, np.uint8).copy()
-    # Zeroed, so that bytes of a template never carry marks into a file.
+    # Zeros in the template, so that no marker gets into a file.
     for name, form, shape, marker in mark.slots:
         at = _find_marker(data, marker)
         fields[name] = (np.dtype((form, shape)), at)
@@ -201,7 +201,7 @@ def derive_layout(topic: str, kind: str, build: Callable[[FieldMarker], Any]) ->
 
 
 def _find_marker(data: bytes, marker: bytes) -> int:
-    """Return where ``marker`` lies; it must lie at exactly one place."""
+    """Return the only position of ``marker``; raises ``AssertionError`` for several or none."""
     if not marker:
         return len(data)
     offset = data.find(marker, HEADER.size)
@@ -211,12 +211,12 @@ def _find_marker(data: bytes, marker: bytes) -> int:
 
 
 COVARIANCE_SLOTS: Final = (0, 1, 5, 6, 7, 11, 30, 31, 35)
-"""Indices of a (3, 3) covariance of x, y, yaw in a row-major (6, 6) one over x..yaw."""
+"""Indices of a (3, 3) covariance of x, y, yaw in a row-major (6, 6) covariance of x to yaw."""
 
 
 @functools.cache
 def clock() -> MessageLayout:
-    """``/clock``: only the time."""
+    """``/clock`` with only the time."""
     kind = "rosgraph_msgs/msg/Clock"
     return derive_layout("/clock", kind, lambda mark: ros.make(kind, clock=mark.stamp()))
 
@@ -306,7 +306,7 @@ def estimate(topic: str) -> MessageLayout:
 
 @functools.cache
 def count() -> MessageLayout:
-    """``/particle_cloud/count``: how many particles the summary of the same time stands for."""
+    """``/particle_cloud/count``: number of particles of the summary of the same time."""
     kind = "std_msgs/msg/UInt32"
     return derive_layout(
         "/particle_cloud/count", kind, lambda m: ros.make(kind, data=m.u4("count"))
@@ -315,7 +315,7 @@ def count() -> MessageLayout:
 
 @functools.cache
 def latency() -> MessageLayout:
-    """``/sut/latency``: wall time that an external system took to answer [s]."""
+    """``/sut/latency``: wall time of the answer of an external system [s]."""
     kind = "std_msgs/msg/Float64"
     return derive_layout("/sut/latency", kind, lambda m: ros.make(kind, data=m.f8("seconds")))
 
@@ -338,8 +338,8 @@ def joints(names: tuple[str, ...]) -> MessageLayout:
     )
 
 
-# One layout per pair of names, because names are constant bytes: a robot touches few things, but a
-# process that reads many traces meets many pairs.
+# One layout per pair of names, because names are constant bytes. A run has few pairs, but a process
+# that reads many traces has many.
 @functools.lru_cache(maxsize=1024)
 def contact(first: str, second: str) -> MessageLayout:
     """``/contacts`` with one contact between two named bodies: px, py, nx, ny, depth in map."""

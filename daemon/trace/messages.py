@@ -1,6 +1,6 @@
 """The ROS 2 messages in a trace: topics, types, and the mission.
 
-Progress of a mission is ``action_msgs/GoalStatusArray``, written and read back here.
+Progress of a mission is an ``action_msgs/GoalStatusArray``; this module encodes and decodes it.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ LEVELS: Final = {"debug": 10, "info": 20, "warn": 30, "error": 40, "fatal": 50}
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """A topic of a trace; ``latched`` ones are published once and kept (transient local).
+    """Topic of a trace; ``latched`` ones are published once and kept (transient local).
 
-    ``external`` ones are only in traces of systems that live outside of the simulator. ``judged``
-    ones are read by judges. A trace keeps one message in a ``period`` [ns], which is zero for
-    topics that keep all. ``report`` is the word by which a system is asked to record a topic.
+    ``external`` topics are only in traces of systems outside of the simulator. Judges read
+    ``judged`` topics. A trace keeps one message per ``period`` [ns], or all if it is zero.
+    ``report`` is the name of the topic in the list of recorded reports of a system.
     """
 
     name: str
@@ -41,14 +41,14 @@ class Topic:
     report: ReportName | None = None
 
     def is_recorded(self, sut: SutReference) -> bool:
-        """Return whether a trace of a system has the topic."""
+        """Return True if a trace of a system has the topic."""
         if self.report is not None:
             return self.report in sut.recorded
         return not (self.external and sut.repeatable)
 
     @property
     def is_costmap_report(self) -> bool:
-        """True for a costmap that a system is asked to record."""
+        """True for a costmap among the reports of a system."""
         return self.report is not None and self.kind == GRID
 
 
@@ -88,9 +88,8 @@ TOPICS: Final = (
         for report, (name, kind) in REPORT_TOPICS.items()
     ),
 )
-"""Every topic a trace can have if the robot's only laser has no name, see :func:`topics_of`.
-Channel ids follow this order. External ones are last, so that the ids of others do not depend on
-them."""
+"""All topics of a trace if the robot's only laser has no name, see :func:`topics_of`. Channel ids
+follow this order. External topics are last, so that the ids of the others do not depend on them."""
 
 SCAN: Final = "/scan"
 
@@ -106,9 +105,9 @@ def is_scan(topic: str) -> bool:
 
 
 def topics_of(robot: Robot) -> tuple[Topic, ...]:
-    """Return every topic the trace of a robot can have, a scan for each of its lasers.
+    """Return all topics of the trace of a robot, with a scan for each of its lasers.
 
-    They are :data:`TOPICS` for a robot whose only laser has no name, and in that order.
+    They are :data:`TOPICS` for a robot whose only laser has no name.
     """
     topics: list[Topic] = []
     for topic in TOPICS:
@@ -132,24 +131,24 @@ COSTMAPS: Final[dict[str, Literal["local", "global"]]] = {
     REPORT_TOPICS["local costmap"][0]: "local",
     REPORT_TOPICS["global costmap"][0]: "global",
 }
-"""Topics of costmaps and which of a stack's costmaps they are."""
+"""Topics of costmaps, and the scope of each."""
 VIEWS: Final = frozenset({"/plan", *COSTMAPS})
-"""Topics that are read to be looked at, if asked for."""
+"""Topics for viewers, read only on request."""
 
 
 def warm_up() -> None:
-    """Make the code and the definitions of every type once, so that forked children do not."""
+    """Make the code and the definitions of all types once, for this process and forked children."""
     for kind in KINDS.values():
-        # rosbags generates the serializer of a type in Python source and compiles it when it is
-        # first needed; a forked child inherits it.
+        # rosbags generates and compiles the serializer of a type at its first use; a forked child
+        # inherits it.
         ros.typestore().get_msgdef(kind)
         ros.schema(kind)
 
 
 def latched_qos() -> str:
-    """Return the ``offered_qos_profiles`` of a latched topic, as rosbag2 keeps it (YAML).
+    """Return the ``offered_qos_profiles`` of a latched topic in the YAML of rosbag2.
 
-    Keep last 1, reliable, transient local, by the numbers of ``rmw``.
+    The profile is keep last 1, reliable, transient local, in the numbers of ``rmw``.
     """
     forever = "{sec: 2147483647, nsec: 4294967295}"
     return (
@@ -204,7 +203,7 @@ def status(goals: tuple[Any, ...], progress: Progress) -> Any:
 
 
 def progress(message: Any) -> Progress:
-    """Return the progress a status message stands for; raises ``ValueError`` when none."""
+    """Return the progress of a status message; raises ``ValueError`` if it has none."""
     codes = [int(goal.status) for goal in message.status_list]
     if not codes or codes[-1] not in _STATES:
         raise ValueError("a mission status without the mission's own goal")
@@ -215,7 +214,7 @@ def progress(message: Any) -> Progress:
 
 
 def goal(waypoint: Waypoint, stamp: int) -> bytes:
-    """Return the current waypoint as a ``geometry_msgs/PoseStamped``, as CDR."""
+    """Return the current waypoint as the CDR of a ``geometry_msgs/PoseStamped``."""
     message = ros.make(
         "geometry_msgs/msg/PoseStamped",
         header=ros.header(ros.time(stamp), "map"),

@@ -143,7 +143,7 @@ class _Checkup:
                 CLOCK,
                 "missing",
                 f"published by {_names(others)} too: time jumps back and forth",
-                "stop it: another simulator, or a bag that is played with its clock",
+                "stop this simulator, or the bag that publishes its clock",
             )
         elif not listeners:
             yield self._line(

@@ -1,14 +1,15 @@
 #!/usr/bin/env python3
-"""Connects a simulation to a ROS 2 navigation stack: publishes, subscribes, sends goals for it.
+"""Connect a simulation to a ROS 2 navigation stack: publish, subscribe and send goals for it.
 
-Run by the python3 of the ROS 2 that the stack uses; SCENARIO_SOCKET says where the simulation is.
+Run it with the python3 of the ROS 2 that the stack uses. SCENARIO_SOCKET is the address of the
+simulation.
 """
 
-# This one file runs in the user's own ROS 2: Python 3.10 or later, the standard library, rclpy and
-# the message packages that are installed there. It imports nothing else.
+# This one file runs in the user's own ROS 2. It needs Python 3.10 or later and imports only the
+# standard library, rclpy and the message packages of that ROS 2.
 #
 # The conversation uses the frames of multiprocessing.connection over a stream socket. A frame is a
-# JSON object, a line feed and binary data; nothing is pickled. The relay says hello. The first
+# JSON object, a line feed and binary data, without pickles. The relay says hello. The first
 # request is the set-up; each request gets {"answer": ...} or {"refused": "a sentence"}. Contents of
 # messages are CDR and pass unchanged; only goals, results, feedback, parameters and states are
 # converted.
@@ -53,7 +54,7 @@ _STATE_PATIENCE = 2.0
 _WATCH_PERIOD = 0.5
 _PARAMETER_PATIENCE = 2.0
 _SERVER_PERIOD = 1.0
-_LOOK_PERIOD = 0.25
+_REFRESH_PERIOD = 0.25
 _SLICE = 0.01
 _CONNECT_PATIENCE = 60.0
 _NANO = 1_000_000_000
@@ -65,12 +66,12 @@ _PARAMETER_FIELDS = {1: "bool_value", 2: "integer_value", 3: "double_value", 4: 
 _RCLPY_VERSIONS = {"3": "humble", "4": "iron", "7": "jazzy", "9": "kilted"}
 
 
-class RefusedRequest(Exception):  # noqa: N818  (an answer in a sentence)
-    """A request cannot be done in this ROS 2; the message is for the reader of the run."""
+class RefusedRequest(Exception):  # noqa: N818  (a kind of answer)
+    """This ROS 2 cannot fulfil a request; the message is for the reader of the run."""
 
 
-class Ended(Exception):  # noqa: N818  (not an error: how this process ends)
-    """The process that started the relay is gone; the message says how this was noticed."""
+class Ended(Exception):  # noqa: N818  (the regular end of this process)
+    """The process that started the relay is gone; the message gives the sign of it."""
 
 
 def encode_frame(head: Any, blob: bytes = b"") -> bytes:
@@ -88,9 +89,9 @@ def decode_frame(data: bytes) -> tuple[dict[str, Any], bytes]:
 
 
 class _ParentGuard:
-    """Watch over the parent: stdin is closed or the parent changes when it ends.
+    """Notice the end of the parent process: stdin closes, or the parent changes.
 
-    Only a pipe or a socket as stdin is watched: /dev/null and terminals are always readable.
+    Only a pipe or a socket as stdin counts: /dev/null and terminals are always readable.
     """
 
     def __init__(self) -> None:
@@ -102,11 +103,11 @@ class _ParentGuard:
                 self._stdin.append(0)
 
     def wait(self, connections: list[Connection], timeout: float = math.inf) -> None:
-        """Wait until there is data, or ``timeout`` [s]; raises Ended."""
+        """Wait for data, at most ``timeout`` [s]; raises Ended."""
         end = time.monotonic() + timeout
         while True:
-            left = max(0.0, min(1.0, end - time.monotonic()))
-            ready = wait_for_data([*connections, *self._stdin], left)
+            seconds = max(0.0, min(1.0, end - time.monotonic()))
+            ready = wait_for_data([*connections, *self._stdin], seconds)
             if 0 in ready and not os.read(0, 65536):
                 raise Ended("stdin was closed")
             if os.getppid() != self._parent:
@@ -135,7 +136,7 @@ def _interface(kind: str) -> Any:
 
 
 def _ros() -> SimpleNamespace:
-    """Import rclpy; raises RefusedRequest with the remedy if that fails."""
+    """Import the parts of rclpy; raises RefusedRequest with a remedy if that fails."""
     try:
         return SimpleNamespace(
             init=importlib.import_module("rclpy").init,
@@ -158,9 +159,9 @@ def _ros() -> SimpleNamespace:
 
 
 def _distribution() -> str:
-    """Name the distribution by ROS_DISTRO, else by rclpy, else by nav2_msgs; empty: unknown."""
-    if named := os.environ.get("ROS_DISTRO", ""):
-        return named
+    """Return the distribution by ROS_DISTRO, rclpy or nav2_msgs, or an empty text."""
+    if distribution := os.environ.get("ROS_DISTRO", ""):
+        return distribution
     try:
         version = importlib.metadata.version("rclpy").split(".")[0]
     except importlib.metadata.PackageNotFoundError:
@@ -184,8 +185,8 @@ class _Topic(NamedTuple):
     keep: str = "last"
 
 
-class _Taken(NamedTuple):
-    """A raw message: when the middleware received it [ns of wall clock], its topic, type, CDR."""
+class _RawMessage(NamedTuple):
+    """A raw message as CDR, with the time of its reception [ns of wall clock], topic and type."""
 
     received: int
     topic: str
@@ -193,8 +194,8 @@ class _Taken(NamedTuple):
     data: bytes
 
 
-class _Ears:
-    """A raw subscription, and the messages that came since the last answer."""
+class _Listener:
+    """A raw subscription, and its messages since the last answer."""
 
     def __init__(self, topic: _Topic, subscription: Any, make_wait_set: Callable[[], Any]) -> None:
         self.topic = topic
@@ -202,35 +203,37 @@ class _Ears:
         self.overflowed = False
         self._make_wait_set = make_wait_set
         self._wait_set: Any = None
-        self._kept: deque[_Taken] = deque(maxlen=1 if topic.keep == "last" else MAX_MESSAGES)
+        self._messages: deque[_RawMessage] = deque(
+            maxlen=1 if topic.keep == "last" else MAX_MESSAGES
+        )
 
     def wait(self, timeout: float) -> None:
-        """Wait until there is something to take, at most ``timeout`` [s]."""
+        """Wait for a message, at most ``timeout`` [s]."""
         self._wait_set = self._wait_set or self._make_wait_set()
         self._wait_set.clear_entities()
         self._wait_set.add_subscription(self.subscription.handle)
         self._wait_set.wait(max(0, int(timeout * _NANO)))
 
-    def take(self) -> list[_Taken]:
-        """Take everything that is there, oldest first."""
-        taken = []
+    def take(self) -> list[_RawMessage]:
+        """Take all messages that have arrived, oldest first."""
+        messages = []
         handle, kind = self.subscription.handle, self.subscription.msg_type
         while (message := handle.take_message(kind, True)) is not None:
             data, info = message
             received = info["received_timestamp"]
-            taken.append(_Taken(received, self.topic.name, self.topic.kind, data))
-        return taken
+            messages.append(_RawMessage(received, self.topic.name, self.topic.kind, data))
+        return messages
 
-    def keep(self, message: _Taken) -> None:
-        """Keep a message for the answer; the oldest go if there are too many."""
-        if self.topic.keep == "all" and len(self._kept) == MAX_MESSAGES:
+    def keep(self, message: _RawMessage) -> None:
+        """Keep a message for the answer, and drop the oldest one if there are too many."""
+        if self.topic.keep == "all" and len(self._messages) == MAX_MESSAGES:
             self.overflowed = True
-        self._kept.append(message)
+        self._messages.append(message)
 
-    def hand_over(self) -> list[_Taken]:
-        """Return the kept messages and begin anew."""
-        result = list(self._kept)
-        self._kept.clear()
+    def drain(self) -> list[_RawMessage]:
+        """Return the kept messages and forget them."""
+        result = list(self._messages)
+        self._messages.clear()
         self.overflowed = False
         return result
 
@@ -247,15 +250,15 @@ class _Participant:
         self._ros = ros
         self._closing = closing
         self.context = ros.context()
-        # No handlers: SIGINT goes to the whole group when a stack is ended, and a context that is
-        # shut down in the middle of a cycle would fail with words that explain nothing.
+        # No handlers: SIGINT goes to the whole group at the end of a stack, and a context that
+        # shuts down in the middle of a cycle would fail with an unclear message.
         ros.init(args=[], context=self.context, signal_handler_options=ros.signals.NO)
         closing.callback(self.context.try_shutdown)
         self.node = self.make_node(name)
 
     def make_node(self, name: str) -> Any:
-        """Make a node without anything of its own that would have to be waited for."""
-        without = self._ros.parameter("start_type_description_service", value=False)
+        """Make a node without services, parameters or a log of its own."""
+        no_service = self._ros.parameter("start_type_description_service", value=False)
         node = self._ros.node(
             name,
             context=self.context,
@@ -263,13 +266,13 @@ class _Participant:
             use_global_arguments=False,
             enable_rosout=False,
             start_parameter_services=False,
-            parameter_overrides=[without],
+            parameter_overrides=[no_service],
         )
         self._closing.callback(node.destroy_node)
         return node
 
     def make_wait_set(self, *counts: int) -> Any:
-        """Make a wait set for so many entities of each kind, in the order of its constructor."""
+        """Make a wait set for ``counts`` entities of each kind, in the order of its constructor."""
         with self.context.handle:
             return self._ros.inside.rclpy_implementation.WaitSet(*counts, self.context.handle)
 
@@ -278,13 +281,13 @@ class _Participant:
         profile = self._profile(topic.qos, topic.depth)
         return self.node.create_publisher(_interface(topic.kind), topic.name, profile)
 
-    def listen(self, topic: _Topic) -> _Ears:
+    def listen(self, topic: _Topic) -> _Listener:
         """Subscribe to raw messages."""
         profile = self._profile(topic.qos, topic.depth)
         subscription = self.node.create_subscription(
             _interface(topic.kind), topic.name, lambda _: None, profile, raw=True
         )
-        return _Ears(topic, subscription, partial(self.make_wait_set, 1, 0, 0, 0, 0, 0))
+        return _Listener(topic, subscription, partial(self.make_wait_set, 1, 0, 0, 0, 0, 0))
 
     def _profile(self, qos: str, depth: int) -> Any:
         names = self._ros.qos
@@ -305,10 +308,10 @@ class _Participant:
 
 
 class _Command:
-    """The command topic, listened to as the types that its publishers have.
+    """Subscriptions of the command topic, one for each type that its publishers have.
 
-    A stamped command says which cycle it answers. One without a stamp is a guess: it counts for a
-    cycle if it is taken after the clock of that cycle went out, so a late command of the cycle
+    The stamp of a command tells which cycle it answers. A command without a stamp counts for a
+    cycle if it arrives after the clock of that cycle went out, so a late command of the cycle
     before passes for an answer.
     """
 
@@ -319,50 +322,50 @@ class _Command:
         self._topic = topic
         self._closing = closing
         self._participants = [participant]
-        self._ears: dict[str, tuple[_Participant, _Ears]] = {}
-        self._looked = -math.inf
+        self._listeners: dict[str, tuple[_Participant, _Listener]] = {}
+        self._refresh_time = -math.inf
 
-    def look(self) -> None:
-        """Subscribe to the types that are published now; looks a few times a second."""
+    def refresh(self) -> None:
+        """Subscribe to the types of the current publishers, a few times a second."""
         now = time.monotonic()
-        if now - self._looked < _LOOK_PERIOD:
+        if now - self._refresh_time < _REFRESH_PERIOD:
             return
-        self._looked = now
-        for kind, reliable in self._published().items():
-            # Reliable loses nothing but is not given anything by a best effort publisher.
+        self._refresh_time = now
+        for kind, reliable in self._reliable_types().items():
+            # Reliable loses no message but gets none from a best effort publisher.
             topic = _Topic(self._topic, kind, "reliable" if reliable else "best effort", 50)
-            if kind in self._ears:
-                participant, ears = self._ears[kind]
-                if ears.topic.qos == "reliable" and not reliable:
-                    participant.node.destroy_subscription(ears.subscription)
-                    self._ears[kind] = participant, participant.listen(topic)
+            if kind in self._listeners:
+                participant, listener = self._listeners[kind]
+                if listener.topic.qos == "reliable" and not reliable:
+                    participant.node.destroy_subscription(listener.subscription)
+                    self._listeners[kind] = participant, participant.listen(topic)
                 continue
             # Another context for another type: Fast DDS refuses two types of a topic in one.
-            if len(self._ears) == len(self._participants):
+            if len(self._listeners) == len(self._participants):
                 name = f"{NODE_NAME}_{len(self._participants)}"
                 self._participants.append(_Participant(self._ros, name, self._closing))
-            participant = self._participants[len(self._ears)]
-            self._ears[kind] = participant, participant.listen(topic)
+            participant = self._participants[len(self._listeners)]
+            self._listeners[kind] = participant, participant.listen(topic)
 
-    def take(self) -> list[_Taken]:
-        """Take the commands that are there, in the order in which they were received."""
-        taken = [message for _, ears in self._ears.values() for message in ears.take()]
-        if len(self._ears) > 1:
-            taken.sort(key=lambda message: message.received)
-        return taken
+    def take(self) -> list[_RawMessage]:
+        """Take the commands that have arrived, in the order of their reception."""
+        commands = [one for _, listener in self._listeners.values() for one in listener.take()]
+        if len(self._listeners) > 1:
+            commands.sort(key=lambda command: command.received)
+        return commands
 
     def wait(self, timeout: float) -> None:
-        """Wait for a command, at most ``timeout`` [s], or less."""
-        if not self._ears:
+        """Wait for a command, at most ``timeout`` [s]."""
+        if not self._listeners:
             time.sleep(min(timeout, _SLICE))
             return
-        if len(self._ears) > 1:
+        if len(self._listeners) > 1:
             timeout = min(timeout, 0.001)
-        _, ears = next(iter(self._ears.values()))
-        ears.wait(timeout)
+        _, listener = next(iter(self._listeners.values()))
+        listener.wait(timeout)
 
-    def _published(self) -> dict[str, bool]:
-        """Return the types that are published, and whether all publishers of it are reliable."""
+    def _reliable_types(self) -> dict[str, bool]:
+        """Return the types of the publishers, each with True if its publishers are all reliable."""
         types: dict[str, bool] = {}
         reliable = self._ros.qos.ReliabilityPolicy.RELIABLE
         for info in self._participants[0].node.get_publishers_info_by_topic(self._topic):
@@ -373,7 +376,7 @@ class _Command:
 
 
 def read_stamp(data: bytes) -> int:
-    """Return the stamp [ns] of a message that begins with a header, -1 when it is cut short."""
+    """Return the stamp [ns] of a message that begins with a header, -1 if it is too short."""
     if len(data) < 12:
         return -1
     seconds, rest = struct.unpack_from("<iI" if data[1] & 1 else ">iI", data, 4)
@@ -381,22 +384,22 @@ def read_stamp(data: bytes) -> int:
 
 
 class _Goal:
-    """A goal on its way: its number, the server's response, feedback and result."""
+    """A pending goal: its number, and the response, feedback and result of the server."""
 
     def __init__(self, number: int) -> None:
         self.number = number
-        self.asked = time.monotonic()
+        self.sent_at = time.monotonic()
         self.response: Any = None
         self.result: Any = None
         self.feedback: Any = None
 
-    def hear(self, message: Any) -> None:
-        """Take feedback of the server."""
+    def take_feedback(self, message: Any) -> None:
+        """Store feedback of the server."""
         self.feedback = message.feedback
 
 
 class _Mission:
-    """The action that a mission is sent to."""
+    """Client of the action that drives the mission."""
 
     def __init__(
         self,
@@ -414,7 +417,7 @@ class _Mission:
         closing.callback(self._client.destroy)
         self._goals: list[_Goal] = []
         self._server = False
-        self._looked = -math.inf
+        self._server_time = -math.inf
         count = self._client.get_num_entities()
         self._wait_set = participant.make_wait_set(
             count.num_subscriptions,
@@ -426,33 +429,35 @@ class _Mission:
         )
 
     def server(self, period: float = _SERVER_PERIOD) -> bool:
-        """Return whether the server is there, as it was ``period`` [s] ago at most."""
+        """Return True if the server is there; the answer is at most ``period`` [s] old."""
         now = time.monotonic()
-        if now - self._looked >= period:
-            self._looked = now
+        if now - self._server_time >= period:
+            self._server_time = now
             self._server = bool(self._client.server_is_ready())
         return self._server
 
     def send(self, number: int, poses: list[Any], frame: str, stamp: int) -> None:
-        """Send a goal; its class, not the distribution, tells the fields it has."""
-        made = [_pose(frame, stamp, *pose) for pose in poses]
+        """Send a goal; its class tells which fields it has, whatever the distribution is."""
+        goal_poses = [_pose(frame, stamp, *pose) for pose in poses]
         goal = self._type.Goal()
         fields = goal.get_fields_and_field_types()
         if "pose" in fields:
-            (goal.pose,) = made
+            (goal.pose,) = goal_poses
         elif fields.get("poses") == "nav_msgs/Goals":
-            goal.poses.header = made[0].header
-            goal.poses.goals = made
+            goal.poses.header = goal_poses[0].header
+            goal.poses.goals = goal_poses
         elif "poses" in fields:
-            goal.poses = made
+            goal.poses = goal_poses
         else:
             raise RefusedRequest(f"a goal of {self._kind} has no poses here: {', '.join(fields)}")
-        sent = _Goal(number)
-        sent.response = self._client.send_goal_async(goal, feedback_callback=sent.hear)
-        self._goals.append(sent)
+        pending = _Goal(number)
+        pending.response = self._client.send_goal_async(
+            goal, feedback_callback=pending.take_feedback
+        )
+        self._goals.append(pending)
 
     def poll(self) -> list[dict[str, Any]]:
-        """Take answers of the server and return the news of goals; never waits."""
+        """Take answers of the server and return the updates of goals, without waiting."""
         if not self._goals:
             return []
         # The work of an executor for an action client, in a tenth of its time.
@@ -460,7 +465,7 @@ class _Mission:
         self._client.add_to_wait_set(self._wait_set)
         self._wait_set.wait(0)
         if self._client.is_ready(self._wait_set):
-            # Nothing in it waits for anything: it calls the callbacks and ends.
+            # This coroutine calls the callbacks and ends without waiting.
             with contextlib.suppress(StopIteration):
                 self._client.execute(self._client.take_data()).send(None)
         return [update for goal in list(self._goals) for update in self._follow(goal)]
@@ -475,7 +480,7 @@ class _Mission:
                     self._goals.remove(goal)
                     return updates
                 goal.result = handle.get_result_async()
-            elif time.monotonic() - goal.asked > _GOAL_RESPONSE:
+            elif time.monotonic() - goal.sent_at > _GOAL_RESPONSE:
                 self._goals.remove(goal)
                 return [_update(goal, "unanswered")]
         if goal.feedback is not None:
@@ -514,7 +519,7 @@ def _update(goal: _Goal, state: str, message: Any = None) -> dict[str, Any]:
 
 
 def _missed(message: Any) -> list[int]:
-    """Return indices of missed waypoints: int32[], MissedWaypoint[] or WaypointStatus[]."""
+    """Return the indices of missed waypoints: int32[], MissedWaypoint[] or WaypointStatus[]."""
     for name in ("missed_waypoints", "waypoint_statuses"):
         if hasattr(message, name):
             return [index for one in getattr(message, name) for index in _missed_index(one)]
@@ -523,13 +528,13 @@ def _missed(message: Any) -> list[int]:
 
 def _missed_index(waypoint: Any) -> list[int]:
     if hasattr(waypoint, "waypoint_status"):
-        missed = {getattr(type(waypoint), state, None) for state in _MISSED_STATES}
-        return [int(waypoint.waypoint_index)] if waypoint.waypoint_status in missed else []
+        failures = {getattr(type(waypoint), state, None) for state in _MISSED_STATES}
+        return [int(waypoint.waypoint_index)] if waypoint.waypoint_status in failures else []
     return [int(getattr(waypoint, "index", waypoint))]
 
 
 class _Services:
-    """Requests to services of the stack; asked in the background, except for parameters."""
+    """Requests to services of the stack, in the background except for parameters."""
 
     def __init__(
         self,
@@ -545,33 +550,33 @@ class _Services:
         self._clients: dict[tuple[str, str], Any] = {}
         self._pending: list[tuple[Any, Any, float, Callable[[Any], None]]] = []
         self._states = dict.fromkeys(nodes, "")
-        self._asked = dict.fromkeys(self._states, -math.inf)
-        self._activated: set[str] = set()
+        self._request_times = dict.fromkeys(self._states, -math.inf)
+        self._once_active: set[str] = set()
 
     def inactive(self) -> dict[str, str]:
-        """Return the state of each node that was active and no longer is; asks twice a second."""
+        """Return the state of each node that is no longer active, from requests twice a second."""
         states = self.states(_WATCH_PERIOD).items()
-        return {node: s for node, s in states if node in self._activated and s != "active"}
+        return {node: s for node, s in states if node in self._once_active and s != "active"}
 
     def states(self, period: float = _STATE_PERIOD) -> dict[str, str]:
-        """Return the last known states, and ask for those that are older than ``period`` [s]."""
+        """Return the last known states, and request those that are older than ``period`` [s]."""
         now = time.monotonic()
-        for node, asked in self._asked.items():
-            if now - asked < period:
+        for node, last in self._request_times.items():
+            if now - last < period:
                 continue
             client = self._client("lifecycle_msgs/srv/GetState", f"{node}/get_state")
             if client.service_is_ready():
-                # Not before this answer is there, or is not to be expected any more.
-                self._asked[node] = now + _STATE_PATIENCE
+                # The next request waits for this answer or for the end of the patience.
+                self._request_times[node] = now + _STATE_PATIENCE
                 request = client.srv_type.Request()
-                self._ask(client, request, _STATE_PATIENCE, partial(self._know, node))
+                self._ask(client, request, _STATE_PATIENCE, partial(self._store_state, node))
             else:
                 self._states[node] = ""
         self.poll()
         return dict(self._states)
 
     def parameters(self, node: str, names: list[str]) -> dict[str, Any]:
-        """Return the values of parameters that are there; waits two seconds at most."""
+        """Return the values of the parameters that the node has; waits two seconds at most."""
         values: dict[str, Any] = {}
         client = self._client("rcl_interfaces/srv/GetParameters", f"{node}/get_parameters")
         end = time.monotonic() + _PARAMETER_PATIENCE
@@ -581,9 +586,9 @@ class _Services:
             time.sleep(_SLICE)
         waiting = set(names)
 
-        def know(name: str, answer: Any) -> None:
+        def store(name: str, answer: Any) -> None:
             waiting.discard(name)
-            # One name a request: a node that does not know one of several answers with none.
+            # One name a request: a node that lacks one of several parameters answers with none.
             if answer is not None and answer.values:
                 (value,) = answer.values
                 if value.type in _PARAMETER_FIELDS:
@@ -592,14 +597,14 @@ class _Services:
         for name in names:
             request = client.srv_type.Request()
             request.names = [name]
-            self._ask(client, request, _PARAMETER_PATIENCE, partial(know, name))
+            self._ask(client, request, _PARAMETER_PATIENCE, partial(store, name))
         while waiting and time.monotonic() < end:
             self._executor.spin_once(timeout_sec=_SLICE)
             self.poll()
         return values
 
     def poll(self) -> None:
-        """Take answers; never waits."""
+        """Take answers, without waiting."""
         if not self._pending:
             return
         now = time.monotonic()
@@ -619,12 +624,12 @@ class _Services:
         future = client.call_async(request)
         self._pending.append((client, future, time.monotonic() + patience, done))
 
-    def _know(self, node: str, answer: Any) -> None:
+    def _store_state(self, node: str, answer: Any) -> None:
         label = "not answering" if answer is None else str(answer.current_state.label)[:100]
         self._states[node] = label
-        self._asked[node] = time.monotonic()
+        self._request_times[node] = time.monotonic()
         if label == "active":
-            self._activated.add(node)
+            self._once_active.add(node)
 
     def _client(self, kind: str, name: str) -> Any:
         if (kind, name) not in self._clients:
@@ -633,7 +638,7 @@ class _Services:
 
 
 class _Stack:
-    """Everything that one set-up has in the graph, and the requests that are answered with it."""
+    """Publishers, subscriptions and clients of a set-up, and the requests that they answer."""
 
     def __init__(
         self,
@@ -650,26 +655,26 @@ class _Stack:
         self._publishers = {
             one["name"]: participant.advertise(_Topic(**one)) for one in setup["publish"]
         }
-        self._ears: list[_Ears] = []
-        # Messages that are published on topics that are listened to as well: they come back.
+        self._listeners: list[_Listener] = []
+        # Messages published on topics with a subscription: they come back.
         self._echoes: dict[str, deque[bytes]] = {}
         for topic in (_Topic(**one) for one in setup["subscribe"]):
-            # Best effort hears publishers of either kind, reliable only the reliable ones.
+            # Best effort gets messages of any publisher, reliable only of reliable ones.
             qos = "latched" if topic.qos == "latched" else "best effort"
-            self._ears.append(participant.listen(topic._replace(qos=qos)))
+            self._listeners.append(participant.listen(topic._replace(qos=qos)))
             if topic.name in self._publishers:
                 self._echoes[topic.name] = deque(maxlen=100)
         self._services = _Services(ros, participant, setup["nodes"], closing)
         self._mission = _Mission(ros, participant, setup["action_kind"], setup["action"], closing)
         self._goals: list[dict[str, Any]] = []
         self._command = _Command(ros, participant, setup["command"], closing)
-        self._command.look()
+        self._command.refresh()
         self._commands = 0
-        self._last_command: _Taken | None = None
-        # Of the commands since the last answer: the newest stamp [ns], and whether one has none.
+        self._last_command: _RawMessage | None = None
+        # Newest stamp of the commands since the last answer [ns], and True if one had no stamp.
         self._newest_stamp = -1
         self._unstamped = False
-        self._heard = False
+        self._has_news = False
         self._requests: dict[str, Callable[[dict[str, Any], bytes], tuple[Any, bytes]]] = {
             "cycle": self._cycle,
             "readiness": self._readiness,
@@ -679,12 +684,12 @@ class _Stack:
         }
 
     def answer(self, head: dict[str, Any], blob: bytes) -> tuple[Any, bytes]:
-        """Fulfil a request; raises RefusedRequest."""
+        """Return the answer to a request; raises RefusedRequest."""
         return self._requests[head["do"]](head, blob)
 
     def _cycle(self, head: dict[str, Any], blob: bytes) -> tuple[Any, bytes]:
         stamp, wait, until = head["time"], head["wait"], head["until"]
-        self._hear()
+        self._receive()
         begin = 0
         for name, size in head["messages"]:
             data = blob[begin : begin + size]
@@ -692,35 +697,35 @@ class _Stack:
             self._publishers[name].publish(data)
             if name in self._echoes:
                 self._echoes[name].append(_without_padding(data))
-        # A command without a stamp that is there now was sent before the clock went out.
+        # Commands without a stamp that are there by now do not answer this clock.
         self._take_commands()
         self._unstamped = False
         self._clock.publish(struct.pack("<4siI", b"\0\1\0\0", *divmod(stamp, _NANO)))
-        sent = time.perf_counter()
+        start = time.perf_counter()
         latency: float | None = None
-        while (left := sent + wait - time.perf_counter()) > 0.0:
+        while (remaining := start + wait - time.perf_counter()) > 0.0:
             if until == "command":
-                self._command.wait(min(left, _SLICE))
+                self._command.wait(min(remaining, _SLICE))
                 self._take_commands()
             else:
-                time.sleep(min(left, _SLICE / 2.0))
-            in_time = time.perf_counter() - sent < _SLICE
+                time.sleep(min(remaining, _SLICE / 2.0))
+            in_time = time.perf_counter() - start < _SLICE
             if not in_time:
-                self._hear()
+                self._receive()
             if until == "command":
                 if self._unstamped or self._newest_stamp >= stamp - head["tolerance"]:
-                    latency = time.perf_counter() - sent
+                    latency = time.perf_counter() - start
                     break
-                # Once a goal has ended no command is owed any more. One that comes all the same
-                # mostly comes at once: runs are more alike when it belongs to its own cycle.
+                # After the end of a goal the stack owes no command. If one comes, it mostly comes
+                # at once: runs repeat better when it belongs to its own cycle.
                 if not in_time and any(update["state"] in _ENDED for update in self._goals):
                     break
-        self._hear()
-        return self._hand_over(latency)
+        self._receive()
+        return self._cycle_answer(latency)
 
     def _take_commands(self) -> None:
         for message in self._command.take():
-            self._heard = True
+            self._has_news = True
             self._commands += 1
             self._last_command = message
             if message.kind == COMMAND_KINDS[0]:
@@ -728,34 +733,34 @@ class _Stack:
             else:
                 self._unstamped = True
 
-    def _hear(self) -> None:
-        """Take everything that came from the stack; never waits."""
-        self._command.look()
+    def _receive(self) -> None:
+        """Take all messages of the stack, without waiting."""
+        self._command.refresh()
         self._take_commands()
-        for ears in self._ears:
-            echoes = self._echoes.get(ears.topic.name)
-            for message in ears.take():
+        for listener in self._listeners:
+            echoes = self._echoes.get(listener.topic.name)
+            for message in listener.take():
                 if echoes and _without_padding(message.data) in echoes:
                     continue
-                self._heard = True
-                ears.keep(message)
+                self._has_news = True
+                listener.keep(message)
         self._goals += self._mission.poll()
-        # Answers about lifecycle states come from a stack that hangs as well.
+        # A stack that hangs still answers about lifecycle states, so they are no news.
         self._services.poll()
         if self._goals:
-            self._heard = True
+            self._has_news = True
 
-    def _hand_over(self, latency: float | None) -> tuple[Any, bytes]:
-        """Return the answer to a cycle and begin anew."""
-        dropped = [ears.topic.name for ears in self._ears if ears.overflowed]
-        messages = [message for ears in self._ears for message in ears.hand_over()]
+    def _cycle_answer(self, latency: float | None) -> tuple[Any, bytes]:
+        """Return the answer to a cycle and start the next one."""
+        dropped = [listener.topic.name for listener in self._listeners if listener.overflowed]
+        messages = [message for listener in self._listeners for message in listener.drain()]
         if self._last_command is not None:
             messages.append(self._last_command)
         messages.sort(key=lambda message: message.received)
         answer = {
             "latency": latency,
             "commands": self._commands,
-            "heard": self._heard,
+            "heard": self._has_news,
             "server": self._mission.server(),
             "messages": [[one.topic, one.kind, len(one.data)] for one in messages],
             "goals": _latest_feedback(self._goals),
@@ -763,18 +768,18 @@ class _Stack:
             "inactive": self._services.inactive(),
         }
         self._goals.clear()
-        self._commands, self._last_command, self._heard = 0, None, False
+        self._commands, self._last_command, self._has_news = 0, None, False
         self._newest_stamp, self._unstamped = -1, False
         return answer, b"".join(one.data for one in messages)
 
     def _readiness(self, _head: dict[str, Any], _blob: bytes) -> tuple[Any, bytes]:
-        self._command.look()
-        listened = {ears.topic.name for ears in self._ears}
+        self._command.refresh()
+        own = {listener.topic.name for listener in self._listeners}
         answer = {
             "nodes": self._services.states(),
             "server": self._mission.server(_STATE_PERIOD),
             "listeners": {
-                name: self._participant.node.count_subscribers(name) - (name in listened)
+                name: self._participant.node.count_subscribers(name) - (name in own)
                 for name in self._publishers
             },
         }
@@ -807,11 +812,11 @@ class _Stack:
                 continue
             nodes.append(_absolute(namespace, name))
             try:
-                # Of each node: in the list of all, DDS has services that only have clients.
-                offered = node.get_service_names_and_types_by_node(name, namespace)
-            except RuntimeError:  # It has just ended; that of rclpy is one of these.
+                # Node by node: the list of DDS for all nodes has services with only a client.
+                offers = node.get_service_names_and_types_by_node(name, namespace)
+            except RuntimeError:  # The node has just ended; rclpy's error is a RuntimeError.
                 continue
-            services.update(service for service, _kinds in offered)
+            services.update(service for service, _kinds in offers)
         answer = {"endpoints": endpoints, "nodes": sorted(nodes), "services": sorted(services)}
         return answer, b""
 
@@ -833,7 +838,7 @@ def _without_padding(data: bytes) -> bytes:
 
 
 def _latest_feedback(updates: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Leave out feedback that is followed by newer feedback to the same goal."""
+    """Return updates without feedback that newer feedback to the same goal replaces."""
     latest = {one["goal"]: index for index, one in enumerate(updates) if one["state"] == "feedback"}
     return [
         one
@@ -851,34 +856,34 @@ def _absolute(namespace: str, name: str) -> str:
 
 
 def _connect(address: str, guard: _ParentGuard) -> Connection:
-    """Connect as soon as the simulation listens; ends the process if it does not in a minute."""
+    """Connect as soon as the simulation listens, or end the process after a minute."""
     end = time.monotonic() + _CONNECT_PATIENCE
     while True:
         if address.startswith("tcp://"):
             host, _, port = address[6:].rpartition(":")
-            made = socket.socket(socket.AF_INET)
-            made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            stream = socket.socket(socket.AF_INET)
+            stream.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             target: Any = (host, int(port))
         else:
-            made, target = socket.socket(socket.AF_UNIX), address
+            stream, target = socket.socket(socket.AF_UNIX), address
         try:
-            made.connect(target)
+            stream.connect(target)
         except OSError as error:
-            made.close()
+            stream.close()
             if time.monotonic() >= end:
-                sys.exit(f"relay: nobody listens at {address} ({error})")
+                sys.exit(f"relay: no simulation listens at {address} ({error})")
             guard.wait([], 0.05)
         else:
-            return Connection(made.detach())
+            return Connection(stream.detach())
 
 
 def _converse(connection: Connection, guard: _ParentGuard, closing: ExitStack) -> int:
-    """Say hello, answer requests; returns 1 if ROS 2 cannot be used, else raises when it ends."""
+    """Say hello and answer requests until an exception; returns 1 without a usable ROS 2."""
     hello: dict[str, Any] = {"version": VERSION, "nonce": os.environ.get("SCENARIO_NONCE", "")}
     try:
         ros = _ros()
         participant = _Participant(ros, NODE_NAME, closing)
-    except Exception as error:  # any failure of rclpy or a middleware is reported
+    except Exception as error:  # reports any failure of rclpy or a middleware
         problem = str(error)
         if not isinstance(error, RefusedRequest):
             traceback.print_exc()
@@ -901,7 +906,7 @@ def _converse(connection: Connection, guard: _ParentGuard, closing: ExitStack) -
                 answer, data = stack.answer(head, blob)
         except RefusedRequest as refusal:
             reply: dict[str, Any] = {"refused": str(refusal)}
-        except Exception as error:  # any failure of rclpy is reported, and in full in the log
+        except Exception as error:  # reports any failure of rclpy, with the traceback in the log
             traceback.print_exc()
             reply = {"refused": f"rclpy: {type(error).__name__}: {error}"}
         else:
@@ -917,7 +922,8 @@ def main(arguments: list[str]) -> int:
     address = os.environ.get("SCENARIO_SOCKET", "")
     if not address:
         print(
-            "relay: SCENARIO_SOCKET is not set; it names the simulation's socket", file=sys.stderr
+            "relay: SCENARIO_SOCKET is not set; it is the address of the simulation",
+            file=sys.stderr,
         )
         return 2
     guard = _ParentGuard()

@@ -121,7 +121,7 @@ class RelayLink:
             raise self._lost("the relay has ended before its first message") from None
         except (OSError, ValueError, RecursionError) as error:
             raise self._lost(
-                f"another program than the relay of this version connected ({error}): {_REMEDY}"
+                f"a program other than the relay of this version connected ({error}): {_REMEDY}"
             ) from None
         self._welcome(hello)
         return True

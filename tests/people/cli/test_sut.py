@@ -148,7 +148,7 @@ def test_a_warning_of_the_campaign_as_well_is_printed_once(scenario, start, plac
     demo.write_text(demo.read_text("utf-8").replace("sut: [pilot]", f"sut: {sut}"))
     said = scenario("sut", "check", str(sut), "--campaign", str(demo))
     assert said.code == 0, said.err
-    assert said.err.count("the stack is not given the map") == 1
+    assert said.err.count("the stack does not receive the map") == 1
 
 
 def test_the_relay_is_printed_as_it_is(scenario):

@@ -125,24 +125,24 @@ def test_tcp_is_an_address_as_well():
 
 
 def test_a_path_that_cannot_be_listened_at_is_named(tmp_path):
-    with pytest.raises(LinkLost, match=r"cannot be listened for at .*nowhere"):
+    with pytest.raises(LinkLost, match=r"cannot listen for the relay at .*nowhere"):
         RelayLink.listen(tmp_path / "nowhere" / "socket", NONCE)
-    with pytest.raises(LinkLost, match="cannot be listened for"):
+    with pytest.raises(LinkLost, match="cannot listen for the relay"):
         RelayLink.listen("tcp://127.0.0.1:port", NONCE)
 
 
 @pytest.mark.parametrize(
     ("hello", "text"),
     [
-        (b"", "has ended before it said anything"),
-        (frame(HELLO)[:-3], "is not the relay of this version connected .*end of file"),
-        (b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n", "is not the relay of this version"),
+        (b"", "has ended before its first message"),
+        (frame(HELLO)[:-3], "other than the relay of this version connected .*end of file"),
+        (b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n", "other than the relay of this version"),
         # As the relay of another version begins.
-        (struct.pack("<II", 150, 0) + b'{"version":1}', "is not the relay of this version"),
-        (frame([1, 2]), "is not the relay of this version"),
-        (struct.pack("!i", 100_000) + b"[" * 100_000, "is not the relay of this version"),
+        (struct.pack("<II", 150, 0) + b'{"version":1}', "other than the relay of this version"),
+        (frame([1, 2]), "other than the relay of this version"),
+        (struct.pack("!i", 100_000) + b"[" * 100_000, "other than the relay of this version"),
         (frame(HELLO | {"nonce": "other"}), "does not belong to this run"),
-        (frame(HELLO | {"version": 3}), "speaks version 3 of its protocol and this is version 2"),
+        (frame(HELLO | {"version": 3}), "has version 3 of its protocol, not version 2"),
         (frame(HELLO | {"problem": "no package nav2_msgs"}), "^no package nav2_msgs$"),
     ],
 )

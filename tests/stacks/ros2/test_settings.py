@@ -122,7 +122,7 @@ def test_values_are_one_word_to_the_shell():
 
 @pytest.mark.parametrize("text", ["{", "}", "{}", "{ map }", "{{map}", "{map}}"])
 def test_lone_braces_are_refused(text):
-    with pytest.raises(PlaceholderError, match="begins or ends no placeholder"):
+    with pytest.raises(PlaceholderError, match="does not belong to a placeholder"):
         fill(text, {"map": "m"})
 
 
