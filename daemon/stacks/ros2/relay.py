@@ -1,8 +1,7 @@
 #!/usr/bin/env python3
 """Connect a simulation to a ROS 2 navigation stack: publish, subscribe and send goals for it.
 
-Run it with the python3 of the ROS 2 that the stack uses. SCENARIO_SOCKET is the address of the
-simulation.
+Run it with the python3 of the stack's ROS 2; SCENARIO_SOCKET is the address of the simulation.
 """
 
 # This one file runs in the user's own ROS 2. It needs Python 3.10 or later and imports only the
