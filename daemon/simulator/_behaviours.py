@@ -253,7 +253,7 @@ def starting_positions(
 
     Raises:
         ValueError: a behaviour names an unknown joint, one of a frozen object or of a mover, or
-            one that another behaviour drives; or an object that walks is no mover.
+            one that another behaviour drives; or an object that walks is not a mover.
     """
     frozen = {f"{o.name}.{j.name}": o.frozen for o in scene.objects for j in o.joints}
     movers = {o.name: o for o in scene.objects if is_mover(o.joints)}
@@ -268,7 +268,7 @@ def starting_positions(
     for behaviour in behaviours:
         name = behaviour.joint
         if isinstance(behaviour, Walk) and behaviour.object not in movers:
-            raise ValueError(f"behaviour walk: {behaviour.object!r} is no mover")
+            raise ValueError(f"behaviour walk: {behaviour.object!r} is not a mover")
         if name not in frozen:
             raise ValueError(f"behaviour {behaviour.kind}: the scene has no joint {name!r}")
         if frozen[name]:

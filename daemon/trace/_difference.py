@@ -45,7 +45,7 @@ class TraceDifference:
 def first_difference(one: Path, other: Path) -> TraceDifference | None:
     """Return the first difference of two traces, ``None`` for the same bytes.
 
-    Raises :class:`~daemon.trace.TraceError` for a file that is no trace.
+    Raises :class:`~daemon.trace.TraceError` for a file that is not a trace.
     """
     if one.read_bytes() == other.read_bytes():
         return None

@@ -113,17 +113,17 @@ def read_mcap(
     *,
     layouts: Mapping[str, MessageLayout] | None = None,
 ) -> McapContents:
-    """Read the messages on topics that ``select`` accepts, and everything that is no message.
+    """Read the messages on topics that ``select`` accepts, and everything that is not a message.
 
     With ``layouts`` of topics the reader keeps only values, not the chunk: 2 MB instead of 26 for
     a run of the reference stack.
 
-    Raises :class:`TraceError` if the file cannot be opened or is no MCAP file.
+    Raises :class:`TraceError` if the file cannot be opened or is not an MCAP file.
     """
     try:
         status = path.stat()
         if not stat.S_ISREG(status.st_mode):
-            raise TraceError(path, "is no ordinary file", "name the .mcap file a run left")
+            raise TraceError(path, "is not an ordinary file", "name the .mcap file a run left")
         if status.st_size > FILE_LIMIT:
             raise TraceError(path, f"the file is larger than {FILE_LIMIT >> 20} MiB")
         data = path.read_bytes()

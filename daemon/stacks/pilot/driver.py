@@ -199,7 +199,7 @@ class Pilot:
     def _watch(self, now: float, pose: Pose2, goal: Waypoint, pursuit: Pursuit) -> None:
         """Look for obstacles on the path ahead; wait, or take another way."""
         points, spacing = pursuit.path
-        # Things beside the robot are no obstacles ahead; the guard minds them.
+        # Things beside the robot are not obstacles ahead; the guard minds them.
         begin = pursuit.index + round(self._planner.lethal / spacing)
         ahead = points[begin : pursuit.index + round(_WATCHED / spacing)]
         hit = first_blocked(ahead, self._sensing.obstacles.centres, self._planner.lethal)

@@ -163,7 +163,7 @@ def update_marks(
     unmarked cells. ``numbers`` are that of this scan and that of the oldest one that counts. A
     marked cell goes when the ray that points at it looks through it. Asking cells instead of
     following rays costs nothing in empty space and leaves no gaps between rays. Then the returns
-    that are no walls are marked.
+    that are not walls are marked.
     """
     size, (now, oldest) = field.resolution, numbers
     marks = np.empty((centres.shape[0] + points.shape[0], 2))

@@ -172,7 +172,7 @@ def keep_clear(
     """Return two times [s] and two distances [m] for the command (vx, wz).
 
     The times pass until a wall of the map, and until anything else, comes too near. The distances
-    are the least one to points beside the way, and the one to the nearest return that is no wall.
+    are the least one to points beside the way, and the one to the nearest return off walls.
 
     ``look`` holds the horizon of the times [s], the step of the sweep [s], the margin around the
     footprint [m] and the greatest distance of points from the base that matter [m].
@@ -263,7 +263,7 @@ class CollisionGuard:
     """Guard that slows commands down so that the footprint meets nothing.
 
     Attributes:
-        nearest: the distance to the nearest return that is no wall of the map [m].
+        nearest: the distance to the nearest return that is not a wall of the map [m].
     """
 
     def __init__(

@@ -36,7 +36,7 @@ class ParameterTree:
     report: FindingCollector
 
     def at(self, *path: str) -> Mapping[str, Any]:
-        """Return a namespace; report an error if the value is no namespace."""
+        """Return a namespace; report an error if the value is not a namespace."""
         node: Mapping[str, Any] = self.data
         for depth, name in enumerate(path):
             below = node.get(name, {})
@@ -167,7 +167,7 @@ def _unknown_name(
 def _adapters(model: type[Any]) -> dict[str, TypeAdapter[Any]]:
     """Return a validator for each field, so that one bad field does not hide another.
 
-    Fields with ``SkipJsonSchema`` are no parameters.
+    Fields with ``SkipJsonSchema`` are not parameters.
     """
     fields = model.__pydantic_fields__
     return {

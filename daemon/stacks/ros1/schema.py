@@ -71,7 +71,7 @@ def _add_section(definitions: dict[str, Schema], name: str, model: type[Any]) ->
         del schema[key]
     for nested, body in schema.pop("$defs", {}).items():
         definitions.setdefault(nested, body)
-    # A ROS node ignores unknown names, so they are no errors in its section.
+    # A ROS node ignores unknown names, so they are not errors in its section.
     is_section = issubclass(model, Section)
     schema["additionalProperties"] = is_section and not model.strict
     schema["properties"] = {key: nullable(body) for key, body in schema["properties"].items()}

@@ -364,7 +364,7 @@ class _Checkup:
 
 def _absence(node: str, graph: Graph) -> str:
     if node in graph.nodes:
-        return "it is no lifecycle node, so it has no state"
+        return "it is not a lifecycle node, so it has no state"
     return "there is no such node"
 
 

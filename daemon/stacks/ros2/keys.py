@@ -145,7 +145,7 @@ def _by_laser(value: Any, check: Callable[[str], str]) -> Any:
         raise ValueError("names no laser: write a name, or one for each laser, {front: ...}")
     for laser in value:
         if not isinstance(laser, str) or not re.fullmatch(LASER_NAME, laser):
-            raise ValueError(f'"{laser}" is no name of a laser: write a-z, 0-9 and _')
+            raise ValueError(f'"{laser}" is not a name of a laser: write a-z, 0-9 and _')
     return {laser: check(_text(name)) for laser, name in value.items()}
 
 

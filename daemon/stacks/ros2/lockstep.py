@@ -2,11 +2,10 @@
 
 There are three paces. *Free*: no command is expected, because no goal is active or the first
 command has not come. The clock goes on after a short wait (as in PX4 until the first actuator
-message).
-*Locked*: every cycle waits for its command, at most the patience. *Quiet*: after a cycle without
-an answer the clock runs in real time until commands come again, because a stack that replans or
-waits in a recovery may send no command for seconds. A stack that sends no message at all for ten
-seconds hangs.
+message). *Locked*: every cycle waits for its command, at most the patience. *Quiet*: after a cycle
+without an answer the clock runs in real time until commands come again, because a stack that
+replans or waits in a recovery may send no command for seconds. A stack that sends no message at
+all for ten seconds hangs.
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ _PART: Final = re.compile(
 class PlaceholderError(ValueError):
     """Failure to fill a text: ``message`` is the reason, ``hint`` the remedy.
 
-    ``name`` is the placeholder without a value, empty for braces that are no placeholder.
+    ``name`` is the placeholder without a value, empty for braces that are not a placeholder.
     """
 
     def __init__(self, message: str, hint: str, name: str = "") -> None:

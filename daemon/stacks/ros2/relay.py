@@ -744,7 +744,7 @@ class _Stack:
                 self._has_news = True
                 listener.keep(message)
         self._goals += self._mission.poll()
-        # A stack that hangs still answers about lifecycle states, so they are no news.
+        # A stack that hangs still answers about lifecycle states, so they do not count.
         self._services.poll()
         if self._goals:
             self._has_news = True

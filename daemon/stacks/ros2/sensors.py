@@ -78,7 +78,7 @@ def read_command(data: bytes, kind: str) -> tuple[Twist2, int | None]:
     twist = message.twist if stamped else message
     command = Twist2(float(twist.linear.x), float(twist.linear.y), float(twist.angular.z))
     if not np.isfinite((command.vx, command.vy, command.wz)).all():
-        raise ValueError(f"the stack commanded {command}, which is no velocity")
+        raise ValueError(f"the stack commanded {command}, which is not a velocity")
     return command, stamp(message) if stamped else None
 
 

@@ -189,7 +189,7 @@ def advise_for_robot(settings: Ros2Settings, robot: Robot) -> Iterator[Parameter
         cycles = 1.0 / (rate * settings.period)
         if not (_is_whole(cycles) or _is_whole(1.0 / cycles)):
             message = (
-                f"the {name} of robot {robot.name} has {rate:g} Hz, which is no whole number of "
+                f"the {name} of robot {robot.name} has {rate:g} Hz, which is not a whole number of "
                 f"cycles of {settings.period:g} s: some cycles have a sample more than others"
             )
             hint = "set period to that of the stack's controller, or another rate of the robot"

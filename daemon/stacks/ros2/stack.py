@@ -135,7 +135,7 @@ class _StackDrive:
         session = self._session
         try:
             if self._missing and self._mission.progress.state != "succeeded":
-                # A loaded machine answers late, which alone is no error of the run.
+                # A loaded machine answers late, which alone is not an error of the run.
                 self._await_nodes((session.time - session.zero) / _NANO)
             self._lockstep.check_share()
         except LinkLost as error:

@@ -218,7 +218,7 @@ def test_only_ordinary_files_are_read(tmp_path):
     """A pipe that nobody writes to never ends, nor does a device."""
     os.mkfifo(tmp_path / "pipe.mcap")
     for path in (tmp_path / "pipe.mcap", Path("/dev/zero"), tmp_path):
-        with pytest.raises(TraceError, match="is no ordinary file"):
+        with pytest.raises(TraceError, match="is not an ordinary file"):
             read_trace(path)
 
 

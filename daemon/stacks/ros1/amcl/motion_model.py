@@ -57,7 +57,7 @@ def diff_turns(motion: OdometryMotion) -> tuple[float, float]:
 def diff_spread(parameters: AmclParameters, motion: OdometryMotion) -> tuple[float, float, float]:
     """Return the standard deviations of first turn, translation and second turn [rad, m, rad].
 
-    Driving backwards is no turn by pi: forwards and backwards have the same spread.
+    Driving backwards is not a turn by pi: forwards and backwards have the same spread.
     """
     p, trans = parameters, motion.translation**2
     first, second = (

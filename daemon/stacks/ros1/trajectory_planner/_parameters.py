@@ -191,7 +191,7 @@ class TrajectoryPlannerParameters(Section):
             text = 'ROS ignores the list y_vels: write text, such as "-0.3, -0.1, 0.1, 0.3"'
             yield Objection(("y_vels",), text, fatal=False)
         elif any(speed == 0.0 for speed in strafe_speeds(p)):
-            text = f'y_vels "{p.y_vels}" has parts that are no numbers: they are never tried'
+            text = f'y_vels "{p.y_vels}" has parts that are not numbers: they are never tried'
             yield Objection(("y_vels",), text, fatal=False)
         if p.meter_scoring:
             yield Objection(("meter_scoring",), _METER_SCORING, fatal=False)

@@ -87,7 +87,7 @@ class OscillationFlags:
         self._at = (0.0, 0.0)
 
     def record(self, at: tuple[float, float], vx: float, vy: float, wz: float) -> None:
-        """Record the velocity chosen at ``at``; driving ahead is no oscillation."""
+        """Record the velocity chosen at ``at``; driving ahead is not an oscillation."""
         if not vx > 0.0:
             if wz != 0.0:
                 self._turn(wz)
