@@ -133,19 +133,19 @@ class SearchAnswer:
     unsought: tuple[UnsoughtFailure, ...] = ()
 
     @property
-    def told_failure(self) -> Trial | None:
+    def reported_failure(self) -> Trial | None:
         """The reported failure: the nearest one, otherwise the first."""
         return self.first if self.nearest is None else self.nearest.result
 
     @property
-    def told_confirmation(self) -> Confirmation | None:
+    def reported_confirmation(self) -> Confirmation | None:
         """Confirmation of the reported failure; ``None`` if it was not repeated."""
         return self.confirmed if self.nearest is None else self.nearest.confirmed
 
     @property
     def shown(self) -> Trial | None:
         """The run to show: the reported failure, otherwise the best."""
-        return self.told_failure or self.best
+        return self.reported_failure or self.best
 
 
 @dataclass(frozen=True, slots=True)

@@ -222,7 +222,7 @@ class _SearchProgram:
 
     def with_found(self, answer: SearchAnswer) -> SearchAnswer:
         """Return an answer with the campaign file of its failure, if it has one."""
-        failure = answer.told_failure
+        failure = answer.reported_failure
         if failure is None:
             return answer
         about = headline_of(self.task, answer)

@@ -78,9 +78,9 @@ def headline(row: SearchRow) -> str:
 
 def headline_of(task: SearchTask, answer: SearchAnswer) -> str:
     """Return the first sentence of an answer, which sums it up."""
-    failure = answer.told_failure
+    failure = answer.reported_failure
     if failure is not None:
-        return failure_sentence(task, failure, answer.told_confirmation)
+        return failure_sentence(task, failure, answer.reported_confirmation)
     if answer.best is None:
         return "no run has a margin"
     about = "nothing fails" if len(task.scales) > 1 else f"{task.minimise} does not fail"
@@ -163,11 +163,11 @@ def _sentences(task: SearchTask, answer: SearchAnswer) -> Iterator[str]:
 
 def _repeats(answer: SearchAnswer) -> Iterator[str]:
     """Yield the evidence of the repeats: bounds of the rate, number of failures that hold."""
-    rate = answer.told_confirmation
+    rate = answer.reported_confirmation
     if rate is not None:
         bounds = f"{cut_percentage(rate.low)} to {percentage(rate.high)}"
         yield f"with other noise it fails in {bounds} of runs, with 95 % certainty"
-    first, failure = answer.first, answer.told_failure
+    first, failure = answer.first, answer.reported_failure
     if answer.confirmed and first and failure and first.point != failure.point:
         often = f"in {answer.confirmed.failed} of {count_noun(answer.confirmed.runs, 'repeat')}"
         yield f"the first failure, run {first.number}, fails {often}"

@@ -284,12 +284,12 @@ def test_answers_are_sentences(golden):
 
 
 def test_an_answer_tells_the_nearest_failure_or_the_first():
-    assert WHOLE.told_failure == FOUND[1]
-    assert replace(WHOLE, nearest=None).told_failure == WHOLE.first
+    assert WHOLE.reported_failure == FOUND[1]
+    assert replace(WHOLE, nearest=None).reported_failure == WHOLE.first
     unconfirmed = replace(WHOLE, nearest=None, confirmed=None)
-    assert unconfirmed.told_failure == WHOLE.first
-    assert unconfirmed.told_confirmation is None
-    assert ANSWERS["nothing found"].told_failure is None
+    assert unconfirmed.reported_failure == WHOLE.first
+    assert unconfirmed.reported_confirmation is None
+    assert ANSWERS["nothing found"].reported_failure is None
     assert ANSWERS["guided alone"].space_filling == 0
     assert codec.from_json(SearchAnswer, codec.to_json(WHOLE)) == WHOLE
 

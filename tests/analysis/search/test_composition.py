@@ -271,9 +271,9 @@ def test_a_whole_search_leaves_a_file_with_the_very_run_it_found(folder, rude):
     runs = runs_judged_by(fails)
     answer = run_search(replace(rude, task=task), runs)
     run, _ = only_run(folder, answer.found)
-    assert run.digest == answer.told_failure.digest
+    assert run.digest == answer.reported_failure.digest
     assert run.digest == runs.digests[answer.nearest.result.proposal.position]
-    assert run.label == answer.told_failure.label
+    assert run.label == answer.reported_failure.label
     phases = list(dict.fromkeys(p.phase for p in runs.proposals))
     assert phases == ["explore", "confirm", "nearest", "shrink"]
 
