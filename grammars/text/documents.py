@@ -278,7 +278,7 @@ _PLAIN_MESSAGES: Final = {
     "dict_type": "must be keys with values",
     "model_type": "must be keys with values",
     "dataclass_type": "must be keys with values",
-    "unexpected_keyword_argument": "nothing reads this",
+    "unexpected_keyword_argument": "is not a known key",
     "too_short": "must have {min_length} or more",
     "string_too_short": "must not be empty",
     "too_long": "must have {max_length} or fewer",
@@ -305,7 +305,7 @@ _PATTERNS: Final = {
     "^[~/]?[A-Za-z][A-Za-z0-9_/]*$": "must be a name such as scan or /robot1/scan",
     "^/[A-Za-z][A-Za-z0-9_/]*$": "must be a full name such as /robot1/amcl",
     "^[a-z][a-z0-9_]*$": (
-        'must be small letters (a to z), digits and "_", and begin with a letter'
+        'must be lower-case letters (a to z), digits and "_", and begin with a letter'
     ),
 }
 

@@ -188,7 +188,7 @@ def read_predicate(text: str, units: Mapping[str, str], where: Where) -> Express
         predicate = read_expression(_LANGUAGE.parse(source), source)
         check.predicate(predicate)
         if not any(isinstance(part, Name) for part in walk(predicate)):
-            check.error(predicate, "names nothing that is varied")
+            check.error(predicate, "contains no varied name")
         findings.raise_errors()
     except InputError as error:
         raise InputError(

@@ -66,7 +66,11 @@ class Catalogue:
         excluded = {
             target.object
             for path in subject.exceptions
-            for target in self._one_or_many(layer, path, trail)
+            for target in (
+                (self._one(layer, path),)
+                if path.object in self.instances
+                else self._many(layer, path, trail)
+            )
         }
         targets: dict[tuple[str, str], SubjectTarget] = {}
         for path in subject.names:
@@ -139,13 +143,6 @@ class Catalogue:
             return members
         self._check_joint(path, [t.object for t in members])
         return tuple(SubjectTarget(t.object, path.joint, t.where) for t in members)
-
-    def _one_or_many(
-        self, layer: SceneryLayer, path: Path, trail: tuple[str, ...]
-    ) -> tuple[SubjectTarget, ...]:
-        if path.object in self.instances:
-            return (self._one(layer, path),)
-        return self._many(layer, path, trail)
 
     def _groups(self, layer: SceneryLayer, name: str) -> list[tuple[SceneryLayer, Group]]:
         # A group of the layer hides groups of other layers.

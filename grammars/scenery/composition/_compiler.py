@@ -159,20 +159,6 @@ def _object(
     return dataclasses.replace(body, initial=tuple(initial.values()), doorway=doorway)
 
 
-def _doorway_of(
-    instance: Instance,
-    body: SceneObject,
-    closed: tuple[float, ...],
-    doorways: tuple[Doorway, ...],
-) -> str:
-    if is_mover(body.joints):
-        return ""
-    if isinstance(instance.place, In):
-        name = instance.place.entryway.text
-        return name if any(doorway.name == name for doorway in doorways) else ""
-    return _doorway_around(body, closed, doorways)
-
-
 def _rounded_link(link: Link) -> Link:
     rings = tuple(canonical_ring(ring) for ring in link.polygons)
     return Link(link.name, rings, link.mass, rounded(link.z_min), rounded(link.z_max))
@@ -183,10 +169,18 @@ def _rounded_joint(joint: Joint) -> Joint:
     return dataclasses.replace(joint, anchor=rounded_point(joint.anchor), axis=axis)
 
 
-def _doorway_around(
-    body: SceneObject, closed: tuple[float, ...], doorways: tuple[Doorway, ...]
+def _doorway_of(
+    instance: Instance,
+    body: SceneObject,
+    closed: tuple[float, ...],
+    doorways: tuple[Doorway, ...],
 ) -> str:
-    """Return the doorway that contains most of the closed moving links, otherwise an empty text."""
+    """Return the entryway of an object, or the doorway with most of its closed moving links."""
+    if is_mover(body.joints):
+        return ""
+    if isinstance(instance.place, In):
+        name = instance.place.entryway.text
+        return name if any(doorway.name == name for doorway in doorways) else ""
     moving = {j.child for j in body.joints}
     poses = link_poses(body, closed)
     leaves = [
