@@ -169,7 +169,7 @@ def resolve_scenario(
             raise InputError(Finding(like_at, f'no scenario "{scenario.like}" here', hint))
         if len(followers) >= MOST_LIKE:
             message = f"more than {MOST_LIKE} scenarios are like one another in a row"
-            raise InputError(Finding(like_at, message, "be like one nearer to the first"))
+            raise InputError(Finding(like_at, message, "be like one near the first of them"))
         base = resolve_scenario(scenario.like, text, document, (*followers, name))
     # Without a seed of their own, variants use the campaign's, even in an inherited slot.
     varied = _vary(scenario.vary, (*path, "vary"), text, document) or base.vary

@@ -179,7 +179,7 @@ def _attached(
     for name, places in files.items():
         if len(places) != 1:
             where = document.where(("files", name))
-            raise InputError(Finding(where, f"{name}: is one file, not several"))
+            raise InputError(Finding(where, f"{name}: takes one file, not several"))
         ((path, _),) = places
         if not is_file(path):
             where = document.where(("files", name))
@@ -207,7 +207,7 @@ def _base(
         raise InputError(Finding(where, f"like: goes round in a circle, {circle}"))
     if len(chain) > MOST_LIKE:
         message = f"like: more than {MOST_LIKE} files are like one another in a row"
-        raise InputError(Finding(where, message, "be like one nearer to the first"))
+        raise InputError(Finding(where, message, "be like one near the first of them"))
     return read_sut(other, find, chain, changes)
 
 
