@@ -70,7 +70,7 @@ def plot(
 
 
 def _print(trace: Trace, signals: list[Signal], verdicts: tuple[Verdict, ...]) -> None:
-    from scenario_tui.dashboard.signal_graphs import draw_signals
+    from scenario_tui.dashboard.widgets.timeline import draw_signals
 
     size = shutil.get_terminal_size((80, 24))
     failures = [v for v in verdicts if v.outcome is Outcome.FAIL]

@@ -36,7 +36,7 @@ from scenario_tui.dashboard.screens.base import BaseScreen
 from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
 from scenario_tui.dashboard.screens.dialogs import Refusal
 from scenario_tui.dashboard.screens.help import Help, our_bindings
-from scenario_tui.dashboard.state import Known, RunsView
+from scenario_tui.dashboard.state import DashboardState, RunsView
 from scenario_tui.dashboard.themes import ThemedApp
 from scenario_tui.source import DaemonTarget
 
@@ -121,7 +121,7 @@ class Dashboard(ThemedApp):
         self.launching = self.launched = False
         self.marked_run = ""
         self.clock = clock
-        self.known = Known()
+        self.state = DashboardState()
         self.tracks = Tracks()
         self.recordings = Recordings(feed.connect, self.child_processes)
         self._is_answered = False
@@ -182,19 +182,19 @@ class Dashboard(ThemedApp):
             self.tracks.add(live)
         for notice in news.notices:
             self.notify(notice.text, severity=notice.severity, markup=False)
-        if news.known is not None:
+        if news.state is not None:
             if not self._is_answered:
                 self._is_answered = True
                 self.set_timer(_READY, self._load_screens)
-            self.known = news.known
+            self.state = news.state
             if news.front is not None:
                 news.front.news = news.fetched
-        now, overview = self.clock(), self.known.overview
+        now, overview = self.clock(), self.state.overview
         # Ages grow even without news. Without running runs, the feed announces every change.
-        if news.known is not None or news.lives or now - self._shown_at >= _PATIENCE:
+        if news.state is not None or news.lives or now - self._shown_at >= _PATIENCE:
             self._shown_at = now
             self._update_front_screen()
-        resting = self.known.connected and overview is not None and not overview.running
+        resting = self.state.connected and overview is not None and not overview.running
         (self._frames.pause if resting else self._frames.resume)()
 
     def _update_front_screen(self) -> None:
@@ -219,8 +219,8 @@ class Dashboard(ThemedApp):
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Refuse keys in replays, which have their own, and actions that are impossible now."""
         if action == "launch":
-            known = self.known
-            is_away = bool(known.problem) and not (known.connected or known.refused)
+            state = self.state
+            is_away = bool(state.problem) and not (state.connected or state.refused)
             can_launch = self.launch_daemon is not None or self.read_only
             if not is_away or self.launching or not can_launch:
                 return False
@@ -242,7 +242,7 @@ class Dashboard(ThemedApp):
                 yield SystemCommand(binding.description, about, do, binding.show)
         about = "Choose other colours for this session"
         yield SystemCommand("Theme", about, self.action_change_theme)
-        for row in self.known.campaigns:
+        for row in self.state.campaigns:
             show = partial(self.open_campaign, row.id)
             yield SystemCommand(f"go to campaign {row.id}", "", show, discover=False)
 
@@ -305,7 +305,7 @@ class Dashboard(ThemedApp):
 
     def open_campaign(self, campaign: str) -> None:
         """Show the search or the runs of a campaign."""
-        row = self.known.campaign(campaign)
+        row = self.state.campaign(campaign)
         self.open("search" if row is not None and row.search else "runs", campaign)
 
     def why_not(self, action: str) -> str:
@@ -314,13 +314,13 @@ class Dashboard(ThemedApp):
         if self.read_only and action in _CHANGES:
             return "read-only: this dashboard changes nothing"
         # Before the first answer, the connection may still come.
-        if action in ("submit", "steer") and self.known.at and not self.known.connected:
+        if action in ("submit", "steer") and self.state.at and not self.state.connected:
             return _UNREACHABLE
         return ""
 
     def steer(self, action: Action, command: str) -> None:
         """Request an action of the daemon; show its outcome with the equivalent command."""
-        if self.known.connected:
+        if self.state.connected:
             self.feed.enqueue_action(lambda daemon: f"{action(daemon)}\nsame as: {command}")
         else:
             self.problem(_UNREACHABLE)
@@ -378,9 +378,9 @@ class Dashboard(ThemedApp):
 
     def farewell(self) -> str:
         """Return the parting words: work that goes on without the dashboard."""
-        overview = self.known.overview
+        overview = self.state.overview
         parts = ["Left the dashboard"]
-        if overview is not None and self.known.connected:
+        if overview is not None and self.state.connected:
             waiting = overview.queued + overview.running
             runs = count_noun(waiting, "unfinished run")
             parts.append(f"the daemon continues with {runs}" if waiting else "no run is waiting")
@@ -388,7 +388,7 @@ class Dashboard(ThemedApp):
             parts.append(f"the submission of {self.submitting} was cut off")
         parts += [f"another process continues {doing}" for doing in sorted(self.running_jobs)]
         lines = [f"{'; '.join(parts)}. Back with: {self.target.command('tui')}"]
-        if self.launched and self.known.connected:
+        if self.launched and self.state.connected:
             lines.append(f"Stop the daemon with: {self.target.command('daemon', '--stop')}")
         return "\n".join(lines)
 

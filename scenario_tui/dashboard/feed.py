@@ -1,4 +1,4 @@
-"""The thread that asks the daemon: for what every screen needs, and for the screen in front."""
+"""The thread that asks the daemon: for the state of all screens, and for the screen in front."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from scenario_tui.dashboard.campaign_assessor import CampaignAssessor
 from scenario_tui.dashboard.live_tracks import LiveNews
 from scenario_tui.dashboard.run_watch import RunWatch
 from scenario_tui.dashboard.searches import KnownSearches
-from scenario_tui.dashboard.state import CAMPAIGNS_SHOWN, Known, Notice
+from scenario_tui.dashboard.state import CAMPAIGNS_SHOWN, DashboardState, Notice
 
 if TYPE_CHECKING:
     from daemon.model.status import CampaignRow, ChangeEvent
@@ -24,19 +24,19 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 REFRESH: Final = 1.0
-"""Seconds between two looks when nothing is known to have changed."""
+"""Seconds between two looks without a known change."""
 _LOOK: Final = 10.0
-"""Seconds between two looks at everything: events may be lost."""
+"""Seconds between two complete looks, because events may be lost."""
 _BREATH: Final = 0.2
-"""Seconds between two looks at least: a campaign of short runs changes far more often than that."""
+"""Least seconds between two looks: a campaign of short runs changes far more often."""
 _GATHER: Final = 0.01
-"""Seconds others are waited for when a key was pressed: they often come several at once."""
+"""Seconds to wait for further keys, which often come several at once."""
 _RETRY: Final = 0.5
-"""Seconds after which a daemon that was lost is tried again."""
+"""Seconds until the next attempt to reach a lost daemon."""
 _PATIENCE: Final = 1.0
-"""Seconds the assessing thread gets to leave: it may wait for a daemon that is gone."""
+"""Seconds for the assessing thread to end: it may wait for a lost daemon."""
 _ASSESS_EVERY: Final = 0.1
-"""Seconds between two looks for campaigns that should be assessed."""
+"""Seconds between two looks for campaigns to assess."""
 
 Action: TypeAlias = "Callable[[DaemonClient], str]"
 
@@ -45,10 +45,10 @@ Action: TypeAlias = "Callable[[DaemonClient], str]"
 class News:
     """News since the last look: the state if it changed, telemetry and notices.
 
-    ``fetched`` is the answer to the screen ``front``.
+    ``fetched`` is the answer for the screen ``front``.
     """
 
-    known: Known | None
+    state: DashboardState | None
     front: BaseScreen[Any] | None
     fetched: object
     lives: list[LiveNews]
@@ -56,9 +56,9 @@ class News:
 
 
 class Feed:
-    """Asks the daemon for what is wanted, again and again, over its restarts.
+    """Keeps the state of the dashboard up to date, over restarts of the daemon.
 
-    ``watch`` is for the screen in front, to ask for a run and to follow it.
+    The screen in front uses ``watch`` to ask for a run and to follow it.
     """
 
     def __init__(
@@ -69,25 +69,25 @@ class Feed:
         assessor: CampaignAssessor | None = None,
     ) -> None:
         self.connect = open_daemon
-        """Opens a connection of one's own, for questions that may take a while."""
+        """Opens a separate connection, for requests that may take a while."""
         self._assessor = assessor or CampaignAssessor()
         # After a lost connection the old assessing thread may still be at work beside the new one.
         self._assessing = threading.Lock()
         self._clock = clock
         self._front: BaseScreen[Any] | None = None
-        self._known = Known()
+        self._state = DashboardState()
         self._fetched: tuple[BaseScreen[Any] | None, object] = (None, None)
         self._changed = False
-        self._heard = self._assessed = False
+        self._outdated = self._assessed = False
         self._looked_at = 0.0
-        # Appending to a deque needs no lock. Measured for one message: 0.6 us this way, 20 us by
-        # Textual's post_message, 54 us by its call_from_thread.
+        # Appending to a deque needs no lock. A message takes 0.6 us this way, 20 us by Textual's
+        # post_message, 54 us by its call_from_thread (measured).
         self._actions: deque[Action] = deque()
         self._lives: deque[LiveNews] = deque(maxlen=512)
         self._notices: deque[Notice] = deque(maxlen=16)
         self._wake = threading.Event()
-        self._asked = threading.Event()
-        self._told = threading.Event()
+        self._requested = threading.Event()
+        self._published = threading.Event()
         self._searches = KnownSearches()
         self.watch = RunWatch(self._lives, self._note_problem)
         self._closing = False
@@ -107,30 +107,30 @@ class Feed:
             self._thread.join(timeout=5.0)
 
     def look_at(self, front: BaseScreen[Any]) -> None:
-        """Fetch at once for the screen in front, or anew because it wants something else."""
+        """Fetch at once for the screen in front, also if it needs other data now."""
         self._front = front
-        if front.about and self._known.campaign(front.about) is None:
-            self._heard = True  # one that is not listed is asked for with all others
+        if front.about and self._state.campaign(front.about) is None:
+            self._outdated = True  # fetches a campaign that is not listed with all others
         self._hurry()
 
     def enqueue_action(self, action: Action) -> None:
-        """Have something done; what it returns, or why it was refused, becomes a notice."""
+        """Request an action; its answer, or the reason of a refusal, becomes a notice."""
         self._actions.append(action)
         self._hurry()
 
     def _hurry(self) -> None:
-        self._asked.set()
+        self._requested.set()
         self._wake.set()
 
     def take_news(self) -> News:
-        """Return what is new; a bug in the asking thread is raised here, where it is seen."""
+        """Return the news; raise a bug of the feed's thread here, where it is reported."""
         if self._failure is not None:
             raise self._failure
-        # First the flag, then the state: what is left behind in between is taken the next time.
-        # The other way round it would never be.
+        # First the flag, then the state: a change in between is taken the next time. The other way
+        # round it would be lost.
         changed, self._changed = self._changed, False
-        known = self._known if changed else None
-        return News(known, *self._fetched, _drain(self._lives), _drain(self._notices))
+        state = self._state if changed else None
+        return News(state, *self._fetched, _drain(self._lives), _drain(self._notices))
 
     def _run(self) -> None:
         while not self._closing:
@@ -150,14 +150,14 @@ class Feed:
         self.on_news()
 
     def _lose(self, error: DaemonError) -> None:
-        """Keep what is known, and why nothing more is."""
+        """Keep the last state, with the reason why it is not up to date."""
         refused = not isinstance(error, Unreachable)
-        self._publish(replace(self._known, connected=False, problem=str(error), refused=refused))
+        self._publish(replace(self._state, connected=False, problem=str(error), refused=refused))
 
     def _session(self) -> None:
         """Ask over one connection until it breaks or the feed is closed."""
         with self.connect() as daemon:
-            # Before the first look: what changes in between is then heard of and not missed.
+            # Before the first look, so that no change in between is missed.
             subscription = daemon.events(self._on_event, self.watch.hear)
             leaving = threading.Event()
             assessing = threading.Thread(
@@ -168,73 +168,73 @@ class Feed:
                 while not self._closing:
                     self._wake.clear()
                     if self._is_outdated(daemon):
-                        self._heard = False
+                        self._outdated = False
                         self.step(daemon)
                     elif self._assessed:
-                        self._publish(self._known)
+                        self._publish(self._state)
                     self._breathe(daemon)
                     self._wake.wait(REFRESH - _BREATH)
             except DaemonError as error:
-                # At once: to close the connection to a daemon that hangs takes ten seconds.
+                # At once, because it takes ten seconds to close the connection to a hanging daemon.
                 self._lose(error)
                 raise
             finally:
                 leaving.set()
-                self._told.set()
-                # A question about a large campaign may still wait for a daemon that is gone.
+                self._published.set()
+                # A request about a large campaign may still wait for a lost daemon.
                 assessing.join(_PATIENCE)
                 self.watch.close()
                 subscription.close()
 
     def _is_outdated(self, daemon: DaemonClient) -> bool:
-        """Return whether there may be more to know than is known."""
-        now, known, held = self._clock(), self._known, self._known.overview
-        if self._heard or not known.connected or held is None or now >= self._looked_at + _LOOK:
+        """Return True if the state may have changed."""
+        now, state, last = self._clock(), self._state, self._state.overview
+        if self._outdated or not state.connected or last is None or now >= self._looked_at + _LOOK:
             return True
-        if (self._asked.is_set() or self._assessed) and now < known.at + REFRESH:
-            return False  # a key, which is answered first, or what was judged
-        # Rows of 300 campaigns each second would be 1 % of a core while nothing happens.
+        if (self._requested.is_set() or self._assessed) and now < state.at + REFRESH:
+            return False  # a key, which is answered first, or a new conclusion
+        # Rows of 300 campaigns each second would take 1 % of an idle core.
         overview = daemon.overview()
-        if overview.running or replace(overview, now=held.now) != held:
+        if overview.running or replace(overview, now=last.now) != last:
             return True
-        self._known = replace(known, at=now)
+        self._state = replace(state, at=now)
         return False
 
     def _breathe(self, daemon: DaemonClient) -> None:
-        """Let some time pass between two looks; only what people wait for is answered at once."""
+        """Pause between two looks, but answer requests of people at once."""
         start = now = time.monotonic()
-        # A key that is held asks without a pause: all else must not wait for its end.
-        while now < start + REFRESH and self._asked.wait(max(0.0, start + _BREATH - now)):
+        # A held key requests without a pause, and other updates must not wait for its end.
+        while now < start + REFRESH and self._requested.wait(max(0.0, start + _BREATH - now)):
             if self._closing:
                 return
-            # The last of several keys says what is wanted.
+            # The last of several keys decides.
             time.sleep(_GATHER)
-            self._asked.clear()
+            self._requested.clear()
             self.answer(daemon)
             now = time.monotonic()
 
     def _assess_changes(self, daemon: DaemonClient, leaving: threading.Event) -> None:
-        """Assess what changed until the connection is left."""
+        """Assess changed campaigns until the connection is left."""
         while not leaving.wait(_ASSESS_EVERY):
             try:
                 campaign = self.assess(daemon)
                 if not campaign:
-                    # Some may wait for their turn: to look ten times a second is 0.3 % of a core.
-                    self._told.wait(REFRESH)
-                    self._told.clear()
+                    # Some may wait for their turn: ten looks a second take 0.3 % of a core.
+                    self._published.wait(REFRESH)
+                    self._published.clear()
                 elif campaign == self._about():
                     self._wake.set()
             except DaemonError:
-                continue  # the asking thread notices too, and says so
+                continue  # the feed's thread gets the same error and reports it
             except Exception as error:
-                if not leaving.is_set():  # else the connection was closed while it was used
+                if not leaving.is_set():  # otherwise the connection was closed during its use
                     self._fail(error)
                 return
 
     def assess(self, daemon: DaemonClient) -> str:
-        """Assess one campaign if one changed; return its id, empty if there was none."""
-        # The runs of a search are there to fail: nothing was expected of them.
-        campaigns = tuple(row for row in self._known.campaigns if not row.search)
+        """Assess one changed campaign; return its id, empty if none has changed."""
+        # Searches have no expectations: their runs should fail.
+        campaigns = tuple(row for row in self._state.campaigns if not row.search)
         with self._assessing:
             campaign = self._assessor.step(daemon, campaigns, self._about())
         if campaign:
@@ -242,33 +242,33 @@ class Feed:
         return campaign
 
     def _on_event(self, event: ChangeEvent) -> None:
-        # The bus calls this, and RunWatch.hear, on the thread of its link, which waits meanwhile: a
-        # request beside a slow callback ran into its time-out. So nothing is asked from here.
+        # The bus calls this, and RunWatch.hear, on the thread of its link, which waits meanwhile. A
+        # slow callback would let other requests time out, so this makes no request.
         if event.campaign:
             self._assessor.touch(event.campaign)
         self._searches.touch(event)
-        self._heard = True
+        self._outdated = True
         self._wake.set()
 
     def answer(self, daemon: DaemonClient) -> None:
-        """Do what was asked for, and fetch what the screen in front wants now."""
+        """Do the requested actions, then fetch for the screen in front."""
         self._act(daemon)
-        self._fetch(daemon, self._known)
+        self._fetch(daemon, self._state)
 
     def step(self, daemon: DaemonClient) -> None:
-        """Do what was asked for, then ask how everything stands, and for the screen in front."""
-        # First what people wait for, which is not fetched a second time behind it.
-        answered = self._asked.is_set() and self._known.connected
-        if answered:
-            self._asked.clear()
+        """Do the requested actions, then fetch the state, and for the screen in front."""
+        # First the screen that people wait for; it is not fetched a second time afterwards.
+        is_answered = self._requested.is_set() and self._state.connected
+        if is_answered:
+            self._requested.clear()
             self.answer(daemon)
         else:
             self._act(daemon)
         campaigns = _campaigns(daemon, self._about())
         self._searches.update_rows(daemon, campaigns)
         self._looked_at = self._clock()
-        known = replace(
-            self._known,
+        state = replace(
+            self._state,
             connected=True,
             problem="",
             refused=False,
@@ -277,30 +277,30 @@ class Feed:
             searches=self._searches.rows,
             at=self._clock(),
         )
-        if answered:
-            self._publish(known)
+        if is_answered:
+            self._publish(state)
         else:
-            self._fetch(daemon, known)
+            self._fetch(daemon, state)
 
     def _about(self) -> str:
         front = self._front
         return front.about if front is not None else ""
 
-    def _fetch(self, daemon: DaemonClient, known: Known) -> None:
-        """Fetch for the screen in front, and show that with what is ``known``."""
+    def _fetch(self, daemon: DaemonClient, state: DashboardState) -> None:
+        """Fetch for the screen in front, and publish the answer with the state."""
         front = self._front
         if front is not None:
             with self.watch.looking(daemon):
-                self._fetched = (front, front.fetch(daemon, known))
-        self._publish(known)
+                self._fetched = (front, front.fetch(daemon, state))
+        self._publish(state)
 
     def _forget(self) -> None:
-        """Forget what was asked for: nobody expects it to be done when the daemon is back."""
+        """Drop requested actions: nobody expects them once the daemon is back."""
         if _drain(self._actions):
             self._note_problem("no daemon answers, so nothing was done")
 
     def _act(self, daemon: DaemonClient) -> None:
-        """Do what was asked for, and note what came of it."""
+        """Do the requested actions, and note their outcomes."""
         while self._actions:
             try:
                 self._notices.append(Notice(self._actions.popleft()(daemon)))
@@ -310,19 +310,19 @@ class Feed:
     def _note_problem(self, text: str) -> None:
         self._notices.append(Notice(text, "error"))
 
-    def _publish(self, known: Known) -> None:
-        """Show what is known, with all that is judged by now."""
+    def _publish(self, state: DashboardState) -> None:
+        """Publish the state, with all conclusions so far."""
         self._assessed = False
         conclusions, results = self._assessor.conclusions, self._assessor.results
-        # Without a lock: what is known is immutable, and the flag is set behind it.
-        self._known = replace(known, conclusions=conclusions, results=results)
+        # Without a lock: the state is immutable, and the flag is set after it.
+        self._state = replace(state, conclusions=conclusions, results=results)
         self._changed = True
-        self._told.set()
+        self._published.set()
         self.on_news()
 
 
 def _campaigns(daemon: DaemonClient, about: str) -> tuple[CampaignRow, ...]:
-    """Return the newest campaigns, all that are unfinished, and the one that is looked at."""
+    """Return the newest campaigns, all unfinished ones, and the one in front."""
     rows = daemon.campaign_page(limit=CAMPAIGNS_SHOWN)
     if len(rows) < CAMPAIGNS_SHOWN:
         return rows
@@ -333,7 +333,7 @@ def _campaigns(daemon: DaemonClient, about: str) -> tuple[CampaignRow, ...]:
 
 
 def _drain(waiting: deque[T]) -> list[T]:
-    # One by one: another thread may be appending, and an iteration would raise.
+    # One by one, because an iteration would raise if another thread appends.
     drained = []
     while waiting:
         drained.append(waiting.popleft())

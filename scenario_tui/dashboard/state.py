@@ -27,7 +27,7 @@ class RunsView:
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class DashboardState:
     """Last state of the daemon; ``at`` is its time [s since the epoch], 0 before the first one.
 
     ``problem`` tells why the dashboard is not connected; with ``refused`` a daemon answered but

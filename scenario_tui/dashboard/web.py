@@ -1,9 +1,9 @@
-"""The dashboard in a browser: each open page has a dashboard of its own, a process of this machine.
+"""The dashboard in a browser: each open page has its own dashboard, a process of this machine.
 
-Browsers let any web page open websockets to this machine, and whoever owns a name can have it mean
-127.0.0.1. So requests must name the address that the dashboard is opened at, and websockets must
-come from its page. That page loads nothing from elsewhere. Other accounts of this machine reach
-the port, too: the address that is opened has a key, which the browser keeps as a cookie.
+Browsers let any web page open websockets to this machine, and the owner of a name can point it to
+127.0.0.1. Therefore requests must name the address of the dashboard, and websockets must come from
+its page, which loads nothing from elsewhere. Other accounts of this machine reach the port, too, so
+the address has a key, which the browser keeps as a cookie.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from textual_serve.server import Server
 
 _HOST: Final = "127.0.0.1"
 _PATIENCE: Final = 5.0
-"""Seconds for dashboards to end when the server does."""
+"""Seconds for dashboards to end with the server."""
 _FOCUS: Final = (
     "addEventListener('load', () => document.querySelector('.xterm-helper-textarea').focus())"
 )
-"""Script of the page: keys are the dashboard's without a click."""
+"""Script of the page: it gives keys to the dashboard without a click."""
 _DIGEST: Final = b64encode(sha256(_FOCUS.encode()).digest()).decode()
 _POLICY: Final = (
     f"default-src 'self'; script-src 'self' 'sha256-{_DIGEST}';"
@@ -42,17 +42,17 @@ _TERMINAL: Final = {
     "COLORTERM": "truecolor",
     "SCENARIO_GLYPHS": "unicode",
 }
-"""The terminal in the page, whatever the one is that the server was started from."""
+"""Variables of the terminal in the page, in place of those of the server's terminal."""
 _OTHER_TERMINAL: Final = ("TMUX", "COLORFGBG", "NO_COLOR")
 
 _Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
 class DashboardServer(Server):
-    """Serves the dashboard of a ``command`` at a port of this machine, to this machine alone.
+    """Serves the dashboard of a ``command`` on a port of this machine, to this machine alone.
 
-    ``public_url`` is the address at which a proxy of one's own shows it to others. Then the proxy
-    decides who may see it, and there is no key. ``address`` is what to open.
+    ``public_url`` is the address at which the user's proxy shows it to others. Then the proxy
+    decides who may see it, and there is no key. Users open ``address``.
     """
 
     def __init__(self, command: Sequence[str], port: int, public_url: str = "") -> None:
@@ -80,7 +80,7 @@ class DashboardServer(Server):
         return app
 
     async def on_startup(self, _: web.Application) -> None:
-        """Say nothing: who serves says where."""
+        """Print nothing: the command prints the address."""
 
     async def on_shutdown(self, _: web.Application) -> None:
         """End all dashboards."""
@@ -106,7 +106,7 @@ class DashboardServer(Server):
         return response
 
     async def handle_websocket(self, request: web.Request) -> web.WebSocketResponse:
-        """Run a dashboard for a page until either is left."""
+        """Run a dashboard for a page until either is closed."""
         session = asyncio.current_task()
         assert session is not None
         self._sessions.add(session)
@@ -118,7 +118,7 @@ class DashboardServer(Server):
     def serve_until_stopped(self, on_ready: Callable[[], None]) -> None:
         """Serve until SIGINT or SIGTERM, then end all dashboards.
 
-        ``on_ready`` is called once pages can be opened. Raises ``OSError`` if the port is taken.
+        Calls ``on_ready`` once pages can be opened. Raises ``OSError`` if the port is taken.
         """
         for name in _OTHER_TERMINAL:
             os.environ.pop(name, None)

@@ -1,4 +1,4 @@
-"""Campaigns as people see them: what a file runs, its findings, its cells, their worlds."""
+"""Campaigns: the runs of a file, its findings, its cells, their worlds."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 def load(path: str | Path) -> Campaign:
     """Load a campaign file and every layer that it names.
 
-    Raises :class:`InputError` with the findings when the file or a layer cannot be used.
+    Raises :class:`InputError` with the findings if the file or a layer cannot be used.
     """
     from daemon.campaign import load_campaign
 
@@ -36,7 +36,7 @@ def run(
     workers: int | None = None,
     out: str | Path | None = None,
 ) -> Results:
-    """Run a campaign file here and now: :meth:`Campaign.run` of what :func:`load` returns."""
+    """Run a campaign file here and now: :func:`load`, then :meth:`Campaign.run`."""
     return load(path).run(workers=workers, out=out)
 
 
@@ -47,7 +47,7 @@ def submit(
     state: str | Path | None = None,
     fresh: bool = False,
 ) -> Job:
-    """Hand a campaign file to a daemon: :meth:`Campaign.submit` of what :func:`load` returns."""
+    """Submit a campaign file to a daemon: :func:`load`, then :meth:`Campaign.submit`."""
     return load(path).submit(connect=connect, state=state, fresh=fresh)
 
 
@@ -126,7 +126,7 @@ class Campaign:
     def check(self) -> list[Finding]:
         """Return the findings about its layers, worlds, runs and searches; ``[]`` is good.
 
-        Nothing is run. A campaign can be run when none of :attr:`findings` is an error.
+        Nothing is run. A campaign can be run if none of :attr:`findings` is an error.
         """
         if not self.checked.searches:
             return list(self.findings)
@@ -136,12 +136,12 @@ class Campaign:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """The findings about all but its searches."""
+        """The findings about everything except its searches."""
         return self._examined[1]
 
     @property
     def checked(self) -> loading.Campaign:
-        """The campaign as the languages have it, with the warnings that it allows."""
+        """The campaign as loaded, with the warnings that it allows."""
         return self._examined[0]
 
     @cached_property
@@ -195,7 +195,7 @@ class Campaign:
     def scene(self, scenario: str = "") -> Scene:
         """Return the world of a scenario, of the first one by default.
 
-        Raises :class:`InputError` when there is no such scenario.
+        Raises :class:`InputError` if that does not exist.
         """
         from daemon.analysis.campaign_worlds import world_of_cell
 
@@ -203,9 +203,9 @@ class Campaign:
         return Scene(cell.name, world_of_cell(self._loaded, cell, repeats=1))
 
     def submission(self, *, fresh: bool = False) -> Submission:
-        """Return every run as daemons take it, ``fresh`` under a new id so that all are run anew.
+        """Return the submission of every run; with ``fresh`` a new id makes all run anew.
 
-        Raises :class:`InputError` with all findings when one of them is an error.
+        Raises :class:`InputError` with all findings if one of them is an error.
         """
         from daemon.campaign import campaign_origin, expand
 
@@ -251,7 +251,7 @@ class Campaign:
         fresh: bool = False,
         workers: int | None = None,
     ) -> Job:
-        """Hand it to a daemon and return at once; only runs without a result are executed.
+        """Submit it to a daemon and return at once; only runs without a result are executed.
 
         ``connect`` is the endpoint of the daemon (``tls/host:port``), ``state`` the state directory
         of one on this machine. Otherwise it is that of ``$SCENARIO_CONNECT``, then the daemon of

@@ -1,4 +1,4 @@
-"""Campaigns that a daemon executes: handing them over, following them, waiting for them."""
+"""Campaigns that a daemon executes: submitting, following and awaiting them."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """A campaign that was handed to a daemon; it goes on when this program ends."""
+    """A campaign that was submitted to a daemon; it continues after this program."""
 
     receipt: SubmissionReceipt
-    """The answer of the daemon: how many runs there are, how many of them had a result."""
+    """The answer of the daemon, with the numbers of runs and of those with a result."""
     _target: DaemonTarget
 
     def __repr__(self) -> str:
@@ -49,8 +49,7 @@ class Job:
     def results(self) -> Iterator[Run]:
         """Yield every run once it has a result or never gets one, as they come.
 
-        A daemon that goes away is waited for, 120 s by default. Raises :class:`DaemonError` when it
-        stays away.
+        Waits 120 s for a daemon that does not answer, then raises :class:`DaemonError`.
         """
         work, yielded = CollectedRuns(self.id), set[str]()
         for _ in follow(self._target.open, work, ProgressDisplay(None)):
@@ -59,10 +58,10 @@ class Job:
             yield from (Run(row, self._target) for row in arrived)
 
     def wait(self, timeout: float | None = None) -> Results:
-        """Return the results when every run is over, or as they stand after ``timeout`` seconds.
+        """Return the results once every run has ended, or those so far after ``timeout`` seconds.
 
-        A bar shows the progress on a terminal and in a notebook. Raises :class:`DaemonError` when
-        the daemon stays away.
+        A bar shows the progress on a terminal and in a notebook. Raises :class:`DaemonError` if the
+        daemon does not answer any more.
         """
         return wait_for(self._target, self.id, limit=math.inf if timeout is None else timeout)
 
@@ -74,11 +73,11 @@ class Job:
 def wait_for(
     target: DaemonTarget, campaign: str, *, patience: float = PATIENCE, limit: float = math.inf
 ) -> Results:
-    """Return the results of a campaign when its last run is over, or after ``limit`` seconds.
+    """Return the results of a campaign once its last run has ended, or after ``limit`` seconds.
 
-    A daemon that is away is waited for, ``patience`` seconds.
+    Waits ``patience`` seconds for a daemon that does not answer.
     """
-    # It loads the reader of ledgers, a seventh of the time of a mere submission.
+    # Imported here: the reader of ledgers takes a seventh of the time of a submission.
     from daemon.analysis.results import read_results
 
     work = WatchedRuns(campaign, target.command)
@@ -88,8 +87,8 @@ def wait_for(
 
 
 def submit_to(target: DaemonTarget, submission: Submission, workers: int | None = None) -> Job:
-    """Hand a submission to a daemon; one is started unless people named it."""
-    # A library that loaded may have lost an interrupt.
+    """Submit to a daemon; the daemon of this machine is started if necessary."""
+    # The load of a library may have lost an interrupt.
     stop_if_interrupted()
     start_daemon_if_needed(target, workers)
     # A repeated request submits nothing twice: the daemon knows the campaign by its id.
@@ -104,9 +103,9 @@ def start_daemon_if_needed(target: DaemonTarget, workers: int | None = None) -> 
 
 
 def launch_daemon(target: DaemonTarget, workers: int | None = None) -> str:
-    """Start the daemon of this machine if none answers; return what to say, "" if one does.
+    """Start the daemon of this machine if none answers; return a message, "" if one does.
 
-    Raises :class:`~daemon.batch.errors.LaunchFailed` when it does not come up.
+    Raises :class:`~daemon.batch.errors.LaunchFailed` if it does not come up.
     """
     state = target.paths.state
     if running_daemon(state) is not None:

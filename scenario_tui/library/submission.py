@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def searches_text(path: Path, names: tuple[str, ...]) -> str:
-    """Return which searches a campaign has and the command that starts them, empty without any."""
+    """Return a sentence with the searches of a campaign and their command, empty without any."""
     if not names:
         return ""
     if len(names) == 1:
@@ -36,7 +36,7 @@ def receipt_text(receipt: SubmissionReceipt) -> str:
     """Return the answer to a submission in words."""
     runs = count_noun(receipt.runs, "run")
     if receipt.known:
-        return f"{receipt.campaign} is known already, its {runs} are kept (--fresh runs them anew)"
+        return f"{receipt.campaign} exists already, its {runs} are kept (--fresh runs them anew)"
     cached = f", {receipt.cached:,} cached (--fresh runs them anew)" if receipt.cached else ""
     return f"submitted {receipt.campaign}: {runs}{cached}"
 
@@ -45,7 +45,7 @@ def receipt_text(receipt: SubmissionReceipt) -> str:
 class Workload:
     """Runs to execute, for which one worker needs ``seconds``.
 
-    ``untimed`` runs are left out of these: nothing like them was run.
+    ``untimed`` runs are left out of these, because no similar run exists.
     """
 
     runs: int
@@ -69,7 +69,7 @@ class SubmissionPlan:
 
 @dataclass(frozen=True, slots=True)
 class CheckedFile:
-    """A file in a few words, the findings about it, and the submission of one to hand over.
+    """A file in a few words, the findings about it, and its submission, if requested.
 
     A campaign without errors has a plan and the names of its searches.
     """
@@ -98,8 +98,8 @@ def check_file(
         if submit:
             return CheckedFile("", campaign.findings, campaign.submission(fresh=fresh))
         findings = tuple(campaign.check())
-        wrong = any(one.severity is Severity.ERROR for one in findings)
-        plan = None if wrong else _plan(campaign.submission(), state)
+        has_errors = any(one.severity is Severity.ERROR for one in findings)
+        plan = None if has_errors else _plan(campaign.submission(), state)
         about = checking.campaign_words(campaign)
     except InputError as error:
         return CheckedFile("", error.findings)
@@ -159,7 +159,7 @@ def plan_text(plan: SubmissionPlan, slots: int, *, fresh: bool = False) -> str:
     if work.runs < plan.runs:
         words += f", {plan.runs - work.runs:,} cached"
     if work.untimed == work.runs:
-        return f"{words}; how long they take is unknown: no run of these yet"
+        return f"{words}; their duration is unknown: no similar run yet"
     at_once = max(1, min(slots, work.runs))
     about = "at least" if work.untimed else "about"
     more = f", {work.untimed:,} of them unknown" if work.untimed else ""

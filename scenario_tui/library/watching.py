@@ -49,7 +49,7 @@ T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
 
 LOG: Final = logging.getLogger("scenario_tui")
-"""Messages where no bar is drawn; the command line prints them."""
+"""Messages without a progress bar; the command line prints them."""
 INTERVAL: Final = 0.25
 """Seconds between two looks at a campaign that changes."""
 _POLL: Final = 2.0
@@ -61,12 +61,12 @@ ENDURANCE: Final = 20.0
 SUBMIT_PATIENCE: Final = 10.0
 """Seconds that a submission waits for a daemon: one that restarts needs a few."""
 _LOOK: Final = 2.0
-"""Seconds between two questions whether the daemon is in trouble."""
+"""Seconds between two looks for problems of the daemon."""
 _SHOWN_RUNS: Final = 8
 _BAR: Final = 16
 _WAITING: Final = "waiting for a free slot"
 _SAY_AGAIN: Final = 5.0
-"""Seconds between two lines about what a worker prepares, where there is no terminal."""
+"""Seconds between two lines about the preparation of a worker, without a terminal."""
 _LIVE_PATIENCE: Final = 0.5
 """Seconds to wait for news of a run: a watched run sends several a second."""
 _NO_WORKER: Final = "waiting for a worker: none is connected"
@@ -125,9 +125,9 @@ def progress_lines(
     search: str = "",
     command: Callable[..., str] = command_line,
 ) -> Group:
-    """Return how far a campaign is: its line, that of its ``search``, a line for each running run.
+    """Return the progress of a campaign: its line, its ``search``, a line for each running run.
 
-    ``waiting`` says why no run starts; ``command`` quotes a command about the daemon. A narrow
+    ``waiting`` tells why no run starts; ``command`` quotes a command about the daemon. A narrow
     terminal cuts the end of a line: the rate, then counts.
     """
     tail = Text(f"{_over(row)}/{count_noun(row.total, 'run')}")
@@ -145,7 +145,7 @@ def progress_lines(
     bar = ProgressBar(total=max(1, row.total), completed=_over(row), width=_BAR)
     line.add_row(Text(row.name, style="bold"), bar, tail)
     if row.paused:
-        waiting = f"paused: `{command('pause', row.id, '--off')}` lets it go on"
+        waiting = f"paused: `{command('pause', row.id, '--off')}` continues it"
     elif not (running or waiting or row.finished):
         waiting = _WAITING
     hidden = len(running) - _SHOWN_RUNS
@@ -186,7 +186,7 @@ class _TroubleReporter:
     say_at: float = 0.0
 
     def look(self, daemon: DaemonClient, now: float) -> None:
-        """Ask every now and then; raises :class:`DaemonError` when endurance is at its end."""
+        """Ask every :data:`_LOOK` seconds; raises :class:`DaemonError` after the endurance."""
         if now < self.look_at:
             return
         self.look_at = now + _LOOK
@@ -195,7 +195,7 @@ class _TroubleReporter:
         phase = overview.preparation.phase if overview.preparation else None
         is_due = phase != self.phase or now >= self.say_at
         if phase is not None and is_due and not self.display.on_screen:
-            self.display.note(overview.preparing)  # a screen shows it as it goes on
+            self.display.note(overview.preparing)  # a screen shows it continuously
             self.say_at = now + _SAY_AGAIN
         self.phase = phase
         waits = overview.queued and not overview.workers and not overview.trouble
@@ -211,7 +211,7 @@ class _TroubleReporter:
 
 
 class WatchedWork(Protocol[T_co]):
-    """Part of a campaign that a watcher asks for and draws, again and again, until it is over."""
+    """Part of a campaign that a watcher fetches and draws again and again, until its end."""
 
     campaign: str
 
@@ -223,12 +223,12 @@ class WatchedWork(Protocol[T_co]):
         """True if its state is final."""
 
     def draw(self, live: Mapping[str, LiveSnapshot], preparing: str) -> RenderableType:
-        """Return its state; ``preparing`` says why no run starts."""
+        """Return its state; ``preparing`` tells why no run starts."""
 
 
 @dataclass(slots=True)
 class WatchedRuns:
-    """The runs of a campaign, as far as they are shown.
+    """The runs of a campaign, as far as they are drawn.
 
     ``command`` quotes a command about their daemon.
     """
@@ -240,7 +240,7 @@ class WatchedRuns:
     began: tuple[float, int] | None = None
 
     def look(self, daemon: DaemonClient, display: ProgressDisplay) -> CampaignRow:
-        """Return how the campaign stands."""
+        """Return the row of the campaign."""
         row = self.row = daemon.campaign(self.campaign)
         if row is None:
             raise Refused(f"the daemon does not know the campaign {self.campaign} (any more)")
@@ -283,7 +283,7 @@ class CollectedRuns(WatchedRuns):
     rows: tuple[RunRow, ...] = ()
 
     def look(self, daemon: DaemonClient, display: ProgressDisplay) -> CampaignRow:
-        """Return how the campaign stands, after asking for the runs that may have changed."""
+        """Return the row of the campaign, after fetching the runs that may have changed."""
         row = super().look(daemon, display)
         settled = next((i for i, run in enumerate(self.rows) if not run.settled), len(self.rows))
         newer = daemon.all_runs(self.campaign, offset=settled, results=True)
@@ -339,7 +339,7 @@ class WatchedSearch:
 
 
 def watch(open_daemon: ClientOpener, work: WatchedWork[T], **limits: float) -> T:
-    """Show how ``work`` stands until it is finished, and return how it ended.
+    """Show the state of ``work`` until it is finished, and return its last state.
 
     ``limits`` are those of :func:`follow`.
     """
@@ -356,12 +356,11 @@ def follow(
     endurance: float = math.inf,
     limit: float = math.inf,
 ) -> Iterator[T]:
-    """Yield how ``work`` stands, after every change, until it is finished.
+    """Yield the state of ``work`` after every change, until its end or for ``limit`` seconds.
 
-    After ``limit`` seconds the last state is yielded, whatever it is. If the daemon goes
-    away, the loop waits for it. Raises :class:`Unreachable` when it stays away for ``patience``
-    seconds, or at the limit. Raises :class:`DaemonError` when it cannot execute runs for
-    ``endurance`` seconds.
+    The loop waits for a daemon that does not answer. Raises :class:`Unreachable` after ``patience``
+    seconds without an answer, or at the limit. Raises :class:`DaemonError` if the daemon cannot
+    execute runs for ``endurance`` seconds.
     """
     start = time.monotonic()
     live: dict[str, LiveSnapshot] = {}
@@ -398,10 +397,10 @@ def follow(
 
 
 def ask_patiently(target: DaemonTarget, ask: Callable[[DaemonClient], T], patience: float) -> T:
-    """Ask a daemon something, again while it is away, for ``patience`` seconds.
+    """Ask a daemon, repeatedly for ``patience`` seconds if it does not answer.
 
-    Raises :class:`Unreachable` when it stays away, at once where there never was one, and whatever
-    ``ask`` raises.
+    Raises :class:`Unreachable` afterwards, at once if there never was a daemon, and all errors of
+    ``ask``.
     """
     deadline = time.monotonic() + patience
     message = ""
@@ -444,7 +443,7 @@ def _listen(
 def latest_snapshot(
     daemon: DaemonClient, run: str, patience: float = _LIVE_PATIENCE
 ) -> Snapshot | None:
-    """Return how far a run is, ``None`` without news within ``patience`` seconds."""
+    """Return the next snapshot of a run, ``None`` without one within ``patience`` seconds."""
     snapshots: list[Snapshot] = []
     came = threading.Event()
 

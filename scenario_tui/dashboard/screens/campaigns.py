@@ -1,4 +1,4 @@
-"""The first screen: all campaigns, the newest first, and the one under the cursor in words."""
+"""The first screen: all campaigns, the newest first, and details of the one under the cursor."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from grammars.text.words import NOTHING
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.filtering import FilteredScreen
 from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks, steering_keys
-from scenario_tui.dashboard.state import CAMPAIGNS_SHOWN, Known
+from scenario_tui.dashboard.state import CAMPAIGNS_SHOWN, DashboardState
 from scenario_tui.dashboard.widgets.running_grid import RunningGrid, running_page, running_runs
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from scenario_tui.text.results import Conclusion
 
 _PROGRESS, _OUTCOMES, _MARGINS = 12, 10, 16
-"""Cells of the columns that are drawn."""
+"""Cells of the columns with bars."""
 _COLUMNS: Final = (
     Column("campaign", 0),
     Column("judged", 17),
@@ -69,42 +69,42 @@ _LAUNCHING: Final = "No daemon answers here yet: starting one on this machine."
 _NOBODY: Final = (
     "No daemon answers here. {launch}In another terminal, type\n\n"
     "    {line}\n\n"
-    "This screen notices when it is there."
+    "This screen notices when the daemon answers."
 )
 _OTHERS: Final = (
-    "Somebody answers, but nothing that is understood here. A daemon and its dashboards are of\n"
-    "one version: compare\n\n"
+    "The daemon answers, but this dashboard does not understand it. Both must have the same\n"
+    "version: compare\n\n"
     "    scenario --version\n\n"
-    "on both machines. After an update the daemon must be started again: scenario daemon --stop"
+    "on both machines. After an update, start the daemon again: scenario daemon --stop"
 )
 
 
 class CampaignsScreen(FilteredScreen["RunPage"], SteeringScreen["RunPage"]):
-    """All campaigns; beside the table, or below it, the one under the cursor."""
+    """All campaigns in a table, with details of the one under the cursor."""
 
     SORTS: ClassVar = {
         "submitted": True, "campaign": False, "judged": False, "done": False, "✗ fail": True,
     }  # fmt: skip
     BINDINGS: ClassVar[list[BindingType]] = [
-        # Only from the filter, which says so itself: the line of keys has no room for it.
+        # Hidden, because it only clears the filter, whose line mentions it.
         Binding("escape", "back", "Back", show=False, id="back", tooltip="Clear the filter"),
         Binding("s", "app.submit", "Submit", id="submit",
                 tooltip="Choose, check, submit a campaign"),
-        Binding("m", "matrix", "Matrix", id="matrix", tooltip="The campaign judged, cell by cell"),
+        Binding("m", "matrix", "Matrix", id="matrix", tooltip="Verdicts cell by cell"),
         *steering_keys("acknowledge"),
-        Binding("tab,v", "part", "Under way", show=False, id="view",
-                tooltip="To the runs under way, and back to the table"),
+        Binding("tab,v", "part", "Running", show=False, id="view",
+                tooltip="To the running runs, and back to the table"),
     ]  # fmt: skip
 
     def __init__(self) -> None:
         super().__init__()
-        self._made: dict[str, tuple[tuple[object, ...], Row]] = {}
-        self._shown: tuple[object, ...] = ()
+        self._cells_by_row: dict[str, tuple[tuple[object, ...], Row]] = {}
+        self._sources: tuple[object, ...] = ()
         self._rows: list[Row] = []
         self._minute = 0.0
 
     def body(self) -> ComposeResult:
-        """Table with the runs under way below it, and details beside them."""
+        """Lay out the table with the running runs below it, and details beside them."""
         yield self.filter_line()
         yield StaticText(id="empty")
         with Horizontal(id="split"):
@@ -113,14 +113,14 @@ class CampaignsScreen(FilteredScreen["RunPage"], SteeringScreen["RunPage"]):
                 yield RunningGrid(id="running")
             yield CampaignPanel(id="side")
 
-    def fetch(self, daemon: DaemonClient, known: Known) -> RunPage:
-        """Return the runs under way of all campaigns."""
-        return running_page(daemon, known)
+    def fetch(self, daemon: DaemonClient, state: DashboardState) -> RunPage:
+        """Return the running runs of all campaigns."""
+        return running_page(daemon, state)
 
     def trail(self) -> str:
-        """Say how many campaigns there are, and when the runs of the one in front start."""
-        known = self.dashboard.known
-        count = known.overview.campaigns if known.overview else len(known.campaigns)
+        """Return the number of campaigns, and unusual facts about the start of runs."""
+        state = self.dashboard.state
+        count = state.overview.campaigns if state.overview else len(state.campaigns)
         more = f", the newest {CAMPAIGNS_SHOWN} shown" if count > CAMPAIGNS_SHOWN else ""
         parts = [f"campaigns ({count}{more})"]
         if self.arrangement.text:
@@ -129,93 +129,93 @@ class CampaignsScreen(FilteredScreen["RunPage"], SteeringScreen["RunPage"]):
 
     def campaign(self) -> CampaignRow | None:
         """Return the campaign under the cursor."""
-        return self.dashboard.known.campaign(self.query_one(KeyedTable).key)
+        return self.dashboard.state.campaign(self.query_one(KeyedTable).key)
 
-    def show(self, known: Known, news: RunPage | None) -> None:
+    def show(self, state: DashboardState, news: RunPage | None) -> None:
         """Fill the table."""
-        # Of many ages there is always one that grows: all of them are drawn once a minute.
+        # Ages are drawn once a minute, because one of many changes all the time.
         self._minute = self.dashboard.clock() // 60.0 * 60.0
         table = self.query_one(KeyedTable)
-        shown = (
-            known.campaigns, known.conclusions, known.searches, self._minute, self.arrangement,
+        sources = (
+            state.campaigns, state.conclusions, state.searches, self._minute, self.arrangement,
         )  # fmt: skip
-        if shown != self._shown:
-            self._shown = shown
-            cells = [(row, self._cells(row, known)) for row in known.campaigns[:CAMPAIGNS_SHOWN]]
-            self._made = {row.id: self._made[row.id] for row, _ in cells}
+        if sources != self._sources:
+            self._sources = sources
+            cells = [(row, self._cells(row, state)) for row in state.campaigns[:CAMPAIGNS_SHOWN]]
+            self._cells_by_row = {row.id: self._cells_by_row[row.id] for row, _ in cells}
             self._rows = self.arrangement.apply(cells, {**_KEYS, "judged": self._severity})
         rows = self._rows
-        message = "" if rows else self.no_match() if known.campaigns else self._nothing(known)
+        message = "" if rows else self.no_match() if state.campaigns else self._nothing(state)
         show_message_or(self.query_one("#empty"), self.query_one("#split"), message)
         if self.dashboard.submitted_campaign in (key for key, _ in rows):
             table.begin_at(self.dashboard.submitted_campaign)
             self.dashboard.submitted_campaign = ""
         table.fill(rows)
-        # A table that was hidden, because there was no campaign, could not take the keys.
+        # A table that was hidden without campaigns could not get the focus.
         if not table.has_focus and table.display and self.focused is None:
             table.focus()
         self._describe()
         if news is not None:
-            self._show_running(known, news)
+            self._show_running(state, news)
 
-    def _cells(self, row: CampaignRow, known: Known) -> Row:
-        """Return the cells of a campaign, those made last if nothing of it has changed."""
-        # All of 300 campaigns anew take 30 ms, and every key waits for them.
-        conclusion, search = known.conclusions.get(row.id), known.searches.get(row.id)
+    def _cells(self, row: CampaignRow, state: DashboardState) -> Row:
+        """Return the cells of a campaign, from the cache unless it has changed."""
+        # All cells of 300 campaigns take 30 ms, for which every key would wait.
+        conclusion, search = state.conclusions.get(row.id), state.searches.get(row.id)
         source = (row, conclusion, search, when_text(row, self._minute))
-        made = self._made.get(row.id)
-        if made is None or made[0] != source:
-            made = self._made[row.id] = (source, campaign_cells(*source))
-        return made[1]
+        cached = self._cells_by_row.get(row.id)
+        if cached is None or cached[0] != source:
+            cached = self._cells_by_row[row.id] = (source, campaign_cells(*source))
+        return cached[1]
 
     def _severity(self, row: CampaignRow) -> int:
-        """Return how soon a campaign must be looked at."""
-        conclusion = self.dashboard.known.conclusions.get(row.id)
+        """Return the rank of a campaign by the severity of its conclusion."""
+        conclusion = self.dashboard.state.conclusions.get(row.id)
         return SEVERITY.index(conclusion.word) if conclusion else len(SEVERITY)
 
-    def _show_running(self, known: Known, page: RunPage) -> None:
-        """Show what is under way below the campaigns, which leave most of the screen empty."""
-        campaigns = {row.id: row for row in known.campaigns}
+    def _show_running(self, state: DashboardState, page: RunPage) -> None:
+        """Show the running runs below the campaigns, where most of the screen is empty."""
+        campaigns = {row.id: row for row in state.campaigns}
         runs = running_runs(page.rows, self.dashboard.tracks, campaigns)
         grid = self.query_one(RunningGrid)
-        grid.show(runs, more=any(row.queued and not row.paused for row in known.campaigns))
+        grid.show(runs, more=any(row.queued and not row.paused for row in state.campaigns))
         if not grid.display and grid.has_focus:
             self.query_one(KeyedTable).focus(scroll_visible=False)
 
     def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
-        """Open a run under way."""
+        """Open a running run."""
         self.dashboard.open("run", event.option_id or "")
 
     def action_part(self) -> None:
-        """Give the keys to the runs under way, or back to the table."""
+        """Move the focus to the running runs, or back to the table."""
         grid, table = self.query_one(RunningGrid), self.query_one(KeyedTable)
-        # At once: the next key may wait already, and is not for who had the keys before.
+        # At once, because the next key may wait already, for the new focus.
         there = grid.display and self.focused is not grid
         self.set_focus(grid if there else table, scroll_visible=False)
 
-    def _nothing(self, known: Known) -> str:
+    def _nothing(self, state: DashboardState) -> str:
         target = self.dashboard.target
-        if known.connected:
+        if state.connected:
             line = target.command("submit", "my-tests/campaign.yaml")
             key = self.key("submit")
             return _NOTHING.format(
                 submit=f"{key} chooses one, or type" if key else "Type", line=line
             )
-        if known.refused:
-            return f"{known.problem}\n\n{_OTHERS}"
-        if self.dashboard.launching and known.problem:
+        if state.refused:
+            return f"{state.problem}\n\n{_OTHERS}"
+        if self.dashboard.launching and state.problem:
             return _LAUNCHING
-        # A daemon is started where its state is, never at an address.
+        # A daemon starts by its state directory, never at an address.
         line = replace(target, connect="").command("daemon")
         launch = f"{self.key('launch')} starts one. " if self.key("launch") else ""
-        return _NOBODY.format(launch=launch, line=line) if known.problem else ""
+        return _NOBODY.format(launch=launch, line=line) if state.problem else ""
 
     def on_data_table_row_highlighted(self) -> None:
-        """Describe the campaign the cursor came to, and have it judged."""
+        """Describe the campaign under the cursor, and judge it next."""
         self._describe()
 
     def on_resize(self) -> None:
-        """Have the campaign in front judged as soon as there is room for it."""
+        """Describe the campaign under the cursor as soon as there is room for it."""
         self.call_after_refresh(self._describe)
 
     def _describe(self) -> None:
@@ -225,10 +225,10 @@ class CampaignsScreen(FilteredScreen["RunPage"], SteeringScreen["RunPage"]):
             self.about = front
             self.dashboard.feed.look_at(self)
         if row is not None and front:
-            panel.show(row, self.dashboard.known, self._minute)
+            panel.show(row, self.dashboard.state, self._minute)
 
     def on_data_table_row_selected(self) -> None:
-        """Open the campaign's runs, or the search that it is."""
+        """Open the campaign's runs, or its search."""
         self.dashboard.open_campaign(self.query_one(KeyedTable).key)
 
 
@@ -245,29 +245,29 @@ class CampaignPanel(VerticalScroll, can_focus=False):
         """Lay out the text."""
         yield StaticText(id="about")
 
-    def show(self, row: CampaignRow, known: Known, now: float) -> None:
+    def show(self, row: CampaignRow, state: DashboardState, now: float) -> None:
         """Show a campaign."""
         text = campaign_text(
             row,
-            known.conclusions.get(row.id),
-            known.campaigns,
+            state.conclusions.get(row.id),
+            state.campaigns,
             now,
-            self._judged_lines(row.id, known),
-            search=known.searches.get(row.id),
+            self._judged_lines(row.id, state),
+            search=state.searches.get(row.id),
             marks=schedule_marks(row),
         )
         self.query_one(StaticText).update(text)
 
-    def _judged_lines(self, campaign: str, known: Known) -> Text:
-        """Return the judged lines of a campaign, drawn anew when the results are others."""
+    def _judged_lines(self, campaign: str, state: DashboardState) -> Text:
+        """Return the judged lines of a campaign, from the cache unless its results changed."""
         width = self.scrollable_content_region.width
         self._judged = {
-            name: (results, made_for, lines)
-            for name, (results, made_for, lines) in self._judged.items()
-            # By identity: results are replaced and never changed, and comparing them costs more.
-            if results is known.results.get(name) and made_for == width
+            name: (results, used_width, lines)
+            for name, (results, used_width, lines) in self._judged.items()
+            # By identity: results are replaced and never changed, and a comparison costs more.
+            if results is state.results.get(name) and used_width == width
         }
-        if campaign not in self._judged and (results := known.results.get(campaign)) is not None:
+        if campaign not in self._judged and (results := state.results.get(campaign)) is not None:
             self._judged[campaign] = results, width, judged_lines(results, width)
         return self._judged[campaign][2] if campaign in self._judged else Text()
 
@@ -275,19 +275,19 @@ class CampaignPanel(VerticalScroll, can_focus=False):
 def campaign_cells(
     row: CampaignRow, conclusion: Conclusion | None, search: SearchRow | None, when: Text
 ) -> Row:
-    """Return a campaign as a row of the table; without a ``conclusion`` it was not judged yet.
+    """Return a campaign as a row of the table; without a ``conclusion`` it is not judged yet.
 
-    A ``search`` says its phase or its end, and the smallest margin that it has found.
+    A ``search`` shows its phase or its end, and the smallest margin that it has found.
     """
     total = row.total if search is None else max(row.total, search.task.runs)
-    fail, known = fail_style(row, conclusion), conclusion.known if conclusion else 0
+    fail, expected = fail_style(row, conclusion), conclusion.known if conclusion else 0
     return row.id, (
         Text(row.id, style=QUIET if row.acknowledged else "bold"),
         judged_text(row, conclusion) if search is None else searched_text(row, search),
         progress_text(row, total, _PROGRESS),
         outcome_bar(row, _OUTCOMES, fail),
         Text(f"{row.failed:,}", fail) if row.failed else Text(NOTHING, QUIET),
-        Text(f"{known:,}", KNOWN) if known else Text(NOTHING, QUIET),
+        Text(f"{expected:,}", KNOWN) if expected else Text(NOTHING, QUIET),
         margin_marks(conclusion, _MARGINS),
         when,
     )

@@ -1,4 +1,4 @@
-"""Two recorded runs side by side: two maps with one clock, signals over each other, differences."""
+"""Two recorded runs side by side: two maps on one clock, overlaid signals, differences."""
 
 from __future__ import annotations
 
@@ -24,10 +24,9 @@ from scenario_tui.dashboard.screens.run_panel import marks_of
 from scenario_tui.dashboard.screens.standalone import StandaloneScreen
 from scenario_tui.dashboard.transport import FLASH, FailureMoment, ReplayTransport
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
-from scenario_tui.dashboard.widgets.map_legend import MapLegend
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.timeline import TimelineView
-from scenario_tui.dashboard.widgets.top_view import TopView
+from scenario_tui.dashboard.widgets.top_view import MapLegend, TopView
 from scenario_tui.text.comparison_text import comparison_text
 from scenario_tui.text.run_text import NO_MARKS
 from scenario_tui.text.styles import QUIET
@@ -39,9 +38,9 @@ _BY: dict[Alignment, str] = {"time": "by simulated time", "mission": "by waypoin
 
 
 class CompareScreen(StandaloneScreen, Parts, MapActions, PlayingScreen):
-    """Plays two runs at once; the clock is that of the first.
+    """Plays two runs at once, on the clock of the first.
 
-    The ``marks`` of each run, by oracle, tell known failures from news.
+    The ``marks`` of each run, by oracle, tell known failures from new ones.
     """
 
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (110, "-wide")]  # noqa: RUF012
@@ -50,8 +49,9 @@ class CompareScreen(StandaloneScreen, Parts, MapActions, PlayingScreen):
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("t", "align", "Align", id="align",
-                tooltip="By simulated time, or by the waypoints both have done"),
-        Binding("w", "swap", "Swap", show=False, id="swap", tooltip="First run and second"),
+                tooltip="By simulated time, or by the waypoints that both have done"),
+        Binding("w", "swap", "Swap", show=False, id="swap",
+                tooltip="Exchange the first run and the second"),
     ]  # fmt: skip
 
     def __init__(
@@ -87,15 +87,15 @@ class CompareScreen(StandaloneScreen, Parts, MapActions, PlayingScreen):
         yield KeyFooter()
 
     def on_mount(self) -> None:
-        """Begin, both runs standing still."""
+        """Show both runs, paused."""
         self._meet(self._begin)
 
     def _meet(self, time: float | None) -> None:
-        """Put both runs on one clock and stand at a moment of the first."""
+        """Put both runs on one clock, paused at a moment of the first."""
         first, second = self.first.timeline, self.second.timeline
         self._clock = common_clock(first, second, self.by)
-        # The signals of the second run are laid on the clock of the first once, here; the maps ask
-        # for the moment of the second run at every frame.
+        # The signals of the second run are shifted to the clock of the first once, here; the maps
+        # convert the moment at every frame.
         moved = shift_to_clock(second, self._clock)
         start, end = min(first.start, moved.start), max(first.end, moved.end)
         self.query_one(TimelineView).show((first, moved))
@@ -112,13 +112,13 @@ class CompareScreen(StandaloneScreen, Parts, MapActions, PlayingScreen):
         )
 
     def _decisive_moment(self) -> float | None:
-        """Return the moment that decided the first run, or else the second, on the first clock."""
+        """Return the decisive moment of the first run, otherwise the second, on the first clock."""
         pairs = zip((self.first, self.second), self.marks, strict=True)
         first, second = (decisive_moment(*pair) for pair in pairs)
         return first if first is not None or second is None else self._to_first([second])[0]
 
     def moments(self) -> Sequence[FailureMoment]:
-        """Return when oracles were decided against in either run, on the clock of the first."""
+        """Return the failures of oracles in either run, on the clock of the first."""
         times = self._to_first([moment.time for moment in self.second.moments])
         second = zip(self.second.moments, times, strict=True)
         both = [*self.first.moments, *(FailureMoment(at, m.oracle) for m, at in second)]
@@ -149,7 +149,7 @@ class CompareScreen(StandaloneScreen, Parts, MapActions, PlayingScreen):
         self.query_one(TimelineView).move(transport.time)
 
     def view_changed(self) -> None:
-        """Give the keys to what can be scrolled."""
+        """Give the focus to the differences if they are visible."""
         if self.part == "differences" or self.has_class("-wide"):
             self.query_one("#differences").focus(scroll_visible=False)
         self.show_moment()
@@ -160,7 +160,7 @@ class CompareScreen(StandaloneScreen, Parts, MapActions, PlayingScreen):
         self._meet(self.transport.time if self.transport is not None else None)
 
     def action_swap(self) -> None:
-        """Have the second run be the first."""
+        """Exchange the first run and the second."""
         now = self.transport.time if self.transport is not None else 0.0
         then = self._clock.to_second(now)
         self.first, self.second = self.second, self.first
@@ -169,11 +169,11 @@ class CompareScreen(StandaloneScreen, Parts, MapActions, PlayingScreen):
 
 
 def mark_or_compare(dashboard: Dashboard, run: str) -> None:
-    """Mark a run, or compare it with the one that is marked."""
+    """Mark a run, or compare it with the marked one."""
     marked = dashboard.marked_run
     if not marked or marked == run:
         dashboard.marked_run = "" if marked == run else run
-        message = f"{run} is marked no more" if marked else f"marked {run}: now mark another run"
+        message = f"unmarked {run}" if marked else f"marked {run}: now mark another run"
         dashboard.notify(message, markup=False)
         return
     dashboard.marked_run = ""
@@ -181,7 +181,7 @@ def mark_or_compare(dashboard: Dashboard, run: str) -> None:
     front = dashboard.screen
 
     def show(both: list[tuple[Playback, Mapping[str, Mark]]]) -> None:
-        # Whoever went on meanwhile wants to see something else.
+        # Not if the user has gone to another screen meanwhile.
         if dashboard.screen is front:
             (first, second), marks = zip(*both, strict=True)
             dashboard.push_screen(CompareScreen(first, second, marks=marks))

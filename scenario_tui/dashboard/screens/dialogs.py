@@ -1,6 +1,6 @@
-"""Dialogs over the screen they are about: questions, menus, prompts, and refusals.
+"""Dialogs over a screen: questions, menus, prompts, and refusals.
 
-Each but the last says what to type instead. All leave with the answer as text, or with ``None``.
+Each except the last shows the equivalent command. All return the answer as text, or ``None``.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ _ANSWERS: Final = (
 _TYPED_ON: Final = frozenset(
     (*"0123456789jk", "minus", "backspace", "delete", "up", "down", "left", "right", "home", "end")
 )
-"""Keys after which the dialog that was expected would wait for another one."""
+"""Keys after which the expected dialog would wait for another key."""
 
 
 def same_as(command: str) -> Text:
-    """Return the words about what to type to do the same."""
+    """Return the line with the equivalent command."""
     return Text(f"same as: {command}" if command else "", style=QUIET)
 
 
 def move_cursor(options: OptionList, step: int) -> None:
-    """Go to the next option, or with a negative ``step`` to the one before."""
+    """Go to the next option, or for a negative ``step`` to the one before."""
     if step > 0:
         options.action_cursor_down()
     else:
@@ -46,7 +46,7 @@ def move_cursor(options: OptionList, step: int) -> None:
 
 
 class Question(ModalScreen[str]):
-    """A yes-or-no question; ``command`` is what to type to do the same. The answer is `YES`."""
+    """A yes-or-no question with the equivalent ``command``. Yes answers :data:`YES`."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("y", f"dismiss('{YES}')", "Yes", id="yes", tooltip="Do it"),
@@ -58,7 +58,7 @@ class Question(ModalScreen[str]):
         self._text, self._command = text, command
 
     def compose(self) -> ComposeResult:
-        """Lay out the question; its answers can be clicked on."""
+        """Lay out the question with clickable answers."""
         with Vertical(classes="dialog"):
             yield Static(Text(self._text), classes="title")
             yield Static(_ANSWERS)
@@ -66,7 +66,7 @@ class Question(ModalScreen[str]):
 
 
 class Refusal(ModalScreen[None]):
-    """The reason why a key does nothing, in the place of the dialog that it would have opened.
+    """The reason why a key does nothing, instead of the dialog that it would open.
 
     Keys typed for that dialog end here and do nothing on the screen below.
     """
@@ -82,7 +82,7 @@ class Refusal(ModalScreen[None]):
             yield Static(Text.assemble(("enter closes this", QUIET)), classes="note")
 
     def on_key(self, event: Key) -> None:
-        """Close, unless more is to be expected."""
+        """Close, unless more keys for the expected dialog may come."""
         event.stop()
         if event.key not in _TYPED_ON:
             self.dismiss()
@@ -94,7 +94,7 @@ class Refusal(ModalScreen[None]):
 
 @dataclass(frozen=True, slots=True)
 class MenuChoice:
-    """A line of a menu: its answer, its key, its meaning, the command that does the same."""
+    """A line of a menu: its answer, its key, its text, the equivalent command."""
 
     answer: str
     key: str
@@ -104,7 +104,7 @@ class MenuChoice:
 
 
 class Menu(ModalScreen[str]):
-    """A choice of several; leaves with the answer of the one chosen."""
+    """A menu of choices; it returns the answer of the chosen one."""
 
     AUTO_FOCUS = "OptionList"
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -118,7 +118,7 @@ class Menu(ModalScreen[str]):
         self._text, self._choices, self._note = text, tuple(choices), note
 
     def compose(self) -> ComposeResult:
-        """Lay out the choices, and below them what to type instead."""
+        """Lay out the choices, and the equivalent command below them."""
         with Vertical(classes="dialog"):
             yield Static(Text(self._text), classes="title")
             options = (
@@ -130,16 +130,16 @@ class Menu(ModalScreen[str]):
             yield Static(Text(self._note), classes="note")
 
     def on_option_list_option_highlighted(self, event: OptionList.OptionHighlighted) -> None:
-        """Say what to type for the choice the cursor came to."""
+        """Show the command of the choice under the cursor."""
         self.query_one("#same", Static).update(same_as(self._choices[event.option_index].command))
 
     def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
-        """Leave with the choice."""
+        """Return the choice."""
         self.dismiss(self._choices[event.option_index].answer)
 
     def on_key(self, event: Key) -> None:
         """Choose by the key of a line."""
-        # Not bindings, which belong to a class: the choices differ from menu to menu.
+        # Not by bindings, which belong to a class: the choices differ from menu to menu.
         for choice in self._choices:
             if choice.key == event.character and choice.enabled:
                 event.stop()
@@ -152,7 +152,7 @@ class Menu(ModalScreen[str]):
 
 
 class Prompt(ModalScreen[str]):
-    """Asks for a word that is ``valid``; ``command`` returns what to type instead."""
+    """Asks for a ``valid`` word; ``command`` returns the equivalent command."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("escape", "dismiss", "Close", id="close", tooltip="Leave it as it is"),
@@ -172,12 +172,12 @@ class Prompt(ModalScreen[str]):
             yield StaticText(id="same")
 
     def on_input_changed(self, event: Input.Changed) -> None:
-        """Say what is wrong with what is typed, or what to type elsewhere."""
+        """Show the error in the typed text, or the equivalent command."""
         why = event.validation_result.failure_descriptions if event.validation_result else []
         words = Text(why[0], style=BAD) if why else same_as(self._command(event.value))
         self.query_one("#same", Static).update(words)
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Leave with the answer, when it is one."""
+        """Return the answer if it is valid."""
         if event.validation_result is None or event.validation_result.is_valid:
             self.dismiss(event.value.strip())

@@ -1,4 +1,4 @@
-"""Filter and order of a table screen: a line to type in, and columns to sort by."""
+"""Filter and order of a table screen: a filter line, and columns to sort by."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from scenario_tui.dashboard.screens.base import BaseScreen, T
 from scenario_tui.dashboard.widgets.tables import Arrangement, KeyedTable
 
 _LONGEST: Final = 200
-"""Characters of a filter that count."""
+"""Most characters of a filter."""
 
 
 class FilteredScreen(BaseScreen[T]):
-    """A screen with a table whose rows are filtered while one types, and sorted by its columns.
+    """A screen with a table that the user filters by typing and sorts by its columns.
 
     Subclasses yield :meth:`filter_line` above their table.
     """
 
     SORTS: ClassVar[Mapping[str, bool]]
-    """Titles of the columns to sort by, the first one to begin with; whether descending."""
+    """Titles of the columns to sort by, the default first; True for a descending order."""
     BINDINGS: ClassVar[list[BindingType]] = [
-        # At once, or what is typed right behind it would still be taken for keys of the table.
+        # With priority: otherwise the next characters would be keys of the table.
         Binding("slash", "filter", "Filter", id="filter", priority=True,
                 tooltip="Only rows that mention a text"),
         Binding("greater_than_sign", "sort(1)", "Sort", show=False, id="sort-next",
@@ -41,12 +41,12 @@ class FilteredScreen(BaseScreen[T]):
         self.arrangement = Arrangement(*next(iter(self.SORTS.items())))
 
     def rearranged(self) -> None:
-        """Show the rows as they are arranged now."""
+        """Show the rows in the new arrangement."""
         self.update_from_state()
 
     def filter_line(self) -> Input:
-        """Return the line to type in, hidden while it is empty."""
-        # With its text from the start: an empty line would tell that it changed, and be obeyed.
+        """Return the filter line, hidden while it is empty."""
+        # With its text from the start, because a later change would clear the arrangement.
         line = Input(self.arrangement.text, placeholder="text in a row", id="filter", compact=True)
         line.display = bool(line.value)
         return line
@@ -61,7 +61,7 @@ class FilteredScreen(BaseScreen[T]):
 
     def _mark_order(self) -> None:
         order = self.arrangement
-        # There is no table where somebody leaves before anything is shown.
+        # Without a table if the user leaves the screen before it is laid out.
         for table in self.query(KeyedTable):
             table.show_order(order.sort, descending=order.descending)
 
@@ -98,7 +98,7 @@ class FilteredScreen(BaseScreen[T]):
         self._leave_line()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Let a slash be a slash in the filter line; where there is a filter, one can go back."""
+        """Let the filter line take slashes; allow the way back while it is open."""
         if action == "filter" and isinstance(self.focused, Input):
             return False
         if action == "back" and self._composed and self.query_one("#filter").display:
@@ -106,16 +106,16 @@ class FilteredScreen(BaseScreen[T]):
         return super().check_action(action, parameters)
 
     def on_input_changed(self, event: Input.Changed) -> None:
-        """Filter while one types."""
+        """Filter by the typed text."""
         if event.value != self.arrangement.text:
             self.rearrange(text=event.value[:_LONGEST])
 
     def on_input_submitted(self) -> None:
-        """Give the keys back to the table; the filter stays."""
+        """Give the focus back to the table; the filter stays."""
         self._leave_line()
 
     def _leave_line(self) -> None:
         line = self.query_one("#filter", Input)
         line.display = bool(line.value)
-        # At once: the next key may wait already.
+        # At once, because the next key may wait already.
         self.set_focus(self.query_one(KeyedTable), scroll_visible=False)

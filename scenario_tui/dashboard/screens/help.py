@@ -1,4 +1,4 @@
-"""The keys that do something on the screen below, and the signs that it shows."""
+"""Help: the keys of the screen below, and the signs."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _HERE: Final = "here"
 
 
 class Help(ModalScreen[None]):
-    """The keys that do something now, as the user has them; below them the signs."""
+    """The enabled keys, as the user has them; below them the signs."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("escape,question_mark,f1,q", "dismiss", "Close", id="close", tooltip="Back"),
@@ -47,12 +47,12 @@ class Help(ModalScreen[None]):
             yield Static(self._table())
 
     def _table(self) -> Table:
-        # All that draws maps takes a while to load.
+        # Imported here, because the modules of maps load slowly.
         from scenario_tui.dashboard.widgets.map_style import SIGNS, STYLES
 
         table = Table.grid(padding=(0, 2))
         table.add_column(justify="right", no_wrap=True)
-        # By where they belong and by their action, which may have several keys.
+        # By place and by action, which may have several keys.
         groups: dict[str, dict[str, list[ActiveBinding]]] = {_HERE: {}}
         for active in self._active:
             group = groups.setdefault(active.node.BINDING_GROUP_TITLE or _HERE, {})
@@ -79,6 +79,6 @@ class Help(ModalScreen[None]):
 
 
 def our_bindings(screen: Screen[object]) -> list[ActiveBinding]:
-    """Return the bindings of ours that do something now; nobody is told of Textual's own."""
+    """Return our enabled bindings, without those of Textual."""
     active = screen.active_bindings.values()
     return [one for one in active if one.enabled and one.binding.id is not None]

@@ -12,13 +12,13 @@ from scenario_tui.dashboard.widgets.top_view import TopView
 
 
 class MapActions(Screen[None]):
-    """A screen with a :class:`TopView`, or several, that all do the same."""
+    """A screen with one :class:`TopView` or more, which move together."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("z", "zoom", "Zoom", show=False, id="zoom",
-                tooltip="Nearer to the robot, then all of it"),
+                tooltip="Nearer to the robot, then the whole map"),
         Binding("Z", "fit", "Fit", show=False, id="fit",
-                tooltip="All of the map and of the time again"),
+                tooltip="The whole map and the whole time again"),
         Binding("F", "follow", "Follow", show=False, id="follow",
                 tooltip="Follow the robot when zoomed, or stay"),
         Binding("H", "pan(-1, 0)", "Pan left", show=False, id="pan-left", tooltip="When zoomed"),
@@ -26,23 +26,23 @@ class MapActions(Screen[None]):
         Binding("K", "pan(0, 1)", "Pan up", show=False, id="pan-up", tooltip="When zoomed"),
         Binding("L", "pan(1, 0)", "Pan right", show=False, id="pan-right", tooltip="When zoomed"),
         Binding("O", "costmap", "Costmap", show=False, id="costmap",
-                tooltip="Another costmap of the stack on the map, or none"),
+                tooltip="The next costmap of the stack on the map, or none"),
     ]  # fmt: skip
 
     def action_zoom(self) -> None:
-        """Come nearer to the robot on the map."""
+        """Zoom to the robot on the map."""
         for top in self.query(TopView):
             top.zoom()
 
     def action_fit(self) -> None:
-        """Show all of the map and of the time again."""
+        """Show the whole map and the whole time again."""
         for top in self.query(TopView):
             top.fit()
         for signals in self.query(TimelineView):
             signals.fit_time()
 
     def action_follow(self) -> None:
-        """Follow the robot on the map, or stay where it is now."""
+        """Follow the robot on the map, or stay at its present place."""
         followed = [top.follow() for top in self.query(TopView)]
         self.notify("following the robot" if any(followed) else "staying here")
 
@@ -58,4 +58,4 @@ class MapActions(Screen[None]):
         """Look to a side on the map."""
         panned = [top.pan(right, up) for top in self.query(TopView)]
         if not any(panned):
-            self.notify("everything is in view: z comes nearer")
+            self.notify("the whole map is in view: z zooms in")

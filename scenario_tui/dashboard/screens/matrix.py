@@ -1,4 +1,4 @@
-"""A campaign judged: scenarios by systems under test, what is unexpected, compared, known."""
+"""The matrix of a campaign: scenarios by systems under test, with notes on the cells."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from textual.widgets import Static
 
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks, steering_keys
-from scenario_tui.dashboard.state import Known
+from scenario_tui.dashboard.state import DashboardState
 from scenario_tui.dashboard.widgets.cell_table import COMFORTABLE, CellTable
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.text.assessment_text import campaign_notes, cell_notes
@@ -24,26 +24,26 @@ if TYPE_CHECKING:
 
 
 class MatrixScreen(SteeringScreen[None]):
-    """The matrix of a campaign; below it, or beside it, the cell under the cursor in words."""
+    """The matrix of a campaign; below or beside it, notes on the cell under the cursor."""
 
     AUTO_FOCUS = "CellTable"
     BINDINGS: ClassVar[list[BindingType]] = [
         *steering_keys("retry"),
         Binding("n", "next(1)", "Next !", id="next-unexpected",
-                tooltip="The next cell that is not as expected"),
+                tooltip="The next unexpected cell"),
         Binding("N", "next(-1)", "Previous !", show=False, id="previous-unexpected",
-                tooltip="The one before"),
+                tooltip="The unexpected cell before"),
         Binding("a", "runs", "All runs", id="all-runs", tooltip="Every run of the campaign"),
     ]  # fmt: skip
 
     def __init__(self, campaign: str) -> None:
         super().__init__()
         self.about = campaign
-        self._shown: CampaignResults | None = None
+        self._results: CampaignResults | None = None
         self._rest = Text()
 
     def body(self) -> ComposeResult:
-        """The matrix and the words about it."""
+        """Lay out the matrix and the notes."""
         yield StaticText(id="empty")
         with Container(id="grid"):
             yield CellTable(id="matrix")
@@ -54,7 +54,7 @@ class MatrixScreen(SteeringScreen[None]):
         yield StaticText(id="legend")
 
     def cursor_command(self) -> str:
-        """Return what to type for the runs of the cell."""
+        """Return the command for the runs of the cell."""
         cell = self.query_one(CellTable).cell
         if cell is None:
             return self.command()
@@ -62,10 +62,10 @@ class MatrixScreen(SteeringScreen[None]):
         return self._line("results", self.about, "--filter", runs)
 
     def trail(self) -> str:
-        """Return the campaign, how it stands, and how far it is."""
+        """Return the campaign, its conclusion, and its progress."""
         parts = [f"campaigns › {self.about} › matrix"]
         row = self.campaign()
-        conclusion = self.dashboard.known.conclusions.get(self.about)
+        conclusion = self.dashboard.state.conclusions.get(self.about)
         if conclusion is not None and conclusion.text != NONE_JUDGED:
             parts.append(conclusion.glyph_text)
         if row is not None and not row.finished:
@@ -73,16 +73,16 @@ class MatrixScreen(SteeringScreen[None]):
             parts += schedule_marks(row)
         return "  ".join(parts)
 
-    def show(self, known: Known, news: None) -> None:
-        """Show the results once they are there, again only when they are others."""
-        results = known.results.get(self.about)
+    def show(self, state: DashboardState, news: None) -> None:
+        """Show the results once they exist, and again after they have changed."""
+        results = state.results.get(self.about)
         message = "" if results and results.assessment.cells else self._nothing(results)
         show_message_or(self.query_one("#empty"), self.query_one("#grid"), message)
-        # By identity: results are replaced and never changed, and comparing them would cost more
-        # than showing them again.
-        if results is None or results is self._shown:
+        # By identity: results are replaced and never changed, and a comparison would cost more than
+        # a new drawing.
+        if results is None or results is self._results:
             return
-        self._shown = results
+        self._results = results
         self._arrange()
         self.query_one(CellTable).show(results)
         self.query_one("#legend", Static).update(heat_legend(results))
@@ -92,26 +92,26 @@ class MatrixScreen(SteeringScreen[None]):
             self.query_one(CellTable).focus()
 
     def on_resize(self) -> None:
-        """Put the words below the matrix, or beside it, as there is room."""
+        """Put the notes below the matrix, or beside it if there is room."""
         self._arrange()
 
     def _arrange(self) -> None:
-        # Beside it they take two fifths; only -wide screens have room for that at all.
-        suts = {cell.sut for cell in self._shown.assessment.cells} if self._shown else ()
+        # Beside the matrix they take two fifths, and only on -wide screens.
+        suts = {cell.sut for cell in self._results.assessment.cells} if self._results else ()
         self.set_class(len(suts) * COMFORTABLE <= self.size.width * 3 // 5, "-beside")
 
     def _nothing(self, results: CampaignResults | None) -> str:
         if results is not None:
             return "This campaign has no runs."
-        return "… judging" if self.dashboard.known.connected else ""
+        return "… judging" if self.dashboard.state.connected else ""
 
     def _describe(self) -> None:
-        cell, results = self.query_one(CellTable).cell, self._shown
+        cell, results = self.query_one(CellTable).cell, self._results
         about = cell_notes(cell, results.expectations) if cell and results else Text()
         self.query_one("#about", Static).update(about + self._rest)
 
     def on_data_table_cell_highlighted(self) -> None:
-        """Describe the cell the cursor came to."""
+        """Describe the cell under the cursor."""
         self._describe()
 
     def on_data_table_cell_selected(self) -> None:
@@ -125,6 +125,6 @@ class MatrixScreen(SteeringScreen[None]):
         self.dashboard.open("runs", self.about)
 
     def action_next(self, step: int) -> None:
-        """Go to the next cell that is not as expected, or the one before; round at the end."""
+        """Go to the next unexpected cell, or the one before; round at the end."""
         if not self.query_one(CellTable).go_to_news(step):
-            self.notify("no cell is unexpected")
+            self.notify("every cell is as expected")

@@ -1,4 +1,4 @@
-"""Keys and clock of every screen that plays recorded runs."""
+"""Keys and clock of all screens that play recorded runs."""
 
 from __future__ import annotations
 
@@ -19,18 +19,17 @@ if TYPE_CHECKING:
     from scenario_tui.dashboard.playback import Playback
 
 FRAMES: Final = 10
-"""How often a second the view is drawn while it plays."""
+"""Frames per second of a replay."""
 _NEEDS_RUN: Final = ("play", "scrub", "edge", "speed", "failure")
 
 
 class PlayingScreen(Screen[None]):
-    """A screen with a moment of simulated time; nothing can be played without a transport."""
+    """A screen with a moment of simulated time; without a transport it cannot play."""
 
-    # More than twenty methods: ten are keys, which Textual calls by name, of one line or two. The
-    # clock itself is ReplayTransport.
+    # Ten of the methods are keys, which Textual calls by name. The clock is ReplayTransport.
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("space", "play", "Play", id="replay-play", tooltip="Or pause, or once more"),
+        Binding("space", "play", "Play", id="replay-play", tooltip="Play, pause, or play again"),
         Binding("left", "scrub(-1)", "−1 s", show=False, id="back-1", tooltip="A second back"),
         Binding("right", "scrub(1)", "+1 s", show=False, id="on-1", tooltip="A second on"),
         Binding("shift+left", "scrub(-10)", "−10 s", show=False, id="back-10",
@@ -44,19 +43,19 @@ class PlayingScreen(Screen[None]):
         Binding("minus", "speed(-1)", "Slower", key_display="-", show=False, id="slower",
                 tooltip="Down to 0.1x"),
         Binding("n", "failure(1)", "Next ✗", id="next-failure",
-                tooltip="To when the next oracle was decided against"),
+                tooltip="To the next failure of an oracle"),
         Binding("N", "failure(-1)", "Previous ✗", show=False, id="previous-failure",
-                tooltip="The one before"),
+                tooltip="To the failure before"),
         Binding("right_square_bracket", "signals(1)", "More signals", show=False, id="signals-on",
                 tooltip="Signals further down"),
         Binding("left_square_bracket", "signals(-1)", "Signals back", show=False, id="signals-back",
                 tooltip="Signals further up"),
         Binding("left_parenthesis", "zoom_time(False)", "More time", key_display="(", show=False,
-                id="more-time", tooltip="A longer stretch of the time beside the signals"),
+                id="more-time", tooltip="Show a longer time range of the signals"),
         Binding("right_parenthesis", "zoom_time(True)", "Less time", key_display=")", show=False,
-                id="less-time", tooltip="A shorter stretch of it, as by the wheel of the mouse"),
+                id="less-time", tooltip="Show a shorter time range, as by the mouse wheel"),
         Binding("e", "counting", "Every signal", show=False, id="every-signal",
-                tooltip="Also clocks and odometers, or without them"),
+                tooltip="With clocks and odometers, or without"),
     ]  # fmt: skip
 
     transport: ReplayTransport | None = None
@@ -64,20 +63,20 @@ class PlayingScreen(Screen[None]):
     _at = 0.0
 
     def moments(self) -> Sequence[FailureMoment]:
-        """Return when oracles were decided against, by time."""
+        """Return the moments at which oracles failed, by time."""
         return ()
 
     def show_moment(self, window: float = FLASH) -> None:
         """Show the moment, with the contacts of the ``window`` [s] before it."""
 
     def begin(self, transport: ReplayTransport) -> None:
-        """Have something to play."""
+        """Start with something to play."""
         self.transport, self._at = transport, self.clock()
         self.refresh_bindings()
         self.show_moment()
 
     def on_mount(self) -> None:
-        """Look at the clock from now on."""
+        """Start the clock."""
         self._at = self.clock()
         self.set_interval(1.0 / FRAMES, self.tick)
 
@@ -86,13 +85,13 @@ class PlayingScreen(Screen[None]):
         self.call_after_refresh(self.show_moment)
 
     def tick(self) -> None:
-        """Go on by the time that passed: a slow terminal shows fewer frames, not a slower run."""
+        """Advance by the passed time: a slow terminal shows fewer frames, not a slower run."""
         now = self.clock()
         passed, self._at = now - self._at, now
         if self.transport is not None and self.transport.playing:
-            went = self.transport.advance(passed)
-            # The window of contacts grows with the step, or at 100x most would fall between two.
-            self.show_moment(max(FLASH, went))
+            step = self.transport.advance(passed)
+            # The window grows with the step: at 100x most contacts would fall between two frames.
+            self.show_moment(max(FLASH, step))
 
     def go(self, time: float) -> None:
         """Go to a moment [s], and stay there."""
@@ -103,14 +102,14 @@ class PlayingScreen(Screen[None]):
             self.query_one(TimelineView).reveal()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Offer playing only where there is something to play."""
+        """Offer keys of a replay only with something to play."""
         if action in _NEEDS_RUN and self.transport is None:
             return False
         return super().check_action(action, parameters)
 
     def action_play(self) -> None:
         """Play or pause."""
-        self._at = self.clock()  # the time it stood still does not count
+        self._at = self.clock()  # the time of the pause does not count
         self._change(lambda transport: transport.toggle())
 
     def action_scrub(self, seconds: int) -> None:
@@ -123,7 +122,7 @@ class PlayingScreen(Screen[None]):
 
     def action_speed(self, step: int) -> None:
         """Play faster, or slower."""
-        # Without a transport no key gets here.
+        # The key is disabled without a transport.
         assert self.transport is not None
         self.transport.speed = next_speed(self.transport.speed, step)
         self.show_moment()
@@ -135,34 +134,34 @@ class PlayingScreen(Screen[None]):
         self.query_one(TimelineView).reveal()
 
     def action_failure(self, step: int) -> None:
-        """Go to the next moment an oracle was decided against, or the one before, in a circle."""
-        # A finished run opens at its end: behind that the first moment is what is looked for.
+        """Go to the next failure of an oracle, or the one before; round at the end."""
+        # A finished run opens at its end, behind which the first failure comes next.
         assert self.transport is not None
         moments, time = self.moments(), self.transport.time
         further = [one for one in moments if (one.time - time) * step > 1e-6] or moments
         if further:
             self.show_failure(further[0 if step > 0 else -1])
         else:
-            self.notify("no oracle was decided against")
+            self.notify("no oracle failed")
 
     def action_signals(self, step: int) -> None:
         """Show signals further down or up."""
         self.query_one(TimelineView).scroll_signals(step)
 
     def action_counting(self) -> None:
-        """Show signals that only count, too, or leave them out."""
+        """Show or hide signals that only count."""
         self.query_one(TimelineView).toggle_counting()
 
     def action_zoom_time(self, nearer: bool) -> None:
-        """Show less of the time beside the signals, or more."""
+        """Show a shorter or longer time range of the signals."""
         self.query_one(TimelineView).zoom_time(nearer)
 
     def show_failure(self, moment: FailureMoment) -> None:
-        """Go to a moment at which an oracle was decided against."""
+        """Go to the moment of a failure."""
         self.go(moment.time)
 
     def on_timeline_view_seek(self, event: TimelineView.Seek) -> None:
-        """Go to the moment somebody pointed at."""
+        """Go to the clicked moment."""
         self.go(event.time)
 
 
@@ -173,13 +172,13 @@ def clock_line(transport: ReplayTransport) -> str:
 
 
 def decisive_moment(playback: Playback, marks: Mapping[str, Mark] = NO_MARKS) -> float | None:
-    """Return the moment [s] of the failure that people must look at first, ``None`` without one.
+    """Return the moment [s] of the gravest failure, ``None`` without one.
 
-    ``marks`` of oracles tell known failures from news. A failure without a moment is decided by
-    the end: something never happened.
+    ``marks`` of oracles tell known failures from new ones. The end of the run decides a failure
+    without a moment, because an event never happened.
     """
     verdicts = by_severity(playback.verdicts, marks)
-    failed = [one for one in verdicts if one.outcome is Outcome.FAIL]
-    if not failed:
+    failures = [one for one in verdicts if one.outcome is Outcome.FAIL]
+    if not failures:
         return None
-    return playback.end if failed[0].moment is None else failed[0].moment
+    return playback.end if failures[0].moment is None else failures[0].moment

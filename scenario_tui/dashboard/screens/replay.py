@@ -1,4 +1,4 @@
-"""A recorded run from above, played: over the dashboard, or as an app of its own."""
+"""The replay of a recorded run from above: over the dashboard, or as a separate app."""
 
 from __future__ import annotations
 
@@ -18,17 +18,16 @@ from scenario_tui.dashboard.screens.playing import PlayingScreen, decisive_momen
 from scenario_tui.dashboard.screens.standalone import StandaloneScreen
 from scenario_tui.dashboard.transport import FLASH, FailureMoment, ReplayTransport
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
-from scenario_tui.dashboard.widgets.map_legend import MapLegend
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.timeline import TimelineView
-from scenario_tui.dashboard.widgets.top_view import TopView
+from scenario_tui.dashboard.widgets.top_view import MapLegend, TopView
 from scenario_tui.text.run_text import NO_MARKS
 
 
 class ReplayScreen(StandaloneScreen, Parts, MapActions, PlayingScreen):
-    """Plays a :class:`Playback` from ``begin`` [s], or from what decided it, or all of it.
+    """Plays a :class:`Playback` from ``begin`` [s], by default from its decisive moment or start.
 
-    ``marks`` of oracles tell known failures from news.
+    ``marks`` of oracles tell known failures from new ones.
     """
 
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (150, "-wide")]  # noqa: RUF012
@@ -48,7 +47,7 @@ class ReplayScreen(StandaloneScreen, Parts, MapActions, PlayingScreen):
         if begin is None:
             begin = decisive_moment(playback, marks)
         first = playback.start if begin is None else begin
-        # Who is brought to what decided looks at it before anything moves.
+        # At the moment of a failure the replay is paused, for the user to look at it.
         plays = all(abs(moment.time - first) > 1e-6 for moment in playback.moments)
         self.transport = ReplayTransport(playback.start, playback.end, first, speed, plays)
         self.clock = clock
@@ -69,11 +68,11 @@ class ReplayScreen(StandaloneScreen, Parts, MapActions, PlayingScreen):
         self.show_moment()
 
     def moments(self) -> Sequence[FailureMoment]:
-        """Return when oracles were decided against."""
+        """Return the moments at which oracles failed."""
         return self.playback.moments
 
     def view_changed(self) -> None:
-        """Sample the signals once they are looked at: that may take a moment."""
+        """Sample the signals once they are in view, because that may take a moment."""
         signals = self.query_one(TimelineView)
         if signals.size and not signals.drawn:
             signals.show((self.playback.timeline,))

@@ -1,4 +1,4 @@
-"""One run: verdicts, signals, map and log, while it runs and at any moment of it afterwards."""
+"""One run: verdicts, signals, map and log, while it runs and at any moment afterwards."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from scenario_tui.dashboard.screens.parts import Parts
 from scenario_tui.dashboard.screens.playing import PlayingScreen, clock_line, decisive_moment
 from scenario_tui.dashboard.screens.run_panel import RunMap, expectations_of, marks_of, track_of
 from scenario_tui.dashboard.screens.steering import SteeringScreen
-from scenario_tui.dashboard.state import Known
+from scenario_tui.dashboard.state import DashboardState
 from scenario_tui.dashboard.transport import FLASH, FailureMoment, ReplayTransport
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import VerdictList
@@ -43,24 +43,24 @@ if TYPE_CHECKING:
     from scenario_tui.dashboard.playback import Playback
 
 _VAST: Final = 170
-"""Columns from which on map and signals stand side by side."""
+"""Least columns for map and signals side by side."""
 
 
 class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
-    """A run by its id; one that is over is played as soon as its trace is read."""
+    """A run by its id; a finished one can be played as soon as its trace is read."""
 
-    # More than twenty methods: ten answer what its bases ask of a screen, and each of the others
-    # fills one part of it. The map, alone with the legend, is RunMap.
+    # Ten of the methods implement its bases, and each other method fills a part of the screen.
+    # The map with its legend is RunMap.
 
     AUTO_FOCUS = "VerdictList"
     VIEWS = ("verdicts", "signals", "map", "log")
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("space", "play", "Play", id="replay-play", tooltip="Or pause, or once more"),
+        Binding("space", "play", "Play", id="replay-play", tooltip="Play, pause, or play again"),
         Binding("space", "stay", "Stay", id="replay-play", tooltip="At this moment of the run"),
         Binding("p", "replay", "Play", show=False, id="play",
-                tooltip="Watch the recorded run from above, the map alone"),
+                tooltip="Watch the recorded run from above, only the map"),
         Binding("C", "compare", "Compare", id="compare",
-                tooltip="With another run: the one marked before, or the next one marked"),
+                tooltip="With another run: the marked one, or the next one you mark"),
     ]  # fmt: skip
 
     def __init__(self, run: str) -> None:
@@ -78,7 +78,7 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
         return self._recording or self._live
 
     def body(self) -> ComposeResult:
-        """Words on the left; map and signals on the right, or one of them alone."""
+        """Lay out words on the left; map and signals on the right, or one of them."""
         yield StaticText(id="now")
         with Horizontal(id="desk"):
             with Vertical(id="left", classes="part in-verdicts in-log"):
@@ -96,38 +96,38 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
                     yield StaticText(SIGNS, id="signs")
 
     def on_resize(self) -> None:
-        """Put map and signals side by side where there is room for that."""
+        """Put map and signals side by side if there is room."""
         self.set_class(self.size.width >= _VAST, "-vast")
         self.call_after_refresh(self.update_from_state)
 
     def on_screen_resume(self) -> None:
-        """Try once more to read what could not be read."""
+        """Try once more to read a missing recording."""
         self.dashboard.recordings.look_again()
 
-    def fetch(self, daemon: DaemonClient, known: Known) -> RunNews | None:
-        """Return this run, with how it is judged while it runs."""
+    def fetch(self, daemon: DaemonClient, state: DashboardState) -> RunNews | None:
+        """Return this run, with its judgement so far while it runs."""
         return self.dashboard.feed.watch.look(daemon, self._run_id, judged=True)
 
     def command(self) -> str:
-        """Return what to type to be told of it."""
+        """Return the command that shows the run."""
         return self._line("show", self._run_id)
 
     def cursor_command(self) -> str:
-        """Return what to type for the moment of the verdict under the cursor."""
+        """Return the command for the moment of the verdict under the cursor."""
         verdict = self.query_one(VerdictList).chosen()
         if verdict is None:
             return self.command()
         return self._line("replay", self._run_id, "--frame", verdict.oracle)
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """One key plays a run, and stays where it is in one that is followed."""
+        """Let one key play a run, or stop following a live one."""
         follows = self.transport is not None and self.transport.follows
         if action in ("play", "stay") and follows != (action == "stay"):
             return False
         return super().check_action(action, parameters)
 
     def action_stay(self) -> None:
-        """Stay at the moment shown of a run that goes on."""
+        """Stay at the present moment of a live run."""
         self.action_play()
 
     def trail(self) -> str:
@@ -136,11 +136,11 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
         return f"campaigns › {self.about} › {label}"
 
     def moments(self) -> Sequence[FailureMoment]:
-        """Return when its oracles were decided against, of a run that goes on until now."""
+        """Return the moments at which its oracles failed so far."""
         return self._run.moments
 
-    def show(self, known: Known, news: RunNews | None) -> None:
-        """Show what is known of the run: live, or as it was."""
+    def show(self, state: DashboardState, news: RunNews | None) -> None:
+        """Show the run: live, or recorded."""
         if news is None:
             return
         self.dashboard.tracks.forget_ended((news.detail.row,))
@@ -150,11 +150,11 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
         self._say(news.detail)
 
     def _take(self, news: RunNews) -> str:
-        """Take in what is known of the run; return why there is nothing to see of it, if so."""
+        """Take in the news of the run; return why it has no map, empty if it has one."""
         row = news.detail.row
         digest = row.result.trace.sha256 if row.settled and row.result is not None else ""
         if self._digest not in ("", digest):
-            # It is executed again, or was in the meantime.
+            # It is being executed again, or was in the meantime.
             self._live, self._recording, self._drawn = LiveRun(), None, None
             self.transport, self._since = None, self.dashboard.clock()
             self.refresh_bindings()
@@ -167,7 +167,7 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
         return recording.why if self._recording is None else ""
 
     def _show_words(self, detail: RunDetail) -> None:
-        """Show verdicts once there are any, and the log."""
+        """Show verdicts, before the first one the run in words, and the log."""
         judgement, so_far = self._live.judgement, detail.row.result is None
         verdicts = judgement.verdicts if so_far and judgement else detail.row.verdicts
         judged = not so_far or bool(verdicts)
@@ -184,29 +184,29 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
         if self._logged == logged:
             return
         if self._logged is None:
-            # What is going on for a run that runs, why it failed for one that is over.
+            # First the map of a running run, the verdicts of a finished one.
             self.show_view(self.VIEWS.index("map") if _is_running(detail) else 0)
             self._since = self.dashboard.clock()
         self._logged = logged
         self.query_one("#log-text", Static).update(log_text(detail, self._run.log))
-        # While it grows its end stays in view, unless somebody scrolled up.
+        # The end of a growing log stays in view, unless the user has scrolled up.
         log, grows = self.query_one("#log", VerticalScroll), so_far and judgement is not None
         if grows != log.is_anchored:
             log.anchor(grows)
 
     def _show_run(self, detail: RunDetail, why: str) -> None:
-        """Show map and signals, or ``why`` there are none."""
+        """Show map and signals, or the reason ``why`` there are none."""
         above, signals = self.query_one(RunMap), self.query_one(TimelineView)
         live, timeline, snapshot = self._recording is None, self._run.timeline, self._live.snapshot
         above.explain(why)
-        # Where the words are not beside the map, the first line has no room for all of it.
+        # Without words beside the map, the first line has no room for the whole text.
         above.note(snapshot.waiting if live and snapshot and not self.has_class("-wide") else "")
         reason = self._live.why_untold(self.dashboard.clock() - self._since) if live else ""
         untold = "" if timeline else reason
         show_message_or(self.query_one("#untold"), signals, why or untold)
         self.set_class(bool(untold) and not why, "-untold")
         self.query_one("#signs").display = not (why or untold)
-        # As text: what a system waits for may have brackets, which are markup otherwise.
+        # As text: the reason may have brackets, which would be markup.
         soon = live and _is_running(detail) and self._live.judgement is None
         self.query_one("#signs", Static).update(Text(reason if soon else SIGNS))
         if timeline is not None and timeline is not self._drawn:
@@ -217,9 +217,9 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
             self.show_moment()
 
     def _follow(self) -> None:
-        """Have the moment shown go along with the run, unless somebody went back.
+        """Follow the run with the displayed moment, unless the user has gone back.
 
-        A recording opens where it was watched, otherwise at the moment that tells most.
+        A recording opens at the moment that was in view, otherwise at the most telling one.
         """
         run, before = self._run, self.transport
         if self._recording is not None:
@@ -238,7 +238,7 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
         self.show_moment()
 
     def _telling_moment(self, recording: Playback) -> float:
-        """Return the moment [s] that decided, or that was nearest to deciding."""
+        """Return the decisive moment [s], otherwise that of the gravest verdict."""
         if (decisive := decisive_moment(recording, self._marks())) is not None:
             return decisive
         moments = (verdict.moment for verdict in by_severity(recording.verdicts))
@@ -248,9 +248,9 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
         return {} if self.news is None else marks_of(self.dashboard, self.news.detail.row)
 
     def _say(self, detail: RunDetail) -> None:
-        """Say when it is and which part of the screen this is."""
+        """Show the moment, and the part of the screen in view."""
         run, transport = self._run, self.transport
-        line = marked_word(detail.row, expectations_of(self.dashboard.known, detail.row))
+        line = marked_word(detail.row, expectations_of(self.dashboard.state, detail.row))
         track = self._live.track if self._recording is None else None
         if track is not None and (transport is None or transport.follows):
             silence, wide = self.dashboard.tracks.silence(track), self.has_class("-wide")
@@ -277,10 +277,10 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
         self._say(self.news.detail)
 
     def view_changed(self) -> None:
-        """Give the keys to what is shown."""
+        """Give the focus to the part in view."""
         target = {"verdicts": "#decided", "log": "#log"}.get(self.part)
         if target is None and self.has_class("-wide"):
-            target = "#decided"  # in view as well, and the only part of these that takes keys
+            target = "#decided"  # in view as well, and it takes keys
         if target is not None:
             self.query_one(target).focus(scroll_visible=False)
         else:
@@ -288,25 +288,25 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
         self.update_from_state()
 
     def show_failure(self, moment: FailureMoment) -> None:
-        """Go to a moment at which an oracle was decided against, and to its verdict."""
+        """Go to the moment of a failure, and to its verdict."""
         self.query_one(VerdictList).choose(moment.oracle)
         super().show_failure(moment)
 
     @on(OptionList.OptionHighlighted)
     @on(OptionList.OptionSelected)
     def _go_to_chosen(self, event: OptionList.OptionMessage) -> None:
-        """Go to when the chosen oracle was decided; Enter goes back there."""
+        """Go to the moment that decided the chosen oracle; Enter goes back there."""
         verdict = self.query_one(VerdictList).chosen()
         if verdict is None:
             return
         self.query_one(TimelineView).lead(verdict.oracle)
-        # The list of a run that goes on changes by itself: only Enter stops the clock there.
+        # The list of a live run changes by itself, so there only Enter stops the clock.
         is_asked = self._recording is not None or isinstance(event, OptionList.OptionSelected)
         if verdict.moment is not None and is_asked:
             self.go(verdict.moment)
 
     def action_view(self, step: int) -> None:
-        """Show the next part of the screen; where all are in view, give the log the keys."""
+        """Show the next part of the screen; if all are in view, give the focus to the log."""
         if not self.has_class("-wide"):
             super().action_view(step)
         else:
@@ -314,22 +314,24 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
             self.show_view(verdicts if self._part == log else log)
 
     def action_replay(self) -> None:
-        """Play the recorded run, the map alone, once its trace is read."""
+        """Play the recorded run, only the map, once its trace is read."""
         if self._recording is None or self.transport is None:
-            known = self.dashboard.recordings.get(self.news.detail.row) if self.news else Missing()
-            why = known.why if isinstance(known, Missing) else ""
+            recording = (
+                self.dashboard.recordings.get(self.news.detail.row) if self.news else Missing()
+            )
+            why = recording.why if isinstance(recording, Missing) else ""
             self.notify(why or "its trace is being read", markup=False)
             return
         from scenario_tui.dashboard.screens.replay import ReplayScreen
 
         self.transport.playing = False
         at, end = self.transport.time, self.transport.end
-        # A finished run opens at its end, where there is nothing left to play.
+        # At the end of the run there is nothing left to play: use the default.
         begin = at if at < end else None
         self.app.push_screen(ReplayScreen(self._recording, begin, marks=self._marks()))
 
     def action_compare(self) -> None:
-        """Compare with the run that was marked, or mark this one."""
+        """Compare with the marked run, or mark this one."""
         from scenario_tui.dashboard.screens.compare import mark_or_compare
 
         mark_or_compare(self.dashboard, self._run_id)

@@ -1,4 +1,4 @@
-"""One run in words and from above: the panel beside the table of runs, and the map alone."""
+"""One run in words and from above: the panel beside the table of runs, and its map."""
 
 from __future__ import annotations
 
@@ -20,37 +20,33 @@ from scenario_tui.dashboard.recordings import Missing
 from scenario_tui.dashboard.run_watch import RunNews
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.playing import decisive_moment
-from scenario_tui.dashboard.widgets.map_legend import MapLegend
 from scenario_tui.dashboard.widgets.static_text import StaticText
-from scenario_tui.dashboard.widgets.top_view import TopView
+from scenario_tui.dashboard.widgets.top_view import MapLegend, TopView
 from scenario_tui.text.run_text import NO_MARKS, run_text
 
 if TYPE_CHECKING:
     from daemon.judging.assessment import Expectations
     from scenario_tui.dashboard.app import Dashboard
     from scenario_tui.dashboard.playback import Playback
-    from scenario_tui.dashboard.state import Known
+    from scenario_tui.dashboard.state import DashboardState
 
 
 class RunMap(Vertical):
-    """The top view of a run with its legend, or why there is none."""
+    """The top view of a run with its legend, or the reason why there is none."""
 
     def __init__(self) -> None:
         super().__init__(id="above")
         self._still: tuple[Playback, float] | None = None
 
     def compose(self) -> ComposeResult:
-        """Lay out map, legend, and what is said instead of them."""
+        """Lay out map, legend, and the messages instead of them."""
         yield StaticText(id="unseen")
         yield StaticText(id="note")
         yield TopView(id="map")
         yield MapLegend(id="legend")
 
     def show_run(self, dashboard: Dashboard, news: RunNews | None, oracle: str = "") -> None:
-        """Show a run as the dashboard knows it: live, or at the moment that decided it.
-
-        With ``oracle`` at the moment that decided that one.
-        """
+        """Show a run live, or at its decisive moment, that of ``oracle`` if given."""
         why, view, still = "", None, None
         if news is not None and news.detail.row.settled:
             recording = dashboard.recordings.get(news.detail.row)
@@ -63,7 +59,7 @@ class RunMap(Vertical):
                 time = recording.end if moment is None else moment
                 still = (recording, time)
                 if still == self._still:
-                    return  # nothing moves, and to draw it takes some milliseconds
+                    return  # the view has not changed, and a drawing takes some milliseconds
                 view = recording.view(time, verdict=verdict)
         elif news is not None:
             live = LiveRun()
@@ -74,12 +70,12 @@ class RunMap(Vertical):
         self.explain(why)
 
     def explain(self, why: str) -> None:
-        """Say ``why`` there is no map; show the map when that is empty."""
+        """Show the reason ``why`` there is no map, or the map if it is empty."""
         show_message_or(self.query_one("#unseen"), self.query_one(TopView), why)
         self.query_one("#legend").display = not why
 
     def note(self, words: str) -> None:
-        """Say something above the map, or nothing."""
+        """Show a note above the map, or none."""
         note = self.query_one("#note", Static)
         note.update(Text(words))
         note.display = bool(words)
@@ -97,30 +93,30 @@ class RunPanel(Vertical):
         yield RunMap()
 
     def show(self, dashboard: Dashboard, news: RunNews | None) -> None:
-        """Show a run as the dashboard knows it, or nothing."""
+        """Show a run, or nothing."""
         words, above = self.query_one("#run-text", Static), self.query_one(RunMap)
         if news is None:
             words.update("")
         else:
             track = track_of(dashboard, news.detail)
-            expectations = expectations_of(dashboard.known, news.detail.row)
+            expectations = expectations_of(dashboard.state, news.detail.row)
             words.update(run_text(news.detail, track.snapshot if track else None, expectations))
         above.show_run(dashboard, news)
 
 
 def track_of(dashboard: Dashboard, detail: RunDetail) -> Track | None:
-    """Return what was heard of a run that is running."""
-    running = detail.row.state is RunState.RUNNING
-    return dashboard.tracks.get(detail.row.id) if running else None
+    """Return the track of a running run, if it has any snapshot."""
+    is_running = detail.row.state is RunState.RUNNING
+    return dashboard.tracks.get(detail.row.id) if is_running else None
 
 
-def expectations_of(known: Known, row: RunRow) -> Expectations | None:
-    """Return what marks a run and its verdicts, once its campaign is judged."""
-    conclusion = known.conclusions.get(row.campaign)
+def expectations_of(state: DashboardState, row: RunRow) -> Expectations | None:
+    """Return the expectations that mark a run, once its campaign is judged."""
+    conclusion = state.conclusions.get(row.campaign)
     return None if conclusion is None else conclusion.expectations
 
 
 def marks_of(dashboard: Dashboard, row: RunRow) -> Mapping[str, Mark]:
     """Return the marks of the verdicts of a run, by the oracle's name."""
-    expectations = expectations_of(dashboard.known, row)
+    expectations = expectations_of(dashboard.state, row)
     return NO_MARKS if expectations is None else expectations.mark_verdicts(row)

@@ -1,4 +1,4 @@
-"""The runs of a campaign, or of all, a page at a time; beside them the run under the cursor."""
+"""The runs of a campaign, or of all, by pages; beside them the run under the cursor."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.filtering import FilteredScreen
 from scenario_tui.dashboard.screens.run_panel import RunPanel, expectations_of
 from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks, steering_keys
-from scenario_tui.dashboard.state import Known, RunsView
+from scenario_tui.dashboard.state import DashboardState, RunsView
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
 from scenario_tui.text.formatting import (
@@ -39,12 +39,12 @@ if TYPE_CHECKING:
     from scenario_tui.text.results import Conclusion
 
 PAGE: Final = 100
-"""Runs asked for at a time, out of 100,000 in a large campaign: KeyedTable says why not all."""
+"""Runs per page; KeyedTable would be slow with the 100,000 of a large campaign."""
 _SORTS: Final = {
     "run": "index", "verdict": "outcome", "margin": "margin", "decided by": "oracle",
     "progress": "simulated", "wall": "wall", "scenario": "scenario",
 }  # fmt: skip
-"""The daemon's names of orders by what they are called here; columns have these titles."""
+"""The daemon's names of orders by the titles of columns."""
 _COLUMNS: Final = (
     Column("run", 0),
     Column("verdict", 16),
@@ -55,14 +55,14 @@ _COLUMNS: Final = (
     Column("wall", 11, right=True, from_width=120),
 )
 _CAMPAIGN: Final = (14, 24)
-"""Cells of the column behind the run where runs of all campaigns are shown, by the longest id."""
+"""Least and most cells of the column of campaigns, if the table shows runs of all campaigns."""
 
 
 @dataclass(frozen=True, slots=True)
 class RunsNews:
-    """A page of runs, and the run in front where it is seen.
+    """A page of runs, and the run in front if it is in view.
 
-    The page is the answer to a ``query`` when ``campaigns`` were the last that was known.
+    The page is the answer to ``query`` at the time of ``campaigns``.
     """
 
     query: RunQuery
@@ -77,18 +77,18 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
     SORTS: ClassVar = dict.fromkeys(_SORTS, False) | {"progress": True, "wall": True}
     BINDINGS: ClassVar[list[BindingType]] = [
         *steering_keys("retry"),
-        Binding("m", "matrix", "Matrix", id="matrix", tooltip="The campaign judged, cell by cell"),
+        Binding("m", "matrix", "Matrix", id="matrix", tooltip="Verdicts cell by cell"),
         Binding("C", "compare", "Compare", show=False, id="compare",
-                tooltip="Mark a run, then another one to see both side by side"),
+                tooltip="Mark a run, then another one, to see both side by side"),
     ]  # fmt: skip
 
     def __init__(self, campaign: str = "", scenario: str = "", sut: str = "") -> None:
         super().__init__()
         self.about, self._scenario, self._sut = campaign, scenario, sut
-        # Of one campaign in the order of its file; of all, what was submitted last is looked for.
+        # Runs of one campaign in the order of its file; runs of all, the newest first.
         self.arrangement = replace(self.arrangement, descending=not campaign)
-        self._offset, self._wanted_run = 0, ""
-        self._made: tuple[RunPage | None, Mapping[str, Conclusion], list[Row]] = (None, {}, [])
+        self._offset, self._front_run = 0, ""
+        self._cache: tuple[RunPage | None, Mapping[str, Conclusion], list[Row]] = (None, {}, [])
 
     @property
     def _here(self) -> tuple[str, str, str]:
@@ -96,7 +96,7 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
 
     @property
     def _query(self) -> RunQuery:
-        """The page of runs to show: a verdict or a state in the filter is one, not a text."""
+        """The page of runs to show; a verdict or a state in the filter is not a text."""
         order, words = self.arrangement, self.arrangement.text.split()
         only = next((word for word in words if word in SEVERITY), "")
         return RunQuery(
@@ -113,11 +113,11 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
         )
 
     def body(self) -> ComposeResult:
-        """Filter line, table, and the run beside it."""
+        """Lay out filter line, table, and the run beside it."""
         columns: tuple[Column, ...] = _COLUMNS
         if not self.about:
             least, most = _CAMPAIGN
-            longest = max((len(row.id) for row in self.dashboard.known.campaigns), default=0)
+            longest = max((len(row.id) for row in self.dashboard.state.campaigns), default=0)
             named = Column("campaign", min(max(longest, least), most))
             columns = (_COLUMNS[0], named, *_COLUMNS[1:])
         table = KeyedTable(columns, id="runs")
@@ -131,35 +131,35 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
             yield RunPanel(id="side")
 
     def on_screen_resume(self) -> None:
-        """Make ready for a run to be opened, once the runs are shown."""
+        """Prepare to open a run, once the runs are shown."""
         self.call_after_refresh(self.dashboard.prepare_playback)
 
     def _remember(self, key: str = "") -> None:
-        """Remember how these runs are looked at, with the run in front if there is one yet."""
-        # At once and not when the screen goes: what comes in its place asks before.
+        """Remember the view of these runs, with the run in front if there is one yet."""
+        # At once, because the next screen reads it before this one leaves.
         self.dashboard.run_views[self._here] = RunsView(self.arrangement, self._offset, key)
 
-    def fetch(self, daemon: DaemonClient, known: Known) -> RunsNews:
+    def fetch(self, daemon: DaemonClient, state: DashboardState) -> RunsNews:
         """Return the page; in wide terminals also the run under the cursor."""
-        query, run, last = self._query, self._wanted_run, self.news
-        # A cursor that moves asks for a run; all campaigns come anew when something has changed.
-        if last is not None and last.query == query and last.campaigns is known.campaigns:
+        query, run, last = self._query, self._front_run, self.news
+        # A move of the cursor keeps the page; a change replaces the campaigns.
+        if last is not None and last.query == query and last.campaigns is state.campaigns:
             page = last.page
         else:
             page = daemon.runs(**asdict(query))
         front = self.dashboard.feed.watch.look(daemon, run) if run else None
-        return RunsNews(query, known.campaigns, page, front)
+        return RunsNews(query, state.campaigns, page, front)
 
     def _want_run(self) -> None:
-        """Ask for the run under the cursor, if it is seen."""
+        """Fetch the run under the cursor, if it is in view."""
         beside = self.query_one("#side").display and self.has_class("-wide")
         run = self.query_one(KeyedTable).key if beside else ""
-        if run != self._wanted_run:
-            self._wanted_run = run
+        if run != self._front_run:
+            self._front_run = run
             self.dashboard.feed.look_at(self)
 
     def trail(self) -> str:
-        """Return the place, the page, its order and filters."""
+        """Return the place, the page, its order and its filters."""
         order, page = self.arrangement, self._page()
         parts = [f"campaigns › {self.about}" if self.about else "all runs"]
         if self._scenario:
@@ -176,7 +176,7 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
         return "  ".join((*parts, *(schedule_marks(self.campaign()) if self.about else ())))
 
     def command(self) -> str:
-        """Return what to type for the runs of the campaign, the same ones where that can be."""
+        """Return the command for the runs of the campaign, with the same filter if possible."""
         row, query = self.campaign(), self._query
         if row is None or not self.about:
             return self.dashboard.target.command("status")
@@ -185,21 +185,21 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
         return self.dashboard.target.command("results", row.id, *(options or ["--runs"]))
 
     def cursor_command(self) -> str:
-        """Return what to type about the run under the cursor."""
+        """Return the command about the run under the cursor."""
         run = self.query_one(KeyedTable).key
         return self._line("show", run) if run else self.command()
 
     def campaign(self) -> CampaignRow | None:
-        """Return the campaign shown, or that of the run under the cursor."""
+        """Return the campaign of the screen, or that of the run under the cursor."""
         campaign = self.about or self.query_one(KeyedTable).key.rpartition(".")[0]
-        return self.dashboard.known.campaign(campaign)
+        return self.dashboard.state.campaign(campaign)
 
     def _page(self) -> RunPage | None:
         news = self.news
         return news.page if news is not None and news.query == self._query else None
 
-    def show(self, known: Known, news: RunsNews | None) -> None:
-        """Fill the table with the page, once it is the one wanted."""
+    def show(self, state: DashboardState, news: RunsNews | None) -> None:
+        """Fill the table with the page, once it answers the present query."""
         page = self._page()
         if news is None or page is None:
             return
@@ -207,29 +207,29 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
         show_message_or(self.query_one("#empty"), self.query_one("#split"), message)
         table = self.query_one(KeyedTable)
         self.dashboard.tracks.forget_ended(page.rows)
-        table.fill(self._rows(known, page))
-        # A table that was hidden because it was empty has lost the keys to its neighbour. Now, not
-        # later as focus() does: then somebody may have gone to the filter line.
+        table.fill(self._rows(state, page))
+        # A hidden table has lost the focus. Set it now, not later as focus() does, when the user
+        # may be in the filter line.
         if not message and not isinstance(self.focused, Input):
             self.set_focus(table, scroll_visible=False)
-        # The cursor may be on another run now that the rows are others.
+        # New rows may have another run under the cursor.
         self._want_run()
         run = news.run if news.run is not None and news.run.detail.row.id == table.key else None
-        # The one before stays until the answer comes, a moment later: nothing is drawn twice.
-        if self.has_class("-wide") and (run or news.run is None or not known.connected):
+        # The run before stays until the answer comes, a moment later.
+        if self.has_class("-wide") and (run or news.run is None or not state.connected):
             self.query_one(RunPanel).show(self.dashboard, run)
 
-    def _rows(self, known: Known, page: RunPage) -> list[Row]:
-        """Return the page as rows of the table, those made last where nothing can be other."""
-        last, conclusions, rows = self._made
+    def _rows(self, state: DashboardState, page: RunPage) -> list[Row]:
+        """Return the page as rows of the table, from the cache unless they may have changed."""
+        last, conclusions, rows = self._cache
         runs = any(row.state is RunState.RUNNING for row in page.rows)
-        if runs or page is not last or conclusions is not known.conclusions:
-            rows = [self._cells(known, row) for row in page.rows]
-            self._made = (page, known.conclusions, rows)
+        if runs or page is not last or conclusions is not state.conclusions:
+            rows = [self._cells(state, row) for row in page.rows]
+            self._cache = (page, state.conclusions, rows)
         return rows
 
-    def _cells(self, known: Known, row: RunRow) -> Row:
-        track, expectations = self.dashboard.tracks.get(row.id), expectations_of(known, row)
+    def _cells(self, state: DashboardState, row: RunRow) -> Row:
+        track, expectations = self.dashboard.tracks.get(row.id), expectations_of(state, row)
         key, cells = run_cells(row, track, expectations)
         named = (cells[0], Text(row.campaign, style=QUIET), *cells[1:])
         return key, cells if self.about else named
@@ -241,9 +241,9 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
         return f"No runs yet. {key} chooses a campaign" if key else "No runs yet."
 
     def on_data_table_row_highlighted(self) -> None:
-        """Ask for the run the cursor came to."""
+        """Fetch the run under the cursor."""
         key = self.query_one(KeyedTable).key
-        # A screen that was left may still hear of its rows.
+        # A screen that the user has left may still get events of its rows.
         if key and self.is_current:
             self._remember(key)
         self._want_run()
@@ -253,7 +253,7 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
         self.dashboard.open("run", self.query_one(KeyedTable).key)
 
     def rearranged(self) -> None:
-        """Show the first page of the runs as they are arranged now."""
+        """Show the first page in the new arrangement."""
         self._turn_to(0)
 
     def _turn_to(self, offset: int) -> None:
@@ -264,7 +264,7 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
         self.ask()
 
     def action_compare(self) -> None:
-        """Mark the run under the cursor, or compare it with the one that is marked."""
+        """Mark the run under the cursor, or compare it with the marked one."""
         from scenario_tui.dashboard.screens.compare import mark_or_compare
 
         run = self.query_one(KeyedTable).key
@@ -272,7 +272,7 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
             mark_or_compare(self.dashboard, run)
 
     def on_keyed_table_beyond(self, event: KeyedTable.Beyond) -> None:
-        """Go on to the page behind, or to the very last one."""
+        """Turn to the next page or the one before, or to the last or first one."""
         page = self._page()
         if page is None or not page.total:
             return
@@ -283,7 +283,7 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
         if not 0 <= offset <= last or offset == self._offset:
             return
         self._turn_to(offset)
-        # Up to the page before, or to the very end: the cursor goes on from the bottom.
+        # On the page before, and on the last page, the cursor starts at the bottom.
         if (event.step > 0) == event.far:
             self.query_one(KeyedTable).begin_at(-1)
 
@@ -293,10 +293,10 @@ def run_cells(row: RunRow, track: Track | None, expectations: Expectations | Non
     progress = time_text(row.simulated) if row.outcome is not None else ""
     if row.state is RunState.RUNNING:
         snapshot = track.snapshot if track is not None else None
-        # A stack's start takes more room than this column; the run itself, beside it, says it.
+        # The start of a stack does not fit into this column, but stands in the panel.
         progress = reached_text(None if snapshot and snapshot.waiting else snapshot, limit=False)
         if snapshot is not None:
-            # Its least margin so far and whose it is, as if it decided.
+            # Its least margin so far with its oracle, as if it decided.
             row = replace(row, oracle=snapshot.oracle, margin=snapshot.margin, unit=snapshot.unit)
     return row.id, (
         Text(run_label(row), style="bold"),

@@ -1,4 +1,4 @@
-"""A search while it runs and afterwards: margins over runs, what it found, where, with what."""
+"""A search while it runs and afterwards: margins over runs, findings, maps, parameters."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from scenario_tui.dashboard.searches import (
     TrialReader,
     notable_trials,
 )
-from scenario_tui.dashboard.state import Known
+from scenario_tui.dashboard.state import DashboardState
 from scenario_tui.dashboard.widgets.search_curve import LEGEND, SearchCurveView, search_curve
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
@@ -45,7 +45,7 @@ _COLUMNS: Final = (
 
 @dataclass(frozen=True, slots=True)
 class SearchNews:
-    """A search with its trials, and its run in front where that is seen."""
+    """A search with its trials, and its run in front if that is in view."""
 
     search: SearchTrials
     run: RunNews | None
@@ -57,26 +57,26 @@ class SearchScreen(SteeringScreen[SearchNews], MapActions, Parts):
     VIEWS: ClassVar = ("found", "values", "answer", "map", "curve")
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("enter", "open", "Open", id="open",
-                tooltip="The run in front, at the moment that decided it"),
+                tooltip="The run in front, at its decisive moment"),
         Binding("n", "found(1)", "Next", id="next-found",
                 tooltip="The next of best, first, nearest, findings, as written"),
         Binding("N", "found(-1)", "Before", show=False, id="previous-found",
                 tooltip="The one before"),
         Binding("x", "rerun", "Rerun", id="rerun",
-                tooltip="Copy what to type to execute the run in front again"),
+                tooltip="Copy the command that executes the run in front again"),
         Binding("a", "runs", "All runs", id="all-runs", tooltip="Every run of the search"),
     ]  # fmt: skip
 
     def __init__(self, campaign: str) -> None:
         super().__init__()
         self.about = campaign
-        self._shown: SearchTrials | None = None
+        self._search: SearchTrials | None = None
         self._notable: tuple[NotableTrial, ...] = ()
         self._reader = TrialReader()
-        self._wanted_run = ""
+        self._front_run = ""
 
     def body(self) -> ComposeResult:
-        """Curve and table on the left; parameters and map on the right, or below."""
+        """Lay out curve and table on the left; parameters and map on the right, or below."""
         yield StaticText(id="now")
         yield StaticText(id="empty")
         with Container(id="searched"):
@@ -98,51 +98,51 @@ class SearchScreen(SteeringScreen[SearchNews], MapActions, Parts):
         self.call_after_refresh(self.update_from_state)
 
     def view_changed(self) -> None:
-        """Show what the part that came needs."""
+        """Bring the new part up to date."""
         self.update_from_state()
 
-    def fetch(self, daemon: DaemonClient, known: Known) -> SearchNews | None:
-        """Return the search with its trials, and the run in front where its map is seen."""
-        row, run = known.searches.get(self.about), self._wanted_run
+    def fetch(self, daemon: DaemonClient, state: DashboardState) -> SearchNews | None:
+        """Return the search with its trials, and the run in front if its map is in view."""
+        row, run = state.searches.get(self.about), self._front_run
         if row is None:
             return None
         search = self._reader.read(daemon, row)
         return SearchNews(search, self.dashboard.feed.watch.look(daemon, run) if run else None)
 
     def _want_run(self) -> None:
-        """Ask for the run in front, if its map is seen."""
-        is_seen = self.has_class("-wide") or self.part == "map"
+        """Fetch the run in front, if its map is in view."""
+        is_in_view = self.has_class("-wide") or self.part == "map"
         front = self._front()
-        run = front.trial.run if front is not None and is_seen else ""
-        if run != self._wanted_run:
-            self._wanted_run = run
+        run = front.trial.run if front is not None and is_in_view else ""
+        if run != self._front_run:
+            self._front_run = run
             self.ask()
 
     def command(self) -> str:
-        """Return what to type to be told the same."""
+        """Return the command that shows the search."""
         return self._line("search", self.about)
 
     def cursor_command(self) -> str:
-        """Return what to type about the run in front."""
+        """Return the command about the run in front."""
         front = self._front()
         return self.command() if front is None else self._line("show", front.trial.run)
 
     def trail(self) -> str:
         """Return the campaign, its question and its phase."""
         parts = [f"campaigns › {self.about} › search"]
-        row = self.dashboard.known.searches.get(self.about)
+        row = self.dashboard.state.searches.get(self.about)
         if row is not None:
             parts.append(f"{row.task.minimise} of {row.task.scenario}  {phase_words(row)}")
         return "  ".join((*parts, *schedule_marks(self.campaign())))
 
-    def show(self, known: Known, news: SearchNews | None) -> None:
-        """Show the search once its trials are known."""
-        message = "" if news is not None else self._nothing(known)
+    def show(self, state: DashboardState, news: SearchNews | None) -> None:
+        """Show the search once its trials are fetched."""
+        message = "" if news is not None else self._nothing(state)
         show_message_or(self.query_one("#empty"), self.query_one("#searched"), message)
         if news is None:
             return
-        if news.search is not self._shown:
-            self._shown = news.search
+        if news.search is not self._search:
+            self._search = news.search
             self._notable = tuple(notable_trials(news.search))
             table = self.query_one(KeyedTable)
             table.fill([_cells(one) for one in self._notable])
@@ -155,11 +155,11 @@ class SearchScreen(SteeringScreen[SearchNews], MapActions, Parts):
         self._show_front(news)
         self._want_run()
 
-    def _nothing(self, known: Known) -> str:
-        if not known.connected:
+    def _nothing(self, state: DashboardState) -> str:
+        if not state.connected:
             return ""
         row = self.campaign()
-        return "This is no search, or not any more." if row is None else "… reading its runs"
+        return "This search does not exist any more." if row is None else "… reading its runs"
 
     def _front(self) -> NotableTrial | None:
         """Return the run in front."""
@@ -169,7 +169,7 @@ class SearchScreen(SteeringScreen[SearchNews], MapActions, Parts):
         return next((one for one in self._notable if one.key == key), None)
 
     def _say(self, search: SearchTrials) -> None:
-        """Say how it stands, and which part of the screen this is."""
+        """Show the state of the search, and the part of the screen in view."""
         row, explored = search.row, search.explored
         word, failed = search_word(row), sum(one.fails for one in explored)
         settled = sum(one.outcome is not None for one in explored)
@@ -200,7 +200,7 @@ class SearchScreen(SteeringScreen[SearchNews], MapActions, Parts):
         self.query_one("#parameters-text", Static).update(text)
 
     def on_data_table_row_highlighted(self) -> None:
-        """Show the run the cursor came to."""
+        """Show the run under the cursor."""
         self.update_from_state()
 
     def on_data_table_row_selected(self) -> None:
@@ -208,7 +208,7 @@ class SearchScreen(SteeringScreen[SearchNews], MapActions, Parts):
         self.action_open()
 
     def why_not(self, action: str, *parameters: object) -> str:
-        """Return why an action is impossible now: most are about the run in front."""
+        """Return why an action is impossible now, empty if it is possible."""
         if action in ("open", "rerun", "found") and self._front() is None:
             return "No run of this search has a result yet."
         return super().why_not(action, *parameters)
@@ -228,7 +228,7 @@ class SearchScreen(SteeringScreen[SearchNews], MapActions, Parts):
         self.dashboard.open("runs", self.about)
 
     def action_found(self, step: int) -> None:
-        """Bring the next run of the table to the front, or the one before."""
+        """Go to the next run of the table, or the one before."""
         table = self.query_one(KeyedTable)
         table.move_cursor(row=(table.cursor_row + step) % len(self._notable), animate=False)
 

@@ -1,4 +1,4 @@
-"""Screens that also stand alone: over the dashboard, or in an app with nothing else."""
+"""Screens that work over the dashboard or in their own app."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from scenario_tui.dashboard.themes import ThemedApp
 
 
 class StandaloneScreen(Screen[None]):
-    """A screen that has the keys of its own which the dashboard has otherwise."""
+    """A screen with its own keys for help and for the way back."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("question_mark,f1", "keys", "Help", id="help", tooltip="Keys and signs"),
-        Binding("escape", "leave", "Back", id="leave", tooltip="To where this came from"),
+        Binding("escape", "leave", "Back", id="leave", tooltip="To the screen before"),
     ]
 
     def action_keys(self) -> None:
@@ -24,7 +24,7 @@ class StandaloneScreen(Screen[None]):
         self.app.push_screen(Help(self.app.screen))
 
     def action_leave(self) -> None:
-        """Go back to where this came from; leave the app when nothing lies below."""
+        """Go back to the screen before, or leave the app without one."""
         if len(self.app.screen_stack) > 1:
             self.app.pop_screen()
         else:
@@ -32,7 +32,7 @@ class StandaloneScreen(Screen[None]):
 
 
 class StandaloneApp(ThemedApp):
-    """Nothing but a replay, a comparison or a live world."""
+    """An app with only a replay, a comparison or a live world."""
 
     TITLE = "scenario"
     CSS_PATH = ["../dashboard.tcss", "../playing.tcss"]  # noqa: RUF012
@@ -48,12 +48,12 @@ class StandaloneApp(ThemedApp):
         self._first = screen
 
     def get_default_screen(self) -> Screen[None]:
-        """Begin with the screen."""
+        """Return the only screen."""
         return self._first
 
 
 def run_alone(screen: Screen[None]) -> int:
-    """Show a screen until somebody leaves it; return the exit code of the app."""
+    """Show a screen until the user leaves it; return the exit code of the app."""
     app = StandaloneApp(screen)
     app.limit_to_terminal()
     app.run()

@@ -1,6 +1,6 @@
 """Steering a campaign by keys, and its report.
 
-A key with nothing to do is grey. Pressed all the same, it says why (:class:`Refusal`).
+The key of an impossible action is grey, and shows the reason when pressed (:class:`Refusal`).
 """
 
 from __future__ import annotations
@@ -44,13 +44,13 @@ CommandLine = Callable[..., str]
 """Quotes a command about the daemon of this dashboard."""
 
 _LOST: Final = "lost|cancelled"
-"""Runs that `scenario retry` queues again without --only."""
+"""Default runs of `scenario retry`."""
 _KINDS: Final[tuple[tuple[str, str, str, Callable[[CampaignRow], int]], ...]] = (
     ("l", "lost and cancelled", _LOST, lambda row: row.lost + row.cancelled),
     ("f", "failed", "fail", lambda row: row.failed),
     ("e", "broken (error)", "error", lambda row: row.errors),
     ("i", "inconclusive", "inconclusive", lambda row: row.inconclusive),
-    ("a", "all that are over", "all", lambda row: row.done + row.lost + row.cancelled),
+    ("a", "all ended ones", "all", lambda row: row.done + row.lost + row.cancelled),
 )
 """Key, words, argument of --only and number of each kind of runs to queue again."""
 _SSH: Final = ("SSH_CONNECTION", "SSH_CLIENT", "SSH_TTY")
@@ -60,9 +60,9 @@ _OPENERS: Final = ("xdg-open", "open")
 
 @dataclass(frozen=True, slots=True)
 class _Steering:
-    """An action with a key: why it is impossible, empty if it is not, and the dialog before it.
+    """An action with a key: the reason why it is impossible, if any, and the dialog before it.
 
-    ``arguments`` makes the options of the command and the keywords of the request of an answer.
+    ``arguments`` turns the answer into options of the command and keywords of the request.
     """
 
     action: CampaignAction
@@ -82,7 +82,7 @@ def _ask_priority(row: CampaignRow, line: CommandLine) -> Prompt:
 
     span = f"−{HIGHEST_PRIORITY} to {HIGHEST_PRIORITY}"
     return Prompt(
-        f"Priority of {row.id}\n{span}, usual is 0; the highest goes first",
+        f"Priority of {row.id}\n{span}, default 0; the highest runs first",
         str(row.priority),
         Integer(-HIGHEST_PRIORITY, HIGHEST_PRIORITY, f"write a whole number, {span}"),
         lambda answer: line(PRIORITY.command, row.id, str(int(answer))),
@@ -96,8 +96,8 @@ def _ask_kind(row: CampaignRow, line: CommandLine) -> Menu:
         text = f"{words}: {runs:,}" if runs else f"{words}  (none)"
         command = line(RETRY.command, row.id, *_only(only))
         choices.append(MenuChoice(only, key, text, command, runs > 0))
-    waits = "It is paused: they wait until it is resumed. " if row.paused else ""
-    note = f"{waits}Runs that have a result keep it: running them again checks it."
+    waits = "It is paused, so they wait until it is resumed. " if row.paused else ""
+    note = f"{waits}Runs keep their result: another execution checks it."
     return Menu(f"Retry which runs of {row.id}?", choices, note)
 
 
@@ -109,13 +109,13 @@ def _only(kind: str) -> tuple[str, ...]:
 _STEERING: Final[Mapping[str, _Steering]] = {
     "pause": _Steering(
         PAUSE,
-        lambda row: f"{row.id} is finished: there is nothing to pause." if row.finished else "",
+        lambda row: f"{row.id} is finished, so it cannot be paused." if row.finished else "",
     ),
     "resume": _Steering(RESUME, lambda row: ""),
     "cancel": _Steering(
         CANCEL,
         lambda row: (
-            "" if row.queued + row.running else f"{row.id} is finished: nothing is left to cancel."
+            "" if row.queued + row.running else f"{row.id} is finished, so it cannot be cancelled."
         ),
         _question(
             CANCEL,
@@ -127,17 +127,17 @@ _STEERING: Final[Mapping[str, _Steering]] = {
     ),
     "retry": _Steering(
         RETRY,
-        lambda row: "" if _KINDS[-1][-1](row) else f"No run of {row.id} is over: nothing to retry.",
+        lambda row: "" if _KINDS[-1][-1](row) else f"No run of {row.id} has ended yet.",
         _ask_kind,
         lambda answer: (_only(answer), {"only": answer}),
     ),
     "acknowledge": _Steering(
         ACKNOWLEDGE,
-        lambda row: f"{row.id} is acknowledged, and nothing is new." if row.acknowledged else "",
+        lambda row: f"{row.id} is acknowledged already." if row.acknowledged else "",
     ),
     "priority": _Steering(
         PRIORITY,
-        lambda row: f"{row.id} is finished: its priority has no effect." if row.finished else "",
+        lambda row: f"{row.id} is finished, so its priority has no effect." if row.finished else "",
         _ask_priority,
         lambda answer: ((answer,), {"priority": int(answer)}),
     ),
@@ -148,7 +148,7 @@ _STEERING: Final[Mapping[str, _Steering]] = {
             DELETE,
             lambda row: (
                 f"Delete {row.id} with its {count_noun(row.total, 'run')}, results and traces?\n"
-                "Nothing brings them back."
+                "This cannot be undone."
             ),
         ),
     ),
@@ -156,7 +156,7 @@ _STEERING: Final[Mapping[str, _Steering]] = {
 
 
 def steering_keys(*in_line: str) -> list[BindingType]:
-    """Return the keys of all actions; those of the names ``in_line`` stand in the line of keys."""
+    """Return the keys of all actions; the line of keys shows those with the names ``in_line``."""
     return [
         Binding(
             one.action.key, f"steer('{name}')", one.action.name, show=name in in_line,
@@ -173,16 +173,16 @@ class SteeringScreen(BaseScreen[T]):
         *steering_keys(),
         Binding(
             "o", "report", "Report", show=False, id="report",
-            tooltip="Write it as a page with figures",
+            tooltip="Write a page with figures about it",
         ),
     ]  # fmt: skip
 
     def campaign(self) -> CampaignRow | None:
-        """Return the campaign the keys are about."""
-        return self.dashboard.known.campaign(self.about)
+        """Return the campaign of the keys."""
+        return self.dashboard.state.campaign(self.about)
 
     def command(self) -> str:
-        """Return what to type for the results of the campaign."""
+        """Return the command for the results of the campaign."""
         row = self.campaign()
         if row is None:
             return super().command()
@@ -194,20 +194,20 @@ class SteeringScreen(BaseScreen[T]):
     def why_not(self, action: str, *parameters: object) -> str:
         """Return why an action is impossible now, empty if it is possible."""
         why = super().why_not(action, *parameters)
-        # Before anything is known, nothing is known to be missing.
-        if why or action not in ("steer", "report", "matrix") or not self.dashboard.known.at:
+        # Before the first answer, the campaign may still come.
+        if why or action not in ("steer", "report", "matrix") or not self.dashboard.state.at:
             return why
         row = self.campaign()
         if row is None:
-            return "There is no campaign here to do that with."
+            return "There is no campaign under the cursor."
         if action == "steer":
             return _STEERING[str(parameters[0])].why_not(row)
         if action == "report":
             return self._why_no_report(row)
-        return f"{row.id} is a search: nothing was expected of its runs." if row.search else ""
+        return f"{row.id} is a search, which has no expectations." if row.search else ""
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Hide one of pausing and resuming, which have one key."""
+        """Hide pausing or resuming, which share a key."""
         if action == "steer" and parameters[0] in ("pause", "resume"):
             row = self.campaign() if self._composed else None
             if (row is not None and row.paused) != (parameters[0] == "resume"):
@@ -215,7 +215,7 @@ class SteeringScreen(BaseScreen[T]):
         return super().check_action(action, parameters)
 
     def _row(self) -> CampaignRow | None:
-        """Return the campaign, or refuse what was asked for before anything is known."""
+        """Return the campaign, or refuse the action before the first answer."""
         row = self.campaign()
         if row is None:
             self.app.push_screen(Refusal("The daemon has not answered yet."))
@@ -227,7 +227,7 @@ class SteeringScreen(BaseScreen[T]):
             self.dashboard.open("matrix", row.id)
 
     def action_steer(self, name: str) -> None:
-        """Do something to the campaign, after a dialog if the action has one."""
+        """Start an action on the campaign, after a dialog if it has one."""
         steering, row = _STEERING[name], self._row()
         if row is None:
             return
@@ -242,21 +242,21 @@ class SteeringScreen(BaseScreen[T]):
         self.app.push_screen(steering.dialog(row, self._line), decide)
 
     def _steer(self, steering: _Steering, row: CampaignRow, answer: str) -> None:
-        """Have the daemon do it; its outcome is shown with the command that does the same."""
+        """Request the action; its outcome is shown with the equivalent command."""
         action = steering.action
         options, keywords = steering.arguments(answer)
 
         def act(daemon: DaemonClient) -> str:
-            done = action.request(daemon, row.id, **keywords)
+            outcome = action.request(daemon, row.id, **keywords)
             if action is DELETE:
-                return deletion_text(done)
-            return action.outcome_text(row.id, done, self._line, **keywords)
+                return deletion_text(outcome)
+            return action.outcome_text(row.id, outcome, self._line, **keywords)
 
         line = self._line(action.command, row.id, *action.options, *options)
         self.dashboard.steer(act, line)
 
     def _why_no_report(self, row: CampaignRow) -> str:
-        overview = self.dashboard.known.overview
+        overview = self.dashboard.state.overview
         assert overview is not None
         if not StatePaths(Path(overview.state)).ledger.is_file():
             where = f"{overview.state} on the daemon's machine"
@@ -264,14 +264,14 @@ class SteeringScreen(BaseScreen[T]):
         return "" if row.done else f"No run of {row.id} has a result yet."
 
     def action_report(self) -> None:
-        """Write the report; when it is there, show it where that can be seen."""
+        """Write the report, and open it in a browser of this machine's screen."""
         dashboard, row = self.dashboard, self._row()
-        overview = dashboard.known.overview
+        overview = dashboard.state.overview
         if row is None or overview is None:
             return
         page, state = Path.cwd() / f"{row.id}.html", Path(overview.state)
         arguments = ["report", row.id, "-o", page.name]
-        # The directory is named unless the command finds it: what people may type stays short.
+        # Without the directory if the command finds it, to keep the line short.
         if dashboard.target.state or state != StatePaths.find().state:
             arguments += ["--state", str(dashboard.target.state or state)]
         command, doing = command_line(*arguments), f"writing the report of {row.id}"
@@ -295,19 +295,19 @@ class SteeringScreen(BaseScreen[T]):
 
 
 def has_display(environ: Mapping[str, str]) -> bool:
-    """Return whether somebody sits at this machine's own screen; never over SSH."""
-    # Even with a forwarded display: a browser over the line is not what anybody waits for.
+    """Return True if the user sits at this machine's own screen; never over SSH."""
+    # Even with a forwarded display, because a browser over the line would be slow.
     if any(environ.get(name) for name in _SSH):
         return False
     return sys.platform == "darwin" or any(environ.get(name) for name in _DISPLAYS)
 
 
 def open_in_browser(page: Path, environ: Mapping[str, str]) -> bool:
-    """Open a page in the browser of this machine's screen; return whether there is one."""
+    """Open a page in the browser of this machine's screen; return True if there is one."""
     opener = next(filter(None, map(shutil.which, _OPENERS)), None)
     if opener is None or not has_display(environ):
         return False
-    # A browser outlives the dashboard and must not write over it.
+    # The browser outlives the dashboard and must not write over it.
     subprocess.Popen(
         [opener, page.as_uri()],
         stdin=subprocess.DEVNULL,
@@ -319,7 +319,7 @@ def open_in_browser(page: Path, environ: Mapping[str, str]) -> bool:
 
 
 def schedule_marks(row: CampaignRow | None) -> list[str]:
-    """Return what is unusual about when the runs of a campaign start."""
+    """Return unusual facts about the start of a campaign's runs."""
     if row is None:
         return []
     paused = "‖ paused" if row.paused and not row.finished else ""

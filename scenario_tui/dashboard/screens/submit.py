@@ -1,4 +1,4 @@
-"""Submitting a campaign: those of this folder, what the check says of the chosen one, Enter."""
+"""Submission of a campaign: the files of this folder, and the findings of the chosen one."""
 
 from __future__ import annotations
 
@@ -26,30 +26,30 @@ from grammars.text.words import count_noun
 from scenario_tui.campaign_files import find_files, fuzzy_matches, is_campaign, relative_name
 from scenario_tui.dashboard.screens.base import BaseScreen
 from scenario_tui.dashboard.screens.dialogs import move_cursor, same_as
-from scenario_tui.dashboard.state import Known
+from scenario_tui.dashboard.state import DashboardState
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.library.submission import CheckedFile, plan_text, receipt_text, searches_text
 from scenario_tui.text.diagnostics import diagnostic_counts, render_diagnostic
 from scenario_tui.text.styles import GLYPHS, QUIET
 
 _PAUSE: Final = 0.15
-"""Seconds the cursor rests on a file before it is checked."""
+"""Seconds for which the cursor rests on a file before its check."""
 _DEMO: Final = "the demo that comes with scenario"
 
 
 class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
-    """Choose a campaign file by typing parts of its name; it is checked while you look."""
+    """Chooses a campaign file by parts of its name, and checks it meanwhile."""
 
     AUTO_FOCUS = "#wanted"
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("enter", "submit_file", "Submit", id="submit-file", priority=True,
-                tooltip="Hand the campaign to the daemon"),
+                tooltip="Submit the campaign to the daemon"),
         Binding("down", "move(1)", "Next", id="next-file", key_display="↓", priority=True,
                 tooltip="The next file"),
         Binding("up", "move(-1)", "Before", id="previous-file", key_display="↑", priority=True,
                 tooltip="The file before"),
         Binding("ctrl+r", "fresh", "Run all anew", id="fresh", priority=True,
-                tooltip="Also what has a result already, or only what has none"),
+                tooltip="Run all runs, or only those without a result"),
     ]  # fmt: skip
 
     def __init__(self) -> None:
@@ -63,7 +63,7 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
         self._about = StaticText(id="about")
 
     def body(self) -> ComposeResult:
-        """The line to type into, the files that fit, what the check says."""
+        """Lay out the line to type into, the matching files, the findings."""
         yield self._line
         with Container(id="picker"):
             yield self._list
@@ -80,42 +80,42 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
         )
 
     def trail(self) -> str:
-        """Return the folder, the number of files, and whether everything is run anew."""
+        """Return the folder, the number of files, and a note if all runs run anew."""
         parts = ["submit a campaign", f"{self._here}"]
         if self._files:
             parts.append(f"{self._list.option_count} of {count_noun(len(self._files), 'file')}")
         return "  ".join([*parts, *(["everything anew"] if self._fresh else [])])
 
     def command(self) -> str:
-        """Return what to type to submit the file chosen."""
+        """Return the command that submits the chosen file."""
         path = self._chosen()
         name = "CAMPAIGN.yaml" if path is None else relative_name(path, self._here)
         fresh = ("--fresh",) if self._fresh else ()
         return self.dashboard.target.command("submit", name, *fresh)
 
-    def fetch(self, daemon: DaemonClient, known: Known) -> tuple[WorkerRow, ...]:
-        """Return the workers, which say how many runs go at a time."""
+    def fetch(self, daemon: DaemonClient, state: DashboardState) -> tuple[WorkerRow, ...]:
+        """Return the workers, for the number of parallel runs."""
         return daemon.workers()
 
-    def show(self, known: Known, news: tuple[WorkerRow, ...] | None) -> None:
-        """Show what the check says."""
+    def show(self, state: DashboardState, news: tuple[WorkerRow, ...] | None) -> None:
+        """Show the findings."""
         self._say()
 
     def _list_files(self, near: tuple[Path, ...]) -> None:
-        """List the files, those used last and then those changed last, and then the demo."""
+        """List the last submitted files, then the last changed ones, then the demo."""
         demo = Path(str(files("campaigns"))) / "demo" / "campaign.yaml"
         used = [path for path in self.dashboard.submitted if path in near]
         own = [path for path in dict.fromkeys((*used, *near)) if path != demo]
-        # Behind their own files: who types "demo" means the one in front of them.
+        # The demo comes last, because the user's own files may have "demo" in their names.
         self._files = {relative_name(path, self._here): path for path in own} | {_DEMO: demo}
         self._narrow()
 
     def on_input_changed(self) -> None:
-        """Narrow the files down to what is typed."""
+        """List the files that match the typed text."""
         self._narrow()
 
     def _narrow(self) -> None:
-        """List the files that fit what is typed."""
+        """List the files that match the typed text."""
         names = fuzzy_matches(tuple(self._files), self._line.value)
         self._list.set_options(
             Option(Text(name, no_wrap=True, overflow="ellipsis"), name) for name in names
@@ -128,7 +128,7 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
         return None if option is None else self._files[str(option.id)]
 
     def on_option_list_option_highlighted(self) -> None:
-        """Check the file the cursor came to, once it rests there."""
+        """Check the file under the cursor, once it rests there."""
         self._refused = ""
         self._say()
         if (path := self._chosen()) is not None:
@@ -136,9 +136,9 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
 
     @work(exclusive=True)
     async def _check(self, path: Path) -> None:
-        """Check a file once the cursor rests on it; what it named before may have changed."""
+        """Check a file once the cursor rests on it, again each time: it may have changed."""
         await asyncio.sleep(_PAUSE)
-        overview = self.dashboard.known.overview
+        overview = self.dashboard.state.overview
         state = Path(overview.state) if overview is not None else None
         try:
             checked = await asyncio.to_thread(self.dashboard.check_file, path, state=state)
@@ -148,10 +148,10 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
         self._say()
 
     def _say(self) -> None:
-        """Show what the check says of the file under the cursor."""
+        """Show the findings of the file under the cursor."""
         path = self._chosen()
         if path is None:
-            self._about.update("No campaign file fits." if self._files else "")
+            self._about.update("No campaign file matches." if self._files else "")
             return
         if self.dashboard.submitting or path not in self._checked:
             text = Text("… submitting" if self.dashboard.submitting else "… checking", style=QUIET)
@@ -171,7 +171,7 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
         self._about.update(text)
 
     def action_submit_file(self) -> None:
-        """Submit the file, unless something is wrong with it."""
+        """Submit the file, unless it has errors."""
         path = self._chosen()
         if path is not None and not self.dashboard.submitting:
             self._refused, self.dashboard.submitting = "", relative_name(path, self._here)
@@ -183,7 +183,7 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
             )
 
     def _submit(self, path: Path, fresh: bool) -> tuple[CheckedFile, SubmissionReceipt | None]:
-        """Read a file anew, which may have changed, and hand it over; in a thread of its own.
+        """Read a file anew, because it may have changed, and submit it; in a separate thread.
 
         A daemon under load may take longer than the feed waits for its answers.
         """
@@ -196,12 +196,12 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
     def _leave_with(
         self, path: Path, command: str, handed_over: tuple[CheckedFile, SubmissionReceipt | None]
     ) -> None:
-        """Go back to the campaigns once the daemon has this one; stay where it has not."""
+        """Go back to the campaigns if the daemon has this one; otherwise stay."""
         checked, receipt = handed_over
         if receipt is None:
             self._checked[path] = checked
-            wrong = [one for one in checked.findings if one.severity is Severity.ERROR]
-            self._refuse(str(wrong[0]))
+            errors = [one for one in checked.findings if one.severity is Severity.ERROR]
+            self._refuse(str(errors[0]))
             return
         self.dashboard.submitting = ""
         self.dashboard.remember(path, receipt.campaign)
@@ -220,12 +220,12 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
         move_cursor(self._list, step)
 
     def action_fresh(self) -> None:
-        """Run everything anew, or only what has no result."""
+        """Run all runs, or only those without a result."""
         self._fresh = not self._fresh
         self.update_from_state()
 
     def action_back(self) -> None:
-        """Forget what was typed first, then leave."""
+        """Clear the typed text first, then leave."""
         if self._line.value:
             self._line.value = ""
         else:
@@ -233,15 +233,15 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
 
 
 def _checked_text(checked: CheckedFile, here: Path) -> Text:
-    """Return a file and its findings in words; other files are named from ``here``."""
-    wrong = any(one.severity is Severity.ERROR for one in checked.findings)
+    """Return a file and its findings in words; paths are relative to ``here``."""
+    has_errors = any(one.severity is Severity.ERROR for one in checked.findings)
     about = f"{checked.about}, " if checked.about else ""
-    word = "fail" if wrong else "pass"
+    word = "fail" if has_errors else "pass"
     words = f"{GLYPHS[word]} {about}{diagnostic_counts(checked.findings)}"
     text = Text.assemble((words, word))
     for finding in checked.findings:
         where = finding.where
-        # Screens are narrow: from here the name is shorter.
+        # Relative paths are shorter, and screens are narrow.
         file = relative_name(Path(os.path.normpath(where.file)), here) if where.file else ""
         nearer = replace(finding, where=replace(where, file=file))
         text.append("\n\n").append_text(render_diagnostic(nearer))

@@ -1,4 +1,4 @@
-"""The workers slot by slot: the run in each, how far it is, and the load of their machines."""
+"""The workers slot by slot: the run in each, its progress, and the load of the machine."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from textual.app import ComposeResult
 from grammars.text.words import count_noun, duration_text
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.filtering import FilteredScreen
-from scenario_tui.dashboard.state import Known
+from scenario_tui.dashboard.state import DashboardState
 from scenario_tui.dashboard.widgets.running_grid import progress_bar, running_page
 from scenario_tui.dashboard.widgets.static_text import StaticText
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
@@ -38,12 +38,10 @@ _COLUMNS: Final = (
 )
 _BAR: Final = 4
 _NOBODY: Final = (
-    "No worker is connected: nothing runs. In another terminal, here or elsewhere, type\n\n"
+    "No worker is connected, so no run can start. In another terminal, here or elsewhere, type\n\n"
     "    scenario worker --connect tls/<this machine>:7447\n\n"
-    "or start the daemon with slots of its own: scenario daemon --slots 4"
+    "or start the daemon with its own slots: scenario daemon --slots 4"
 )
-
-
 _KEYS: Final[Mapping[str, Callable[[WorkerRow], Any]]] = {
     "worker": lambda row: row.id,
     "CPU": lambda row: row.cpu,
@@ -55,34 +53,34 @@ _KEYS: Final[Mapping[str, Callable[[WorkerRow], Any]]] = {
 
 @dataclass(frozen=True, slots=True)
 class WorkersNews:
-    """The workers, and the names of the runs under way by their id."""
+    """The workers, and the names of running runs by their id."""
 
     workers: tuple[WorkerRow, ...]
     runs: Mapping[str, str]
 
 
 class WorkersScreen(FilteredScreen[WorkersNews]):
-    """The slots of all workers: what they execute, how busy their machines are."""
+    """The slots of all workers: their runs, and the load of their machines."""
 
     SORTS: ClassVar = dict.fromkeys(_KEYS, True) | {"worker": False}
 
     def body(self) -> ComposeResult:
-        """The table."""
+        """Lay out the table."""
         yield self.filter_line()
         yield StaticText(id="empty")
         yield KeyedTable(_COLUMNS, id="workers")
 
     def on_mount(self) -> None:
-        """Ask again and again: no event tells how busy a machine is."""
+        """Fetch again and again, because no event reports the load of a machine."""
         self.set_interval(1.0, self._ask_again)
 
     def _ask_again(self) -> None:
         if self.is_current:
             self.ask()
 
-    def fetch(self, daemon: DaemonClient, known: Known) -> WorkersNews:
-        """Return the workers and what they execute."""
-        page = running_page(daemon, known)
+    def fetch(self, daemon: DaemonClient, state: DashboardState) -> WorkersNews:
+        """Return the workers and their runs."""
+        page = running_page(daemon, state)
         return WorkersNews(daemon.workers(), {row.id: run_label(row) for row in page.rows})
 
     def trail(self) -> str:
@@ -93,14 +91,14 @@ class WorkersScreen(FilteredScreen[WorkersNews]):
         away = f", {len(rows) - len(here)} away" if len(here) < len(rows) else ""
         return f"workers ({len(here)}{away})  {busy} of {count_noun(slots, 'slot')} busy"
 
-    def show(self, known: Known, news: WorkersNews | None) -> None:
+    def show(self, state: DashboardState, news: WorkersNews | None) -> None:
         """Fill the table."""
         now, tracks = self.dashboard.clock(), self.dashboard.tracks
         workers, labels = (news.workers, news.runs) if news else ((), {})
         cells = [(one, row) for one in workers for row in slot_rows(one, labels, tracks, now)]
         rows = self.arrangement.apply(cells, _KEYS)
         above, table = self.query_one("#empty"), self.query_one(KeyedTable)
-        message = self._message(known, workers) if news else ""
+        message = self._message(state, workers) if news else ""
         message = message or ("" if rows or not news else self.no_match())
         above.set_class(bool(workers), "-above")
         show_message_or(above, table, message)
@@ -109,12 +107,12 @@ class WorkersScreen(FilteredScreen[WorkersNews]):
         if self.focused is None:
             table.focus()
 
-    def _message(self, known: Known, workers: tuple[WorkerRow, ...]) -> str:
-        """Return what keeps all workers, or some, from executing runs."""
-        trouble = known.overview.trouble.strip() if known.overview else ""
+    def _message(self, state: DashboardState, workers: tuple[WorkerRow, ...]) -> str:
+        """Return the problems that keep workers from executing runs."""
+        trouble = state.overview.trouble.strip() if state.overview else ""
         nobody = f"No run can start:\n\n{trouble}" if trouble else "" if workers else _NOBODY
-        # Beside those that stop everything: what keeps one worker, or some runs, from it.
-        troubles = known.overview.troubles if known.overview else ()
+        # Then the problems of single workers, or of some runs.
+        troubles = state.overview.troubles if state.overview else ()
         others = [f"! {one.words}" for one in troubles[bool(trouble) :]]
         busy = [f"{row.id}: {row.preparing}" for row in workers if row.preparing]
         return "\n\n".join(filter(None, (nobody, *busy, *others)))
@@ -131,7 +129,7 @@ def slot_rows(
 ) -> Iterator[Row]:
     """Yield a row for each run of a worker, then one for its idle slots.
 
-    ``labels`` name runs. The first row says what is true of the whole worker.
+    ``labels`` name runs. Only the first row has the facts about the whole worker.
     """
     load, memory = Text("away" if worker.away else "", style="inconclusive"), ""
     if worker.memory_total and not worker.away:
@@ -139,14 +137,14 @@ def slot_rows(
         load = Text.assemble(("█" * done, "running"), ("·" * (_BAR - done), QUIET))
         load.append(f"{worker.cpu:>5.0%}")
         memory = f"{worker.memory / 1e9:.1f} of {worker.memory_total / 1e9:.0f} GB"
-    heard, here = age_text(worker.last_seen_at, now), duration_text(now - worker.connected_at)
-    rest = (load, *map(Text, (memory, heard, here, worker.host, worker.version)))
+    age, here = age_text(worker.last_seen_at, now), duration_text(now - worker.connected_at)
+    rest = (load, *map(Text, (memory, age, here, worker.host, worker.version)))
     for run in worker.runs:
         track = tracks.get(run)
-        seen = track.snapshot if track else None
-        progress = progress_bar(seen).append(" ") if seen and not seen.waiting else Text()
-        progress.append(reached_text(seen, limit=False))
-        # The runs were asked for a moment earlier than the workers.
+        last = track.snapshot if track else None
+        progress = progress_bar(last).append(" ") if last and not last.waiting else Text()
+        progress.append(reached_text(last, limit=False))
+        # The list of runs is a moment older than the workers, and may lack this one.
         cells = (Text(worker.id), Text(labels.get(run, run)), progress, *rest)
         yield f"{worker.id} {run}", cells
         rest = (Text(),) * len(rest)

@@ -24,7 +24,7 @@ def fill_areas(edges: Floats, width: int, height: int) -> Mask:
     """Return the squares (height, width) whose middle lies in an area.
 
     ``edges`` (n, 4) are x0, y0, x1, y1 of closed rings, in squares from the upper left corner. All
-    rings turn the same way around, and what lies in any of them is filled.
+    rings turn the same way around, and the union of them is filled.
     """
     x0, y0, x1, y1 = edges.T
     down = np.where(y1 > y0, 1, -1)
@@ -53,7 +53,7 @@ def draw_strokes(mask: Mask, lines: Floats) -> None:
     """Set the squares along straight lines (n, 4) as x0, y0, x1, y1, one square thick."""
     height, width = mask.shape
     low, high = np.minimum(lines[:, :2], lines[:, 2:]), np.maximum(lines[:, :2], lines[:, 2:])
-    # Zoomed, most lines have nothing of their box on the screen.
+    # In a zoomed map most lines are off the screen.
     lines = lines[np.all((high >= 0) & (low <= (width, height)), axis=1)]
     x, y = np.floor(points_along(lines)).astype(np.int64).T
     inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
@@ -84,7 +84,7 @@ def middle_line(ring: Floats) -> Floats:
     reach, breadth = ring @ along, ring @ across
     middle = (breadth.min() + breadth.max()) / 2.0
     off, next_off = breadth - middle, np.roll(breadth, -1) - middle
-    # It ends where it crosses the ring: walls are cut aslant where they meet.
+    # It ends at the ring, because walls are cut at an angle where they meet.
     crossing = off * next_off < 0.0
     ways = (np.roll(reach, -1) - reach)[crossing]
     at = reach[crossing] + off[crossing] / (off - next_off)[crossing] * ways

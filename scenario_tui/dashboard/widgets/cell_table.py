@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from daemon.model.assessments import CellAssessment
 
 _NARROWEST: Final = 16
-"""Columns of a cell at least: a verdict and its margin. More cells than fit are scrolled."""
+"""Least columns of a cell, for a verdict and its margin; the table scrolls if they do not fit."""
 COMFORTABLE: Final = 36
-"""Columns of a cell at most: cells far from each other are not seen as one picture."""
+"""Most columns of a cell, so that the cells are seen as one picture."""
 
 
 class CellTable(DataTable[Text]):
@@ -47,14 +47,14 @@ class CellTable(DataTable[Text]):
 
     @property
     def cell(self) -> CellAssessment | None:
-        """The cell under the cursor, ``None`` where there is none."""
+        """The cell under the cursor, if any."""
         row, column = self.cursor_coordinate
         if row < len(self._labels) and column < len(self._titles):
             return self._cells.get((self._labels[row], self._titles[column]))
         return None
 
     def show(self, results: CampaignResults) -> None:
-        """Show the matrix; the cursor stays on its cell, cells that look the same are not drawn."""
+        """Show the matrix; the cursor stays on its cell, and unchanged cells are not drawn."""
         before = self.cell
         self._results = results
         self._cells = {(cell.scenario, cell.sut): cell for cell in results.assessment.cells}
@@ -71,15 +71,15 @@ class CellTable(DataTable[Text]):
             self.go_to(before.scenario, before.sut)
 
     def go_to(self, scenario: str, sut: str) -> None:
-        """Move the cursor to a cell, to the first one if there is no such cell."""
+        """Move the cursor to a cell, or to the first one if that does not exist."""
         is_here = scenario in self._labels and sut in self._titles
         place = (self._labels.index(scenario), self._titles.index(sut)) if is_here else (0, 0)
         self.move_cursor(row=place[0], column=place[1], animate=False)
 
     def go_to_news(self, step: int) -> bool:
-        """Move the cursor to the next cell that is not as expected, or with -1 to the one before.
+        """Move the cursor to the next unexpected cell, or with -1 to the one before.
 
-        The first one follows the last. Return whether there is one.
+        The first one follows the last. Return True if there is one.
         """
         places = [(label, title) for label in self._labels for title in self._titles]
         row, column = self.cursor_coordinate
@@ -91,7 +91,7 @@ class CellTable(DataTable[Text]):
         return bool(news)
 
     def on_resize(self) -> None:
-        """Make the cells as wide as there is room."""
+        """Fit the cells to the new width."""
         self._fill()
 
     def _around(self) -> int:
@@ -109,14 +109,14 @@ class CellTable(DataTable[Text]):
         for row, label in enumerate(self._labels):
             for column, title in enumerate(self._titles):
                 cell = heat_cell(self._cells.get((label, title)), self._results, width)
-                # A cell that is set has its row drawn and its column measured again: over a slow
-                # line a matrix in which nothing changes shall cost nothing.
+                # Setting a cell draws its row and measures its column again, so an unchanged one is
+                # skipped, for slow lines.
                 place = Coordinate(row, column)
                 if not same_text(cell, self.get_cell_at(place)):
                     self.update_cell_at(place, cell)
 
     def _begin(self, width: int) -> None:
-        """Make empty cells anew."""
+        """Replace all cells by empty ones."""
         cursor = self.cursor_coordinate
         self.clear(columns=True)
         self._width = width
@@ -129,5 +129,5 @@ class CellTable(DataTable[Text]):
         self.move_cursor(row=cursor.row, column=cursor.column, animate=False)
 
     def get_content_height(self, container: Size, viewport: Size, width: int) -> int:
-        """Return the height of titles and rows, also while rows that are new wait to be drawn."""
+        """Return the height of titles and rows, including new rows that are not drawn yet."""
         return 1 + CELL_LINES * len(self._labels)

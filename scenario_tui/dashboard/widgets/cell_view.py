@@ -1,6 +1,6 @@
 """Drawing in terminal cells: a canvas of braille dots, and the widget that shows cells.
 
-Only cells that changed go to the terminal.
+Only changed cells go to the terminal.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from textual.widget import Widget
 
 from grammars.model.geometry import Floats
 
-# Own drawing, for what there is costs more. Measured for a map with laser and trail on 80x24, ten
-# frames a second, CPU a frame and bytes to the terminal: this 3.3 ms and 29 kB/s (86 without
+# Our own drawing, because libraries cost more. Measured for a map with laser and trail on 80x24,
+# ten frames a second, CPU per frame and bytes to the terminal: this 3.3 ms and 29 kB/s (86 without
 # changed_spans), textual-hires-canvas 5.2 ms and 106 kB/s, textual-plot 13.9 ms and 244 kB/s,
 # textual-plotext 21.1 ms and 137 kB/s.
 
@@ -33,9 +33,8 @@ DOT_BITS: Final = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x8
 Cells = npt.NDArray[np.uint8]
 Codes = npt.NDArray[np.int32]
 _GAP: Final = 16
-"""Unchanged cells between two changed ones that are drawn along. More than the 6 that
-:class:`~scenario_tui.terminal.limited_terminal.TerminalDiff` sends along, which takes these out
-again: here every part is work for the compositor.
+"""Most unchanged cells between two changed ones to draw in one part, because each part is work for
+the compositor. :class:`~scenario_tui.terminal.limited_terminal.TerminalDiff` removes them again.
 """
 
 
@@ -68,7 +67,7 @@ class Canvas:
         inside = np.all((whole >= 0) & (whole < (self.width, self.height)), axis=1)
         x, y = whole[inside].T
         bits = DOT_BITS[y % 4, x % 2]
-        # With .at every dot counts: of several in one cell plain indexing would keep the last.
+        # With .at, because plain indexing would keep only the last of several dots in a cell.
         np.bitwise_or.at(self.dots[layer], (y // 4, x // 2), bits)
 
     def lines(self, segments: Floats, layer: int, size: int = 1) -> None:
@@ -76,13 +75,13 @@ class Canvas:
         self.points(points_along(segments), layer, size)
 
     def dotted_line(self, down: float, layer: int) -> None:
-        """Draw a limit across, ``down`` dots from the top: told from curves without colour."""
+        """Draw a limit across, ``down`` dots from the top, distinct from curves without colours."""
         self.points(np.array([(right, down) for right in range(0, self.width, 4)]), layer)
 
     def bars(self, columns: Codes, tops: Floats, bottoms: Floats, layer: int) -> None:
         """Fill columns of dots (n,) from ``tops`` to ``bottoms`` (n,), the rows of both included.
 
-        What ``lines`` would draw, upright only, in a third of the time.
+        Draws upright lines in a third of the time of :meth:`lines`.
         """
         rows = np.arange(self.height)[:, None]
         filled = np.zeros((self.height, self.width), dtype=np.uint8)
@@ -116,7 +115,7 @@ def segments(codes: Codes, owners: Codes, styles: Sequence[Style]) -> list[Segme
 
 @lru_cache(maxsize=64)
 def _over(styles: tuple[Style, ...], base: Style) -> tuple[Style, ...]:
-    """Return styles over ``base``, and last, where index -1 points to, that alone."""
+    """Return styles over ``base``, and ``base`` alone at the last index, -1."""
     return (*(base + style for style in styles), base)
 
 
@@ -128,7 +127,7 @@ def text_lines(codes: Codes, owners: Codes, styles: Sequence[Style]) -> list[Tex
 
 
 def write_text(codes: Codes, owners: Codes, row: int, column: int, text: str, owner: int) -> None:
-    """Write a text over cells (rows, columns), as far as it goes; nothing beside their rows."""
+    """Write a text over cells (rows, columns), cut to their rows."""
     room = text[: max(codes.shape[1] - column, 0)]
     if 0 <= row < len(codes):
         codes[row, column : column + len(room)] = [ord(sign) for sign in room]
@@ -149,7 +148,7 @@ def changed_spans(before: Codes, after: Codes) -> list[Region]:
 
 
 class CellView(Widget):
-    """Shows what :meth:`cells` returns; call :meth:`redraw` when that changed."""
+    """Shows the cells of :meth:`cells`; call :meth:`redraw` after a change."""
 
     STYLES: ClassVar[tuple[Style, ...]] = ()
 
@@ -160,7 +159,7 @@ class CellView(Widget):
         raise NotImplementedError
 
     def redraw(self) -> None:
-        """Draw anew and have the terminal told of what changed."""
+        """Draw anew, and send the changed cells to the terminal."""
         before, size = self._cells, self.size
         cells = self.cells(*size) if size else None
         after = self._cells = None if cells is None else np.stack(cells)

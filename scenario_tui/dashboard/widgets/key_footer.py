@@ -1,4 +1,4 @@
-"""The line of keys at the bottom, drawn anew only when another key or name stands in it."""
+"""The line of keys at the bottom, drawn anew only after a change of a key or name."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from textual.screen import Screen
 from textual.widget import Widget
 
 _ROOMY: Final = 80
-"""Columns in which the keys of most screens have room."""
+"""Columns that hold the keys of most screens."""
 _GAP: Final = 2
 """Columns between two keys."""
 
 
 class _Key(NamedTuple):
-    """A key as it is shown, and what it does."""
+    """A key with its display, and its action."""
 
     face: str
     name: str
@@ -31,10 +31,10 @@ class _Key(NamedTuple):
 
 
 class KeyFooter(Widget):
-    """The keys of a screen; those under the pointer can be clicked on.
+    """The clickable keys of a screen.
 
-    Textual's own line of keys has a widget for each, which it replaces whenever the focus moves and
-    for which it lays out the whole screen: most of the time that a screen took to be there.
+    Textual's own line of keys has a widget for each key. It replaces them at each move of the focus
+    and lays out the whole screen, which took most of the time to open a screen.
     """
 
     ALLOW_SELECT = False
@@ -80,8 +80,8 @@ class KeyFooter(Widget):
         self.screen.bindings_updated_signal.unsubscribe(self)
 
     def show_keys(self, screen: Screen[object]) -> None:
-        """Show the keys that a screen has now."""
-        # Without the focus of the terminal there are none of what has it here: that comes back.
+        """Show the present keys of a screen."""
+        # A terminal without focus has no keys of a focused widget, but these come back.
         if screen is self.screen and self.app.app_focus:
             keys = self._offered(screen)
             if keys != self._keys:
@@ -99,7 +99,7 @@ class KeyFooter(Widget):
         return tuple(offered.values())
 
     def _shown(self) -> tuple[_Key, ...]:
-        """Return the keys in their order: that of the help first where not all have room."""
+        """Return the keys in their order, in a narrow line with the key of the help first."""
         if self.size.width >= _ROOMY:
             return self._keys
         return tuple(sorted(self._keys, key=lambda one: one.action != "keys"))
@@ -130,7 +130,7 @@ class KeyFooter(Widget):
         return None
 
     def on_mouse_down(self, event: events.MouseDown) -> None:
-        """Do what the key under the pointer does."""
+        """Press the key under the pointer."""
         key = self._at(event.x)
         if key is not None and key.enabled:
             self.app.simulate_key(key.key)
@@ -138,11 +138,11 @@ class KeyFooter(Widget):
             self.app.bell()
 
     def on_mouse_move(self, event: events.MouseMove) -> None:
-        """Say more of the key under the pointer."""
+        """Explain the key under the pointer."""
         self._point(self._at(event.x))
 
     def on_leave(self) -> None:
-        """Point at nothing any more."""
+        """Remove the explanation."""
         self._point(None)
 
     def _point(self, key: _Key | None) -> None:

@@ -37,22 +37,22 @@ from templates.plan_shapes import MeasuredMark, PlanShape, Points, ShapeRole
 _DOT_GAP: Final = 3.0
 """Dots of the canvas from one dot of a plan to the next."""
 _THICK: Final = 2
-"""Dots across the trail near something, told from the rest without colours, and a costmap's cell,
-which leaves gaps otherwise."""
+"""Thickness [dots] of the trail near an object, distinct without colours, and of costmap cells,
+which would leave gaps otherwise.
+"""
 _LEAST_BODY: Final = 4.0
-"""Dots a robot is long at least to be shown with a line to its nose."""
+"""Least length [dots] of a robot with a line to its nose."""
 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """A moment of a run: ``robot_pose`` is ``None`` before anything was heard of the robot.
+    """A moment of a run; ``robot_pose`` is ``None`` before the first snapshot.
 
-    ``returns`` of the laser, the ``plan`` and ``contacts`` are those of this moment; all points in
-    the map frame [m]. ``spread`` is how sure the estimate is of its position: xx, xy and yy of the
-    covariance [m²]. ``clearances`` [m] belong to the points of the ``trail``, as many, NaN where
-    unknown, or there are none; ``limit`` [m] is the clearance an oracle asks for. ``costmaps`` are
-    the middles of their cells that block the robot, by name, the one shown unless another is
-    chosen first. ``decisive`` is what decides a verdict at this moment.
+    ``returns`` of the laser, the ``plan`` and ``contacts`` belong to this moment; all points are in
+    the map frame [m]. ``spread`` is the covariance of the estimated position, xx, xy and yy [m²].
+    ``clearances`` [m] belong to the points of the ``trail``, NaN if unknown, or are empty.
+    ``limit`` [m] is the clearance that an oracle requires. ``costmaps`` are the middles of blocking
+    cells by name, the default first. ``decisive`` is the object that decides a verdict now.
     """
 
     scene: Scene
@@ -79,9 +79,9 @@ class View:
 
 
 def shapes_of(view: View, costmap: str | None = None) -> Iterator[PlanShape]:
-    """Yield the shapes that move or change in a run, those painted over others later.
+    """Yield the shapes that move or change in a run, in the order of painting.
 
-    ``costmap`` is the name of the one to show, empty for none, ``None`` for the first.
+    ``costmap`` is the name of the one to show, empty for none, ``None`` for the default.
     """
     positions = dict(zip(view.scene.joint_names, view.joints, strict=True))
     name = next(iter(view.costmaps), "") if costmap is None else costmap
@@ -118,19 +118,19 @@ class MapFrame:
     @property
     def layers(self) -> frozenset[Layer]:
         """The layers with something on the map, for the legend."""
-        drawn = {layer for layer, dots in zip(Layer, self.canvas.dots, strict=True) if dots.any()}
-        return frozenset(drawn).union(layer for layer, _, _ in self._signs)
+        layers = {layer for layer, dots in zip(Layer, self.canvas.dots, strict=True) if dots.any()}
+        return frozenset(layers).union(layer for layer, _, _ in self._signs)
 
     def draw(self, shape: PlanShape) -> None:
-        """Draw a shape that moves."""
+        """Draw a moving shape."""
         role, layer = shape.role, LAYER_OF[shape.role]
         points = [np.asarray(part, dtype=np.float64) for part in shape.parts if len(part)]
-        # A recording may have poses that are no numbers: they are nowhere.
+        # A recording may have poses that are not finite: leave them out.
         points = [part[np.isfinite(part).all(axis=1)] for part in points]
         points = [part for part in points if len(part) > (role is ShapeRole.HEADING)]
         if not points:
             return
-        # All at once: each call of numpy takes its time.
+        # All at once, because each call of numpy takes time.
         dots = self.still.projection.dots(np.vstack(points))
         parts = np.split(dots, np.cumsum([len(part) for part in points])[:-1])
         if role is ShapeRole.MOVER:
@@ -138,7 +138,7 @@ class MapFrame:
         if shape.form == "dots" and role in _SIGNS:
             self._sign(dots, _SIGNS[role], layer)
             if shape.text:
-                # With its sign: that of a contact may be in its place.
+                # With its sign, because a contact may cover the sign on the map.
                 self._measure = (f"{_SIGNS[role]} {shape.text}", layer, dots)
         elif shape.form == "dots":
             self.canvas.points(dots, layer, _THICK if role is ShapeRole.COSTMAP else 1)
@@ -159,7 +159,7 @@ class MapFrame:
                 self.canvas.dots[layer] |= area
 
     def _head(self, line: Floats, layer: Layer) -> None:
-        """Draw the way a robot looks: a line to its nose where it is large, and an arrow."""
+        """Draw the heading of a robot: an arrow, and a line to the nose of a large one."""
         right, down = line[1] - line[0]
         if math.hypot(right, down) > _LEAST_BODY:
             self.canvas.lines(line.reshape(1, 4), Layer.ROBOT)
@@ -176,7 +176,7 @@ class MapFrame:
         """Return code points and styles, shape (rows, columns) each; style -1 is empty."""
         codes, owners = self.canvas.cells()
         still, solid = self.still, self.still.walls > 0
-        # A wall with something before it is dots as well; where the laser meets it, it is lit.
+        # A wall behind another layer is drawn as dots; a laser return lights it.
         codes[solid] |= still.walls[solid]
         lit = solid & (owners == Layer.RETURN)
         plain = lit | (solid & (owners <= Layer.LOW))
@@ -190,12 +190,12 @@ class MapFrame:
         return codes, owners
 
     def _texts(self, owners: Codes) -> Iterator[MapLabel]:
-        """Yield the texts that have room, those that matter most first."""
+        """Yield the texts that fit, the most important first."""
         still, walls = self.still, self.still.walls > 0
         free = np.ones(owners.shape, dtype=np.bool_)
         for _, place, _ in self._signs:
             free[place] = False
-        # Reached ones come first: a cell with another one in it is still ahead.
+        # Reached ones first, so that a cell with another one in it counts as ahead.
         numbers = {
             place: replace(still.numbers[place], layer=layer)
             for layer, place, _ in self._signs
@@ -209,14 +209,14 @@ class MapFrame:
         free &= owners < Layer.TRAIL
         yield from _with_room(still.names, free)
         free &= ~walls
-        # Names of what moves, where the map is large enough for names.
+        # Names of movers, if the map is large enough for names.
         for text, dots in self._movers.items() if still.names else ():
             if name := place_beside(text, Layer.DOOR_NAME, box_of(dots), free):
                 yield name
 
 
 def _with_room(texts: Iterable[MapLabel], free: Mask) -> list[MapLabel]:
-    """Return the texts whose cells are ``free`` (rows, columns); these are so no longer."""
+    """Return the texts whose cells are ``free`` (rows, columns), and mark these as taken."""
     fitting = [text for text in texts if free[text.cells].all()]
     for text in fitting:
         text.take_place(free)
@@ -245,7 +245,7 @@ def _along(dots: Floats, gap: float) -> Floats:
 
 
 def _joined(shapes: Iterable[PlanShape]) -> Iterator[PlanShape]:
-    """Yield neighbours that are alike as one, for every drawing takes its time."""
+    """Yield neighbouring shapes of one kind as one, because every drawing takes time."""
     for (role, form, text), same in itertools.groupby(
         shapes, key=lambda one: (one.role, one.form, one.text if one.role in _TEXTS else "")
     ):

@@ -1,4 +1,4 @@
-"""Texts on a map of cells: each has one place, on one line, where it covers nothing."""
+"""Texts on a map of cells: each has one place, on one line, over free cells."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Box = tuple[int, int, int, int]
 
 @dataclass(frozen=True, slots=True)
 class MapLabel:
-    """A text from the cell at ``row`` and ``column`` on."""
+    """A text that starts in the cell at ``row`` and ``column``."""
 
     row: int
     column: int
@@ -27,24 +27,24 @@ class MapLabel:
 
     @property
     def cells(self) -> tuple[int, slice]:
-        """Index of the cells it covers."""
+        """Index of its cells."""
         return self.row, slice(self.column, self.column + len(self.text))
 
     def take_place(self, free: Mask) -> None:
-        """Mark its cells, with one on either side, as no longer ``free`` (rows, columns)."""
+        """Mark its cells, and one on either side, as not ``free`` (rows, columns)."""
         free[self.row, max(self.column - 1, 0) : self.column + len(self.text) + 1] = False
 
 
 def place_inside(text: str, layer: int, rings: Sequence[Floats], free: Mask) -> MapLabel | None:
-    """Return a text within an area, as near to its middle as there is room.
+    """Return a text within an area, as near to its middle as possible.
 
-    ``rings`` (n, 2), in cells from the upper left corner, are an outline and holes in it; ``free``
-    (rows, columns) are cells with nothing in them, and those of the text no longer.
+    ``rings`` (n, 2), in cells from the upper left corner, are an outline and holes in it. The text
+    takes ``free`` cells (rows, columns), which are marked as taken.
     """
     rows, columns = free.shape
     outline, *holes = (fill_areas(ring_edges([ring]), columns, rows) for ring in rings)
     inside = outline & ~np.logical_or.reduce(holes, axis=0)
-    # With a cell on either side: letters that touch a wall are hard to read.
+    # With a cell on either side, because letters that touch a wall are hard to read.
     width = len(text) + 2
     if not inside.any() or columns < width:
         return None
@@ -64,16 +64,16 @@ def place_beside(
 ) -> MapLabel | None:
     """Return a text beside a ``box``: to the right, to the left, at most two rows above or below.
 
-    It has ``gap`` cells on either side that are ``free``, too, and covers ``walls`` (both rows,
-    columns) only without any other place. Its cells are no longer free.
+    The ``gap`` cells on either side are ``free``, too. It covers ``walls`` (both rows, columns)
+    only if there is no other place. Its cells are marked as taken.
     """
     rows, columns = free.shape
-    left, top, right, bottom = box
-    if right < 0 or bottom < 0 or left >= columns or top >= rows:
+    first, top, last, bottom = box
+    if last < 0 or bottom < 0 or first >= columns or top >= rows:
         return None
     width = len(text)
-    after, before = right + 1 + gap, left - width - gap
-    middle, centre = (top + bottom) // 2, (left + right) // 2 - (width - 1) // 2
+    after, before = last + 1 + gap, first - width - gap
+    middle, centre = (top + bottom) // 2, (first + last) // 2 - (width - 1) // 2
     spots = [(middle, after), (middle, before)]
     for row in (top - 1, bottom + 1, top - 2, bottom + 2):
         spots += [(row, column) for column in (centre, after, before, after + 2)]

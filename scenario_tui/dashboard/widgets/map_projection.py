@@ -1,4 +1,4 @@
-"""Metres of a map on the dots of a canvas; each building has one orientation in every pane."""
+"""Projection of a map to the dots of a canvas; a building has one orientation in every pane."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ import numpy as np
 from grammars.model.geometry import Floats, Point2
 
 _STRAIGHT: Final = math.radians(1.0)
-"""Walls at a smaller angle are straight on a screen: people know their map as it is drawn."""
+"""Largest angle of walls that count as straight; such a map is not turned."""
 _UPRIGHT: Final = 2.0
-"""A straight map that is this many times as high as wide is laid down: terminals are wide."""
+"""Ratio of height to width from which on a straight map is laid down, because screens are wide."""
 _BINS: Final = 90
-"""Directions of walls are counted by the degree, from 0 to 90: all four sides of a room are one."""
+"""Bins for the directions of walls, a degree each; all four sides of a room fall into one."""
 _NEAR: Final = math.radians(2.0)
 _FARTHEST: Final = 1e9
-"""Metres from the origin of a map; a system may take the robot to be anywhere."""
+"""Largest distance from the origin of a map [m]; an estimate may lie anywhere."""
 _OUTMOST: Final = 2e4
-"""Dots: a line to what lies farther out is not followed to its end."""
+"""Largest coordinate [dots]; a line beyond it is cut."""
 
 
 @dataclass(frozen=True, slots=True)
 class MapProjection:
     """Dots (x to the right, y down) of points: ``middle`` [m] lies on the dot ``centre``.
 
-    ``turn`` [rad] is how far the map is turned to the left on the screen, ``scale`` dots a metre.
+    ``turn`` [rad] is the turn of the map to the left on the screen, ``scale`` the dots per metre.
     Dots are about square: a cell is twice as high as wide, and has four dots by two.
     """
 
@@ -37,27 +37,27 @@ class MapProjection:
     turn: float = 0.0
 
     def dots(self, points: Floats) -> Floats:
-        """Return points (n, 2) [m] as dots (n, 2), those far beyond any screen as less far."""
+        """Return points (n, 2) [m] as dots (n, 2), cut far outside of any screen."""
         ways = (np.clip(points, -_FARTHEST, _FARTHEST) - self.middle) @ _rotation(self.turn)
         dots: Floats = self.centre + ways * (self.scale, -self.scale)
         return dots.clip(-_OUTMOST, _OUTMOST)
 
     def metres(self, right: float, up: float) -> Point2:
-        """Return a way on the screen, in dots, as a way on the map [m]."""
+        """Return a vector on the screen, in dots, as a vector on the map [m]."""
         c, s = math.cos(self.turn), math.sin(self.turn)
         return ((c * right + s * up) / self.scale, (c * up - s * right) / self.scale)
 
 
 def cell_of(x: float, y: float) -> tuple[int, int]:
-    """Return the row and column of the cell that holds a dot, which is counted from its middle."""
+    """Return the row and column of the cell that holds a dot, given by its middle."""
     return math.floor((y + 0.5) / 4), math.floor((x + 0.5) / 2)
 
 
 def map_turn(axis: float, corners: Floats) -> float:
-    """Return how far to turn a map to the left [rad] so that its walls are straight on the screen.
+    """Return the turn of a map to the left [rad] that makes its walls straight on the screen.
 
-    ``axis`` [rad] is that of most walls, ``corners`` (n, 2) [m] are those of the building. It stays
-    as it is drawn if it is straight; a map that must be turned lies on its longer side.
+    ``axis`` [rad] is the direction of most walls, ``corners`` (n, 2) [m] are those of the building.
+    A straight map is not turned; a turned one lies on its longer side.
     """
     turn = -axis if abs(axis) > _STRAIGHT else 0.0
     width, height = np.ptp(corners @ _rotation(turn), axis=0).tolist()
@@ -67,7 +67,7 @@ def map_turn(axis: float, corners: Floats) -> float:
 
 
 def fit(points: Floats, turn: float, width: int, height: int) -> MapProjection:
-    """Return the projection that has all ``points`` (n, 2) [m] on ``width`` x ``height`` dots."""
+    """Return the projection of all ``points`` (n, 2) [m] to ``width`` x ``height`` dots."""
     rotation = _rotation(turn)
     turned = points @ rotation
     low, high = turned.min(axis=0), turned.max(axis=0)
@@ -84,7 +84,7 @@ def _rotation(turn: float) -> Floats:
 
 
 def main_axis(edges: Floats) -> float:
-    """Return the direction [rad, -pi/4 to pi/4] most of the walls have, or stand square to.
+    """Return the direction [rad, -pi/4 to pi/4] that most walls are parallel or square to.
 
     ``edges`` (n, 4) [m] are x0, y0, x1, y1.
     """
@@ -93,10 +93,10 @@ def main_axis(edges: Floats) -> float:
     angles = np.arctan2(ways[:, 1], ways[:, 0]) % (math.pi / 2)
     if not lengths.any():
         return 0.0
-    # The mean of all directions would be none of them where a wing stands askew.
+    # By bins, because the mean of all directions would be wrong for a building with a skewed wing.
     bins = np.rint(np.degrees(angles)).astype(np.int64) % _BINS
     counts = np.bincount(bins, lengths, minlength=_BINS)
-    # A bin with its neighbours: walls at a half degree fall into two.
+    # A bin with its neighbours, because walls at a half degree fall into two.
     around = counts + np.roll(counts, 1) + np.roll(counts, -1)
     peak = math.radians(int(np.argmax(around)))
     off = (angles - peak + math.pi / 4) % (math.pi / 2) - math.pi / 4

@@ -26,11 +26,11 @@ from scenario_tui.text.styles import (
 from templates.plan_shapes import ShapeRole
 
 WALLS: Final = "#7c818c"
-"""Grey that is seen on dark and on bright backgrounds, and leaves the eye to what happens."""
+"""Grey that is visible on dark and on bright backgrounds, but does not draw the eye."""
 
 
 class Layer(IntEnum):
-    """Content and style of a cell: of several layers in a cell the last one counts."""
+    """Content and style of a cell; the last of several layers in a cell counts."""
 
     style: Style
 
@@ -41,10 +41,10 @@ class Layer(IntEnum):
         return layer
 
     WALL = Style(color=WALLS)
-    # Below what is low: walls are drawn as walls, whatever they cost.
+    # Below LOW, so that walls stay walls in a costmap.
     COSTMAP = Style(color=COLOURS[UNSURE], dim=True)
     LOW = Style(color=WALLS, dim=True)
-    # Bold: where there are no colours, what the laser sees of a wall is told from the rest.
+    # Bold, so that walls seen by the laser are distinct without colours.
     LIT = Style(color=COLOURS[FACT], bold=True)
     RETURN = Style(color=COLOURS[FACT], bold=True)
     PLAN = Style(color=COLOURS[BUSY])
@@ -71,7 +71,7 @@ class Layer(IntEnum):
 STYLES: Final = tuple(layer.style for layer in Layer)
 LAYER_OF: Final = {role: Layer[role.name] for role in ShapeRole if role.name in Layer.__members__}
 ARROWS: Final = "→↗↑↖←↙↓↘"
-"""One for each eighth of a turn to the left."""
+"""Arrows for the eighths of a turn to the left."""
 AHEAD, REACHED, ESTIMATE, CONTACT, TOUCHING, DECISION = "◆", "◇", "+", "✱", "×", "●"
 FAILURE: Final = GLYPHS["fail"]
 SIGNS: Final = (
@@ -92,17 +92,18 @@ SIGNS: Final = (
     (Layer.DOOR, "⠒⠒", "door"),
     (Layer.MOVER, "⠶", "mover"),
 )
-"""Signs of the map with their meanings, those first that nobody guesses."""
+"""Signs of the map with their meanings, the least obvious first."""
 _GAP: Final = 3
 _MAP_LINES: Final = 8
-"""Lines of a screen for each line of a legend."""
+"""Lines of a screen per line of the legend."""
 
 
 @dataclass(frozen=True, slots=True)
 class MapSigns:
     """The signs on a map, for its legend.
 
-    ``limit`` [m] is the clearance an oracle asks for, ``decisive`` the name of what decides.
+    ``limit`` [m] is the clearance that an oracle requires, ``decisive`` the name of the object that
+    decides.
     """
 
     layers: frozenset[Layer] = frozenset()
@@ -111,10 +112,9 @@ class MapSigns:
 
 
 def legend_lines(signs: Collection[MapSigns], width: int, height: int) -> list[Text]:
-    """Return what the signs on some maps mean, as lines for a screen of ``width`` x ``height``.
+    """Return the legend of the signs on some maps, for a screen of ``width`` x ``height``.
 
-    Only of what is on one of them, in lines that break between two signs. What there is no room
-    for is left out, the signs one guesses first.
+    The lines break between two signs. Without enough room, the most obvious signs are left out.
     """
     most = max(1, height // _MAP_LINES)
     lines = [Text(no_wrap=True)]

@@ -1,4 +1,4 @@
-"""The runs under way of all campaigns: how far they are, and the least margin so far."""
+"""The running runs of all campaigns: their progress, and the least margin so far."""
 
 from __future__ import annotations
 
@@ -21,26 +21,26 @@ if TYPE_CHECKING:
     from daemon.model.status import CampaignRow, RunPage, RunRow
     from daemon.model.verbs import DaemonClient
     from scenario_tui.dashboard.live_tracks import Tracks
-    from scenario_tui.dashboard.state import Known
+    from scenario_tui.dashboard.state import DashboardState
 
 _BAR: Final = 6
 _LABEL: Final = 16
-"""Columns of its name at least; longer ones take what the line has left, and keep their end."""
+"""Least columns of a name; a longer one takes the rest of the line, and keeps its end."""
 _REACHED: Final = 14
-"""Columns of how far a run is; what follows must not move while its time grows."""
+"""Columns of the progress, constant so that the rest of the line does not move."""
 _REST: Final = 1 + _BAR + 2 + _REACHED + 2 + 22
-"""Columns of everything behind the name."""
+"""Columns behind the name."""
 _ROOM: Final = 4
-"""Of the screen's rows, one of so many is for runs under way."""
+"""Rows of the screen per row of the list."""
 _RUNNING_SHOWN: Final = 200
-"""Running runs asked for at a time; there are rarely more slots."""
+"""Most running runs to fetch; there are rarely more slots."""
 _LOWEST: Final = 16
-"""Rows of a screen that has room for them at all."""
+"""Least rows of a screen with the list."""
 
 
 @dataclass(frozen=True, slots=True)
 class RunningRun:
-    """A run under way: its id, label, last snapshot, if one came, and how old that is [s]."""
+    """A running run: its id, label, last snapshot, if any, and the age of that [s]."""
 
     run: str
     label: str
@@ -54,13 +54,13 @@ class RunningRun:
         return least is None, 0.0 if least is None else least
 
 
-def running_page(daemon: DaemonClient, known: Known) -> RunPage:
-    """Return the runs under way of all campaigns."""
-    # The first screen does not wait for what only answers need.
+def running_page(daemon: DaemonClient, state: DashboardState) -> RunPage:
+    """Return the running runs of all campaigns."""
+    # Imported here, because the first screen does not need it.
     from daemon.model.run_state import RunState
     from daemon.model.status import RunPage
 
-    if known.overview is None or not known.overview.running:
+    if state.overview is None or not state.overview.running:
         return RunPage((), 0)
     return daemon.runs(state=str(RunState.RUNNING), limit=_RUNNING_SHOWN)
 
@@ -68,7 +68,7 @@ def running_page(daemon: DaemonClient, known: Known) -> RunPage:
 def running_runs(
     rows: Iterable[RunRow], tracks: Tracks, campaigns: Mapping[str, CampaignRow]
 ) -> list[RunningRun]:
-    """Return runs under way with the last news of them, named with their campaign."""
+    """Return running runs with their last snapshots, named with their campaign."""
     runs = []
     for row in rows:
         campaign, track = campaigns.get(row.campaign), tracks.get(row.id)
@@ -79,7 +79,7 @@ def running_runs(
 
 
 class RunningGrid(KeyedList):
-    """List of runs under way; of more than fit those with the least margin, in their order."""
+    """List of running runs; if they do not fit, those with the least margins."""
 
     BINDING_GROUP_TITLE = "in the list"
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -90,28 +90,28 @@ class RunningGrid(KeyedList):
 
     DEFAULT_CSS = "RunningGrid { display: none; }"
 
-    _kept = 0
+    _places = 0
 
     def show(self, runs: Sequence[RunningRun], *, more: bool = False) -> None:
-        """Show the runs under way, or nothing without any.
+        """Show the running runs, or nothing without any.
 
-        While ``more`` are to come the place of one that ends is kept: what is beside them must not
-        jump whenever a slot is free for a moment.
+        While ``more`` are queued, the place of an ended one stays free, so that the rest of the
+        screen does not jump.
         """
         height, width = self.screen.size.height, self.size.width or self.screen.size.width
         most = max(2, height // _ROOM)
-        # A run in trouble must be in view; beyond that a run stays in its place.
+        # The runs in trouble must be in view, in the order of all runs.
         worst = {one.run for one in sorted(runs, key=lambda one: one.trouble)[:most]}
-        shown = [one for one in runs if one.run in worst]
-        self._kept = max(len(shown), min(self._kept, most) if more else 0)
-        self.display = self._kept > 0 and height >= _LOWEST
+        visible = [one for one in runs if one.run in worst]
+        self._places = max(len(visible), min(self._places, most) if more else 0)
+        self.display = self._places > 0 and height >= _LOWEST
         if not self.display:
             return
-        self.styles.height = 1 + self._kept
-        self._entitle(len(runs), len(runs) - len(shown))
-        longest = max((len(one.label) for one in shown), default=0)
+        self.styles.height = 1 + self._places
+        self._entitle(len(runs), len(runs) - len(visible))
+        longest = max((len(one.label) for one in visible), default=0)
         names = max(_LABEL, min(longest, width - _REST))
-        self.fill({one.run: run_line(one, names) for one in shown})
+        self.fill({one.run: run_line(one, names) for one in visible})
 
     def _entitle(self, count: int, hidden: int) -> None:
         title = f"{glyph_word('running')}  {count_noun(count, 'run')}, worst margin so far"
@@ -122,21 +122,19 @@ class RunningGrid(KeyedList):
 
 
 def run_line(one: RunningRun, names: int = _LABEL) -> Text:
-    """Return a run under way: its label in ``names`` columns, the share of its time limit that is
-    over, as a bar, how far it is, and its least margin so far.
-    """
+    """Return a running run: label in ``names`` columns, time bar, progress, least margin so far."""
     text, snapshot = Text(f"{keep_end(one.label, names)} "), one.snapshot
     if snapshot is None or snapshot.waiting:
         return text.append(reached_text(snapshot), style=QUIET)
     text.append_text(progress_bar(snapshot))
     text.append(f"  {reached_text(snapshot, limit=False):<{_REACHED}}  ")
     if one.silence > SILENT:
-        text.append(f"last heard {duration_text(one.silence)} ago  ", style="inconclusive")
+        text.append(f"last report {duration_text(one.silence)} ago  ", style="inconclusive")
     return text.append_text(worst_text(snapshot.margin, snapshot.unit, snapshot.oracle))
 
 
 def progress_bar(snapshot: Snapshot) -> Text:
-    """Return the share of its time limit that is over for a run under way."""
+    """Return the used share of a running run's time limit as a bar."""
     share = min(max(snapshot.time / snapshot.limit, 0.0), 1.0) if snapshot.limit > 0.0 else 1.0
     done = round(share * _BAR)
     return Text.assemble(("━" * done, "running"), ("─" * (_BAR - done), QUIET))

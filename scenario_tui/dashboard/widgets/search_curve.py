@@ -23,18 +23,19 @@ _LIMIT, _RUN, _BEST, _FAIL, _WORDS, _LOST = range(6)
 _GUTTER: Final = 11
 """Columns for the margins beside the graph."""
 _FIRST_RUNS: Final = 60
-"""Runs the graph has room for at first; it doubles when they are there, up to the budget."""
+"""Runs for which the graph has room at first; the room doubles up to the budget."""
 LEGEND: Final = "• run  ✗ fails  ━ best so far  ┈ limit"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SearchCurve:
-    """The runs of a search: ``at`` (n,) are positions of runs that have a margin.
+    """The runs of a search: ``at`` (n,) are the positions of runs with a margin.
 
-    ``value`` (n,) is what is compared: the margin in ``unit``, or its multiple of the scale of its
-    oracle where that is empty. ``fails`` (n,) says whether each of them fails. ``best`` (m,) is the
-    smallest value so far at each of the ``m`` runs known, NaN before the first. ``phases`` are the
-    positions at which phases begin. ``room`` is how many runs the graph is wide.
+    ``value`` (n,) is the margin in ``unit``, or without a unit its ratio to the scale of the
+    oracle.
+    ``fails`` (n,) marks the failures. ``best`` (m,) is the smallest value so far at each of ``m``
+    runs, NaN before the first. ``phases`` are the positions at which phases begin. ``room`` is the
+    width of the graph in runs.
     """
 
     unit: str
@@ -73,7 +74,7 @@ def search_curve(search: SearchTrials) -> SearchCurve:
 
 
 def _room(task: SearchTask, count: int, running: bool) -> int:
-    # In steps: a graph that grows with every run would be drawn anew, all of it, every time.
+    # In steps, because a graph that grows with every run would be drawn anew every time.
     room = _FIRST_RUNS
     while room < count:
         room *= 2
@@ -81,9 +82,9 @@ def _room(task: SearchTask, count: int, running: bool) -> int:
 
 
 def value_limits(curve: SearchCurve) -> tuple[float, float]:
-    """Return the least and greatest value the graph shows: 0, the limit, is always in view.
+    """Return the least and greatest value of the graph; 0, the limit, is always in view.
 
-    A few runs far above the others are left out, or all others would be one line.
+    A few runs far above the others are cut, because all others would be one line.
     """
     if not len(curve.value):
         return -1.0, 1.0
@@ -128,17 +129,17 @@ class SearchGraph:
         curve, canvas = self._curve, self._canvas
         canvas.dotted_line(float(self._down(0.0)), _LIMIT)
         if len(curve.best):
-            # The last run that falls into a column: of many the smallest so far.
+            # The last run in a column has the smallest value so far.
             edges = (np.arange(canvas.width) + 0.5) * (curve.room - 1) / max(canvas.width - 1, 1)
             at = np.minimum(np.floor(edges).astype(np.int64), len(curve.best) - 1)
             y = self._down(curve.best[at])
             reached = np.arange(canvas.width) <= self._across(len(curve.best) - 1) + 1
             x = np.flatnonzero(np.isfinite(y) & reached)
-            # Down from the value of the column before, which is not below this one.
+            # Down from the column before, whose value is not below this one.
             canvas.bars(x.astype(np.int32), np.fmin(y[np.maximum(x - 1, 0)], y[x]), y[x], _BEST)
 
     def _draw_runs(self) -> None:
-        """Draw every run as a dot, larger while there is room; of failures the worst by sign."""
+        """Draw every run as a dot, larger if there is room, and the worst failures as signs."""
         curve, canvas, cells = self._curve, self._canvas, slice(self._gutter, None)
         x, y = self._across(curve.at), self._down(curve.value)
         for layer, those in ((_RUN, ~curve.fails), (_FAIL, curve.fails)):
@@ -163,7 +164,7 @@ class SearchGraph:
                 self._write(row, 0, text[: self._gutter - 1].rjust(self._gutter - 2), _WORDS)
 
     def _write_axis(self) -> None:
-        """Write below the graph which run is where, where phases begin, what has no margin."""
+        """Write the axis of runs below the graph, with phases and runs without a margin."""
         row, at, curve = self._canvas.rows, self._gutter, self._curve
         width = self._canvas.columns
         last = str(curve.room - 1)
@@ -207,7 +208,7 @@ class SearchCurveView(CellView):
         self.redraw()
 
     def cells(self, columns: int, rows: int) -> tuple[Codes, Codes] | None:
-        """Return the graph as cells, nothing where it has no room."""
+        """Return the graph as cells, ``None`` without room for it."""
         if self._curve is None or columns < 20 or rows < 3:
             return None
         graph = SearchGraph(self._curve, columns, rows)

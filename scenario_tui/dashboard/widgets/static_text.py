@@ -1,4 +1,4 @@
-"""Texts that are refreshed with every snapshot: while they are the same, that costs nothing."""
+"""Texts that are refreshed with every snapshot; an unchanged text costs nothing."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from textual.widgets import Static
 
 
 class StaticText(Static):
-    """Like the library's, which lays out the whole screen anew whatever it is told."""
+    """Like the library's, but without a new layout of the whole screen at every update."""
 
     def update(self, content: VisualType = "", *, layout: bool = True) -> None:
-        """Show ``content``; what lies around it is placed anew only where it may have moved."""
+        """Show ``content``, with a new layout only if its size may have changed."""
         if isinstance(content, Text):
             content = _with_spans_only(content)
         if not _same(content, self.content):
@@ -20,10 +20,7 @@ class StaticText(Static):
                 self.refresh(layout=True)
 
     def _fits(self) -> bool:
-        """Return whether the content fills the lines it has, or is in a container it fills anyway.
-
-        The latter is what ``min-height: 100%`` is for.
-        """
+        """Return True if the content fills its lines, or a container by ``min-height: 100%``."""
         styles, (width, height) = self.styles, self.content_size
         if styles.width is None or styles.width.is_auto:
             return False
@@ -33,7 +30,7 @@ class StaticText(Static):
 
 
 def _with_spans_only(text: Text) -> Text:
-    """Return a text whose base style is one of its parts: Textual knows no names of base styles."""
+    """Return a text with its base style as a span, because Textual ignores named base styles."""
     if not text.style:
         return text
     copy = text.copy()
@@ -42,12 +39,12 @@ def _with_spans_only(text: Text) -> Text:
     return copy
 
 
-def same_text(new: Text, shown: Text) -> bool:
-    """Return whether two texts look the same; rich compares all except their base styles."""
-    return new == shown and new.style == shown.style
+def same_text(new: Text, old: Text) -> bool:
+    """Return True if two texts look the same; rich does not compare their base styles."""
+    return new == old and new.style == old.style
 
 
-def _same(new: VisualType, shown: VisualType) -> bool:
-    if isinstance(new, Text) and isinstance(shown, Text):
-        return same_text(new, shown)
-    return type(new) is type(shown) and new == shown
+def _same(new: VisualType, old: VisualType) -> bool:
+    if isinstance(new, Text) and isinstance(old, Text):
+        return same_text(new, old)
+    return type(new) is type(old) and new == old

@@ -1,4 +1,4 @@
-"""The first line of every screen: is it fine?"""
+"""The first line of every screen: connection, worst state, counts, time left."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from scenario_tui.text.styles import GLYPHS, KNOWN, QUIET
 
 if TYPE_CHECKING:
     from daemon.model.status import CampaignRow, DaemonOverview
-    from scenario_tui.dashboard.state import Known
+    from scenario_tui.dashboard.state import DashboardState
     from scenario_tui.text.results import Conclusion
 
 _BRIEF: Final = {"fail": " fail", "error": " err", "lost": " lost"}
-"""Words that stay behind their glyph where there is little room."""
+"""Words that stay behind their glyph in a short line."""
 _NAME: Final = 12
-"""Characters of a campaign's name where there is little room."""
+"""Characters of a campaign's name in a short line."""
 _CLAUSE: Final = re.compile(r"[?:;.](\s|$)")
 
 
@@ -43,7 +43,7 @@ class _Part(NamedTuple):
 
 
 def _part(style: str, long: str, medium: str | None = None, short: str | None = None) -> _Part:
-    """Return a part in one style; a length that is not given is as the longer one."""
+    """Return a part in one style; a missing length is the next longer one."""
     medium = long if medium is None else medium
     short = medium if short is None else short
     return _Part(Text(long, style), Text(medium, style), Text(short, style))
@@ -52,37 +52,37 @@ def _part(style: str, long: str, medium: str | None = None, short: str | None = 
 class StatusLine(StaticText):
     """One line: connected or not, the worst state, counts by word, time left."""
 
-    def show(self, state: Known, now: float, *, launching: bool = False) -> None:
-        """Show what is known at wall clock time ``now``; a daemon may be ``launching``."""
-        # Whether one is there and busy, or none, is not known before somebody has asked.
+    def show(self, state: DashboardState, now: float, *, launching: bool = False) -> None:
+        """Show the state at wall clock time ``now``; a daemon may be ``launching``."""
+        # Before the first request it is unknown whether a daemon exists.
         launching = launching and not state.connected and bool(state.problem)
         self.set_class(not state.connected and not launching, "-gone")
         width = self.size.width or self.app.size.width - 2
         self.update(Text("… starting a daemon") if launching else status_text(state, now, width))
 
 
-def status_text(state: Known, now: float, width: int) -> Text:
+def status_text(state: DashboardState, now: float, width: int) -> Text:
     """Return the line that fits into ``width`` cells, its last parts shortened first."""
     parts = list(_standing(state) if state.connected else _gone(state, now))
     gap = Text("  " if state.connected else ", ")
-    shown = [part.long for part in parts]
+    texts = [part.long for part in parts]
     for size, index in itertools.product((1, 2), reversed(range(len(parts)))):
         # Joining texts costs more than counting them, and the line is written ten times a second.
-        if sum(text.cell_len + len(gap) for text in shown if text) - len(gap) <= width:
+        if sum(text.cell_len + len(gap) for text in texts if text) - len(gap) <= width:
             break
-        shown[index] = parts[index][size]
-    text = gap.join(filter(None, shown))
+        texts[index] = parts[index][size]
+    text = gap.join(filter(None, texts))
     text.truncate(width, overflow="ellipsis")
     return text
 
 
-def _gone(state: Known, now: float) -> Iterator[_Part]:
-    """Say that nobody answers, or what they say instead, and how old everything else is."""
+def _gone(state: DashboardState, now: float) -> Iterator[_Part]:
+    """Yield the reason why the daemon is not connected, and the age of the data."""
     if not state.problem:
         yield _part("", "… connecting")
         return
     if state.refused:
-        # The first clause is the news; the empty screen below says the rest, and what to do.
+        # The first clause only; the empty screen below has the rest, and the remedy.
         yield _part("bold", f"! {_CLAUSE.split(state.problem, maxsplit=1)[0]}")
     else:
         yield _part("bold", "! no daemon answers", "! no daemon")
@@ -92,7 +92,7 @@ def _gone(state: Known, now: float) -> Iterator[_Part]:
     yield _part("bold", "reconnecting", short="")
 
 
-def _standing(state: Known) -> Iterator[_Part]:
+def _standing(state: DashboardState) -> Iterator[_Part]:
     overview = state.overview
     if overview is None:
         yield _part("", "… connecting")
@@ -100,7 +100,7 @@ def _standing(state: Known) -> Iterator[_Part]:
     yield _part("pass", "✓ connected", "✓")
     yield from _troubles(overview)
     worst, judging = worst_conclusion(state.campaigns, state.conclusions), _judging(state)
-    # Where nothing is judged the counts say all; nothing is as expected before all is judged.
+    # Without a verdict the counts are enough, and nothing is "as expected" before all is judged.
     if worst is not None and worst[1].is_judged and not (judging and worst[1].word == "pass"):
         yield _worst(worst)
     if worst is None and not judging and any(row.acknowledged for row in state.campaigns):
@@ -132,32 +132,32 @@ def _troubles(overview: DaemonOverview) -> Iterator[_Part]:
         yield _part(QUIET, overview.preparing, brief)
 
 
-def _judging(state: Known) -> int:
-    """Return how many campaigns have verdicts that their conclusion does not know yet."""
+def _judging(state: DashboardState) -> int:
+    """Return the number of campaigns with verdicts that are not in their conclusion yet."""
     count = 0
     for row in state.campaigns:
         conclusion = state.conclusions.get(row.id)
-        # Of a campaign that goes on, "so far" is said anyway.
+        # The conclusion of an unfinished campaign is preliminary anyway.
         behind = conclusion is None or (row.finished and conclusion.verdicts < row.done)
         count += behind and row.done > 0 and not row.acknowledged and not row.search
     return count
 
 
 def _worst(worst: tuple[CampaignRow, Conclusion]) -> _Part:
-    """Return the state of the campaign that is worst, called by its name unless all are fine."""
+    """Return the state of the worst campaign, with its name unless all are fine."""
     row, conclusion = worst
     glyph, name, brief = GLYPHS[conclusion.word], "", ""
     if conclusion.word not in ("pass", "running"):
         name, brief = f"{row.name}: ", f"{keep_start(row.name, _NAME)}: "
-    known = f", {conclusion.known:,} known" if conclusion.known else ""
-    long = f"{glyph} {name}{conclusion.text}{known}"
+    expected = f", {conclusion.known:,} known" if conclusion.known else ""
+    long = f"{glyph} {name}{conclusion.text}{expected}"
     return _part(conclusion.word, long, f"{glyph} {brief}{conclusion.brief}")
 
 
 def _counts(overview: DaemonOverview, *, news: bool) -> Iterator[_Part]:
-    """Yield how many runs have a verdict, how long the others take, and the runs by word.
+    """Yield the number of judged runs, the time left, and the number of runs by word.
 
-    Failures are amber unless there may be ``news``: those that remain are known or acknowledged.
+    Failures are amber unless some may be ``news``: the others are known or acknowledged.
     """
     counts = run_counts(overview)
     if not counts:
@@ -165,17 +165,17 @@ def _counts(overview: DaemonOverview, *, news: bool) -> Iterator[_Part]:
         return
     runs = overview.done + overview.lost + overview.cancelled + overview.queued + overview.running
     verdicts, of = brief_count(overview.done), brief_count(runs)
-    rate = left = brief_left = ""
+    rate = rest = brief_rest = ""
     if overview.queued + overview.running:
         rate = f", {rate_text(overview.rate)}" if overview.rate > 0 else ""
         if overview.seconds_left is not None:
-            left = f", {duration_text(overview.seconds_left)} left"
-            brief_left = f", {brief_duration(overview.seconds_left)} left"
+            rest = f", {duration_text(overview.seconds_left)} left"
+            brief_rest = f", {brief_duration(overview.seconds_left)} left"
     yield _part(
         "not bold",
-        f"{count_noun(overview.done, 'verdict')} of {count_noun(runs, 'run')}{rate}{left}",
-        f"{verdicts}/{of} verdicts{brief_left}",
-        f"{verdicts}/{of}{brief_left}",
+        f"{count_noun(overview.done, 'verdict')} of {count_noun(runs, 'run')}{rate}{rest}",
+        f"{verdicts}/{of} verdicts{brief_rest}",
+        f"{verdicts}/{of}{brief_rest}",
     )
     if overview.searched:
         words = f"{overview.searched:,} found by searches"

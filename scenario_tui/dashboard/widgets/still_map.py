@@ -1,6 +1,6 @@
 """The still parts of a map: walls as blocks, names, the bar of the scale, the axes.
 
-Made once for a scene, a mission and a size; most of a map's work is here.
+They are made once for a scene, a mission and a size, which is most of the work for a map.
 """
 
 from __future__ import annotations
@@ -48,15 +48,15 @@ from templates import plan_shapes
 from templates.plan_shapes import PlanShape, ShapeRole
 
 EYE_HEIGHT: Final = 0.3
-"""The view is cut at this height [m], about where laser scanners look."""
+"""Height of the section [m], about that of laser scanners."""
 _LEAST_NAMED: Final = (30, 8)
-"""Columns and rows of a map from which on it has names and a scale."""
+"""Least columns and rows of a map with names and a scale."""
 _LEAST_DOOR: Final = 1.5
-"""Dots a door is long at least to have its name beside it."""
+"""Least length [dots] of a door with a name."""
 _BAR_SHARE: Final = 0.08
-"""Share of the width the bar of the scale has at least."""
+"""Least share of the bar of the scale in the width."""
 _MOST_NUMBERS: Final = 7
-"""Letters beside a waypoint at most: several may lie in one cell."""
+"""Most characters beside a waypoint; several may lie in one cell."""
 _CELL: Final = np.array([2.0, 4.0])
 """Dots across and down a cell."""
 
@@ -65,7 +65,7 @@ _CELL: Final = np.array([2.0, 4.0])
 class _SceneLines:
     """A scene in metres, as arrays: edges and middle lines (n, 4), corners (n, 2).
 
-    ``turn`` [rad] is how far it is turned to the left on every screen.
+    ``turn`` [rad] is its turn to the left on every screen.
     """
 
     walls: Floats
@@ -99,10 +99,10 @@ class StillMap:
 def still_map(
     scene: Scene, mission: Mission, columns: int, rows: int, zoom: int, middle: Point2 | None
 ) -> StillMap:
-    """Return the still parts: all of them, or those around ``middle`` [m] ``zoom`` times larger."""
+    """Return the still parts, or those around ``middle`` [m], ``zoom`` times larger."""
     lines = _scene_lines(scene)
     stops = np.array([(waypoint.x, waypoint.y) for waypoint in mission.waypoints])
-    # The last row is that of the scale, which is to cover nothing.
+    # The last row is left to the scale.
     size = (2 * columns, 4 * max(rows - 1, 1))
     start = (mission.start.x, mission.start.y)
     projection = fit(np.vstack([lines.corners, start, stops]), lines.turn, *size)
@@ -135,7 +135,7 @@ def _scene_lines(scene: Scene) -> _SceneLines:
     start = scene.initial_joints
     swings = plan_shapes.swing_shapes(scene, start)
     bodies = plan_shapes.body_shapes(scene, start, EYE_HEIGHT)
-    # Of lintels and sills alone, too: a map is as large as its building.
+    # All solids, also lintels and sills, so that the map is as large as its building.
     rings = [np.array(solid.polygon) for solid in scene.solids]
     rings += [np.array(region.outline) for region in scene.regions]
     edges, corners = ring_edges(walls), np.vstack([*rings, np.empty((0, 2))])
@@ -147,7 +147,7 @@ def _scene_lines(scene: Scene) -> _SceneLines:
         corners=corners,
         turn=map_turn(main_axis(edges), corners) if rings else 0.0,
         spaces=tuple(plan_shapes.space_names(scene)),
-        # Whoever walks takes their name along.
+        # Without people, whose names move along.
         doors=tuple(
             shape
             for shape in plan_shapes.object_names(scene, start)
@@ -165,19 +165,20 @@ def _in_dots(lines: Floats, projection: MapProjection) -> Floats:
 
 
 def _wall_mask(lines: _SceneLines, projection: MapProjection, columns: int, rows: int) -> Mask:
-    # Squares are counted from their edges, dots from their middles; a square is two dots high.
+    # Coordinates of squares start at edges, those of dots at middles; a square is two dots high.
     shape = np.array([1.0, 0.5] * 2)
     edges = (_in_dots(lines.walls, projection) + 0.5) * shape
     mask = fill_areas(edges, 2 * columns, 2 * rows)
-    # Walls thinner than a square have no middle of one in them.
+    # Walls thinner than a square may miss the middles of all squares.
     draw_strokes(mask, (_in_dots(lines.middles, projection) + 0.5) * shape)
     return mask
 
 
 def _numbers(dots: Floats, free: Mask, walls: Mask) -> dict[Place, MapLabel]:
-    """Return the numbers of waypoints (n, 2) by the cells of their signs, those in one together.
+    """Return the numbers of waypoints (n, 2) by the cells of their signs, joined in one cell.
 
-    Signs and numbers are no longer ``free``. A number covers a wall only without any other place.
+    Cells of signs and numbers are marked as not ``free``. A number covers a wall only if there is
+    no other place.
     """
     signs: dict[Place, list[str]] = {}
     for number, (x, y) in enumerate(dots.tolist(), start=1):
@@ -195,7 +196,7 @@ def _numbers(dots: Floats, free: Mask, walls: Mask) -> dict[Place, MapLabel]:
 
 
 def _names(lines: _SceneLines, projection: MapProjection, free: Mask) -> Iterator[MapLabel]:
-    """Yield the names of doors, which have far fewer places to stand, then those of spaces."""
+    """Yield the names of doors, which have fewer possible places, then those of spaces."""
     for shape in lines.doors:
         dots = np.vstack([projection.dots(np.asarray(part)) for part in shape.parts])
         if np.ptp(dots, axis=0).max() < _LEAST_DOOR:
@@ -209,10 +210,10 @@ def _names(lines: _SceneLines, projection: MapProjection, free: Mask) -> Iterato
 
 
 def box_of(dots: Floats) -> Box:
-    """Return the first and the last column and row that dots (n, 2) lie in."""
-    left, top = np.floor((dots.min(axis=0) + 0.5) / _CELL).astype(int).tolist()
-    right, bottom = np.floor((dots.max(axis=0) + 0.5) / _CELL).astype(int).tolist()
-    return left, top, right, bottom
+    """Return the first and the last column and row of dots (n, 2)."""
+    first = np.floor((dots.min(axis=0) + 0.5) / _CELL).astype(int).tolist()
+    last = np.floor((dots.max(axis=0) + 0.5) / _CELL).astype(int).tolist()
+    return (*first, *last)
 
 
 def _scale_and_axes(projection: MapProjection, columns: int, rows: int) -> Iterator[MapLabel]:

@@ -1,4 +1,4 @@
-"""Tables and lists with a cursor: refreshed in place, the cursor stays on its row or cell."""
+"""Tables and lists with a cursor that stays on its row while they are refreshed in place."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ R = TypeVar("R")
 _ELSEWHERE: Final = Coordinate(-2, -2)
 """A cursor that is neither on a row nor on the titles."""
 _LEAST: Final = 12
-"""Cells that the column of width 0 gets at least; other columns give way to it."""
+"""Least cells of the column of width 0; other columns give way to it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column of ``width`` cells, shown from ``from_width`` cells of the table on.
+    """A column of ``width`` cells, visible in tables of ``from_width`` cells or more.
 
     Exactly one column of a table has the width 0 and takes the rest. Columns with a ``from_width``
-    give way to its cells, up to half of the table: people type ids. A cell that is too long loses
-    its middle: names and ids often differ at their end only.
+    give way to it, up to half of the table, because people type ids. A cell that is too long loses
+    its middle, because names and ids often differ only at their end.
     """
 
     title: str
@@ -86,9 +86,9 @@ def keep_ends(text: Text, width: int) -> Text:
 class KeyedTable(DataTable[Text]):
     """A :class:`DataTable` for one page of rows."""
 
-    # One page, for the first layout of a DataTable of 10,000 rows blocks the screen for 1.4 s and
-    # filling it anew for 1.8 s, of 50,000 rows for 6.6 and 7.9 s (measured, Textual 8.2); other
-    # words in a cell that is there take 12 to 17 us.
+    # One page, because the first layout of a DataTable with 10,000 rows blocks the screen for 1.4 s
+    # and a refill for 1.8 s; with 50,000 rows 6.6 and 7.9 s (measured, Textual 8.2). A changed cell
+    # takes 12 to 17 us.
 
     BINDING_GROUP_TITLE = "in the list"
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -96,14 +96,11 @@ class KeyedTable(DataTable[Text]):
         Binding("k", "cursor_up", "Up", show=False, id="up", tooltip="Also the arrow"),
         Binding("g,home", "scroll_top", "First row", show=False, id="top", tooltip="To the top"),
         Binding("G,end", "scroll_bottom", "Last row", show=False, id="bottom", tooltip="The end"),
-        Binding("enter", "select_cursor", "Open", id="open", tooltip="What the cursor is on"),
+        Binding("enter", "select_cursor", "Open", id="open", tooltip="The row under the cursor"),
     ]
 
     class Beyond(Message):
-        """Somebody moves on from the last row (``step`` 1) or the first one (-1).
-
-        ``far``: to the very end of what there may be behind it.
-        """
+        """A move beyond the last row (``step`` 1) or the first one (-1), or ``far`` beyond."""
 
         def __init__(self, step: int, *, far: bool = False) -> None:
             super().__init__()
@@ -121,24 +118,21 @@ class KeyedTable(DataTable[Text]):
 
     @property
     def key(self) -> str:
-        """The key of the row under the cursor, empty when there is none."""
+        """The key of the row under the cursor, empty without rows."""
         return self._rows[self.cursor_row][0] if 0 <= self.cursor_row < len(self._rows) else ""
 
     def begin_at(self, row: str | Literal[0, -1]) -> None:
-        """Begin at the row with this key, if any, with the next rows filled in.
-
-        They begin at the first or the last one where they are about something else.
-        """
+        """Put the cursor on the row with this key, or on the first or last, at the next fill."""
         self._begin = row
 
     def show_order(self, title: str, *, descending: bool) -> None:
-        """Mark the column by which the rows are sorted; without a ``title`` none is marked."""
+        """Mark the column by which the rows are sorted, none for an empty ``title``."""
         if (title, descending) == self._order:
             return
         self._order = (title, descending)
         for index in self._widths:
             self.columns[ColumnKey(str(index))].label = self._label(index)
-        # Textual has no call for a label that changes, and rows made anew cost much more.
+        # Textual has no call to change a label, and new rows cost much more.
         self._clear_caches()
         self.refresh()
 
@@ -177,13 +171,13 @@ class KeyedTable(DataTable[Text]):
             move()
 
     def fill(self, rows: Sequence[Row]) -> None:
-        """Show these rows; unchanged cells are not touched, the cursor stays on its row."""
+        """Show these rows; unchanged cells are not touched, and the cursor stays on its row."""
         rows, before, key = tuple(rows), self._rows, self.key
-        # It grows only: rows that are filtered away do not move the columns.
+        # It only grows, so that a filter does not move the columns.
         if rows != before:
             names = (cells[self._flexible].cell_len for _, cells in rows)
             self._longest = max(self._longest, *names, 0)
-        # Columns that come or go, after a resize, leave no cell where it was.
+        # New or hidden columns after a resize move all cells.
         if self._layout():
             self._refill(rows)
             return
@@ -205,11 +199,11 @@ class KeyedTable(DataTable[Text]):
         self._settle(key)
 
     def _change(self, place: int, before: tuple[Text, ...], cells: tuple[Text, ...]) -> bool:
-        """Put other words into a row; return whether there were any."""
+        """Update the cells of a row; return True if any has changed."""
         if before is cells:
             return False
         changed = [i for i in self._widths if not same_text(before[i], cells[i])]
-        # Not by update_cell(), which has all rows drawn anew: 20 CPU ms for an age that grew.
+        # Not by update_cell(), which draws all rows anew: 20 CPU ms for a single changed age.
         row = self._data[RowKey(str(place))]
         for index in changed:
             row[ColumnKey(str(index))] = self._fitted(index, cells[index])
@@ -223,7 +217,7 @@ class KeyedTable(DataTable[Text]):
         cursor_location: Coordinate,
         hover_location: Coordinate,
     ) -> tuple[list[list[Segment]], list[list[Segment]]]:
-        """Draw rows anew that the cursor came to or left, and no others; Textual draws all."""
+        """Draw only the rows that the cursor entered or left; Textual would draw all."""
         if self._row_locations.get(row_key) != cursor_location.row:
             cursor_location = _ELSEWHERE
         return super()._render_line_in_row(
@@ -231,14 +225,13 @@ class KeyedTable(DataTable[Text]):
         )
 
     def _append(self, place: int, cells: tuple[Text, ...]) -> None:
-        # Named by their place: another page is then other words in the same rows, and drawing it
-        # costs a tenth of making rows anew.
+        # Keys are places, so that another page only changes cells, a tenth of the cost of new rows.
         self.add_row(*(self._fitted(i, cells[i]) for i in self._widths), key=str(place))
 
     def _settle(self, key: str) -> None:
-        """Put the cursor on the row of a key, on the first one if there is none."""
+        """Put the cursor on the row of a key, or on the first one."""
         if not self._rows:
-            return  # a beginning is for the rows that are still to come
+            return  # begin_at() waits for the first rows
         begin, self._begin = self._begin, ""
         if isinstance(begin, int):
             place = begin % len(self._rows)
@@ -248,18 +241,18 @@ class KeyedTable(DataTable[Text]):
         if place != self.cursor_row:
             self.move_cursor(row=place, animate=False, scroll=False)
         if isinstance(begin, int):
-            # The scroll of another page would show its middle.
+            # The scroll offset of the page before would show the middle of this one.
             self.scroll_to(y=place, animate=False, immediate=True)
 
     def on_resize(self) -> None:
-        """Choose the columns that fit."""
+        """Choose the columns for the new size."""
         if self._layout():
             self._refill(self._rows)
 
     def _layout(self) -> bool:
-        """Choose columns and widths; return whether they are others than before."""
+        """Choose columns and widths; return True if they have changed."""
         flexible = self._flexible
-        # Besides the columns there is the scroll bar.
+        # One cell is left to the scroll bar.
         room = (self.size.width or self.app.size.width) - 1
         fitting = [i for i, column in enumerate(self._all) if column.from_width <= room + 1]
         least = max(_LEAST, min(self._longest, room // 2))
@@ -276,7 +269,7 @@ class KeyedTable(DataTable[Text]):
         return changed
 
     def _rest(self, columns: Sequence[int], room: int) -> int:
-        """Return the cells of ``room`` that columns of a fixed width leave."""
+        """Return the cells of ``room`` that the columns of fixed width leave free."""
         return room - sum(self._all[i].width + 2 * self.cell_padding for i in columns)
 
     def _refill(self, rows: tuple[Row, ...]) -> None:
@@ -311,17 +304,17 @@ class KeyedList(OptionList):
         self._texts: dict[str, Text] = {}
 
     def fill(self, texts: Mapping[str, Text]) -> None:
-        """Show a text for each key; the cursor stays on its key, otherwise it is on the first."""
+        """Show a text for each key; the cursor stays on its key, or goes to the first."""
         previous, self._texts = self._texts, dict(texts)
         keys = list(texts)
         if keys == list(previous):
-            # In place: a list filled anew every second would jump under the cursor.
+            # In place, because a list that is filled anew every second would jump.
             for key, text in texts.items():
                 if not same_text(text, previous[key]):
                     self.replace_option_prompt(key, text)
             return
         cursor, scroll = self.highlighted_option, self.scroll_y
-        # Lines that take the place of others are nobody's choice.
+        # New lines under the cursor are not a choice of the user.
         with self.prevent(*([OptionList.OptionHighlighted] if cursor else [])):
             self.set_options([Option(text, key) for key, text in texts.items()])
             row = keys.index(cursor.id) if cursor and cursor.id in keys else 0
@@ -331,18 +324,18 @@ class KeyedList(OptionList):
 
 
 class VerdictList(KeyedList, inherit_bindings=False):
-    """Verdicts in some lines each; the highlighted one is what the rest of the screen is about."""
+    """Verdicts in a few lines each; the rest of the screen follows the highlighted one."""
 
-    # Without the keys of option lists: Home and End are for the clock of the replay.
+    # Without the keys of option lists, because Home and End belong to the clock of the replay.
 
     BINDING_GROUP_TITLE = "in the list"
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("down,j", "cursor_down", "Next verdict", show=False, id="verdict-next",
-                tooltip="Go to when it was decided"),
+                tooltip="Go to its decisive moment"),
         Binding("up,k", "cursor_up", "Verdict before", show=False, id="verdict-before",
-                tooltip="Go to when it was decided"),
+                tooltip="Go to its decisive moment"),
         Binding("enter", "select", "To its moment", show=False, id="verdict-moment",
-                tooltip="Back to when it was decided"),
+                tooltip="Back to its decisive moment"),
     ]  # fmt: skip
 
     def __init__(self, *, id: str | None = None) -> None:
@@ -356,12 +349,12 @@ class VerdictList(KeyedList, inherit_bindings=False):
         *,
         so_far: bool = False,
     ) -> None:
-        """Show other verdicts with the marks of their oracles, ``so_far`` if the run goes on.
+        """Show verdicts with the marks of their oracles, ``so_far`` for a running run.
 
-        The first of them is chosen, unless one of that oracle was.
+        The highlight stays on its oracle, or goes to the first verdict.
         """
         ordered = by_severity(verdicts, marks)
-        if so_far:  # an undecided oracle waits for something: there is nothing to look at yet
+        if so_far:  # undecided oracles come last, because they have nothing to show yet
             ordered.sort(key=lambda verdict: verdict.outcome is Outcome.INCONCLUSIVE)
         self._verdicts = {verdict.oracle: verdict for verdict in ordered}
         self.fill(

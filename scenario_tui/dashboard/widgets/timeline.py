@@ -1,4 +1,4 @@
-"""Signals over time with a playhead: values at it, seeking by the mouse, a stretch of the time."""
+"""Signals over time with a playhead: its values, seeking by the mouse, zoom of the time."""
 
 from __future__ import annotations
 
@@ -8,17 +8,21 @@ from typing import ClassVar, Final
 
 import numpy as np
 from rich.style import Style
+from rich.text import Text
 from textual import events, on
 from textual.message import Message
 
+from daemon.judging.live import reached_moments
 from daemon.judging.signals import RunSignal, TimeSpan
+from daemon.trace import Trace
 from grammars.text.words import NOTHING, format_quantity
-from scenario_tui.dashboard.run_timeline import RunTimeline
-from scenario_tui.dashboard.widgets.cell_view import CellView, Codes, write_text
+from scenario_tui.dashboard.run_timeline import RunTimeline, waypoint_names
+from scenario_tui.dashboard.widgets.cell_view import CellView, Codes, text_lines, write_text
 from scenario_tui.dashboard.widgets.timeline_drawing import (
     BEHIND,
     CURSOR,
     CURVE,
+    FAIL,
     FAINT,
     LIMIT,
     NAME,
@@ -30,36 +34,44 @@ from scenario_tui.dashboard.widgets.timeline_drawing import (
 from scenario_tui.text.formatting import keep_start
 
 ZOOM: Final = 0.7
-"""Share of the time that stays in view at each step nearer."""
+"""Share of the time that stays in view at each zoom step."""
 _SHORTEST: Final = 0.1
-"""Seconds of the shortest stretch of time that is shown."""
+"""Shortest visible time range [s]."""
 _MARGIN: Final = 0.1
-"""Share of a stretch that stays behind the playhead when it has left the one before."""
+"""Share of a new time range before the playhead that has left the old one."""
 _LEAST_ROWS: Final = 3
-"""Rows that name, value and limit of a signal take; a long name takes one more."""
+"""Rows for name, value and limit of a signal; a long name takes one more."""
 _COUNTING: Final = frozenset(
     {
         "elapsed", "path.length", "mission.leg", "mission.leg.elapsed", "mission.reached",
         "mission.remaining",
     }
 )  # fmt: skip
-"""Signals that only count, whose curve tells nothing, or that say what the mission's lane shows."""
+"""Signals that only count, or that repeat the lane of the mission."""
 _ASKED: Final = {"above": "≤ ", "below": "≥ ", "": "limit "}
-"""What is asked of a signal, by the side of a limit on which it speaks against oracles."""
+"""Signs of limits, by the side on which a signal contradicts oracles."""
+
+_COLOURS: Final = (
+    "yellow", "bold yellow", "cyan", "red", "cyan", "green", "bold red", "dim", "bold", "bold",
+)  # fmt: skip
+"""The terminal's own colours in the dashboard's order, because the background is unknown here."""
+LEAST_ROWS: Final = 4
+"""Least rows of a signal; a Boolean one takes one row."""
+AXES: Final = 2
+"""Rows below the signals: mission and time."""
 
 
 class TimelineView(CellView):
     """Draws timelines, the first with its marks and the second over it, with a playhead.
 
-    A click or a drag asks for a moment by :class:`Seek`, and the wheel shows more or less of the
-    time around the pointer.
+    A click or a drag posts :class:`Seek`, and the wheel zooms the time around the pointer.
     """
 
     STYLES: ClassVar[tuple[Style, ...]] = STYLES
     ALLOW_SELECT = False
 
     class Seek(Message):
-        """Somebody pointed at a moment, ``time`` [s]."""
+        """A click at the moment ``time`` [s]."""
 
         def __init__(self, time: float) -> None:
             super().__init__()
@@ -80,7 +92,7 @@ class TimelineView(CellView):
 
     @property
     def signals(self) -> tuple[RunSignal, ...]:
-        """The signals to see: those the chosen oracle reads, those any oracle reads, the others."""
+        """The visible signals: those of the chosen oracle, then of other oracles, then the rest."""
         visible = [
             signal
             for signal in (self._timelines[0].signals if self._timelines else ())
@@ -90,21 +102,21 @@ class TimelineView(CellView):
         return tuple(visible)
 
     def show(self, timelines: Sequence[RunTimeline], time: float | None = None) -> None:
-        """Show other runs, or more of the same, with the playhead at ``time`` [s] or as it was."""
+        """Show timelines, with the playhead at ``time`` [s] or where it was."""
         self._timelines = tuple(timelines)
         if self._stretch and self._stretch[0] >= whole_span(timelines)[1]:
-            self._stretch = None  # of another run, or of one that has begun anew
+            self._stretch = None  # it belongs to another run or attempt
         self._put(self._time if time is None else time)
         self._draw_anew()
 
     def lead(self, oracle: str) -> None:
-        """Show what an oracle reads above everything else."""
+        """Show the signals of an oracle first."""
         if oracle != self._oracle or self._first:
             self._oracle, self._first = oracle, 0
             self._draw_anew()
 
     def toggle_counting(self) -> None:
-        """Show signals that only count, too, or leave them out."""
+        """Show or hide signals that only count."""
         self._counting, self._first = not self._counting, 0
         self._draw_anew()
 
@@ -115,7 +127,7 @@ class TimelineView(CellView):
             self.redraw()
 
     def _put(self, time: float) -> None:
-        """Put the playhead at a moment; a stretch of time that it leaves moves along."""
+        """Put the playhead at a moment; a visible playhead moves the time range along."""
         was_in_view, self._time = self._is_in_view(), time
         if was_in_view:
             self.reveal()
@@ -124,14 +136,14 @@ class TimelineView(CellView):
         return self._stretch is None or self._stretch[0] <= self._time <= self._stretch[1]
 
     def reveal(self) -> None:
-        """Move the stretch of time that is shown to the playhead, unless that is in view."""
+        """Move the visible time range to the playhead, unless that is in view."""
         if self._stretch is not None and not self._is_in_view():
             start, end = self._stretch
             share = _MARGIN if self._time > end else 1.0 - _MARGIN
             self._show_stretch(end - start, self._time, share)
 
     def zoom_time(self, nearer: bool, around: float | None = None) -> None:
-        """Show less of the time or more; a moment [s], or the playhead, keeps its column."""
+        """Zoom the time in or out; a moment [s], or the playhead, keeps its column."""
         if not self._timelines:
             return
         start, end = self._stretch or whole_span(self._timelines)
@@ -140,16 +152,16 @@ class TimelineView(CellView):
         self._show_stretch(length, at, (at - start) / max(end - start, 1e-9))
 
     def fit_time(self) -> None:
-        """Show all of the time again."""
+        """Show the whole time again."""
         self._stretch = None
         self._draw_anew()
 
     def _show_stretch(self, length: float, time: float, share: float) -> None:
-        """Show a stretch with a moment at a share of its length, or all if it is not longer."""
+        """Show a time range with a moment at a share of its length, at most the whole time."""
         start, end = whole_span(self._timelines)
         length = max(length, _SHORTEST)
         first = min(max(time - share * length, start), end - length)
-        # As many steps back as there were steps nearer show all, also after rounding.
+        # With a tolerance, so that equal steps in and out show the whole time despite rounding.
         is_part = length < (end - start) * (1.0 - 1e-9)
         self._stretch = (first, first + length) if is_part else None
         self._draw_anew()
@@ -182,7 +194,7 @@ class TimelineView(CellView):
     @on(events.MouseScrollUp)
     @on(events.MouseScrollDown)
     def _zoom_at(self, event: events.MouseEvent) -> None:
-        """Show less of the time around the pointer, or more."""
+        """Zoom the time around the pointer."""
         event.stop()
         if self._drawing is not None:
             nearer = isinstance(event, events.MouseScrollUp)
@@ -195,7 +207,7 @@ class TimelineView(CellView):
                 self.post_message(self.Seek(time))
 
     def _column(self, event: events.MouseEvent) -> int:
-        """Return the column that the pointer is in."""
+        """Return the column of the pointer."""
         return event.get_content_offset_capture(self).x
 
     def cells(self, columns: int, rows: int) -> tuple[Codes, Codes] | None:
@@ -219,7 +231,7 @@ def draw_frame(
     span = drawing.span
     for column in {drawing.gutter + span.column(at) for at in lines if span.meets(at, at)}:
         line = codes[:, column]
-        # Drawn where it hides nothing, also within what is shaded; other cells are marked only.
+        # Over empty cells, also within shades; other cells only get a background.
         free = np.isin(line, [ord(" "), ord("·"), ord("─")])
         beside = codes[:, [column - 1, min(column + 1, codes.shape[1] - 1)]]
         free |= (line == ord("░")) & (beside == ord("░")).all(axis=1)
@@ -239,7 +251,7 @@ def draw_frame(
 
 
 def at_playhead(signal: RunSignal, time: float) -> str:
-    """Return the value at a moment, for people: ``0.123 m``, ``yes``, ``0.1–0.3 m``, ``∞ m``."""
+    """Return the value at a moment: ``0.123 m``, ``yes``, ``0.1–0.3 m``, ``∞ m``."""
     least, most = signal.at(time)
     if math.isnan(least):
         return NOTHING
@@ -247,19 +259,19 @@ def at_playhead(signal: RunSignal, time: float) -> str:
         return "yes" if most > 0.5 else "no"
     if _brief(least) == _brief(most):
         return format_quantity(most, signal.unit)
-    # A thinned signal knows no more than that.
+    # A thinned signal has only a range.
     return _range(least, most, signal.unit)
 
 
 def _range(least: float, greatest: float, unit: str) -> str:
-    """Return from where to where: ``0.1–0.3 m``; the lesser end to the third digit of the other."""
+    """Return a range: ``0.1–0.3 m``, rounded to the third digit of the larger end."""
     size = max(abs(least), abs(greatest))
     if size and math.isfinite(size):
         places = 2 - math.floor(math.log10(size))
-        # Also a zero that was less than nothing has no sign.
+        # Adding zero removes the sign of a negative zero.
         least, greatest = round(least, places) + 0.0, round(greatest, places) + 0.0
     low, high = _brief(least, unit).removesuffix(f" {unit}"), _brief(greatest, unit)
-    # A dash beside a minus sign would be read as one.
+    # A dash beside a minus sign would look like another one.
     return f"{low} to {high}" if min(least, greatest) < 0.0 else f"{low}–{high}"
 
 
@@ -270,7 +282,7 @@ def _brief(value: float, unit: str = "") -> str:
 def _words(
     signal: RunSignal, values: Sequence[str], width: int, height: int
 ) -> list[tuple[str, int]]:
-    """Return the lines beside a signal: its name, values, limits, and from where to where."""
+    """Return the lines beside a signal: its name, values, limits, and range."""
     text = " ┊ ".join(values)
     if height == 1:
         return [(f"{signal.name[: width - len(text) - 1]} {text}", NAME)]
@@ -296,3 +308,29 @@ def _words(
         if _brief(least) != _brief(greatest):
             words.append((_range(least, greatest, signal.unit), FAINT))
     return words
+
+
+def draw_signals(
+    trace: Trace,
+    signals: Sequence[RunSignal],
+    width: int,
+    rows: int,
+    *,
+    marks: Sequence[float] = (),
+) -> list[Text]:
+    """Return signals one above the other, with upright lines at ``marks`` [s].
+
+    They take ``rows``, or more if necessary. The value beside a signal is its last one.
+    """
+    start, end = float(trace.ground_truth.time[0]), float(trace.ground_truth.time[-1])
+    timeline = RunTimeline(
+        start, end, tuple(signals), None, reached_moments(trace), waypoint_names(trace.spec),
+        tuple(marks),
+    )  # fmt: skip
+    least = sum(1 if signal.unit == "bool" else LEAST_ROWS for signal in signals)
+    drawing = TimelineDrawing((timeline,), signals, width, max(rows, least + AXES))
+    styles = [Style.parse(colour) for colour in _COLOURS] * 2
+    lines = text_lines(*draw_frame(drawing, end, marks, FAIL), styles)
+    for line in lines:
+        line.rstrip()
+    return lines

@@ -1,4 +1,4 @@
-"""Signals over time as cells: curves on scales of their own, limits, doors, mission, time."""
+"""Signals over time as cells: curves on their own scales, limits, doors, mission, time."""
 
 from __future__ import annotations
 
@@ -34,48 +34,48 @@ _PLAIN: Final = (
     Style(color=styles.COLOURS[styles.FACT], bold=True),
 )
 BEHIND: Final = len(_PLAIN)
-"""Added to the style of a cell that the playhead passes behind."""
+"""Offset of the style of a cell in front of the playhead."""
 STYLES: Final = (*_PLAIN, *(style + Style(bgcolor=styles.MARKED) for style in _PLAIN))
 _GUTTER: Final = 27
-"""Columns for what a signal is called, its value at the cursor, and its scale."""
+"""Columns for the name of a signal, its value at the cursor, and its scale."""
 _TICKS: Final = 7
-"""Columns of these that the scale takes, where there is room for all of the gutter."""
+"""Columns of the scale, if there is room for the whole gutter."""
 _LANES: Final = 6
-"""Rows of the whole drawing for each that a door may take."""
+"""Rows of the whole drawing per row for doors."""
 _LEAST: Final = 3
-"""Rows of a signal at least; what is true or false takes one."""
+"""Least rows of a signal; a Boolean one takes one row."""
 _LITTLE: Final = 9
-"""Of so few rows a signal takes two."""
+"""Rows of a drawing below which a signal takes two rows."""
 _APART: Final = 12
-"""Columns from one mark of the time to the next at least."""
+"""Least columns between two marks of the time."""
 LEGEND: Final = "░ against oracle  ━ door open  ◇ waypoint  ✗ decided"
 
 
 @dataclass(frozen=True, slots=True)
 class PlottedSpan:
-    """The stretch of time drawn [s] and the columns it takes."""
+    """The drawn time range [s] and its columns."""
 
     start: float
     end: float
     columns: int
 
     def column(self, time: float) -> int:
-        """Return the column of a moment, the nearest there is."""
+        """Return the column of a moment, or the nearest one."""
         share = (time - self.start) / max(self.end - self.start, 1e-9)
         return min(max(round(share * (self.columns - 1)), 0), self.columns - 1)
 
     def moment(self, column: int) -> float:
-        """Return the moment [s] of a column, the nearest there is."""
+        """Return the moment [s] of a column, or the nearest one."""
         share = min(max(column / max(self.columns - 1, 1), 0.0), 1.0)
         return self.start + share * (self.end - self.start)
 
     def meets(self, start: float, end: float) -> bool:
-        """Return whether any of a stretch of time is drawn."""
+        """Return True if any part of a time range is drawn."""
         return start <= self.end and end >= self.start
 
 
 def whole_span(timelines: Sequence[RunTimeline]) -> TimeSpan:
-    """Return from when to when timelines last together [s], with the room for what comes."""
+    """Return the time range [s] of all timelines, with room for the future of a running run."""
     ends = (max(one.end, one.horizon or one.end) for one in timelines)
     return min(one.start for one in timelines), max(ends)
 
@@ -83,20 +83,19 @@ def whole_span(timelines: Sequence[RunTimeline]) -> TimeSpan:
 def ranges(signal: RunSignal, start: float, end: float, count: int) -> tuple[Floats, Floats]:
     """Return the least and greatest value of a signal in each of ``count`` parts of a time.
 
-    The first value of a part is also the last of the one before, so that the curve has no gaps; a
-    spike of one sample stays to be seen. NaN where nothing is known.
+    The first value of a part is also the last of the one before, so that the curve has no gaps. A
+    spike of one sample stays visible. Unknown values are NaN.
     """
     low, high = np.full(count, np.nan), np.full(count, np.nan)
     finite = np.isfinite(signal.low)
     time, least, most = signal.time[finite], signal.low[finite], signal.high[finite]
     if not len(time):
         return low, high
-    # From the last sample at or before an edge: values hold until the next one is written.
+    # From the last sample at or before an edge, because a value holds until the next one.
     edges = np.linspace(start, end, count + 1)
     first = np.maximum(np.searchsorted(time, edges[:-1] + 1e-9, side="right") - 1, 0)
     last = np.searchsorted(time, edges[1:] + 1e-9, side="right")
-    # A stretch that ends before it begins reduces to its first value, and is left out. The value
-    # behind the last one is never part of a stretch.
+    # An empty part reduces to its first value, and is left out. The appended value is never used.
     stretches = np.column_stack([first, last]).ravel()
     filled = (last > first) & (edges[:-1] <= signal.time[-1])
     low[filled] = np.minimum.reduceat(np.append(least, np.inf), stretches)[::2][filled]
@@ -105,7 +104,7 @@ def ranges(signal: RunSignal, start: float, end: float, count: int) -> tuple[Flo
 
 
 def fit_heights(signals: Sequence[RunSignal], rows: int) -> list[int]:
-    """Return how many rows each signal gets, for as many of the first ones as ``rows`` hold."""
+    """Return the rows of each signal, for as many of the first ones as fit into ``rows``."""
     heights: list[int] = []
     smallest = 2 if rows < _LITTLE else _LEAST
     for signal in signals:
@@ -116,13 +115,13 @@ def fit_heights(signals: Sequence[RunSignal], rows: int) -> list[int]:
     tall = [i for i, _ in enumerate(heights) if signals[i].unit != "bool"]
     spare = rows - sum(heights)
     for place, index in enumerate(tall):
-        # All grow evenly, those above first.
+        # All grow evenly, the upper ones first.
         heights[index] += spare // len(tall) + (place < spare % len(tall))
     return heights
 
 
 def _scale_of(signal: RunSignal, curves: Sequence[tuple[Floats, Floats]], rows: int) -> AxisScale:
-    """Return the scale of the values that are drawn, with the limits in view."""
+    """Return the scale of the drawn values, with the limits in view."""
     limits = [limit.value for limit in signal.limits]
     values = np.concatenate([part[np.isfinite(part)] for curve in curves for part in curve])
     if not len(values):
@@ -131,13 +130,12 @@ def _scale_of(signal: RunSignal, curves: Sequence[tuple[Floats, Floats]], rows: 
 
 
 class TimelineDrawing:
-    """The cells of timelines drawn one over the other, without the cursor.
+    """The cells of overlaid timelines, without the cursor.
 
-    ``signals`` are those of the first one, in their order. A ``stretch`` [s] of the time alone
-    is drawn when it is given.
+    ``signals`` are those of the first one, in their order. A ``stretch`` [s] limits the time.
     """
 
-    # The cursor alone moves while a run is played: this is drawn once and copied for each frame.
+    # Drawn once and copied for each frame, because only the cursor moves in a replay.
 
     def __init__(
         self,
@@ -181,7 +179,7 @@ class TimelineDrawing:
 
     @property
     def more(self) -> int:
-        """The number of signals that have no room."""
+        """The number of signals without room."""
         return len(self.signals) - len(self.heights)
 
     def moment(self, column: int) -> float:
@@ -213,19 +211,19 @@ class TimelineDrawing:
             canvas.dotted_line(float(at), LIMIT)
         for (least, most), layer in zip(curves, (CURVE, OTHER), strict=False):
             x = np.flatnonzero(np.isfinite(least))
-            x = x[::2] if layer == OTHER else x  # told from the other one without colour
+            x = x[::2] if layer == OTHER else x  # distinct without colours
             canvas.bars(x.astype(np.int32), dots(most[x]), dots(least[x]), layer)
         self._put(signal, top, *canvas.cells())
         if self.ticks:
             self._scale(signal, scale, top, height)
 
     def _scale(self, signal: RunSignal, scale: AxisScale, top: int, height: int) -> None:
-        """Write round numbers beside the curve, and every limit where it is."""
+        """Write round numbers and all limits beside the curve."""
         axis = self.gutter - 1
         self.codes[top : top + height, axis] = ord("│")
         self.owners[top : top + height, axis] = FAINT
         marks = [(value, tick_text(value, scale.step), FAINT) for value in scale.ticks]
-        # Last: where a tick and a limit share a row the limit is what one looks for.
+        # Limits come last, because they are more important than a tick in the same row.
         for limit in signal.limits:
             text = format_quantity(limit.value, "")
             if not 0.0 <= scale.share(limit.value) <= 1.0:
@@ -238,7 +236,7 @@ class TimelineDrawing:
             self._write(row, axis - width, f"{text[:width]:>{width}}┤", owner)
 
     def _flag(self, signal: RunSignal, others: Sequence[RunSignal], top: int) -> None:
-        """Draw what is true or false as one row: a block where it is true."""
+        """Draw a Boolean signal as one row, with a block where it is true."""
         span = self.span
         _, high = ranges(signal, span.start, span.end, span.columns)
         codes = np.where(high > 0.5, ord("▆"), ord("▁")).astype(np.int32)
@@ -251,13 +249,13 @@ class TimelineDrawing:
         self._put(signal, top, codes[None, :], owners[None, :])
 
     def _put(self, signal: RunSignal, top: int, codes: Codes, owners: Codes) -> None:
-        """Put a signal in its place, and mark where the run spoke against an oracle."""
+        """Put a signal in its place, and shade the times at which it contradicts an oracle."""
         for start, end in signal.against:
             if not self.span.meets(start, end):
                 continue
             part = slice(self.span.column(start), self.span.column(end) + 1)
-            # Beside the curve where there is room, or else over its first row: without colour the
-            # stretch must be seen, and so must the curve.
+            # In empty cells, otherwise in the first row: without colours, both the shade and the
+            # curve must stay visible.
             empty = np.isin(codes[:, part], [ord(" "), ord("▁")])
             codes[:, part][empty] = ord("░")
             codes[0, part][~empty.any(axis=0)] = ord("░")
@@ -269,11 +267,11 @@ class TimelineDrawing:
         write_text(self.codes, self.owners, row, column, text, owner)
 
     def _label(self, row: int, text: str, owner: int = NAME) -> None:
-        """Write words into the gutter, cut to it."""
+        """Write words into the gutter, cut to its width."""
         self._write(row, 0, keep_start(text, self.gutter - 1), owner)
 
     def _bar(self, row: int, start: float, end: float, sign: str, owner: int) -> None:
-        """Fill a row with a sign from one moment to another, as far as that is drawn."""
+        """Fill a row with a sign from one moment to another, within the drawn time."""
         if self.span.meets(start, end):
             first, last = self.span.column(start), self.span.column(end)
             self._write(row, self.gutter + first, sign * (last - first + 1), owner)
@@ -282,7 +280,7 @@ class TimelineDrawing:
         """Draw a bar while any door of a lane stands open."""
         events = [event for event in timeline.doors or () if event.joint in joints]
         if not events:
-            # The map shows whether they stand open or shut.
+            # The map shows whether they are open or shut.
             words = "does not move" if len(joints) == 1 else "none moves"
             self._write(row, self.gutter, words, FAINT)
             return
@@ -297,7 +295,7 @@ class TimelineDrawing:
                 self._bar(row, since, until, "━", EVENT)
 
     def _mission(self, row: int, timeline: RunTimeline) -> None:
-        """Draw the legs: where each leads, by number and name, and a diamond where it ends."""
+        """Draw the legs with number and name of their waypoint, and a diamond at their end."""
         span = self.span
         self._bar(row, timeline.start, timeline.end, "─", FAINT)
         begins = timeline.start
@@ -309,7 +307,7 @@ class TimelineDrawing:
                 room = last - span.column(begins) - done
                 words = (f"{index + 1} {name}", str(index + 1))
                 text = next((word for word in words if len(word) < room), "")
-                # Before the diamond stays a piece of the line.
+                # Leave a piece of the line before the diamond.
                 right = last - 2 if done else last
                 self._write(row, self.gutter + right + 1 - len(text), text, FAINT)
                 if done:
@@ -317,7 +315,7 @@ class TimelineDrawing:
             begins = time
 
     def _axis(self, row: int, whole: float | None) -> None:
-        """Write the time below; beside it the stretch drawn, of a run that lasts ``whole`` [s]."""
+        """Write the time below; beside it the drawn part of a run that lasts ``whole`` [s]."""
         span = self.span
         scale = mark_axis(span.start, span.end, span.columns - 1, _APART)
         for value in scale.ticks:
@@ -338,9 +336,9 @@ class TimelineDrawing:
 def _door_lanes(
     motions: Sequence[Sequence[DoorMotion]], most: int
 ) -> list[tuple[str, frozenset[str]]]:
-    """Return doors that moved in any run, by when they first did, each with its joints.
+    """Return the doors that moved in any run, by their first motion, each with its joints.
 
-    Of more than ``most`` of them the last ones share a lane.
+    If there are more than ``most``, the last ones share a lane.
     """
     events = sorted((event for run in motions for event in run), key=lambda event: event.time)
     names = list(dict.fromkeys(event.joint for event in events))
@@ -349,7 +347,7 @@ def _door_lanes(
     if rest := frozenset(names[len(own) :]):
         lanes.append((f"{len(rest)} more doors" if own else "doors", rest))
     short = [name.rpartition(".")[0] or name for name, _ in lanes]
-    # A door is called like its object unless another part of it moves, too.
+    # A door has the name of its object, unless another part of that moves as well.
     return [
         (brief if short.count(brief) == 1 else name, joints)
         for brief, (name, joints) in zip(short, lanes, strict=True)

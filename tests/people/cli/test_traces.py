@@ -8,7 +8,7 @@ import pytest
 from daemon.judging.signals import RunSignal
 from daemon.trace import read_trace
 from scenario_tui.cli import invoke
-from scenario_tui.dashboard.signal_graphs import draw_signals
+from scenario_tui.dashboard.widgets.timeline import draw_signals
 from tests.analysis.old_runs import drive, spec
 from tests.people.cli.outputs import declared
 from tests.people.recorded import record_run

@@ -41,8 +41,8 @@ class InlineFeed(Feed):
     @property
     def may_know_more(self):
         """Whether there may be more to know than when the last picture was taken."""
-        known = self._known
-        return self._asked.is_set() or not (known.connected and known.campaigns)
+        state = self._state
+        return self._requested.is_set() or not (state.connected and state.campaigns)
 
     def start(self):
         """Start no thread."""

@@ -12,7 +12,7 @@ from daemon.model.status import ChangeEvent
 from scenario_tui.dashboard import feed as feed_module
 from scenario_tui.dashboard.campaign_assessor import CampaignAssessor
 from scenario_tui.dashboard.feed import Feed
-from scenario_tui.dashboard.state import Known
+from scenario_tui.dashboard.state import DashboardState
 from tests.parts import DEADLINE, eventually
 from tests.people.dashboard.daemons import judged_campaign
 from tests.people.fake import CAMPAIGN, OLD, make_live
@@ -23,7 +23,7 @@ class Taker:
     """Takes the news of a feed, as a dashboard does."""
 
     feed: Feed
-    known: Known = field(default_factory=Known)
+    state: DashboardState = field(default_factory=DashboardState)
     front: object = None
     fetched: object = None
     lives: list = field(default_factory=list)
@@ -31,7 +31,7 @@ class Taker:
 
     def take(self):
         news = self.feed.take_news()
-        self.known = news.known or self.known
+        self.state = news.state or self.state
         self.front, self.fetched = news.front, news.fetched
         self.lives += news.lives
         self.notices += news.notices
@@ -47,7 +47,7 @@ class PageFront:
 
     about: str = CAMPAIGN
 
-    def fetch(self, daemon, known):
+    def fetch(self, daemon, state):
         return daemon.runs(CAMPAIGN, limit=3)
 
 
@@ -85,10 +85,10 @@ def test_a_daemon_that_hangs_is_told_before_its_connection_is_closed(
 
     monkeypatch.setattr(feed, "connect", hanging)
     feed.start()
-    taker.until(lambda it: it.known.connected)
+    taker.until(lambda it: it.state.connected)
     fake.reachable = False
     assert closing.wait(DEADLINE)
-    connected = taker.take().known.connected
+    connected = taker.take().state.connected
     go_on.set()
     assert not connected
 
@@ -97,11 +97,11 @@ def test_only_what_the_screen_in_front_fetches_is_asked_for(feed, taker, fake, m
     monkeypatch.setattr(feed_module, "_ASSESS_EVERY", 3600.0)
 
     class RunFront(PageFront):
-        def fetch(self, daemon, known):
+        def fetch(self, daemon, state):
             return feed.watch.look(daemon, f"{CAMPAIGN}.5")
 
     feed.start()
-    taker.until(lambda it: it.known.connected)
+    taker.until(lambda it: it.state.connected)
     assert {call[0] for call in fake.calls} == {"open", "overview", "campaigns"}
     page, run = PageFront(), RunFront()
     feed.look_at(page)
@@ -120,7 +120,7 @@ def test_what_was_judged_is_told_without_asking_anew(feed, taker, fake, monkeypa
     feed.on_news = lambda: told.append(None)
     feed.look_at(PageFront())
     feed.start()
-    taker.until(lambda it: it.known.results)
+    taker.until(lambda it: it.state.results)
     assert count(fake, "campaigns") == 1
     assert told
 
@@ -147,7 +147,7 @@ def test_actions_become_notices(feed, taker, fake):
 def test_an_action_without_a_daemon_is_told_not_to_be_done(feed, taker, fake):
     fake.reachable = False
     feed.start()
-    taker.until(lambda it: it.known.problem)
+    taker.until(lambda it: it.state.problem)
     feed.enqueue_action(lambda daemon: "done")
     taker.until(lambda it: it.notices)
     assert [notice.text for notice in taker.notices] == ["no daemon answers, so nothing was done"]
@@ -172,8 +172,8 @@ def test_only_an_event_makes_the_feed_look_before_it_is_time(fake, monkeypatch):
     feed = Feed(fake.open)
     taker = Taker(feed)
     feed.start()
-    taker.until(lambda it: fake.listeners and it.known.connected)
-    eventually(lambda: feed.take_news().known is None)  # what was taken is no news
+    taker.until(lambda it: fake.listeners and it.state.connected)
+    eventually(lambda: feed.take_news().state is None)  # what was taken is no news
     for looks in (2, 3):
         fake.listeners[0][0](ChangeEvent(1, "run", f"{CAMPAIGN}.7"))
         eventually(lambda looks=looks: count(fake, "overview") == looks)
@@ -210,7 +210,7 @@ def test_a_daemon_that_goes_while_it_is_asked_for_results_is_noticed(
     feed.start()
     assert asked.wait(DEADLINE)
     fake.reachable = False
-    taker.until(lambda it: not it.known.connected and it.known.problem)
+    taker.until(lambda it: not it.state.connected and it.state.problem)
     silent.set()
     for thread in threading.enumerate():
         if thread.name == "judge":

@@ -8,9 +8,8 @@ import pytest
 from daemon.live.simulation import LiveSimulation, LiveThread
 from grammars.model.geometry import Twist2
 from grammars.model.robot import Drive
-from scenario_tui.dashboard.screens.live import LiveScreen
+from scenario_tui.dashboard.screens.live import LiveScreen, Teleoperation
 from scenario_tui.dashboard.screens.standalone import StandaloneApp
-from scenario_tui.dashboard.teleoperation import Teleoperation
 from tests.batch.live.worlds import HandClock, demo_spec, demo_submission, go
 from tests.people.dashboard.journeys import LOOK, follow
 

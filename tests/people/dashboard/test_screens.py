@@ -134,5 +134,5 @@ def test_a_line_says_what_is_waited_for_and_what_is_not_heard_of():
     starting = make_live(7, waiting=WAITING).snapshot
     assert words(RunningRun("a.1", "S1/nav2/0", starting)) == WAITING
     silent = run_line(RunningRun("a.1", "S1/nav2/0", live(7).snapshot, silence=65.0)).plain
-    assert "last heard 1 min 05 s ago" in silent
+    assert "last report 1 min 05 s ago" in silent
     assert "wp  " in run_line(RunningRun("a.1", "S1/nav2/0", live(7, margin=None).snapshot)).plain

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from daemon.model.status import Preparation, PreparationPhase, Trouble, TroubleCause
-from scenario_tui.dashboard.state import Known
+from scenario_tui.dashboard.state import DashboardState
 from scenario_tui.dashboard.widgets.status_line import status_text
 from scenario_tui.text.results import NONE_JUDGED, Conclusion
 from scenario_tui.text.styles import KNOWN
@@ -21,7 +21,7 @@ HALTED = replace(LARGE, halted=True, troubles=(Trouble("the disk is full", Troub
 
 
 def line(width, **known):
-    found = Known(True, at=NOW, overview=SMALL, campaigns=CAMPAIGNS, conclusions=JUDGED)
+    found = DashboardState(True, at=NOW, overview=SMALL, campaigns=CAMPAIGNS, conclusions=JUDGED)
     return status_text(replace(found, **known), NOW + 75.0, width).plain
 
 
@@ -97,7 +97,7 @@ def test_the_first_line_says_whether_it_is_fine_at_every_width(golden):
 
 def test_failures_are_red_as_long_as_they_may_be_news():
     def style(**known):
-        shown = Known(True, at=NOW, overview=SMALL, campaigns=CAMPAIGNS, **known)
+        shown = DashboardState(True, at=NOW, overview=SMALL, campaigns=CAMPAIGNS, **known)
         text = status_text(shown, NOW, 180)
         return next(
             str(one.style) for one in text.spans if "fail" in text.plain[one.start : one.end]

@@ -68,7 +68,11 @@ async def test_the_cursor_goes_to_what_was_submitted(dashboard, fake, folder):
     ("plan", "fresh", "said"),
     [
         ((None, None), False, ""),
-        (((15, 0.0, 15), None), False, "; how long they take is unknown: no run of these yet"),
+        (
+            ((15, 0.0, 15), None),
+            False,
+            "; their duration is unknown: no similar run yet",
+        ),
         (((15, 480.0, 0), None), False, "; about 4 min 00 s on 2 slots"),
         (((3, 90.0, 0), None), False, ", 12 cached; about 45 s on 2 slots"),
         (((1, 90.0, 0), None), False, ", 14 cached; about 1 min 30 s on 1 slot"),

@@ -53,7 +53,7 @@ def test_submitting_again_runs_nothing_twice(finished, place):
     file = str(place / "campaigns" / "demo" / "campaign.yaml")
     done = call_here("submit", file, state=finished, cwd=place)
     assert done.returncode == 0
-    assert "is known already, its 2 runs are kept" in done.stderr
+    assert "exists already, its 2 runs are kept" in done.stderr
 
 
 def test_what_has_a_result_is_not_run_again_unless_something_changed(finished, place):

@@ -134,7 +134,7 @@ def test_a_comparison_is_an_item(run):
     result = run(f"{FILE}::compare", more="compare: {nearer: nearest(moving vs open) >= 1 m}\n")
     result.assert_outcomes(failed=1)
     result.stdout.fnmatch_lines(
-        ["pilot nearer  ✗ fail +*n=2 !", "*is to be nearest(moving vs open) >= 1 m"]
+        ["pilot nearer  ✗ fail +*n=2 !", "*should be nearest(moving vs open) >= 1 m"]
     )
 
 
