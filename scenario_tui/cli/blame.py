@@ -197,7 +197,7 @@ def _print(explanation: Explanation, like: str) -> None:
         print_line(f"  {line}")
     print_line()
     if story.stopped:
-        print_line(f"stopped before it was smallest: {story.stopped}")
+        print_line(f"stopped before the smallest scenario was found: {story.stopped}")
     took = f"{count_noun(explanation.runs, 'run')}, {duration_text(explanation.seconds)}"
     cached = f"; {explanation.cached} more had a result already" if explanation.cached else ""
     print_line(took + cached)

@@ -210,5 +210,5 @@ def _headline(check: Verification, count: int) -> str:
         return f"{check.run}: {check.same_bytes} of {count} executions have the same bytes"
     if check.nondeterministic:
         return f"{check.run}: {check.sut} is not deterministic, executions differ {where}"
-    result = f"other bytes, only {check.same_bytes} of {count} executions have the same"
+    result = f"{check.same_bytes} of {count} executions have the same bytes"
     return f"{check.run}: {result}; they differ {where}"

@@ -56,7 +56,7 @@ def test_an_interrupt_tells_what_was_found(campaign, monkeypatch, capsys):
     code, said = blamed(capsys, campaign, "rude")
     assert code == 130
     assert "without max_speed: passes" in said
-    assert "stopped before it was smallest: interrupted" in said
+    assert "stopped before the smallest scenario was found: interrupted" in said
     assert "scenario run scenario-results" in said
 
 

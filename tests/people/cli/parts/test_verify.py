@@ -22,7 +22,7 @@ def test_other_bytes_are_a_finding(tmp_path, capsys):
     path.write_bytes(data.replace(b"scenario", b"Scenario", 1))
     assert invoke(["verify", str(path)]) == 1
     out = capsys.readouterr().out
-    assert f"{run.label}: other bytes, only 0 of 2 executions have the same; they differ " in out
+    assert f"{run.label}: 0 of 2 executions have the same bytes; they differ " in out
     assert "the executions agree with each other: the recording comes from other code" in out
     assert "path driven" in out
 
