@@ -46,7 +46,7 @@ _DRIVERS: Final = {
     "mbf_simple_nav": "Move Base Flex",
     "move_base_flex": "Move Base Flex",
 }
-_EXTERNAL: Final = "test your own stack as an external system, see docs/ros2.md and the README"
+_EXTERNAL: Final = "test your own stack as an external system, see docs/ros2.md"
 _MOST_NAMED: Final = 8
 
 

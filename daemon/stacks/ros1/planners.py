@@ -31,8 +31,7 @@ LOCAL: Final[Mapping[str, type[LocalPlannerChoice]]] = {
     TRAJECTORY: TrajectoryPlannerParameters,
 }
 _ELSEWHERE: Final = (
-    "to test a stack that uses it, bring that stack itself as the system under test "
-    '(README, "Bring your own stack")'
+    "to test a stack that uses it, bring that stack itself as the system under test (docs/ros2.md)"
 )
 
 

@@ -12,7 +12,6 @@ from rich.text import Text
 from textual import events, on
 from textual.message import Message
 
-from daemon.judging.live import reached_moments
 from daemon.judging.signals import RunSignal, TimeSpan
 from daemon.trace import Trace
 from grammars.text.words import NOTHING, format_quantity
@@ -322,6 +321,9 @@ def draw_signals(
 
     They take ``rows``, or more if necessary. The value beside a signal is its last one.
     """
+    # The dashboard loads this module, and the judging code takes 70 MB.
+    from daemon.judging.live import reached_moments
+
     start, end = float(trace.ground_truth.time[0]), float(trace.ground_truth.time[-1])
     timeline = RunTimeline(
         start, end, tuple(signals), None, reached_moments(trace), waypoint_names(trace.spec),

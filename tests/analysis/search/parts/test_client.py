@@ -151,7 +151,7 @@ def test_a_search_that_is_left_waits_for_another_client(daemon, asked, gated):
     leave(second)
     (row,) = asked.searches("left")
     assert (row.state, row.client, asked.campaign("left").search) == ("waiting", "", "waiting")
-    with pytest.raises(Refused, match="goes on: cancel it first"):
+    with pytest.raises(Refused, match="unfinished search: cancel it first"):
         asked.delete(("left",))
     gate.touch()
     finish(run(daemon, "left", 12, until=str(gate)))

@@ -61,10 +61,11 @@ def run(house, pytester, monkeypatch):
     monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
     monkeypatch.chdir(folder)
 
-    def call(*arguments, more="", repeats="2"):
+    def call(*arguments, more="", repeats="2", subprocess=False):
         text = HOUSE.replace("repeats: 2", f"repeats: {repeats}")
         (folder / FILE).write_text(text + more)
-        return pytester.runpytest_inprocess(*PLUGIN, f"--rootdir={folder}", *arguments)
+        execute = pytester.runpytest_subprocess if subprocess else pytester.runpytest_inprocess
+        return execute(*PLUGIN, f"--rootdir={folder}", *arguments)
 
     return call
 
