@@ -17,7 +17,6 @@ from daemon.judging import oracles
 from daemon.judging.oracles import judge, judge_leading, overall_outcome
 from daemon.model.execution import machine_text
 from daemon.model.kernels import compiling_ahead, keep_list, load_list
-from daemon.model.rehearsal import kernel_list, short_run
 from daemon.model.spec import (
     LeadingMargin,
     RunResult,
@@ -25,7 +24,9 @@ from daemon.model.spec import (
     Script,
     Snapshot,
     Timing,
+    kernel_list,
     package_versions,
+    short_run,
 )
 from daemon.model.sut import TICK_RATE
 from daemon.run_judge import JudgementReceiver, WatchedRun

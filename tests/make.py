@@ -2,10 +2,11 @@
 
 from dataclasses import replace
 
-from daemon.model.proposals import ExtendRequest, Proposal
 from daemon.model.run_state import RunState
 from daemon.model.search import (
+    ExtendRequest,
     OracleScale,
+    Proposal,
     SearchParameter,
     SearchSubmission,
     SearchTask,

@@ -9,8 +9,8 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
+from daemon.model.ids import LARGEST_VALUE
 from daemon.model.live_judgement import LiveSignal, SignalLimit
-from daemon.model.ranges import LARGEST_VALUE
 from grammars.model.geometry import Floats
 
 TimeSpan: TypeAlias = tuple[float, float]

@@ -14,7 +14,7 @@ from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import Field
 
-from daemon.model.ranges import Moment, SignalValue
+from daemon.model.ids import Moment, SignalValue
 from daemon.model.verdicts import Verdict
 from grammars.model.mission import MOST_WAYPOINTS
 from grammars.text import codec

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from daemon.model.ranges import FARTHEST_POINT, LARGEST_VALUE
+from daemon.model.ids import FARTHEST_POINT, LARGEST_VALUE
 from daemon.model.spec import Snapshot
 from daemon.model.sut import Cloud, CostmapPicture, Estimate
 from grammars.model.geometry import Floats, Point2, Pose2

@@ -11,7 +11,7 @@ from typing import Annotated, Final
 
 from pydantic import Base64Bytes, Field
 
-from daemon.model.ranges import IdText, NonNegativeInt, Seconds, ShortText
+from daemon.model.ids import IdText, NonNegativeInt, Seconds, ShortText
 from daemon.model.spec import ENGINE_VERSION, LARGEST_TRACE, RunResult, RunSpec
 from daemon.model.status import Preparation
 

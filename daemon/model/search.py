@@ -1,9 +1,10 @@
-"""A search for failures: its task.
+"""A search for failures: its task, and its proposals.
 
 A *search* varies parameters of the layers of one scenario and looks for the values with which an
 oracle fails. A *point* has one value for each parameter, as a person would write it: a number in
-the parameter's unit, rounded to its step, or one of its choices. Its runs are in
-:mod:`daemon.model.proposals`, its results in :mod:`daemon.model.search_answer`.
+the parameter's unit, rounded to its step, or one of its choices. A *proposal* is a point to run:
+proposal ``n`` of search ``S`` is the scenario ``S.n``, so every run of a search is an ordinary run.
+:mod:`daemon.model.trials` evaluates it; results are in :mod:`daemon.model.search_answer`.
 """
 
 from __future__ import annotations
@@ -13,8 +14,8 @@ from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import Field
 
-from daemon.model.ranges import IdText, ShortText
-from daemon.model.submission import CampaignOrigin
+from daemon.model.ids import IdText, NonNegativeInt, ShortText
+from daemon.model.submission import CampaignOrigin, Submission
 
 ANY: Final = "any"
 """Takes the place of an oracle: the smallest of all margins, each divided by its scale."""
@@ -170,3 +171,40 @@ class SearchSubmission:
     origin: CampaignOrigin = field(default_factory=CampaignOrigin)
     fresh: bool = False
     client: ShortText = ""
+
+
+Phase: TypeAlias = Literal["explore", "confirm", "nearest", "shrink"]
+"""Purpose of a run: to find failures, to repeat one with other noise, to bring one nearer to the
+scenario as written, to remove its unnecessary parts."""
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """Subject of a run of a search: a point and a purpose.
+
+    ``number`` counts proposals, ``repeat`` the repeats of one; ``position`` counts runs. Proposals
+    that are not ``guided`` were chosen without looking at results: only their runs show how
+    frequent failures are. ``note`` describes an attempt that its point does not
+    (``without bedroom_door``).
+    """
+
+    position: NonNegativeInt
+    number: NonNegativeInt
+    repeat: NonNegativeInt
+    phase: Phase
+    method: str
+    guided: bool
+    values: Point
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ExtendRequest:
+    """More runs of a search, ``runs`` in the order of ``proposals``.
+
+    Positions that have a run already keep it, so repeating the request is harmless.
+    """
+
+    client: ShortText
+    proposals: Annotated[tuple[Proposal, ...], Field(min_length=1, max_length=1000)]
+    runs: Submission

@@ -7,9 +7,8 @@ from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import Field
 
-from daemon.model.proposals import Phase
-from daemon.model.ranges import IdText, ShortText
-from daemon.model.search import SearchTask
+from daemon.model.ids import IdText, ShortText
+from daemon.model.search import Phase, SearchTask
 from daemon.model.trials import Trial
 
 LONGEST_NOTE: Final = 2000

@@ -2,6 +2,10 @@
 
 ``RunSpec`` holds everything that decides the bytes of a trace: same digest, same trace, as long as
 all machines that execute runs have the same versions.
+
+Runs of the same system and robot call the same compiled kernels, whatever the numbers in their
+parameters; these are listed under one name (:func:`kernel_list`). A :func:`short_run` before the
+first run makes a missing list and missing machine code.
 """
 
 from __future__ import annotations
@@ -16,7 +20,7 @@ from typing import Annotated, Any, Final, Literal, TypeAlias
 from pydantic import Field
 
 from daemon.model.attachments import FILES_PARAMETER, SutMissing, stored_file
-from daemon.model.ranges import Centimetres, Moment, Seconds, SignalValue, WaypointCount
+from daemon.model.ids import Centimetres, Moment, Seconds, SignalValue, WaypointCount
 from daemon.model.verdicts import (
     LONGEST_EVIDENCE,
     Outcome,
@@ -330,3 +334,33 @@ def _installed_version(package: str) -> str:
         return version(package)
     except PackageNotFoundError:
         return "not installed"
+
+
+WITH_KERNELS: Final = ("pilot", "ros")
+"""Kinds of systems with kernels of their own; the short run omits all others."""
+SHORT: Final = 20.0
+"""Length of the short run [s, simulated]: each system plans and avoids an obstacle in it."""
+_IDLE: Final = SutReference("idle", "idle", {})
+
+
+def short_run(spec: RunSpec) -> RunSpec:
+    """Return the beginning of a run, without a system that is a plug-in or an outside process."""
+    sut = spec.sut if spec.sut.kind in WITH_KERNELS else _IDLE
+    return replace(spec, sut=sut, limit=min(SHORT, spec.limit))
+
+
+def kernel_list(spec: RunSpec) -> str:
+    """Return the name of the list of kernels that runs like ``spec`` call."""
+    sut = short_run(spec).sut
+    robot = codec.to_plain(spec.robot, Robot)
+    choices = repr((_choices(sut.parameters), _choices(robot)))
+    return f"{sut.kind}-{hashlib.sha256(choices.encode()).hexdigest()[:12]}"
+
+
+def _choices(value: Any) -> Any:
+    """Return a tree of parameters without its numbers, which choose no kernel."""
+    if isinstance(value, Mapping):
+        return sorted((name, _choices(each)) for name, each in value.items())
+    if isinstance(value, list | tuple):
+        return [_choices(each) for each in value]
+    return value if isinstance(value, bool | str) else None

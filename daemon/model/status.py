@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Final
 
-from daemon.model.proposals import Proposal
 from daemon.model.run_state import UNFINISHED_STATES, RunState
+from daemon.model.search import Proposal
 from daemon.model.spec import LeadingMargin, RunResult, RunSpec, Snapshot
 from daemon.model.verdicts import Outcome, Verdict, join_notes
 

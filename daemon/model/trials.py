@@ -10,9 +10,8 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from daemon.model.proposals import Phase, Proposal
 from daemon.model.run_state import RunState
-from daemon.model.search import Point, SearchTask
+from daemon.model.search import Phase, Point, Proposal, SearchTask
 from daemon.model.spec import LeadingMargin
 from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome, Verdict

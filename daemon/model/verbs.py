@@ -44,8 +44,7 @@ from daemon.model.messages import (
     WelcomeReply,
     WorkerInfo,
 )
-from daemon.model.proposals import ExtendRequest
-from daemon.model.search import SearchSubmission
+from daemon.model.search import ExtendRequest, SearchSubmission
 from daemon.model.search_answer import SearchProgress, SearchQuery, SearchRow
 from daemon.model.status import (
     CampaignRow,

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Final
 
-from daemon.model.ranges import Seconds, SignalValue
+from daemon.model.ids import Seconds, SignalValue
 
 _MOMENT: Final = re.compile(r"\b(at|until|from) (\d+\.\d\d) s\b")
 """Pattern of a moment in a note of an oracle."""

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Final, TypeVar
 from daemon.batch.client import Client
 from daemon.batch.errors import Refused, Unreachable
 from daemon.model.messages import RunQuery
-from daemon.model.proposals import ExtendRequest, Phase, Proposal
 from daemon.model.run_state import RunState
+from daemon.model.search import ExtendRequest, Phase, Proposal
 from daemon.model.search_answer import (
     LONGEST_NOTE,
     SearchAnswer,

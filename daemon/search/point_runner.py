@@ -8,8 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 from daemon.analysis.blame import Candidate
-from daemon.model.proposals import Phase, Proposal
-from daemon.model.search import Point
+from daemon.model.search import Phase, Point, Proposal
 from daemon.model.status import RunRow
 from daemon.model.trials import Trial, median_trial, read_trial
 from daemon.search.composition import SearchCase

@@ -13,8 +13,7 @@ from collections import deque
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from daemon.model.proposals import Phase, Proposal
-from daemon.model.search import SearchTask
+from daemon.model.search import Phase, Proposal, SearchTask
 from daemon.model.search_answer import (
     Confirmation,
     NearestFailure,

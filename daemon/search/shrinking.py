@@ -19,8 +19,8 @@ from daemon.analysis.blame import (
     story_lines,
     unresolved_candidate,
 )
-from daemon.model.proposals import Proposal
 from daemon.model.run_state import RunState
+from daemon.model.search import Proposal
 from daemon.model.search_answer import ShrunkScenario
 from daemon.model.trials import Trial
 from daemon.search.point_runner import PointRunner

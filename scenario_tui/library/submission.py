@@ -126,7 +126,7 @@ def _workload(seconds: Sequence[float | None]) -> Workload:
 
 
 def _forecast(submission: Submission, state: Path) -> Forecast | None:
-    from daemon.batch.ledger import LedgerReader, PlannedRun
+    from daemon.batch.ledger import LedgerReader
     from daemon.batch.paths import StatePaths
 
     paths = StatePaths(state)
@@ -134,13 +134,7 @@ def _forecast(submission: Submission, state: Path) -> Forecast | None:
         return None
     try:
         with LedgerReader.open(paths) as ledger:
-            cells = (submission.cells[run.cell] for run in submission.runs)
-            return ledger.forecast(
-                [
-                    PlannedRun(digest, c.scenario, c.sut.name, c.limit, c.sut.repeatable)
-                    for digest, c in zip(submission.digests, cells, strict=True)
-                ]
-            )
+            return ledger.forecast(submission)
     except DaemonError:
         return None  # the ledger is of another version
 

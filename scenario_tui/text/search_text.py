@@ -25,8 +25,7 @@ from scenario_tui.text.styles import CHANGED, GLYPHS, QUIET
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from daemon.model.proposals import Proposal
-    from daemon.model.search import Point, PointValue, SearchParameter, SearchTask
+    from daemon.model.search import Point, PointValue, Proposal, SearchParameter, SearchTask
     from daemon.model.search_answer import SearchAnswer, SearchRow
 
 _RANGE, _LEAST_NAME = 11, 12

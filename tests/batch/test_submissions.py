@@ -6,9 +6,9 @@ from dataclasses import replace
 import pytest
 
 from daemon.batch.errors import Refused, Unavailable
-from daemon.batch.server import _search_handlers
-from daemon.batch.server._search_handlers import SearchClients, read_extension
-from daemon.batch.server._submissions import admit_submission
+from daemon.batch.server import _workers
+from daemon.batch.server._submissions import admit_submission, read_extension
+from daemon.batch.server._workers import SearchClients
 from daemon.campaign import expand, load_campaign
 from daemon.model.assessments import AssessmentRules, RepeatPolicy
 from daemon.model.messages import LARGEST_SUBMISSION
@@ -119,7 +119,7 @@ def test_what_is_no_digest_never_becomes_a_path(digest):
 
 def test_a_silent_client_makes_room_for_another(monkeypatch):
     now = [100.0]
-    monkeypatch.setattr(_search_handlers.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(_workers.time, "monotonic", lambda: now[0])
     clients = SearchClients()
     assert clients.state("s") == "running"  # after a restart its client has time to speak
     assert clients.claim("s", "a")

@@ -274,9 +274,9 @@ def test_only_traces_are_larger_than_files_may_be(site):
 
 
 @pytest.fixture
-def two(site, monkeypatch, request):
+def two(site, monkeypatch):
     """Two files on their way, where no more may be."""
-    monkeypatch.setattr(_uploads, request.param, 2)
+    monkeypatch.setattr(_uploads, "_MOST_UPLOADS", 2)
     for number in (1, 2):
         site.intake.put(site.reader, other_file(number))
         site.leave_idle()
@@ -288,23 +288,13 @@ def leave_busy(site):
         path.touch()
 
 
-@pytest.mark.parametrize("two", ["_MOST_OF_ONE"], indirect=True)
-def test_who_has_too_many_uploads_waits_and_keeps_nobody_else(two):
-    leave_busy(two)
-    with pytest.raises(Unavailable, match="2 uploads are in progress"):
-        two.intake.put(two.reader, other_file(3))
-    assert two.take(0, TRACE[:400]) == 400
-    assert two.intake.put(two.reader, other_file(2, offset=5, data=b"on")).count == 7
-
-
-@pytest.mark.parametrize("two", ["_MOST_UPLOADS"], indirect=True)
 def test_uploads_are_bounded_in_number(two):
     leave_busy(two)
     with pytest.raises(Unavailable, match="2 uploads are in progress"):
         two.take(0, TRACE)
+    assert two.intake.put(two.reader, other_file(2, offset=5, data=b"on")).count == 7
 
 
-@pytest.mark.parametrize("two", ["_MOST_UPLOADS", "_MOST_OF_ONE"], indirect=True)
 def test_the_oldest_upload_nobody_goes_on_with_gives_way(two):
     assert two.intake.put(two.reader, other_file(3)).count == 5
     assert [path.name[63] for path in sorted(two.places.incoming.iterdir())] == ["2", "3"]

@@ -16,7 +16,7 @@ from mcap.reader import make_reader
 
 from daemon import run
 from daemon.model.attachments import SutMissing
-from daemon.model.rehearsal import kernel_list, short_run
+from daemon.model.spec import kernel_list, short_run
 from daemon.model.sut import CostmapPicture, Progress
 from daemon.model.verdicts import Outcome, Verdict
 from daemon.run import SceneMismatchError

@@ -22,7 +22,7 @@ from daemon.batch.ledger import LedgerReader, LedgerWriter
 from daemon.batch.ledger._connection import connect
 from daemon.batch.ledger._entry import enter_runs
 from daemon.batch.paths import StatePaths
-from daemon.batch.server import _handlers, _search_handlers, _workers
+from daemon.batch.server import _handlers, _workers
 from daemon.batch.server._dispatcher import read_request
 from daemon.batch.server._handlers import Handlers
 from daemon.batch.server._housekeeping import Housekeeping
@@ -284,7 +284,7 @@ def store_scene(scene):
     return scene.digest
 
 
-_TURNED = (_handlers, _search_handlers, _workers)
+_TURNED = (_handlers, _workers)
 _TURNING = threading.RLock()
 
 

@@ -2,8 +2,7 @@
 
 from dataclasses import replace
 
-from daemon.model.proposals import Proposal
-from daemon.model.search import OracleScale, SearchParameter, SearchTask
+from daemon.model.search import OracleScale, Proposal, SearchParameter, SearchTask
 from daemon.model.search_answer import (
     Confirmation,
     DistinctFailure,

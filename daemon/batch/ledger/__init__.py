@@ -19,7 +19,7 @@ from daemon.batch.ledger._retention import (
     sweep_traces,
 )
 from daemon.batch.ledger._strays import Removal, StrayFile, find_strays, remove_strays
-from daemon.batch.ledger._time_left import Forecast, PlannedRun, RunPace, TimeLeft
+from daemon.batch.ledger._time_left import Forecast, RunPace, TimeLeft
 from daemon.batch.ledger._verification import (
     ContentReport,
     VerificationProgress,
@@ -35,7 +35,6 @@ __all__ = [
     "LedgerIntegrity",
     "LedgerReader",
     "LedgerWriter",
-    "PlannedRun",
     "Removal",
     "RetentionPolicy",
     "RunPace",

@@ -34,7 +34,9 @@ def connect(path: Path) -> sqlite3.Connection:
         if path != _IN_MEMORY:
             os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600))
     except OSError as error:
-        raise _open_error(path, error) from error
+        no_room = error.errno in (errno.ENOSPC, errno.EDQUOT)
+        kind = Unavailable if no_room else DaemonError
+        raise kind(f"{path} cannot be opened: {error.strerror}") from error
     # No isolation level: otherwise the module begins its own transactions, and ours must be
     # IMMEDIATE with savepoints. One thread at a time uses the connection, not always the one that
     # opened it.
@@ -81,12 +83,6 @@ def _is_passing(error: Exception) -> bool:
     return code & 0xFF in _PASSING or code in _NO_ROOM
 
 
-def _open_error(path: Path, error: OSError) -> DaemonError:
-    words = f"{path} cannot be opened: {error.strerror}"
-    no_room = error.errno in (errno.ENOSPC, errno.EDQUOT)
-    return Unavailable(words) if no_room else DaemonError(words)
-
-
 @contextmanager
 def open_reader(path: Path) -> Iterator[sqlite3.Connection]:
     """Open an existing ledger read-only, with or without a running daemon.
@@ -115,7 +111,7 @@ def _open_to_read(path: Path) -> sqlite3.Connection:
     )
 
 
-def schema_version(connection: sqlite3.Connection) -> int:
+def _schema_version(connection: sqlite3.Connection) -> int:
     """Return the schema of a ledger, 0 for an empty file."""
     return int(connection.execute("PRAGMA user_version").fetchone()[0])
 
@@ -128,7 +124,7 @@ def check_present(path: Path) -> None:
 
 def check_current(connection: sqlite3.Connection, path: Path) -> None:
     """Refuse a ledger of another schema than ours, as :class:`DaemonError`."""
-    version = schema_version(connection)
+    version = _schema_version(connection)
     if version == 0:
         raise DaemonError(f"{path} is empty: the daemon makes the ledger when it starts")
     if version != SCHEMA_VERSION:
@@ -145,21 +141,14 @@ def schema_problem(version: int) -> str:
 
 def _prepare(connection: sqlite3.Connection, path: Path) -> None:
     """Make the tables of a new file; refuse one with other tables."""
-    if schema_version(connection) != 0:
+    if _schema_version(connection) != 0:
         check_current(connection, path)
         return
     from importlib import resources  # not needed by completion, which never creates tables
 
     tables = resources.files(__package__).joinpath("schema.sql").read_text("utf-8")
-    try:
-        # Tables and version number in one transaction: a kill in between leaves an empty file.
-        connection.executescript(
-            f"BEGIN;\n{tables}\nPRAGMA user_version = {SCHEMA_VERSION};\nCOMMIT;"
-        )
-    except sqlite3.Error:
-        if connection.in_transaction:
-            connection.execute("ROLLBACK")
-        raise
+    # Tables and version number in one transaction: a kill in between leaves an empty file.
+    connection.executescript(f"BEGIN;\n{tables}\nPRAGMA user_version = {SCHEMA_VERSION};\nCOMMIT;")
 
 
 _MOST_SHOWN: Final = 3
@@ -197,7 +186,7 @@ def check_integrity(path: Path, *, quick: bool = False) -> LedgerIntegrity:
 
 
 def _examine(db: sqlite3.Connection, quick: bool) -> LedgerIntegrity:
-    version = schema_version(db)
+    version = _schema_version(db)
     if version != SCHEMA_VERSION:
         return LedgerIntegrity(version)
     check = db.execute(f"PRAGMA {'quick' if quick else 'integrity'}_check({_MOST_SHOWN})")

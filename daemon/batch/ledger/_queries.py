@@ -11,8 +11,8 @@ from daemon.batch.errors import Refused
 from daemon.batch.ledger._entry import RESERVE
 from daemon.batch.paths import StatePaths
 from daemon.model.messages import CampaignQuery, RunQuery
-from daemon.model.proposals import Proposal
 from daemon.model.run_state import RunState
+from daemon.model.search import Proposal
 from daemon.model.spec import RunResult
 from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome, join_notes
@@ -132,8 +132,10 @@ def run_row(db: sqlite3.Connection, row: sqlite3.Row, paths: StatePaths | None =
     outcome = Outcome(values["outcome"]) if values["outcome"] else None
     trace = note = ""
     if outcome is not None and paths is not None:
-        trace = find_trace(db, paths, *names)
-        note = "" if trace else missing_trace_text(values["cached"])
+        trace = _find_trace(db, paths, *names)
+        if not trace:
+            source = values["cached"]
+            note = f"the trace of {source} is gone" if source else "its trace is gone"
     values |= {
         "state": RunState(values["state"]),
         "outcome": outcome,
@@ -148,8 +150,8 @@ def run_row(db: sqlite3.Connection, row: sqlite3.Row, paths: StatePaths | None =
     return RunRow(**values)
 
 
-def find_trace(
-    db: sqlite3.Connection, paths: StatePaths, name: str, source: str, location: str = ""
+def _find_trace(
+    db: sqlite3.Connection, paths: StatePaths, name: str, source: str, location: str
 ) -> str:
     """Return the location of a run's trace: the ``location`` in a store, else the path of its file.
 
@@ -166,8 +168,3 @@ def find_trace(
     row = db.execute("SELECT trace_name FROM run WHERE id = ?", (source,)).fetchone()
     path = paths.traces / row[0] if row else None
     return str(path) if path is not None and path.exists() else ""
-
-
-def missing_trace_text(source: str) -> str:
-    """Return the note on a missing trace of a run, whose result is that of ``source`` if any."""
-    return f"the trace of {source} is gone" if source else "its trace is gone"

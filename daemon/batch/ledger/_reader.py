@@ -5,9 +5,8 @@ from __future__ import annotations
 import json
 import sqlite3
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final, TypeVar
 
@@ -23,6 +22,7 @@ from daemon.batch.ledger._queries import (
 )
 from daemon.batch.ledger._results import (
     hold_text,
+    read_campaign,
     read_declared,
     read_holds,
     require_era,
@@ -31,7 +31,6 @@ from daemon.batch.ledger._results import (
 from daemon.batch.ledger._searches import read_searches
 from daemon.batch.ledger._time_left import (
     Forecast,
-    PlannedRun,
     RunPace,
     TimeLeft,
     read_forecast,
@@ -42,7 +41,7 @@ from daemon.model.messages import LARGEST_PAGE_BYTES, CampaignQuery, IdRequest, 
 from daemon.model.run_state import RunState
 from daemon.model.spec import RunResult
 from daemon.model.status import CampaignRow, RunDetail, RunPage, RunRow, count_runs
-from daemon.model.submission import CampaignOrigin
+from daemon.model.submission import CampaignOrigin, Submission
 from daemon.model.verbs import (
     CAMPAIGNS,
     DECLARED,
@@ -62,18 +61,6 @@ _LARGEST_NAMES: Final = 2000
 """Largest row of a page without reason and result [B]."""
 _RATE_SPAN: Final = 600.0
 _RATE_RUNS: Final = 64
-
-
-@dataclass(frozen=True, slots=True)
-class ExpectedUpload:
-    """An upload that the ledger accepts: the name of the trace, and the run's last worker.
-
-    It is not ``is_needed`` if its result will not be recorded: the run has one, or is cancelled.
-    """
-
-    name: str
-    worker: str
-    is_needed: bool
 
 
 class LedgerReader(CampaignSource):
@@ -250,15 +237,12 @@ class LedgerReader(CampaignSource):
         return RunDetail(run_row(self._db, row, self._paths), read_spec(self._db, request.id))
 
     def _origin(self, request: IdRequest) -> CampaignOrigin:
-        query = "SELECT origin FROM campaign WHERE id = ?"
-        row = self._db.execute(query, (request.id,)).fetchone()
-        if row is None:
-            raise Refused(f"there is no campaign {request.id}")
-        return codec.from_json(CampaignOrigin, row[0])
+        (origin,) = read_campaign(self._db, request.id, "origin")
+        return codec.from_json(CampaignOrigin, origin)
 
-    def forecast(self, runs: Sequence[PlannedRun]) -> Forecast:
-        """Return for these runs whether they have results, and their expected times."""
-        return read_forecast(self._db, runs)
+    def forecast(self, submission: Submission) -> Forecast:
+        """Return which runs of a submission have results, and their expected times."""
+        return read_forecast(self._db, submission)
 
     def steps(self, run: str) -> tuple[tuple[float, str, str], ...]:
         """Return time, state and reason of a run's changes; the oldest first, early ones may be
@@ -278,15 +262,14 @@ class LedgerReader(CampaignSource):
         ).fetchone()
         return None if row is None else codec.from_json(RunResult, row[0])
 
-    def expected_upload(self, run: str, token: int, era: str) -> ExpectedUpload:
-        """Return the expected upload under a current or ended lease.
+    def expected_trace(self, run: str, token: int, era: str) -> tuple[str, bool]:
+        """Return the name of a run's trace, and whether a result under that lease is recorded.
 
-        Refuses a lease that the run never had.
+        It is not if the run has a result or is cancelled. Refuses a lease that the run never had.
         """
         require_era(self._db, era, token)
         require_lease(self._db, run, token)
-        state, outdated, trace, worker = self._db.execute(
-            "SELECT state, outdated, trace_name, worker FROM run WHERE id = ?", (run,)
+        state, outdated, trace = self._db.execute(
+            "SELECT state, outdated, trace_name FROM run WHERE id = ?", (run,)
         ).fetchone()
-        is_needed = state not in (RunState.DONE, RunState.CANCELLED) and token > outdated
-        return ExpectedUpload(str(trace), str(worker), is_needed)
+        return trace, state not in (RunState.DONE, RunState.CANCELLED) and token > outdated

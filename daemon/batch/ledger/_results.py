@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
-from typing import Final
+from typing import Any, Final
 
 from daemon.batch.errors import OtherLedger, Refused, Rejected
 from daemon.batch.ledger._entry import RESERVE
@@ -17,12 +17,17 @@ from daemon.model.verdicts import deciding_verdict
 from grammars.text import codec
 
 
-def read_declared(db: sqlite3.Connection, campaign: str) -> AssessmentRules:
-    """Return the rules of a campaign; raises :class:`Refused` if it does not exist."""
-    row = db.execute("SELECT declared FROM campaign WHERE id = ?", (campaign,)).fetchone()
+def read_campaign(db: sqlite3.Connection, campaign: str, columns: str) -> Any:
+    """Return columns of a campaign; raises :class:`Refused` if it does not exist."""
+    row = db.execute(f"SELECT {columns} FROM campaign WHERE id = ?", (campaign,)).fetchone()
     if row is None:
         raise Refused(f"there is no campaign {campaign}")
-    return codec.from_json(AssessmentRules, row[0])
+    return row
+
+
+def read_declared(db: sqlite3.Connection, campaign: str) -> AssessmentRules:
+    """Return the rules of a campaign; raises :class:`Refused` if it does not exist."""
+    return codec.from_json(AssessmentRules, read_campaign(db, campaign, "declared")[0])
 
 
 # Only of repeatable systems: others might give another result. Of several results the latest one.
@@ -159,7 +164,7 @@ def reuse_results(db: sqlite3.Connection, campaign: str, first: int = 0) -> int:
     Begins at position ``first``. Skips ``fresh`` campaigns, and systems that are not repeatable.
     Runs of searches reuse only results of searches.
     """
-    if db.execute("SELECT fresh FROM campaign WHERE id = ?", (campaign,)).fetchone()[0]:
+    if read_campaign(db, campaign, "fresh")[0]:
         return 0
     sources = db.execute(_FIND_RESULTS, (campaign, first)).fetchall()
     for run, source in sources:

@@ -46,6 +46,7 @@ _LONG_GRACE: Final = 30 * 86_400.0
 # Of grammars.text.files.replacing; of a trace that is being written.
 _TEMPORARY: Final = re.compile(r"\..+\.[0-9a-f]{8}\.tmp|.+\.partial")
 
+_UNFINISHED: Final = "SELECT id FROM campaign WHERE finished_at IS NULL"
 _DELETED: Final = (
     "SELECT DISTINCT campaign FROM event WHERE kind = 'campaign' AND state = 'deleted'"
     " AND campaign NOT IN (SELECT id FROM campaign)"
@@ -82,10 +83,16 @@ def find_strays(paths: StatePaths, now: float) -> tuple[StrayFile, ...]:
     Changes nothing; a daemon may be running. Raises :class:`DaemonError` when the ledger cannot be
     read, and ``OSError``.
     """
-    needed = _read_ledger(paths)
+    check_present(paths.ledger)
+    with open_reader(paths.ledger) as db:
+        inputs = needed_inputs(db)
+        unfinished, deleted = (
+            frozenset(campaign for (campaign,) in db.execute(query))
+            for query in (_UNFINISHED, _DELETED)
+        )
     return tuple(
         StrayFile(what, path, sum(map(_bytes, _whole(path))))
-        for what, candidates, grace in _candidates(paths, needed)
+        for what, candidates, grace in _candidates(paths, inputs, unfinished, deleted)
         for path in sorted(candidates)
         if now - _last_use(path, whole=path.parent.name == "spool") > grace
     )
@@ -99,40 +106,25 @@ def remove_strays(paths: StatePaths, now: float) -> tuple[StrayFile, ...]:
     return tuple(stray for stray in find_strays(paths, now) if _remove(stray, now))
 
 
-@dataclass(frozen=True, slots=True)
-class _Needed:
-    """Digests of needed scenes and files; ids of unfinished and deleted campaigns."""
-
-    inputs: frozenset[str]
-    unfinished: frozenset[str]
-    deleted: frozenset[str]
-
-
-def _read_ledger(paths: StatePaths) -> _Needed:
-    check_present(paths.ledger)
-    with open_reader(paths.ledger) as db:
-        needed = needed_inputs(db)
-        unfinished = db.execute("SELECT id FROM campaign WHERE finished_at IS NULL").fetchall()
-        deleted = db.execute(_DELETED).fetchall()
-    named = (frozenset(row[0] for row in rows) for rows in (unfinished, deleted))
-    return _Needed(needed, *named)
-
-
 _Candidates: TypeAlias = Iterator[tuple[StrayKind, Iterable[Path], float]]
 
 
-def _candidates(paths: StatePaths, needed: _Needed) -> _Candidates:
-    """Yield possibly unused paths, and the time [s] without a touch after which they are."""
+def _candidates(
+    paths: StatePaths, inputs: frozenset[str], unfinished: frozenset[str], deleted: frozenset[str]
+) -> _Candidates:
+    """Yield possibly unused paths, and the time [s] without a touch after which they are.
+
+    ``inputs`` are the digests of needed scenes and files, the others ids of campaigns.
+    """
     yield "upload given up", paths.incoming.glob("*"), _GRACE
-    scenes = (p for p in paths.scenes.glob("[!.]*.json") if p.stem not in needed.inputs)
+    scenes = (p for p in paths.scenes.glob("[!.]*.json") if p.stem not in inputs)
     yield "scene of no campaign", scenes, _GRACE
-    files = (p for p in paths.files.glob("*") if is_digest(p.name) and p.name not in needed.inputs)
+    files = (p for p in paths.files.glob("*") if is_digest(p.name) and p.name not in inputs)
     yield "file of no campaign", files, _GRACE
     traces = _folders(paths.traces)
     # If the daemon died between the commit and their removal.
-    deleted = [folder for folder in traces if folder.name in needed.deleted]
-    yield "traces of a deleted campaign", deleted, _GRACE
-    others = (p for p in traces if p.name not in needed.unfinished | needed.deleted)
+    yield "traces of a deleted campaign", (p for p in traces if p.name in deleted), _GRACE
+    others = (p for p in traces if p.name not in unfinished | deleted)
     yield "empty trace folder", (p for p in others if not any(p.iterdir())), _GRACE
     yield from _leavings(paths)
     for cache in paths.caches:

@@ -15,6 +15,7 @@ from typing import Final
 
 from daemon.batch.ledger._searches import read_searches
 from daemon.model.search_answer import SearchQuery
+from daemon.model.submission import Submission
 
 # The rules of reuse for submitted runs (``_results._FIND_RESULTS``).
 _WITH_RESULT: Final = (
@@ -90,20 +91,6 @@ class _Durations:
 
 
 @dataclass(frozen=True, slots=True)
-class PlannedRun:
-    """A run by the ``digest`` of its specification; only ``repeatable`` ones reuse results.
-
-    ``limit`` is its longest simulated time [s].
-    """
-
-    digest: str
-    scenario: str
-    sut: str
-    limit: float
-    repeatable: bool = True
-
-
-@dataclass(frozen=True, slots=True)
 class Forecast:
     """For each run: whether it has a result already, and its expected time on a worker [s].
 
@@ -114,14 +101,14 @@ class Forecast:
     seconds: Sequence[float | None]
 
 
-def read_forecast(db: sqlite3.Connection, runs: Sequence[PlannedRun]) -> Forecast:
-    """Return for each run whether it has a result, and its expected time."""
-    durations = _Durations(db)
-    digests = json.dumps([run.digest for run in runs if run.repeatable])
-    executed = {digest for (digest,) in db.execute(_WITH_RESULT, (digests,))}
+def read_forecast(db: sqlite3.Connection, submission: Submission) -> Forecast:
+    """Return for each run of a submission whether it has a result, and its expected time."""
+    durations, digests = _Durations(db), submission.digests
+    executed = {digest for (digest,) in db.execute(_WITH_RESULT, (json.dumps(digests),))}
+    cells = (submission.cells[run.cell] for run in submission.runs)
     return Forecast(
-        tuple(run.repeatable and run.digest in executed for run in runs),
-        tuple(durations.of(run.scenario, run.sut, run.limit) for run in runs),
+        tuple(digest in executed for digest in digests),
+        tuple(durations.of(cell.scenario, cell.sut.name, cell.limit) for cell in cells),
     )
 
 

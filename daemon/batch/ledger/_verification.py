@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import sqlite3
 from collections import Counter, defaultdict
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, TypeAlias
 
@@ -26,8 +26,9 @@ _QUICK: Final = 1000
 """Number of the newest runs that a quick verification covers."""
 
 _RUNS: Final = (
-    "SELECT run.serial, run.id, run.digest, cell.body, script.body, repeat, seed, trace_name,"
-    " trace_at, result.digest, result.body, outcome, oracle, margin, unit, simulated FROM run"
+    "SELECT run.serial, run.id, run.digest, cell.body, script.body, repeat, seed,"
+    " result.digest, result.body, outcome, oracle, margin, unit, simulated, trace_name, trace_at"
+    " FROM run"
     " JOIN cell ON cell.campaign = run.campaign AND cell.number = run.cell"
     " JOIN script ON script.campaign = run.campaign AND script.number = run.script"
     " LEFT JOIN result ON result.run = run.id"
@@ -35,7 +36,7 @@ _RUNS: Final = (
 )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class ContentReport:
     """Counts of verified contents, and the names with each kind of problem.
 
@@ -43,10 +44,10 @@ class ContentReport:
     other engines, which cannot be executed either.
     """
 
-    counts: Counter[str]
-    problems: Mapping[str, list[str]]
-    missing: tuple[str, ...]
-    foreign: tuple[str, ...]
+    counts: Counter[str] = field(default_factory=Counter)
+    problems: defaultdict[str, list[str]] = field(default_factory=lambda: defaultdict(list))
+    missing: tuple[str, ...] = ()
+    foreign: tuple[str, ...] = ()
 
 
 def verify_contents(
@@ -62,96 +63,88 @@ def verify_contents(
     scenes and no files. The ledger is locked for some hundred rows at a time, so a daemon may be
     running. Raises :class:`DaemonError` when the ledger cannot be read.
     """
-    look = _Look(paths, traces)
+    report = ContentReport()
     with open_reader(paths.ledger) as db:
         last = int(db.execute("SELECT ifnull(max(serial), 0) FROM run").fetchone()[0])
         at = start = max(0, last - _QUICK) if quick else 0
         # In parts: between them the ledger is not locked, and its WAL can be emptied.
         while rows := db.execute(_RUNS, (at,)).fetchall():
-            for at, *row in rows:  # noqa: B007  (where the next part begins)
-                look.at_run(*row)
+            for at, *row, trace, url in rows:  # noqa: B007  (where the next part begins)
+                result = _verify_run(report, *row)
+                if result is not None and not url:
+                    _verify_trace(report, paths, trace, result.trace, hashing=traces)
             progress("runs", at - start, last - start)
-        missing = look.missing_inputs(db)
-        foreign = dict.fromkeys(hold_text(lacks) for _, lacks in read_other_engines(db))
+        report.missing = _missing_inputs(report, paths, db)
+        held = (hold_text(lacks) for _, lacks in read_other_engines(db))
+        report.foreign = tuple(dict.fromkeys(held))
     if not quick:
         files = (path for path in paths.files.glob("*") if is_digest(path.name))
         for what, contents in (("scenes", paths.scenes.glob("*.json")), ("files", files)):
             every = sorted(contents)
             for i, path in enumerate(every, start=1):
-                look.at_file(what, path)
+                _verify_file(report, what, path)
                 progress(what, i, len(every))
-    return ContentReport(
-        counts=look.counts,
-        problems=look.problems,
-        missing=missing,
-        foreign=tuple(foreign),
-    )
+    return report
 
 
-class _Look:
-    """Counts verified contents, and collects the names with each kind of problem.
+def _verify_run(
+    report: ContentReport, run: str, digest: str, cell: bytes, script: bytes, repeat: int,
+    seed: str, expected: str | None, body: bytes | None, *columns: object,
+) -> RunResult | None:  # fmt: skip
+    """Verify a run's specification and its result; return the result, if any."""
+    report.counts["specifications"] += 1
+    if run_digest(text_digest(cell), text_digest(script), repeat, seed) != digest:
+        report.problems["specifications differ from their digest"].append(run)
+    if body is None:
+        return None
+    report.counts["results"] += 1
+    try:
+        result = codec.from_json(RunResult, body)
+    except ValueError:
+        report.problems["results cannot be read"].append(run)
+        return None
+    if result.digest != expected:
+        report.problems["results differ from their digest"].append(run)
+    if result.spec != digest:
+        report.problems["results are of another specification than their run"].append(run)
+    if columns != result_columns(result):
+        report.problems["verdicts of runs differ from their results"].append(run)
+    return result
 
-    With ``hashing`` traces are read, not only measured.
-    """
 
-    def __init__(self, paths: StatePaths, hashing: bool) -> None:
-        self._paths, self._hashing = paths, hashing
-        self.counts: Counter[str] = Counter()
-        self.problems: defaultdict[str, list[str]] = defaultdict(list)
+def _verify_trace(
+    report: ContentReport, paths: StatePaths, name: str, recorded: TraceInfo, *, hashing: bool
+) -> None:
+    try:
+        path = paths.trace(name)
+        if path.stat().st_size != recorded.size:
+            report.problems["traces have another size than was recorded"].append(str(path))
+        elif hashing and file_sha256(path) != recorded.sha256:
+            report.problems["traces differ from their digest"].append(str(path))
+    except FileNotFoundError:
+        return  # removed to free space, as its run notes
+    except (OSError, ValueError) as error:
+        report.problems["traces cannot be read"].append(f"{name} ({error})")
+    report.counts["traces"] += 1
 
-    def at_run(
-        self, run: str, digest: str, cell: bytes, script: bytes, repeat: int, seed: str,
-        trace: str, url: str, expected: str | None, body: bytes | None, *columns: object,
-    ) -> None:  # fmt: skip
-        """Verify a run's specification, and its result and trace if it has any."""
-        self.counts["specifications"] += 1
-        if run_digest(text_digest(cell), text_digest(script), repeat, seed) != digest:
-            self.problems["specifications differ from their digest"].append(run)
-        if body is None:
-            return
-        self.counts["results"] += 1
-        try:
-            result = codec.from_json(RunResult, body)
-        except ValueError:
-            self.problems["results cannot be read"].append(run)
-            return
-        if result.digest != expected:
-            self.problems["results differ from their digest"].append(run)
-        if result.spec != digest:
-            self.problems["results are of another specification than their run"].append(run)
-        if columns != result_columns(result):
-            self.problems["verdicts of runs differ from their results"].append(run)
-        if not url:
-            self._at_trace(trace, result.trace)
 
-    def _at_trace(self, name: str, recorded: TraceInfo) -> None:
-        try:
-            path = self._paths.trace(name)
-            if path.stat().st_size != recorded.size:
-                self.problems["traces have another size than was recorded"].append(str(path))
-            elif self._hashing and file_sha256(path) != recorded.sha256:
-                self.problems["traces differ from their digest"].append(str(path))
-        except FileNotFoundError:
-            return  # removed to free space, as its run notes
-        except (OSError, ValueError) as error:
-            self.problems["traces cannot be read"].append(f"{name} ({error})")
-        self.counts["traces"] += 1
+def _verify_file(report: ContentReport, what: str, path: Path) -> None:
+    report.counts[what] += 1
+    try:
+        if not is_intact(path) and path.exists():  # housekeeping may have removed it
+            report.problems[f"{what} differ from their digest"].append(str(path))
+    except OSError as error:
+        report.problems[f"{what} cannot be read"].append(f"{path} ({error.strerror})")
 
-    def at_file(self, what: str, path: Path) -> None:
-        """Verify a scene or a file."""
-        self.counts[what] += 1
-        try:
-            if not is_intact(path) and path.exists():  # housekeeping may have removed it
-                self.problems[f"{what} differ from their digest"].append(str(path))
-        except OSError as error:
-            self.problems[f"{what} cannot be read"].append(f"{path} ({error.strerror})")
 
-    def missing_inputs(self, db: sqlite3.Connection) -> tuple[str, ...]:
-        """Return the missing scenes and files of waiting runs."""
-        try:
-            waiting = needed_inputs(db, waiting=True)
-        except sqlite3.OperationalError as error:
-            self.problems["specifications name no scene or no files"].append(str(error))
-            return ()
-        places = (*self._paths.scenes.glob("*.json"), *self._paths.files.glob("*"))
-        return tuple(sorted(waiting - {path.stem for path in places}))
+def _missing_inputs(
+    report: ContentReport, paths: StatePaths, db: sqlite3.Connection
+) -> tuple[str, ...]:
+    """Return the missing scenes and files of waiting runs."""
+    try:
+        waiting = needed_inputs(db, waiting=True)
+    except sqlite3.OperationalError as error:
+        report.problems["specifications name no scene or no files"].append(str(error))
+        return ()
+    places = (*paths.scenes.glob("*.json"), *paths.files.glob("*"))
+    return tuple(sorted(waiting - {path.stem for path in places}))

@@ -1,7 +1,13 @@
 """Operation of a daemon: the examination of its state, and its systemd units."""
 
-from daemon.batch.operation._doctor import check_keys, examine
-from daemon.batch.operation._findings import DoctorFinding, Examination, FindingLevel, guarded
+from daemon.batch.operation._doctor import (
+    DoctorFinding,
+    Examination,
+    FindingLevel,
+    check_keys,
+    examine,
+    guarded,
+)
 from daemon.batch.operation._systemd import daemon_unit, worker_unit
 
 __all__ = [

@@ -7,26 +7,30 @@ import platform
 import stat
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from datetime import UTC, datetime
+from enum import StrEnum
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
 from daemon.batch.amounts import size_text
 from daemon.batch.client import Client
-from daemon.batch.errors import DaemonError, KeysUnusable
-from daemon.batch.ledger import VerificationProgress, find_strays
-from daemon.batch.operation._findings import (
-    DoctorFinding,
-    guarded,
-    names,
-    ok,
-    problem,
-    warning,
+from daemon.batch.errors import DaemonError, KeysUnusable, Unavailable
+from daemon.batch.ledger import (
+    SCHEMA_REMEDY,
+    SCHEMA_VERSION,
+    ContentReport,
+    LedgerIntegrity,
+    VerificationProgress,
+    check_integrity,
+    find_strays,
+    schema_problem,
+    verify_contents,
 )
-from daemon.batch.operation._ledger_checks import check_ledger
 from daemon.batch.paths import (
     Endpoint,
     StatePaths,
@@ -42,7 +46,13 @@ from daemon.batch.security import find_credentials, is_authority, keys_folder, l
 from daemon.model.execution import available_cores
 from daemon.model.ids import is_id
 from daemon.model.spec import ENGINE_VERSION
-from daemon.model.status import DaemonOverview, DiskUsage, TroubleCause, WorkerRow
+from daemon.model.status import (
+    NONDETERMINISTIC,
+    DaemonOverview,
+    DiskUsage,
+    TroubleCause,
+    WorkerRow,
+)
 from daemon.model.verbs import Role
 
 _PACKAGES: Final = ("eclipse-zenoh", "numpy", "numba", "pymunk", "pydantic", "mcap", "textual")
@@ -55,6 +65,67 @@ _RENEWAL: Final = "`scenario keys issue {role} NAME` makes another, `scenario ke
 _STRAYS_GO: Final = "`scenario gc` removes them, as a daemon does hourly"
 _OLDEST_NOW: Final = 1_735_689_600.0
 """2025-01-01: an earlier clock was never set."""
+_LEDGER_SKEW: Final = 5.0
+"""A clock under correction may be a little behind its earlier time [s]."""
+_BACKUP: Final = (
+    "stop the daemon, keep a copy of the directory, restore the ledger from a backup "
+    "or save the readable part with `sqlite3 ledger.db .recover`"
+)
+_WRONG: Final = (
+    "recorded data was changed: restore a backup, "
+    "or `scenario retry CAMPAIGN --only all` runs it again and compares"
+)
+_LONGEST: Final = 400
+"""Longest text of an unexpected exception [characters]."""
+_SHOWN: Final = 3
+
+
+class FindingLevel(StrEnum):
+    """Severity of a finding; a problem prevents runs or endangers their results."""
+
+    OK = "ok"
+    WARNING = "warning"
+    PROBLEM = "problem"
+
+
+@dataclass(frozen=True, slots=True)
+class DoctorFinding:
+    """Finding of a check of ``subject``; ``remedy`` is empty if all is well."""
+
+    level: FindingLevel
+    subject: str
+    message: str
+    remedy: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Examination:
+    """Findings about the installation whose state directory is ``state``."""
+
+    state: Path
+    endpoint: Endpoint
+    findings: tuple[DoctorFinding, ...]
+
+
+ok = partial(DoctorFinding, FindingLevel.OK)
+warning = partial(DoctorFinding, FindingLevel.WARNING)
+problem = partial(DoctorFinding, FindingLevel.PROBLEM)
+"""Makers of findings from subject, message and, unless all is well, the remedy."""
+
+
+def names(things: Sequence[Path | str]) -> str:
+    """Return the first of some paths or runs, and the number of the others."""
+    more = f" and {len(things) - _SHOWN} more" if len(things) > _SHOWN else ""
+    return ", ".join(map(str, things[:_SHOWN])) + more
+
+
+def guarded(subject: str, check: Callable[[], Iterable[DoctorFinding]]) -> Iterator[DoctorFinding]:
+    """Yield the findings of a check; its failure is a finding too, and never stops the others."""
+    try:
+        yield from check()
+    except Exception as error:
+        words = f"cannot be examined: {type(error).__name__}: {error}"[:_LONGEST]
+        yield problem(subject, words, "it is damaged or in use in an unexpected way: report it")
 
 
 def examine(
@@ -76,7 +147,7 @@ def examine(
         "slots": _slots,
         "kernels": _kernels,
         "state": lambda: _state(paths),
-        "ledger": lambda: check_ledger(paths, now, quick=quick, traces=traces, progress=progress),
+        "ledger": lambda: _ledger(paths, now, progress, quick=quick, traces=traces),
         "clock": lambda: _clock(now),
         "endpoint": lambda: _endpoint(endpoint),
         "keys": lambda: check_keys(keys_folder(), now, needed=is_encrypted(endpoint.address)),
@@ -146,6 +217,94 @@ def _exposed(subject: str, exposure: Exposure, owner: str, remedy: str) -> Itera
         yield problem(subject, f"{names(exposure.foreign)} belong to somebody else", owner)
     if exposure.writable:
         yield problem(subject, f"others can write {names(exposure.writable)}", remedy)
+
+
+def _ledger(
+    paths: StatePaths, now: float, progress: VerificationProgress, *, quick: bool, traces: bool
+) -> Iterator[DoctorFinding]:
+    """Check the ledger's file and contents, and that ``now`` is not before its newest event.
+
+    ``quick`` skips most of the contents; ``traces`` reads all traces.
+    """
+    if not paths.ledger.exists():
+        yield ok("ledger", "none yet: the first daemon creates it")
+        return
+    try:
+        integrity = check_integrity(paths.ledger, quick=quick)
+    except Unavailable as error:
+        yield problem("ledger", str(error), "end its user: `fuser -v ledger.db` names it")
+        return
+    except DaemonError as error:
+        yield problem("ledger", str(error), _BACKUP)
+        return
+    if not integrity.version:
+        yield _empty_finding(paths)
+        return
+    yield _ledger_finding(integrity)
+    if integrity.version == SCHEMA_VERSION and not integrity.damage:
+        yield from _history_findings(integrity, now)
+        try:
+            report = verify_contents(paths, quick=quick, traces=traces, progress=progress)
+        except DaemonError as error:
+            yield problem("contents", str(error), _BACKUP)
+        else:
+            yield from _content_findings(report, quick=quick)
+
+
+def _empty_finding(paths: StatePaths) -> DoctorFinding:
+    if any(any(folder.glob("*")) for folder in (paths.scenes, paths.traces)):
+        words = "is empty, although there are scenes or traces: the recorded data is lost"
+        return problem("ledger", words, "restore a backup before a daemon starts here")
+    return ok("ledger", "empty: the next daemon creates its tables")
+
+
+def _ledger_finding(integrity: LedgerIntegrity) -> DoctorFinding:
+    if integrity.version != SCHEMA_VERSION:
+        return problem("ledger", schema_problem(integrity.version), SCHEMA_REMEDY)
+    if integrity.damage:
+        return problem("ledger", f"is damaged: {'; '.join(integrity.damage)}", _BACKUP)
+    numbers = f"{integrity.runs} runs, {integrity.results} results"
+    return ok("ledger", f"whole, schema {SCHEMA_VERSION}, {numbers}")
+
+
+def _history_findings(integrity: LedgerIntegrity, now: float) -> Iterator[DoctorFinding]:
+    if integrity.alarms:
+        yield warning(
+            "determinism",
+            f"{integrity.alarms} times another execution of a run had another result",
+            f"see `scenario results --runs --filter {NONDETERMINISTIC}`",
+        )
+    if integrity.newest_event > now + _LEDGER_SKEW:
+        yield problem(
+            "clock",
+            f"it is {integrity.newest_event - now:.0f} s before the ledger's newest event",
+            "set the clock (timedatectl); times in lists are wrong until it has caught up",
+        )
+    else:
+        yield ok("clock", "not before the ledger's newest event")
+
+
+def _content_findings(report: ContentReport, *, quick: bool) -> Iterator[DoctorFinding]:
+    for words, places in report.problems.items():
+        yield problem("contents", f"{words}: {names(places)}", _WRONG)
+    if report.missing:
+        first = ", ".join(name[:12] for name in report.missing[:3])
+        yield problem(
+            "contents",
+            f"{len(report.missing)} scenes or files of waiting runs are missing: {first}",
+            "submit their campaigns again, which sends the missing ones",
+        )
+    for words in report.foreign:
+        yield warning("contents", words.partition(": ")[0], words.partition(": ")[2])
+    if not report.problems and not report.missing:
+        number = report.counts
+        counts = f"{number['results']} results, {number['specifications']} specifications"
+        if quick:
+            words = f"the newest {counts} agree with their digests"
+        else:
+            words = f"{counts}, {number['scenes']} scenes and {number['files']} files agree with "
+            words += f"their digests, {number['traces']} traces with their records"
+        yield ok("contents", words)
 
 
 def _clock(now: float) -> Iterator[DoctorFinding]:

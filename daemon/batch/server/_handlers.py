@@ -17,12 +17,10 @@ from daemon.batch.paths import StatePaths
 from daemon.batch.server._dispatcher import VerbHandler, read_request
 from daemon.batch.server._housekeeping import Housekeeping
 from daemon.batch.server._runtime import DaemonSettings, EventLog
-from daemon.batch.server._search_handlers import SearchClients, SearchHandlers, read_extension
-from daemon.batch.server._submissions import read_submission
+from daemon.batch.server._submissions import read_extension, read_submission
 from daemon.batch.server._uploads import InputStore, Uploads
-from daemon.batch.server._workers import LeaseDeadlines, WorkerRegistry
+from daemon.batch.server._workers import LeaseDeadlines, SearchClients, WorkerRegistry
 from daemon.batch.stores import Marker, is_url, read_part
-from daemon.model.assessments import AssessmentRules
 from daemon.model.ids import is_id
 from daemon.model.messages import (
     CampaignQuery,
@@ -42,26 +40,37 @@ from daemon.model.messages import (
     RenewReply,
     RenewRequest,
     RetryRequest,
-    RunQuery,
     SteerRequest,
     WelcomeReply,
     WorkerInfo,
 )
+from daemon.model.search import ExtendRequest, SearchSubmission
+from daemon.model.search_answer import SearchProgress, SearchQuery, SearchRow
 from daemon.model.status import (
     CampaignRow,
     DaemonOverview,
     DeletedCampaign,
     DiskUsage,
     Preparation,
-    RunDetail,
-    RunPage,
     SubmissionReceipt,
     Trouble,
     TroubleCause,
     WorkerRow,
 )
-from daemon.model.submission import CampaignOrigin, Submission
-from daemon.model.verbs import CAMPAIGNS, DELETE, EXTEND, RUNS, SUBMIT, VERBS
+from daemon.model.submission import Submission
+from daemon.model.verbs import (
+    CAMPAIGNS,
+    DECLARED,
+    DELETE,
+    EXTEND,
+    ORIGIN,
+    RUN,
+    RUNS,
+    SEARCHES,
+    SUBMIT,
+    VERBS,
+    AnyVerb,
+)
 from grammars.text import codec
 
 _FRESH: Final = 1.0
@@ -70,6 +79,8 @@ _REST: Final = 20.0
 100,000 runs). The estimate counts down in between."""
 _MOST_TROUBLES: Final = 32
 """Most troubles in an overview: hundreds of workers may share one full disk."""
+_ASKED: Final[tuple[AnyVerb, ...]] = (RUNS, RUN, DECLARED, ORIGIN)
+"""Verbs that the ledger alone answers."""
 
 
 _MeasuredDeletion: TypeAlias = tuple[DeleteRequest, dict[str, tuple[int, ...]]]
@@ -77,8 +88,8 @@ _MeasuredDeletion: TypeAlias = tuple[DeleteRequest, dict[str, tuple[int, ...]]]
 
 
 @dataclass
-class Handlers(SearchHandlers):
-    """Handlers of all verbs except searches: a method with the name of each verb.
+class Handlers:
+    """Handlers of all verbs: a method with the name of each that the ledger alone cannot answer.
 
     :mod:`daemon.model.verbs` describes the verbs. A method gets the ledger access of its thread and
     the validated request, and returns the answer.
@@ -104,7 +115,12 @@ class Handlers(SearchHandlers):
         self._estimate_again_at = -math.inf
         self._started_at = time.time()
         self.clients = SearchClients()
-        self.by_verb = {verb: VerbHandler(getattr(self, verb.name)) for verb in VERBS.values()}
+        self.by_verb: dict[AnyVerb, VerbHandler] = {
+            verb: VerbHandler(
+                partial(_ask_ledger, verb) if verb in _ASKED else getattr(self, verb.name)
+            )
+            for verb in VERBS.values()
+        }
         # Not in the writer's thread: checking 100,000 runs takes seconds, and leases would wait.
         for verb, read in ((SUBMIT, read_submission), (EXTEND, read_extension)):
             prepare = partial(read, paths=self.paths)
@@ -179,17 +195,17 @@ class Handlers(SearchHandlers):
         troubles = dict.fromkeys((*halting, *idle, *notices, *inputs))
         return bool(halting), tuple(troubles)[:_MOST_TROUBLES]
 
-    def runs(self, ledger: LedgerReader, query: RunQuery) -> RunPage:
-        return ledger.ask(RUNS, query)
-
-    def run(self, ledger: LedgerReader, request: IdRequest) -> RunDetail:
-        return ledger.run(request.id)
-
-    def declared(self, ledger: LedgerReader, request: IdRequest) -> AssessmentRules:
-        return ledger.declared(request.id)
-
-    def origin(self, ledger: LedgerReader, request: IdRequest) -> CampaignOrigin:
-        return ledger.origin(request.id)
+    def searches(self, ledger: LedgerReader, query: SearchQuery) -> tuple[SearchRow, ...]:
+        return tuple(
+            replace(
+                row,
+                state=self.clients.state(row.campaign),
+                client=self.clients.client(row.campaign),
+            )
+            if row.state == "waiting"
+            else row
+            for row in ledger.ask(SEARCHES, query)
+        )
 
     def workers(self, ledger: LedgerReader, _: Empty) -> tuple[WorkerRow, ...]:
         runs = ledger.held_runs()
@@ -285,6 +301,30 @@ class Handlers(SearchHandlers):
         self.log.write("steered", **codec.to_plain(request))
         return Count(count)
 
+    def search(self, ledger: LedgerWriter, request: SearchSubmission) -> Empty:
+        campaign = request.campaign
+        if not is_id(campaign):
+            words = f"{campaign!r} is not a campaign id: use up to 100 of A-Z a-z 0-9 _ -"
+            raise Refused(words)
+        ledger.begin_search(request, time.time())
+        if request.client and self.clients.claim(campaign, request.client):
+            self.log.write("search", campaign=campaign, client=request.client)
+        return Empty()
+
+    def extend(self, ledger: LedgerWriter, request: ExtendRequest) -> Count:
+        self.clients.require(request.runs.campaign, request.client)
+        return Count(ledger.extend(request.proposals, request.runs, time.time()))
+
+    def progress(self, ledger: LedgerWriter, progress: SearchProgress) -> Empty:
+        campaign = progress.campaign
+        self.clients.require(campaign, progress.client)
+        ledger.note_progress(progress, time.time())
+        if progress.state != "running":
+            self.clients.leave(campaign)
+            state, note = progress.state, progress.note[:400]
+            self.log.write("search left", campaign=campaign, state=state, note=note)
+        return Empty()
+
     def lease(self, ledger: LedgerWriter, request: LeaseRequest) -> LeaseReply:
         now = time.time()
         self._register_worker(ledger, request.worker, now)
@@ -340,3 +380,7 @@ class Handlers(SearchHandlers):
         if self.registry.record_contact(worker):
             ledger.record_event(now, "worker", worker.id, state="came")
             self.log.write("worker came", worker=worker.id, slots=worker.slots)
+
+
+def _ask_ledger(verb: AnyVerb, ledger: LedgerReader, request: object) -> object:
+    return ledger.ask(verb, request)

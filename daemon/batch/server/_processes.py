@@ -8,14 +8,14 @@ import shutil
 import signal
 import subprocess
 import time
+from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import asdict
 from typing import Final
 
 from daemon.batch.paths import STATE_VARIABLE, StatePaths
 from daemon.batch.permissions import open_private_log
 from daemon.batch.server._runtime import EventLog
-from daemon.model.execution import RunLimits, python_command
+from daemon.model.execution import python_command
 
 # Seconds. The pause before a restart doubles after each early death, up to the longest; after a
 # steady run the process restarts without delay.
@@ -29,31 +29,14 @@ _LONGEST_TAIL: Final = 2000
 
 
 class LocalWorker:
-    """The daemon's own worker, restarted when it dies.
+    """The daemon's own worker, restarted when it dies; ``order`` are the parameters of ``work``.
 
     SIGTERM lets it finish its runs, SIGQUIT returns them. When the daemon dies it also finishes
     them; with a ``tether`` it exits at once. ``trouble`` has its last words from its death until a
     new process has settled.
     """
 
-    def __init__(
-        self,
-        paths: StatePaths,
-        log: EventLog,
-        *,
-        endpoint: str,
-        slots: int,
-        executor: str,
-        limits: RunLimits,
-        tether: bool,
-    ) -> None:
-        order = {
-            "connect": endpoint,
-            "slots": slots,
-            "executor": executor,
-            "limits": asdict(limits),
-            "tether": "exit" if tether else "finish",
-        }
+    def __init__(self, paths: StatePaths, log: EventLog, order: Mapping[str, object]) -> None:
         self._command = python_command("-m", "daemon", "worker", json.dumps(order))
         self._output = paths.worker_log
         self._log = log

@@ -6,13 +6,11 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
-from dataclasses import replace
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from importlib.metadata import version as installed_version
 from pathlib import Path
-from types import FrameType
 from typing import Final
 
 import zenoh
@@ -94,7 +92,8 @@ def serve(
         stack.callback(log.close)
         listening = prepare_endpoints(paths, listen, keys, insecure=insecure)
         stop = StopRequest()
-        stack.enter_context(stop.signals())
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, lambda *_: stop())
         if tether:
             when_stdin_ends(stop.cut_tether)
         try:
@@ -102,19 +101,16 @@ def serve(
         except DaemonError as error:
             log.write("failed", problem=repr(error))
             raise
-        daemon = _Daemon(paths, settings, log, listening, stop, ledger, marker)
-        slots = available_cores() if slots is None else slots
-        local = LocalWorker(
-            paths,
-            log,
-            endpoint=listening.socket,
-            slots=slots,
-            executor=executor,
-            limits=limits or RunLimits(),
-            tether=tether,
-        )
+        order = {
+            "connect": listening.socket,
+            "slots": available_cores() if slots is None else slots,
+            "executor": executor,
+            "limits": asdict(limits or RunLimits()),
+            "tether": "exit" if tether else "finish",
+        }
+        local = LocalWorker(paths, log, order) if order["slots"] else None
         try:
-            daemon.run(stack, local if slots else None)
+            _Daemon(paths, settings, log, listening, stop, ledger, marker, local).run(stack)
         except Exception as error:
             log.write("failed", problem=repr(error))
             raise
@@ -147,129 +143,108 @@ class StopRequest:
         """Wait for a request; return whether there was one."""
         return self._requested.wait(seconds)
 
-    @contextmanager
-    def signals(self) -> Iterator[None]:
-        """Let SIGTERM and SIGINT request a stop."""
-
-        def on_signal(number: int, _: FrameType | None) -> None:
-            self()
-
-        previous = {n: signal.signal(n, on_signal) for n in (signal.SIGTERM, signal.SIGINT)}
-        try:
-            yield
-        finally:
-            for number, handler in previous.items():
-                signal.signal(number, handler)
-
     def cut_tether(self) -> None:
         """Request a stop, since the parent has ended."""
         self.tether_cut = True
         self()
 
 
+@dataclass
 class _Daemon:
-    def __init__(
-        self,
-        paths: StatePaths,
-        settings: DaemonSettings,
-        log: EventLog,
-        listening: ListenSettings,
-        stop: StopRequest,
-        ledger: LedgerWriter,
-        marker: Marker,
-    ) -> None:
-        self._paths = paths
-        self._settings = settings
-        self._log = log
-        self._listening = listening
-        self._stop = stop
-        self._ledger = ledger
-        self._clock = LeaseClock(settings.tick)
-        self._deadlines = LeaseDeadlines(settings.lease, self._clock)
-        self._revoked = RevokedKeys(log, listening.keys)
+    paths: StatePaths
+    settings: DaemonSettings
+    log: EventLog
+    listening: ListenSettings
+    stop: StopRequest
+    ledger: LedgerWriter
+    marker: Marker
+    local: LocalWorker | None
+
+    def __post_init__(self) -> None:
+        self._clock = LeaseClock(self.settings.tick)
+        self._deadlines = LeaseDeadlines(self.settings.lease, self._clock)
+        self._revoked = RevokedKeys(self.log, self.listening.keys)
         # Renewals come every third of a lease: a worker that has missed three is away, even with a
         # connection of Zenoh (a suspended machine, a process stopped in a debugger).
-        self._registry = WorkerRegistry(settings.lease, self._clock)
-        self._housekeeping = Housekeeping(paths, log, settings.quota)
+        self._registry = WorkerRegistry(self.settings.lease, self._clock)
+        self._housekeeping = Housekeeping(self.paths, self.log, self.settings.quota)
         self._version = installed_version("scenario-tui")
-        self._local: LocalWorker | None = None
         self._handlers = Handlers(
-            paths,
-            settings,
+            self.paths,
+            self.settings,
             self._registry,
-            log,
+            self.log,
             self._deadlines,
             self._housekeeping,
             version=self._version,
-            stop=stop,
+            stop=self.stop,
             troubles=self._troubles,
-            marker=marker,
+            marker=self.marker,
             starting=self._starting,
         )
 
     def _troubles(self) -> tuple[Trouble, ...]:
         """Return the troubles that block all runs here, the most urgent first."""
         troubles = (
-            Trouble(self._paths.disk_shortage(), TroubleCause.SPACE),
+            Trouble(self.paths.disk_shortage(), TroubleCause.SPACE),
             Trouble(self._housekeeping.trouble, TroubleCause.SPACE),
-            Trouble("" if self._local is None else self._local.trouble, TroubleCause.OTHER),
+            Trouble("" if self.local is None else self.local.trouble, TroubleCause.OTHER),
         )
         return tuple(trouble for trouble in troubles if trouble.words)
 
     def _starting(self) -> Preparation | None:
         """Return the preparation of the daemon's own worker until it reports its own."""
-        local = self._local
-        if local is None or local.trouble or self._stop.count:
+        local = self.local
+        if local is None or local.trouble or self.stop.count:
             return None
         is_registered = any(row.pid == local.pid for row in self._registry.rows())
         return None if is_registered else Preparation(PreparationPhase.STARTING)
 
-    def run(self, stack: ExitStack, local: LocalWorker | None) -> None:
+    def run(self, stack: ExitStack) -> None:
         """Open the bus, work, and end; ``stack`` closes everything."""
-        self._local = local
         session = stack.enter_context(
-            bus.open_router(self._listening.endpoints, self._listening.keys)
+            bus.open_router(self.listening.endpoints, self.listening.keys)
         )
         writer = self._start_threads(stack, session)
         keepers: list[Housekeeping | TraceMover] = [self._housekeeping]
-        if self._settings.store:
-            keepers.append(TraceMover(self._paths, self._log, self._settings.store, writer))
+        if self.settings.store:
+            keepers.append(TraceMover(self.paths, self.log, self.settings.store, writer))
         for keeper in keepers:
             keeper.start()
             stack.callback(keeper.close)
         # Last, and so removed first: a daemon with a contact file answers.
-        remove_contact = partial(self._paths.contact_file.unlink, missing_ok=True)
+        remove_contact = partial(self.paths.contact_file.unlink, missing_ok=True)
         remove_contact()  # a killed daemon may have left one
         stack.callback(remove_contact)
-        where = self._listening.socket
+        where = self.listening.socket
         contact = DaemonContact(where, os.getpid(), self._version, time.time())
-        self._log.write("started", endpoints=self._listening.endpoints, pid=os.getpid())
-        while not self._stop.count:
-            write_contact(self._paths, contact)
+        self.log.write("started", endpoints=self.listening.endpoints, pid=os.getpid())
+        while not self.stop.count:
+            write_contact(self.paths, contact)
             self._revoked.look()
-            if local is not None:
-                local.supervise()
+            if self.local is not None:
+                self.local.supervise()
             # Through the writer's queue: only the writer changes the ledger, and errors of the disk
             # are the value of a job, as for every request.
             writer.put(LedgerJob(self._tick, self._ticked))
             if not writer.alive:
                 raise DaemonError("a thread of the daemon has failed, see worker.log")
-            self._stop.wait(self._settings.tick)
-        self._leave(local)
-        self._log.write("stopped")
+            self.stop.wait(self.settings.tick)
+        self._leave()
+        self.log.write("stopped")
 
     def _start_threads(self, stack: ExitStack, session: zenoh.Session) -> WriterThread:
         def report(problem: str) -> None:
-            self._log.write("checkpoint", problem=problem)
+            self.log.write("checkpoint", problem=problem)
 
-        if leases := self._ledger.leases():
-            self._log.write("resumed", leases=len(leases))
-        overload = ReaderPool(self._paths, "overload")
-        reader = ReaderPool(self._paths, "reader", _READERS)
-        carrier = ReaderPool(self._paths, "carrier")
-        writer = WriterThread(self._ledger, partial(_publish, session), report)
+        if leases := self.ledger.leases():
+            self.log.write("resumed", leases=len(leases))
+        overload = ReaderPool(self.paths, "overload")
+        reader = ReaderPool(self.paths, "reader", _READERS)
+        carrier = ReaderPool(self.paths, "carrier")
+        writer = WriterThread(self.ledger, partial(_publish, session), report)
         # The preparer queues jobs for the writer, and so finishes first.
-        preparer = ReaderPool(self._paths, "preparer")
+        preparer = ReaderPool(self.paths, "preparer")
         for jobs in (overload, reader, carrier, writer, preparer):
             stack.callback(jobs.finish)
         queues: dict[ServerThread, JobQueue] = {
@@ -278,7 +253,7 @@ class _Daemon:
             ServerThread.WRITER: writer,
         }
         dispatcher = RequestDispatcher(
-            self._handlers.by_verb, self._log, queues, preparer, overload, self._revoked
+            self._handlers.by_verb, self.log, queues, preparer, overload, self._revoked
         )
         # Declared last and so undeclared first: no request arrives without a thread.
         stack.enter_context(
@@ -299,36 +274,37 @@ class _Daemon:
     def _tick(self, ledger: LedgerWriter) -> None:
         stalled = self._clock.advance(time.monotonic())
         if stalled:
-            self._log.write("stalled", seconds=round(stalled, 3))
+            self.log.write("stalled", seconds=round(stalled, 3))
         now = time.time()
         overdue = self._deadlines.overdue(ledger.leases())
         if overdue:
             ledger.lapse(overdue, now)
-            self._log.write("leases lapsed", runs=len(overdue))
+            self.log.write("leases lapsed", runs=len(overdue))
         absent = self._registry.absent()
         if absent:
             # Workers with a lease may come back.
             for worker in self._registry.forget(sorted(absent - ledger.busy_workers())):
                 ledger.record_event(now, "worker", worker, state="gone")
-                self._log.write("worker gone", worker=worker)
+                self.log.write("worker gone", worker=worker)
 
     def _ticked(self, value: object) -> None:
         if isinstance(value, Exception):
-            self._log.write("failure", key="tick", problem=repr(value))
+            self.log.write("failure", key="tick", problem=repr(value))
 
-    def _leave(self, local: LocalWorker | None) -> None:
+    def _leave(self) -> None:
         # Other workers get no more runs. The local worker may finish its runs (SIGTERM). After the
         # patience it returns them (SIGQUIT: they are queued again at once, without blame). At last
         # it is killed: the next daemon queues them when their leases end.
         self._handlers.draining = True
-        self._log.write("leaving")
+        self.log.write("leaving")
+        local = self.local
         if local is None or local.wait(0.0):
             return
         local.signal(signal.SIGTERM)
-        deadline = time.monotonic() + self._settings.patience
+        deadline = time.monotonic() + self.settings.patience
         # Counts all requests so far: the second may have come before this line.
-        while time.monotonic() < deadline and self._stop.count < 2:
-            if self._stop.tether_cut:
+        while time.monotonic() < deadline and self.stop.count < 2:
+            if self.stop.tether_cut:
                 break
             if local.wait(0.1):
                 return

@@ -1,11 +1,11 @@
-"""Validation of submissions."""
+"""Validation of submissions, and of the runs that a search adds."""
 
 from __future__ import annotations
 
 import math
 import os
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Final
 
@@ -15,9 +15,10 @@ from daemon.batch.server._dispatcher import read_request
 from daemon.batch.stores import is_intact
 from daemon.model.assessments import RepeatPolicy
 from daemon.model.ids import is_id, trace_name
+from daemon.model.search import ExtendRequest
 from daemon.model.spec import ENGINE_VERSION, RunSpec
 from daemon.model.submission import MOST_RUNS, Submission, too_many_runs
-from daemon.model.verbs import SUBMIT
+from daemon.model.verbs import EXTEND, SUBMIT
 from grammars.text import codec
 from grammars.text.files import write_atomically
 
@@ -39,10 +40,7 @@ def admit_submission(submission: Submission, paths: StatePaths) -> None:
     Raises :class:`Refused` with all problems, and :class:`Unavailable` for errors such as a full
     disk.
     """
-    problems = list(_problems(submission, paths))
-    if problems:
-        more = f"\nand {len(problems) - _SHOWN} more" if len(problems) > _SHOWN else ""
-        raise Refused("\n".join(problems[:_SHOWN]) + more)
+    _refuse_problems(_problems(submission, paths))
     # After all checks, and before the ledger has the runs: an unused scene is harmless.
     try:
         for scene in submission.scenes:
@@ -53,6 +51,34 @@ def admit_submission(submission: Submission, paths: StatePaths) -> None:
                 write_atomically(path, codec.to_json(scene))
     except OSError as error:
         raise Unavailable(f"the submission cannot be stored: {error}") from error
+
+
+def read_extension(payload: bytes, paths: StatePaths) -> ExtendRequest:
+    """Check new runs of a search and store their scenes; raises as :func:`admit_submission`."""
+    request = read_request(EXTEND, payload)
+    assert isinstance(request, ExtendRequest)
+    _refuse_problems(_extension_problems(request))
+    admit_submission(request.runs, paths)
+    return request
+
+
+def _extension_problems(request: ExtendRequest) -> Iterator[str]:
+    proposals, runs = request.proposals, request.runs
+    if len(runs.runs) != len(proposals) or runs.reserve:
+        yield f"there are {len(runs.runs)} runs for {len(proposals)} proposals"
+        return
+    for place, (proposal, run) in enumerate(zip(proposals, runs.runs, strict=True)):
+        if proposal.position != proposals[0].position + place:
+            yield f"the position {proposal.position} of a proposal does not follow the one before"
+        if proposal.repeat != run.repeat:
+            yield f"repeat {run.repeat} was proposed as repeat {proposal.repeat}"
+
+
+def _refuse_problems(problems: Iterable[str]) -> None:
+    every = list(problems)
+    if every:
+        more = f"\nand {len(every) - _SHOWN} more" if len(every) > _SHOWN else ""
+        raise Refused("\n".join(every[:_SHOWN]) + more)
 
 
 def _problems(submission: Submission, paths: StatePaths) -> Iterator[str]:

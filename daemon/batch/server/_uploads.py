@@ -26,8 +26,6 @@ from grammars.text.files import move_durably, sync_directory
 
 _MOST_UPLOADS: Final = 1024
 """Most uploads at a time, including complete traces that wait for their result."""
-_MOST_OF_ONE: Final = 64
-"""Most uploads of one worker, or of all submissions: a worker sends eight traces at a time."""
 _IDLE: Final = 60.0
 """Time without progress after which an upload may be replaced by a new one [s]."""
 
@@ -79,7 +77,6 @@ class Uploads:
         self._paths = paths
         self._log = log
         self._inputs = inputs
-        self._senders: dict[str, str] = {}
         # An earlier daemon may have been killed before it had synchronised new folders.
         sync_directory(paths.traces)
 
@@ -90,7 +87,7 @@ class Uploads:
         :class:`Refused` for an unknown lease and for more bytes than announced, and
         :class:`Unavailable` while there is no space.
         """
-        whole, sender = self._place(reader, request)
+        whole = self._place(reader, request)
         if whole is None:
             return Count(request.size)
         if whole.exists():
@@ -102,14 +99,14 @@ class Uploads:
         have = file_size(part)
         # At another offset the part was sent twice, as after a lost answer.
         if request.data and request.offset == have:
-            self._append(part, request, sender)
+            self._append(part, request)
             have += len(request.data)
         if have < request.size:
             return Count(have)
-        return Count(request.size if self._accept(part, whole, request, sender) else 0)
+        return Count(request.size if self._accept(part, whole, request) else 0)
 
-    def _place(self, reader: LedgerReader, request: PutRequest) -> tuple[Path | None, str]:
-        """Return the path of the complete file, if it is needed, and the worker that sends it."""
+    def _place(self, reader: LedgerReader, request: PutRequest) -> Path | None:
+        """Return the path of the complete file, or ``None`` if it is not needed."""
         lease = request.lease
         if lease is None:
             if request.size > LARGEST_FILE:
@@ -117,26 +114,25 @@ class Uploads:
             if not request.data:
                 # A good copy is available now: check whether ours is damaged.
                 self._inputs.examine(request.sha256)
-            return self._paths.files / request.sha256, ""
+            return self._paths.files / request.sha256
         if not is_run_id(lease.run):
             raise Refused(f"{lease.run!r} is not the id of a run")
-        expected = reader.expected_upload(lease.run, lease.token, request.era)
+        name, is_needed = reader.expected_trace(lease.run, lease.token, request.era)
         # Only for a request without data: reading the whole trace at every part would make an
         # upload quadratic.
-        trace = self._paths.trace(expected.name)
+        trace = self._paths.trace(name)
         is_complete = not request.data and matches_digest(trace, request.size, request.sha256)
-        if is_complete or not expected.is_needed:
-            return None, expected.worker
-        whole = self._paths.uploaded_trace(lease.run, lease.token, request.sha256)
-        return whole, expected.worker
+        if is_complete or not is_needed:
+            return None
+        return self._paths.uploaded_trace(lease.run, lease.token, request.sha256)
 
-    def _append(self, part: Path, request: PutRequest, sender: str) -> None:
+    def _append(self, part: Path, request: PutRequest) -> None:
         if request.offset + len(request.data) > request.size:
             # Another sender has announced another size: begin again.
             part.unlink(missing_ok=True)
             raise Refused(f"the file has more bytes than the announced {request.size}")
         if request.offset == 0:
-            self._make_room(part.stem, request, sender)
+            self._make_room(part.stem, request)
         if shortage := self._paths.disk_shortage():
             raise Unavailable(shortage)
         try:
@@ -144,7 +140,7 @@ class Uploads:
         except OSError as error:
             raise Unavailable(f"{part.name} cannot be written: {error}") from error
 
-    def _make_room(self, name: str, request: PutRequest, sender: str) -> None:
+    def _make_room(self, name: str, request: PutRequest) -> None:
         """Check the limits for a new upload; remove earlier ones under its lease."""
         if request.lease is not None:
             # Uploads of the same run under other leases stay: the first complete one counts.
@@ -152,16 +148,12 @@ class Uploads:
         if self._paths.disk().free < request.size:
             raise Unavailable(f"no space for the {request.size} bytes of {name}")
         ages = self._ages()
-        self._senders = {one: by for one, by in self._senders.items() if one in ages}
-        own = [one for one, by in self._senders.items() if by == sender]
-        for uploads, most in ((own, _MOST_OF_ONE), (list(ages), _MOST_UPLOADS)):
-            if len(uploads) < most:
-                continue
-            oldest = max(uploads, key=ages.__getitem__)
+        if len(ages) >= _MOST_UPLOADS:
+            oldest = max(ages, key=ages.__getitem__)
             if ages[oldest] < _IDLE:
-                raise Unavailable(f"{most} uploads are in progress: this one has to wait")
+                words = f"{_MOST_UPLOADS} uploads are in progress: this one has to wait"
+                raise Unavailable(words)
             self._remove(oldest)
-        self._senders[name] = sender
 
     def _remove(self, beginning: str) -> None:
         # Called for every result: a pattern of pathlib takes 0.1 ms more, mostly to compile.
@@ -178,19 +170,19 @@ class Uploads:
                 ages[path.stem] = abs(now - path.stat().st_mtime)
         return ages
 
-    def _accept(self, part: Path, whole: Path, request: PutRequest, sender: str) -> bool:
+    def _accept(self, part: Path, whole: Path, request: PutRequest) -> bool:
         """Verify a complete file and give it its name; return whether it was as announced."""
         part.touch(mode=0o600)  # an empty file has no parts
         if file_sha256(part) != request.sha256:
             part.unlink()
-            self._log.write("file damaged", name=whole.name, worker=sender)
+            self._log.write("file damaged", name=whole.name)
             return False
         if request.lease is None:
             # Read-only: its name is the digest of its content.
             part.chmod(0o400)
         move_durably(part, whole)
         what = "trace" if request.lease else "file"
-        self._log.write(f"{what} received", name=whole.name, worker=sender, bytes=request.size)
+        self._log.write(f"{what} received", name=whole.name, bytes=request.size)
         return True
 
     def is_missing(self, ledger: LedgerWriter, completion: Completion) -> bool:

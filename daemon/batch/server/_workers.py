@@ -1,16 +1,17 @@
-"""The workers of the daemon, and the deadlines of their leases."""
+"""The daemon's memory: workers, the deadlines of their leases, and the clients of searches."""
 
 from __future__ import annotations
 
 import threading
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Final
 
 from daemon.batch.errors import Refused
 from daemon.batch.ledger import RunPace
 from daemon.model.messages import LeaseRef, WorkerInfo
+from daemon.model.search_answer import SearchState
 from daemon.model.spec import install_hint, own_version, version_text
 from daemon.model.status import WorkerRow
 
@@ -20,6 +21,10 @@ _REMEMBERED: Final = 5.0
 
 Sessions reconnect within half a second, so longer absences are final.
 """
+_CLIENT_SILENCE: Final = 15.0
+"""Silence after which a client counts as gone [s]; a waiting one reports every five."""
+_SHOWN: Final = {one.name for one in fields(WorkerInfo)} & {one.name for one in fields(WorkerRow)}
+"""Fields of a worker's description that people see."""
 _LEAST_STALL: Final = 0.25
 """Shortest stall [s]; ticks that are late by less waited for other jobs."""
 
@@ -192,20 +197,48 @@ class WorkerRegistry:
         with self._lock:
             return tuple(
                 WorkerRow(
-                    id=e.info.id,
-                    host=e.info.host,
-                    pid=e.info.pid,
-                    version=e.info.version,
-                    slots=e.info.slots,
-                    busy=e.info.busy,
                     connected_at=e.connected_at,
                     last_seen_at=e.last_seen_at,
                     away=e.away_since is not None or self._is_silent(e),
-                    trouble=e.info.trouble,
-                    preparation=e.info.preparation,
-                    cpu=e.info.cpu,
-                    memory=e.info.memory,
-                    memory_total=e.info.memory_total,
+                    **{name: getattr(e.info, name) for name in _SHOWN},
                 )
                 for e in self._entries.values()
             )
+
+
+class SearchClients:
+    """The clients that make the proposals of searches, one for each, by their latest report.
+
+    Kept in memory, by a monotonic clock. After its start the daemon waits for the permitted silence
+    of a client before it reports a search as waiting.
+    """
+
+    def __init__(self) -> None:
+        self._started = time.monotonic()
+        self._words: dict[str, tuple[str, float]] = {}
+
+    def client(self, campaign: str) -> str:
+        """Return the client of a search, empty without one."""
+        client, at = self._words.get(campaign, ("", 0.0))
+        return client if time.monotonic() - at < _CLIENT_SILENCE else ""
+
+    def state(self, campaign: str) -> SearchState:
+        """Return the state of an unfinished search: ``running`` or ``waiting``."""
+        fresh = campaign not in self._words and time.monotonic() - self._started < _CLIENT_SILENCE
+        return "running" if fresh or self.client(campaign) else "waiting"
+
+    def claim(self, campaign: str, client: str) -> bool:
+        """Record a report of a client; return whether the search is its own."""
+        if self.client(campaign) not in ("", client):
+            return False
+        self._words[campaign] = (client, time.monotonic())
+        return True
+
+    def require(self, campaign: str, client: str) -> None:
+        """Record a report of a client; refuse any but that of the search."""
+        if not self.claim(campaign, client):
+            raise Refused(f"{self.client(campaign)} makes the proposals of {campaign}")
+
+    def leave(self, campaign: str) -> None:
+        """Let a search wait for another client."""
+        self._words[campaign] = ("", 0.0)

@@ -24,8 +24,7 @@ from daemon.batch.run_process import LARGEST_MESSAGE, KernelTask, RunTask
 from daemon.batch.worker._attempts import Attempt, AttemptEnd, Waitable
 from daemon.model.deadline import spare_time, stopped_after
 from daemon.model.execution import DEFAULT_EXECUTOR, RunLimits, python_command
-from daemon.model.rehearsal import WITH_KERNELS, kernel_list
-from daemon.model.spec import RunSpec
+from daemon.model.spec import WITH_KERNELS, RunSpec, kernel_list
 from daemon.model.status import Preparation, PreparationPhase
 from grammars.text import codec
 

@@ -15,8 +15,7 @@ from daemon.judging.statistics import (
     cut_percentage,
     proportion_interval,
 )
-from daemon.model.proposals import Phase
-from daemon.model.search import Point, PointValue, SearchParameter, SearchTask
+from daemon.model.search import Phase, Point, PointValue, SearchParameter, SearchTask
 from daemon.model.search_answer import (
     Confirmation,
     DistinctFailure,

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from daemon.model.proposals import Proposal
+from daemon.model.search import Proposal
 from daemon.model.search_answer import SearchAnswer
 from daemon.model.spec import LeadingMargin, RunSpec, TraceInfo
 from daemon.model.verdicts import Outcome

@@ -9,8 +9,8 @@ from pathlib import Path
 from daemon.analysis.blame import SLOTS, Candidate
 from daemon.analysis.child_runs import run_in_children
 from daemon.campaign import load_campaign
-from daemon.model.proposals import Proposal
 from daemon.model.run_state import RunState
+from daemon.model.search import Proposal
 from daemon.model.search_answer import SearchRow
 from daemon.model.spec import LeadingMargin, RunResult, Timing, TraceInfo
 from daemon.model.trials import ObjectiveValue, Trial

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daemon.model.proposals import Proposal
 from daemon.model.run_state import RunState
-from daemon.model.search import ANY, OracleScale
+from daemon.model.search import ANY, OracleScale, Proposal
 from daemon.model.search_answer import (
     Confirmation,
     Influence,

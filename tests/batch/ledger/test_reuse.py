@@ -5,7 +5,6 @@ from dataclasses import replace
 import pytest
 
 from daemon.batch.errors import Refused
-from daemon.batch.ledger import PlannedRun
 from daemon.judging.assessment import assess
 from daemon.model.assessments import (
     AssessmentRules,
@@ -42,10 +41,6 @@ def stopped(spec):
     return replace(made, note="notes were cut: its time was up", stopped=True)
 
 
-def planned(spec):
-    return PlannedRun(spec.digest, spec.scenario, spec.sut.name, spec.limit, spec.sut.repeatable)
-
-
 def test_what_a_submission_would_reuse_and_take_is_known_before(ledger):
     ledger.submit("first", *specs(3), name="both")
     ledger.work(
@@ -53,14 +48,12 @@ def test_what_a_submission_would_reuse_and_take_is_known_before(ledger):
     )
     other = replace(make_spec(0), sut=SutReference("other", "pilot", {}))
     wanted = (*specs(4), make_spec(0, scenario="S2"), other)
-    forecast = ledger.reader.forecast([planned(spec) for spec in wanted])
+    forecast = ledger.reader.forecast(submission_of("second", *wanted))
     assert sum(forecast.cached) == ledger.submit("second", *wanted, name="both").cached == 3
     assert list(forecast.cached) == [True, True, True, False, False, False]
     assert forecast.seconds == (*(3.0,) * 5, None)  # of the other system nothing is known
     # Nor of all of them, once they wait.
     assert ledger.reader.time_left(NOW, 1, {}).all is None
-    varying = replace(planned(make_spec(0)), repeatable=False)
-    assert ledger.reader.forecast([varying]).cached == (False,)
 
 
 def test_only_runs_without_a_result_are_executed(ledger):
@@ -210,6 +203,7 @@ def test_results_of_what_is_not_repeatable_are_never_used_again(ledger):
     runs = [external(specs(1)[0]), specs(2)[1]]
     ledger.submit("first", *runs)
     ledger.work()
+    assert ledger.reader.forecast(submission_of("second", *runs)).cached == (False, True)
     assert ledger.submit("second", *runs).cached == 1
     rows = [(row.cached, row.repeatable) for row in ledger.rows("second")]
     assert rows == [("", False), ("first.1", True)]

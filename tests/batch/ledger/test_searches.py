@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from daemon.batch.errors import Refused
-from daemon.batch.server._search_handlers import read_extension
+from daemon.batch.server._submissions import read_extension
 from daemon.model.messages import LedgerAnswer
 from daemon.model.run_state import RunState
 from daemon.model.search_answer import SearchAnswer, SearchProgress

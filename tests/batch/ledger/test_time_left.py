@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import pytest
 
-from daemon.batch.ledger import PlannedRun, RunPace, TimeLeft
+from daemon.batch.ledger import RunPace, TimeLeft
 from daemon.model.spec import SutReference
 from tests.batch.conftest import NOW
-from tests.make import make_result, make_search, make_spec
+from tests.make import make_result, make_search, make_spec, submission_of
 
 
 @pytest.fixture
@@ -53,8 +53,12 @@ def test_a_run_takes_as_long_as_its_cell_else_as_its_system_by_their_limits(ledg
         ("S3", "pilot", 30.0, 9.0),
         ("S3", "stranger", 10.0, None),
     )
-    planned = [PlannedRun("", scenario, sut, limit) for scenario, sut, limit, _ in cells]
-    assert ledger.reader.forecast(planned).seconds == tuple(pytest.approx(one) for *_, one in cells)
+    planned = [
+        replace(make_spec(scenario=scenario), sut=SutReference(sut, "pilot", {}), limit=limit)
+        for scenario, sut, limit, _ in cells
+    ]
+    told = ledger.reader.forecast(submission_of("planned", *planned)).seconds
+    assert told == tuple(pytest.approx(one) for *_, one in cells)
     submit("known", 1, "S2")
     assert left().all == pytest.approx(4.0)
     submit("unknown", 1, "S3", "stranger")

@@ -5,9 +5,8 @@ from functools import cache
 
 import numpy as np
 
-from daemon.model.proposals import Proposal
 from daemon.model.run_state import RunState
-from daemon.model.search import OracleScale, SearchParameter
+from daemon.model.search import OracleScale, Proposal, SearchParameter
 from daemon.model.search_answer import (
     DistinctFailure,
     Influence,
