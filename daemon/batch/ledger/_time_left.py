@@ -55,39 +55,32 @@ class RunPace:
 
 
 class _Durations:
-    """Wall times of executed runs [s], to estimate others."""
+    """Wall times of executed runs [s], to estimate others; infinite if unknown."""
 
     def __init__(self, db: sqlite3.Connection) -> None:
-        self._mean: dict[tuple[str, str], float] = {}
-        self._longest: dict[tuple[str, str], float] = {}
+        self._cells: dict[tuple[str, str], tuple[float, float]] = {}
         walls, limits = defaultdict[str, float](float), defaultdict[str, float](float)
         for scenario, sut, runs, wall, longest, limit in db.execute(_EXECUTED):
-            self._mean[scenario, sut] = wall / runs
-            self._longest[scenario, sut] = longest
+            self._cells[scenario, sut] = wall / runs, longest
             walls[sut] += wall
             limits[sut] += limit
         self._share = {sut: walls[sut] / limit for sut, limit in limits.items() if limit > 0.0}
 
-    def of(self, scenario: str, sut: str, limit: float) -> float | None:
+    def of(self, scenario: str, sut: str, limit: float) -> float:
         """Return the mean of a cell, otherwise ``limit`` times the mean share of its system."""
-        mean = self._mean.get((scenario, sut))
-        share = self._share.get(sut)
-        return mean if mean is not None else None if share is None else share * limit
+        if (scenario, sut) in self._cells:
+            return self._cells[scenario, sut][0]
+        return self._share.get(sut, math.inf) * limit
 
-    def rest(
-        self, scenario: str, sut: str, limit: float, elapsed: float, speed: float
-    ) -> float | None:
-        """Return the remaining time of a started run, ``None`` if unknown.
+    def rest(self, scenario: str, sut: str, limit: float, pace: RunPace) -> float:
+        """Return the remaining time of a started run.
 
         It ends at the mean of its cell; if that has passed, at the longest. Beyond that, and
         without an executed run, it ends at its limit by its own speed.
         """
-        cell = scenario, sut
-        at_limit = limit / speed if speed > 0.0 else self.of(scenario, sut, limit)
-        for whole in (self._mean.get(cell), self._longest.get(cell), at_limit):
-            if whole is not None and whole > elapsed:
-                return whole - elapsed
-        return None
+        at_limit = limit / pace.speed if pace.speed > 0.0 else self.of(scenario, sut, limit)
+        wholes = (*self._cells.get((scenario, sut), ()), at_limit)
+        return next((one for one in wholes if one > pace.elapsed), math.inf) - pace.elapsed
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,9 +99,10 @@ def read_forecast(db: sqlite3.Connection, submission: Submission) -> Forecast:
     durations, digests = _Durations(db), submission.digests
     executed = {digest for (digest,) in db.execute(_WITH_RESULT, (json.dumps(digests),))}
     cells = (submission.cells[run.cell] for run in submission.runs)
+    seconds = (durations.of(cell.scenario, cell.sut.name, cell.limit) for cell in cells)
     return Forecast(
         tuple(digest in executed for digest in digests),
-        tuple(durations.of(cell.scenario, cell.sut.name, cell.limit) for cell in cells),
+        tuple(one if math.isfinite(one) else None for one in seconds),
     )
 
 
@@ -174,14 +168,13 @@ def read_time_left(
         if pace.speed > 0.0:
             speeds[sut] = pace.speed
         waits = run not in paces and worker in preparing
-        rest = durations.rest(scenario, sut, limit, pace.elapsed, pace.speed)
+        rests.append(math.inf if waits else durations.rest(scenario, sut, limit, pace))
         work[campaign].priority = priority
-        rests.append(math.inf if waits or rest is None else rest)
         work[campaign].add(1, rests[-1])
     for campaign, priority, scenario, sut, limit, runs in db.execute(_QUEUED):
         each = durations.of(scenario, sut, limit)
-        if each is None:
-            each = limit / speeds[sut] if sut in speeds else math.inf
+        if each == math.inf and sut in speeds:
+            each = limit / speeds[sut]
         work[campaign].priority = priority
         work[campaign].add(runs, each)
         work[campaign].queued = max(work[campaign].queued, each)
