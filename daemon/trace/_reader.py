@@ -9,28 +9,52 @@ from __future__ import annotations
 
 import functools
 import hashlib
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import fields
 from pathlib import Path
-from typing import Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
+from daemon.model import ros_messages as ros
 from daemon.model.spec import RunSpec
-from daemon.trace import _decode, layouts, messages
-from daemon.trace._mcap_reader import DamagedTraceError, McapContents, decompress, read_mcap
+from daemon.model.stack_reports import (
+    REPORT_TOPICS,
+    decode_collision,
+    decode_costmap,
+    decode_speed_limit,
+    decode_tree_log,
+)
+from daemon.model.sut import BehaviorTreeLog, CollisionMonitorState, CostmapPicture, SpeedLimit
+from daemon.trace import layouts, messages
+from daemon.trace._mcap_reader import (
+    RECORD_STEPS,
+    DamagedTraceError,
+    McapContents,
+    decompress,
+    read_mcap,
+)
 from daemon.trace._model import (
     CommandTrack,
+    ContactRecord,
+    EventRecord,
     JointTrack,
     LatencyTrack,
     MotionTrack,
+    PlanRecord,
     PoseTrack,
+    ProgressRecord,
     ScanTrack,
     Trace,
     TraceError,
 )
-from daemon.trace._signals import common_signals
-from daemon.trace.layouts import MessageLayout
+from daemon.trace._signals import Columns, common_signals
+from daemon.trace._views import decode_path
+from daemon.trace.layouts import HEADER, ByteArray, MessageLayout
 from grammars.model.geometry import Floats
+from grammars.model.robot import Laser
 from grammars.model.scene import Scene
 from grammars.text import codec
 
@@ -40,6 +64,15 @@ may be missing, as it is recorded at 20 Hz."""
 
 _SCENE_LIMIT: Final = 64 << 20
 """Size limit of a scene [bytes of JSON], because a file may come from an untrusted source."""
+_RARE_LIMIT: Final = 1 << 20
+"""Largest message for rosbags [bytes]; ours cut texts at ten thousand characters."""
+_LEVELS: Final = {number: level for level, number in messages.LEVELS.items()}
+
+_UNCHECKED: Final = ("time", "names", "velocity")
+"""Fields of tracks that may hold other values than finite numbers."""
+
+T = TypeVar("T")
+Track = TypeVar("Track", MotionTrack, CommandTrack, PoseTrack, LatencyTrack, JointTrack, ScanTrack)
 
 
 def read_trace(path: Path, *, scans: bool = False, views: bool = False) -> Trace:
@@ -97,25 +130,28 @@ def decode_trace(
     recording: McapContents, spec: RunSpec, scene: Scene, *, scans: bool = False
 ) -> Trace:
     """Return the trace of a recording; raises :class:`DamagedTraceError` for foreign messages."""
-    truth = _decode.track(recording, MotionTrack, layouts.odometry("/ground_truth", "map"))
-    joints = _decode.joints(recording, scene.joint_names)
+    truth = _track(recording, MotionTrack, layouts.odometry("/ground_truth", "map"))
+    joints = _joints(recording, scene.joint_names)
     outcome = recording.metadata.get("outcome", {})
     complete = not recording.cut and outcome.get("complete") == "true"
     last = float(truth.time[-1]) if len(truth.time) else 0.0
-    valid_until = _decode.number(outcome.get("valid_until", "")) if complete else last
-    odometry = _decode.track(recording, MotionTrack, layouts.odometry("/odom", "odom"))
-    command = _decode.track(recording, CommandTrack, layouts.command())
-    estimate = _decode.track(recording, PoseTrack, layouts.estimate("/pose"))
+    valid_until = _number(outcome.get("valid_until", "")) if complete else last
+    odometry = _track(recording, MotionTrack, layouts.odometry("/odom", "odom"))
+    command = _track(recording, CommandTrack, layouts.command())
+    estimate = _track(recording, PoseTrack, layouts.estimate("/pose"))
     summary = layouts.estimate("/particle_cloud/summary")
-    cloud = _decode.track(recording, PoseTrack, summary)
+    cloud = _track(recording, PoseTrack, summary)
+    tracks: dict[str, MotionTrack | JointTrack | CommandTrack | PoseTrack] = {
+        "ground truth": truth,
+        "odometry": odometry,
+        "joint states": joints,
+        "command": command,
+        "estimate": estimate,
+        "particle cloud": cloud,
+    }
     problems = [
         *_backwards({"ground truth": truth, "odometry": odometry, "joint states": joints}),
-        *_not_finite("ground truth", truth.time, *_motion_values(truth)),
-        *_not_finite("odometry", odometry.time, *_motion_values(odometry)),
-        *_not_finite("joint states", joints.time, joints.position),
-        *_not_finite("command", command.time, command.vx, command.vy, command.wz),
-        *_not_finite("estimate", estimate.time, *_pose_values(estimate)),
-        *_not_finite("particle cloud", cloud.time, *_pose_values(cloud)),
+        *(problem for name, track in tracks.items() for problem in _not_finite(name, track)),
         *_gaps(truth.time, valid_until),
     ]
     return Trace(
@@ -133,21 +169,17 @@ def decode_trace(
         command=command,
         estimate=estimate,
         cloud=cloud,
-        cloud_count=_decode.cloud_count(recording),
+        cloud_count=_cloud_count(recording),
         joints=joints,
-        contacts=_decode.contacts(recording),
-        progress=_decode.progress(recording),
-        events=_decode.events(recording),
-        scans=_scans(recording, spec) if scans else None,
-        plans=_decode.plans(recording),
-        latency=_decode.track(recording, LatencyTrack, layouts.latency()),
-        reports=_decode.reports(recording),
-        costmaps=_decode.costmaps(recording),
+        contacts=_contacts(recording),
+        progress=_progress(recording),
+        events=_events(recording),
+        scans=tuple(_scans(recording, x) for x in spec.robot.lasers) if scans else None,
+        plans=_plans(recording),
+        latency=_track(recording, LatencyTrack, layouts.latency()),
+        reports=_reports(recording),
+        costmaps=_costmaps(recording),
     )
-
-
-def _scans(recording: McapContents, spec: RunSpec) -> tuple[ScanTrack, ...]:
-    return tuple(_decode.scans(recording, laser) for laser in spec.robot.lasers)
 
 
 def _attached_spec(recording: McapContents) -> RunSpec:
@@ -203,20 +235,16 @@ def _backwards(tracks: Mapping[str, MotionTrack | JointTrack]) -> Iterator[str]:
             yield f"the clock of the {name} jumps back from {before:g} s to {after:g} s"
 
 
-def _motion_values(track: MotionTrack) -> tuple[Floats, ...]:
-    return track.x, track.y, track.yaw, track.vx, track.vy, track.wz
-
-
-def _pose_values(track: PoseTrack) -> tuple[Floats, ...]:
-    return track.x, track.y, track.yaw, track.covariance.reshape(-1, 9)
-
-
-def _not_finite(name: str, time: Floats, *values: Floats) -> list[str]:
+def _not_finite(
+    name: str, track: MotionTrack | JointTrack | CommandTrack | PoseTrack
+) -> Iterator[str]:
+    # No judge reads the velocities of joints.
+    judged = (each.name for each in fields(track) if each.name not in _UNCHECKED)
+    values = [getattr(track, each).reshape(len(track.time), -1) for each in judged]
     # First without a copy, which is enough for nearly all traces.
-    if all(np.isfinite(each).all() for each in values):
-        return []
-    finite = np.isfinite(np.column_stack(values)).all(axis=1)
-    return [f"the {name} at {time[np.argmin(finite)]:g} s is not a number"]
+    if not all(np.isfinite(each).all() for each in values):
+        finite = np.isfinite(np.hstack(values)).all(axis=1)
+        yield f"the {name} at {track.time[np.argmin(finite)]:g} s is not a number"
 
 
 def _gaps(time: Floats, valid_until: float) -> list[str]:
@@ -229,3 +257,197 @@ def _gaps(time: Floats, valid_until: float) -> list[str]:
     if steps[worst] <= MAX_GAP:
         return []
     return [f"no ground truth from {edges[worst]:g} s to {edges[worst + 1]:g} s"]
+
+
+def _track(
+    recording: McapContents, kind: type[Track], layout: MessageLayout, **constants: Any
+) -> Track:
+    """Decode the messages of a layout as a track with some ``constants``.
+
+    The other fields come from the messages, ``time`` [s], ``yaw`` and ``covariance``.
+    """
+    columns = _fields(recording, layout)
+    columns["time"] = columns["log_time"] / 1e9
+    if "qz" in columns:
+        columns["yaw"] = _yaw(columns)
+    if "c0" in columns:
+        covariance = np.stack([columns[f"c{i}"] for i in range(9)], axis=1)
+        columns["covariance"] = covariance.reshape(-1, 3, 3)
+    values: dict[str, Any] = {each.name: columns.get(each.name) for each in fields(kind)}
+    return kind(**values | constants)
+
+
+def _cloud_count(recording: McapContents) -> npt.NDArray[np.int64]:
+    """Decode ``/particle_cloud/count``."""
+    return _fields(recording, layouts.count())["count"].astype(np.int64)
+
+
+def _joints(recording: McapContents, names: tuple[str, ...]) -> JointTrack:
+    """Decode ``/joint_states``; empty for a scene without joints."""
+    if not names:
+        nothing = np.empty((0, 0))
+        return JointTrack((), np.empty(0), nothing, nothing)
+    return _track(recording, JointTrack, layouts.joints(names), names=names)
+
+
+def _scans(recording: McapContents, laser: Laser) -> ScanTrack:
+    """Decode the scans of a laser."""
+    rows = recording.runs.get(messages.scan_topic(laser), [])
+    if not rows:
+        nothing = np.empty((0, max(laser.rays, 0)), np.float32)
+        return ScanTrack(np.empty(0), nothing, laser.name)
+    if not 0 < 4 * laser.rays < rows[0].shape[1] or not laser.rate > 0:
+        raise DamagedTraceError("scans of another size than the robot's laser makes")
+    return _track(recording, ScanTrack, layouts.scan(laser), laser=laser.name)
+
+
+def _contacts(recording: McapContents) -> tuple[ContactRecord, ...]:
+    """Decode ``/contacts``, in the order of their times."""
+    records: list[ContactRecord] = []
+    for rows in recording.runs.get("/contacts", []):
+        # A run of equal-sized messages may hold several pairs of names of the same length. Take the
+        # pair of the first row with all its rows at once, then repeat with the rest.
+        while len(rows):
+            # A pair of names costs a layout and a check of all rows, about 4 of them a step.
+            recording.spend(128 + len(rows) // 4)
+            ((first, second),) = _decoded(rows[:1], "/contacts", _contact_names)
+            layout = layouts.contact(first, second)
+            fits = layout.fits(rows)
+            if not fits[0]:
+                raise DamagedTraceError("/contacts holds something else")
+            records += _contact_records(layout.view(rows[fits]), first, second)
+            rows = rows[~fits]
+    return tuple(sorted(records, key=lambda contact: contact.time))
+
+
+def _progress(recording: McapContents) -> tuple[ProgressRecord, ...]:
+    """Decode ``/mission/status``."""
+    return tuple(
+        ProgressRecord(time, state.current, state.reached, state.state)
+        for time, state in _rare(recording, "/mission/status", messages.progress)
+    )
+
+
+def _events(recording: McapContents) -> tuple[EventRecord, ...]:
+    """Decode ``/events``, in the order of their times."""
+    records = [
+        EventRecord(time, str(log.name), str(log.msg), _LEVELS.get(int(log.level), "info"))
+        for time, log in _rare(recording, "/events", lambda message: message)
+    ]
+    return tuple(sorted(records, key=lambda event: event.time))
+
+
+def _plans(recording: McapContents) -> tuple[PlanRecord, ...]:
+    """Decode ``/plan``, in the order of their times."""
+    records = _messages(recording, "/plan", lambda data, time: PlanRecord(time, decode_path(data)))
+    return tuple(sorted(records, key=lambda plan: plan.time))
+
+
+def _reports(
+    recording: McapContents,
+) -> tuple[BehaviorTreeLog | CollisionMonitorState | SpeedLimit, ...]:
+    """Decode the reports of a stack, except costmaps, in the order of time."""
+    records: list[BehaviorTreeLog | CollisionMonitorState | SpeedLimit] = [
+        *_messages(recording, REPORT_TOPICS["behavior tree"][0], decode_tree_log),
+        *_messages(recording, REPORT_TOPICS["collision monitor"][0], decode_collision),
+        *_messages(recording, REPORT_TOPICS["speed limit"][0], decode_speed_limit),
+    ]
+    return tuple(sorted(records, key=lambda report: report.time))
+
+
+def _costmaps(recording: McapContents) -> tuple[CostmapPicture, ...]:
+    """Decode the costmaps, in the order of time."""
+    pictures: list[CostmapPicture] = []
+    for topic, scope in messages.COSTMAPS.items():
+        read = functools.partial(decode_costmap, scope=scope, frames={"map": "map", "odom": "odom"})
+        pictures += _messages(recording, topic, read)
+    return tuple(sorted(pictures, key=lambda costmap: costmap.time))
+
+
+def _number(text: str) -> float:
+    """Read a finite, non-negative number from metadata."""
+    try:
+        value = float(text)
+    except ValueError as error:
+        raise DamagedTraceError("the outcome's times are damaged") from error
+    if not 0.0 <= value < math.inf:
+        raise DamagedTraceError("the outcome's times are damaged")
+    return value
+
+
+def _fields(recording: McapContents, layout: MessageLayout) -> Columns:
+    """Return the varying fields of all messages on a topic, each of shape (n, ...)."""
+    packed = list(recording.packed.get(layout.topic, []))
+    for rows in recording.runs.get(layout.topic, []):
+        if not layout.fits_all(rows):
+            raise DamagedTraceError(f"{layout.topic} holds something else than expected")
+        packed.append(layout.pack(rows))
+    packed = packed or [layout.pack(np.empty((0, len(layout.template)), np.uint8))]
+    # Field by field, because numpy compares the types of whole records for every pair.
+    names = packed[0].dtype.names or ()
+    return {name: np.concatenate([part[name] for part in packed]) for name in names}
+
+
+def _yaw(fields: Columns) -> Floats:
+    """Return yaws in (-pi, pi], one by one by the C library, so equal on every machine."""
+    halves = map(math.atan2, fields["qz"].tolist(), fields["qw"].tolist())
+    yaw = 2.0 * np.fromiter(halves, np.float64, len(fields["qz"]))
+    yaw[yaw > math.pi] -= math.tau
+    yaw[yaw <= -math.pi] += math.tau
+    return yaw
+
+
+def _contact_records(
+    records: npt.NDArray[np.void], first: str, second: str
+) -> Iterator[ContactRecord]:
+    times = (records["log_time"] / 1e9).tolist()
+    columns = [records[name].tolist() for name in ("px", "py", "nx", "ny", "depth")]
+    for time, px, py, nx, ny, depth in zip(times, *columns, strict=True):
+        yield ContactRecord(time, first, second, (px, py), (nx, ny), depth)
+
+
+def _contact_names(message: Any) -> tuple[str, str]:
+    (state,) = message.states
+    return state.collision1_name, state.collision2_name
+
+
+def _rare(
+    recording: McapContents, topic: str, read: Callable[[Any], T]
+) -> Iterator[tuple[float, T]]:
+    """Yield time and content of messages, decoded one by one."""
+    for rows in recording.runs.get(topic, []):
+        recording.spend(2 * RECORD_STEPS * len(rows))
+        yield from zip(_times(rows), _decoded(rows, topic, read), strict=True)
+
+
+def _messages(
+    recording: McapContents, topic: str, read: Callable[[bytes, float], T]
+) -> Iterator[T]:
+    """Yield the result of ``read`` for the CDR and the time [s] of each message."""
+    for rows in recording.runs.get(topic, []):
+        recording.spend(2 * RECORD_STEPS * len(rows))
+        for time, row in zip(_times(rows), rows[:, HEADER.size :], strict=True):
+            try:
+                content = read(row.tobytes(), time)
+            except Exception as error:
+                # struct, numpy and rosbags may raise anything for damaged bytes.
+                raise DamagedTraceError(f"a damaged message on {topic}") from error
+            yield content
+
+
+def _decoded(rows: ByteArray, topic: str, read: Callable[[Any], T]) -> Iterator[T]:
+    """Yield the results of ``read`` for messages of one size."""
+    if rows.shape[1] > _RARE_LIMIT:
+        raise DamagedTraceError(f"a message on {topic} is too large")
+    for row in rows[:, HEADER.size :]:
+        try:
+            content = read(ros.deserialize(row.tobytes(), messages.KINDS[topic]))
+        except Exception as error:
+            # rosbags uses struct, numpy and its own code, which may raise anything.
+            raise DamagedTraceError(f"a damaged message on {topic}") from error
+        yield content
+
+
+def _times(rows: ByteArray) -> list[float]:
+    """Return the times [s] of message records."""
+    return [HEADER.unpack_from(row)[4] / 1e9 for row in rows]

@@ -49,71 +49,68 @@ class SampledSignal(ABC):
     Times are simulated times [ns].
     """
 
-    __slots__ = ("layouts", "topics")
+    __slots__ = ("_times", "_values", "layouts", "topics")
 
     def __init__(self, *message_layouts: MessageLayout) -> None:
         self.layouts = message_layouts
         self.topics = frozenset(layout.topic for layout in message_layouts)
+        # Lists and not ``array``: to extend a list by seven floats takes 27 ns, and 8 ns each for
+        # the columns; to extend an ``array`` takes 350 ns.
+        self._times: list[int] = []
+        self._values: list[Any] = []
 
     @abstractmethod
     def add(self, time: int, values: Sequence[Any]) -> None:
         """Append a sample; raises ``ValueError`` for values of a wrong shape."""
 
     @abstractmethod
+    def _columns(self, times: list[int], values: list[Any]) -> Columns:
+        """Return the columns of samples."""
+
     def peek(self) -> tuple[IntArray, Columns]:
         """Return times (n,) and columns of the samples including the last one, and keep them."""
-
-    @abstractmethod
-    def drain(self) -> tuple[IntArray, Columns]:
-        """Return times (n,) and columns, and empty the buffer."""
+        return np.array(self._times, np.int64), self._columns(self._times, self._values)
 
     def keep_last(self) -> None:
         """Add the last sample to the buffer if it was left out as a repetition."""
         return
 
     def messages(self) -> Iterator[tuple[MessageLayout, IntArray, Columns]]:
-        """Drain the samples; yield layout, times (n,) and columns of their messages."""
+        """Yield layout, times (n,) and columns of the messages, and empty the buffer."""
         times, columns = self.drain()
         for layout in self.layouts:
             yield layout, times, columns
+
+    def drain(self) -> tuple[IntArray, Columns]:
+        """Return times (n,) and columns, and empty the buffer."""
+        times, values = self._times, self._values
+        self._times, self._values = [], []
+        return np.array(times, np.int64), self._columns(times, values)
 
 
 class SampleColumns(SampledSignal):
     """Samples of a fixed number of floats each; the columns have the quaternion of a yaw, too.
 
-    :meth:`add` takes a fraction of a microsecond, because :meth:`drain` does the encoding.
+    :meth:`add` takes a fraction of a microsecond, because the columns are made later.
     """
 
-    __slots__ = ("_names", "_times", "_values")
+    __slots__ = ("_names",)
 
     def __init__(self, names: tuple[str, ...], *message_layouts: MessageLayout) -> None:
         super().__init__(*message_layouts)
         self._names = names
-        # Lists and not ``array``: to extend a list by seven floats takes 27 ns, and 8 ns each for
-        # the columns; to extend an ``array`` takes 350 ns.
-        self._times: list[int] = []
-        self._values: list[float] = []
 
     def add(self, time: int, values: Sequence[float]) -> None:
         """Append a sample; ``values`` in the order of the names."""
         self._times.append(time)
         self._values.extend(values)
 
-    def peek(self) -> tuple[IntArray, Columns]:
-        """Return times (n,) and one column (n,) per name, and keep the samples."""
-        times = np.array(self._times, np.int64)
-        values = np.fromiter(self._values, np.float64, len(self._values))
-        table = values.reshape(len(times), len(self._names))
-        columns = {name: table[:, i] for i, name in enumerate(self._names)}
+    def _columns(self, times: list[int], values: list[float]) -> Columns:
+        table = np.fromiter(values, np.float64, len(values)).reshape(len(times), len(self._names))
+        columns: Columns = {name: table[:, i] for i, name in enumerate(self._names)}
         if "yaw" in columns:
             columns |= _quaternions(columns["yaw"])
-        return times, columns
-
-    def drain(self) -> tuple[IntArray, Columns]:
-        """Return times and columns as :meth:`peek` does, and empty the buffer."""
-        samples = self.peek()
-        self._times, self._values = [], []
-        return samples
+        return columns
 
 
 class JointSamples(SampledSignal):
@@ -125,7 +122,6 @@ class JointSamples(SampledSignal):
 
     __slots__ = (
         "_due", "_frames", "_frames_due", "_held", "_joints", "_last", "_links", "_repeated",
-        "_states", "_times",
     )  # fmt: skip
 
     def __init__(self, scene: Scene) -> None:
@@ -135,8 +131,6 @@ class JointSamples(SampledSignal):
         self._links, self._frames_due = MovingLinks.of(scene), 0
         self._frames = layouts.transforms(tuple(("map", name) for name in self._links.names))
         self._joints = len(names)
-        self._times: list[int] = []
-        self._states: list[bytes] = []
         self._last, self._held, self._due = b"", -1, 0
         self._repeated: tuple[Floats, Floats] | None = None
 
@@ -163,7 +157,7 @@ class JointSamples(SampledSignal):
             raise ValueError(f"joint states must have {self._joints} positions and velocities")
         self.keep_last()
         self._times.append(time)
-        self._states.append(state)
+        self._values.append(state)
         if state != self._last:
             self._repeated = None
         self._last, self._due = state, time + HEARTBEAT
@@ -172,23 +166,18 @@ class JointSamples(SampledSignal):
         """Add the last repetition, before a different state or at the end."""
         if self._held >= 0:
             self._times.append(self._held)
-            self._states.append(self._last)
+            self._values.append(self._last)
             self._held = -1
 
     def peek(self) -> tuple[IntArray, Columns]:
         """Return times (n,) and columns (n, joints) with the last repetition, and keep them."""
         if self._held < 0:
-            return self._columns(self._times, self._states)
-        return self._columns([*self._times, self._held], [*self._states, self._last])
-
-    def drain(self) -> tuple[IntArray, Columns]:
-        """Return times (n,), ``position`` and ``velocity`` (n, joints), and empty the buffer."""
-        samples = self._columns(self._times, self._states)
-        self._times, self._states = [], []
-        return samples
+            return super().peek()
+        times, values = [*self._times, self._held], [*self._values, self._last]
+        return np.array(times, np.int64), self._columns(times, values)
 
     def messages(self) -> Iterator[tuple[MessageLayout, IntArray, Columns]]:
-        """Drain the samples; yield the joint states, then the frames."""
+        """Yield the joint states, then the frames, and empty the buffer."""
         times, columns = self.drain()
         yield self.layouts[0], times, columns
         rows = []
@@ -205,22 +194,19 @@ class JointSamples(SampledSignal):
             }
             yield self._frames, times[rows], frames
 
-    def _columns(self, times: list[int], states: list[bytes]) -> tuple[IntArray, Columns]:
-        table = np.frombuffer(b"".join(states), np.float64).reshape(len(times), 2 * self._joints)
-        columns = {"position": table[:, : self._joints], "velocity": table[:, self._joints :]}
-        return np.array(times, np.int64), columns
+    def _columns(self, times: list[int], values: list[bytes]) -> Columns:
+        table = np.frombuffer(b"".join(values), np.float64).reshape(len(times), 2 * self._joints)
+        return {"position": table[:, : self._joints], "velocity": table[:, self._joints :]}
 
 
 class LaserScans(SampledSignal):
     """Scans of one laser."""
 
-    __slots__ = ("_ranges", "_rays", "_times")
+    __slots__ = ("_rays",)
 
     def __init__(self, laser: Laser) -> None:
         super().__init__(layouts.scan(laser))
         self._rays = laser.rays
-        self._times: list[int] = []
-        self._ranges: list[bytes] = []
 
     def add(self, time: int, values: Sequence[npt.NDArray[np.float32]]) -> None:
         """Append a scan; raises ``ValueError`` for other than float32 of shape (rays,)."""
@@ -228,19 +214,11 @@ class LaserScans(SampledSignal):
         if ranges.shape != (self._rays,) or ranges.dtype != _FLOAT32:
             raise ValueError(f"ranges must be float32 of shape ({self._rays},)")
         self._times.append(time)
-        self._ranges.append(ranges.tobytes())
+        self._values.append(ranges.tobytes())
 
-    def peek(self) -> tuple[IntArray, Columns]:
-        """Return times (n,) and ``ranges`` (n, rays), and keep the scans."""
-        ranges = np.frombuffer(b"".join(self._ranges), np.float32)
-        columns = {"ranges": ranges.reshape(len(self._times), self._rays)}
-        return np.array(self._times, np.int64), columns
-
-    def drain(self) -> tuple[IntArray, Columns]:
-        """Return times and columns as :meth:`peek` does, and empty the buffer."""
-        samples = self.peek()
-        self._times, self._ranges = [], []
-        return samples
+    def _columns(self, times: list[int], values: list[bytes]) -> Columns:
+        ranges = np.frombuffer(b"".join(values), np.float32)
+        return {"ranges": ranges.reshape(len(times), self._rays)}
 
 
 def common_signals() -> dict[str, SampledSignal]:

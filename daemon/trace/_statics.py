@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
 from daemon.model import ros_messages as ros
 from grammars.model.geometry import Floats, Point2, Pose2, Ring
@@ -43,10 +42,9 @@ class MovingLinks:
     """
 
     names: tuple[str, ...]
-    _hinges: Floats
-    """A row for each object whose only joint is a hinge, such as most doors: the column of the
-    position, the index of the link, x, y, yaw of the object, and x, y of the hinge in it."""
-    _others: tuple[tuple[SceneObject, int, int], ...]
+    _objects: tuple[tuple[SceneObject, int, int], ...]
+    """Objects that move: each with the column of its first joint, and the index of its first
+    moving link."""
 
     @classmethod
     def of(cls, scene: Scene) -> MovingLinks:
@@ -55,22 +53,16 @@ class MovingLinks:
         Raises :class:`ValueError` when the joints of an object form no tree.
         """
         names: list[str] = []
-        hinges: list[tuple[float, ...]] = []
-        others: list[tuple[SceneObject, int, int]] = []
+        objects: list[tuple[SceneObject, int, int]] = []
         column = 0
         for item in scene.objects:
             if item.joints and not item.frozen:
                 # Without rows this only raises an error for joints that form no tree.
                 link_tracks(item, np.empty((0, len(item.joints))))
-                # The parent of an only joint, the world or a post, has the pose of the object.
-                if len(item.joints) == 1 and item.joints[0].kind != "prismatic":
-                    pose = (item.pose.x, item.pose.y, item.pose.yaw)
-                    hinges.append((column, len(names), *pose, *item.joints[0].anchor))
-                else:
-                    others.append((item, column, len(names)))
+                objects.append((item, column, len(names)))
                 names += (f"{item.name}/{link}" for link in _moving(item))
             column += len(item.joints)
-        return cls(tuple(names), np.array(hinges, np.float64).reshape(-1, 7), tuple(others))
+        return cls(tuple(names), tuple(objects))
 
     def poses(self, positions: Floats) -> Floats:
         """Return the world poses (n, links, 4) as x, y, qz, qw for joint positions (n, k).
@@ -78,11 +70,12 @@ class MovingLinks:
         ``qz`` and ``qw`` are the quaternion of the yaw.
         """
         out = np.empty((len(positions), len(self.names), 4))
-        if len(self._hinges) and len(positions):
-            self._swing(positions, out)
-        for item, column, index in self._others:
+        for item, column, index in self._objects:
             own = positions[:, column : column + len(item.joints)]
-            new = _changes(own).any(axis=1)
+            # Doors rest most of the time: compute only rows whose bits differ from the row above.
+            bits = np.ascontiguousarray(own).view(np.int64)
+            new = np.ones(len(own), np.bool_)
+            new[1:] = (bits[1:] != bits[:-1]).any(axis=1)
             tracks = link_tracks(item, own[new])
             latest = np.cumsum(new) - 1
             for place, link in enumerate(_moving(item), start=index):
@@ -90,37 +83,6 @@ class MovingLinks:
                 qw, qz = cos_sin(track[:, 2] / 2)
                 out[:, place] = np.column_stack((track[:, 0], track[:, 1], qz, qw))[latest]
         return out
-
-    def _swing(self, positions: Floats, out: Floats) -> None:
-        """Write the poses of all hinged links.
-
-        The sums and their order are those of :func:`grammars.model.kinematics.link_tracks`, so
-        that the recorded poses are equal to the last bit.
-        """
-        columns, indices = self._hinges[:, :2].T.astype(np.int64)
-        angles = positions[:, columns]
-        # Doors rest most of the time: compute only positions that differ from the row above.
-        new = _changes(angles)
-        angle, which = angles[new], np.nonzero(new)[1]
-        x, y, yaw, ax, ay = self._hinges[which, 2:].T
-        cosine, sine = (each[which] for each in cos_sin(self._hinges[:, 4]))
-        c, s = cos_sin(angle)
-        along, across = ax - c * ax + s * ay, ay - s * ax - c * ay
-        poses = np.empty((len(angle), 4))
-        poses[:, 0] = x + cosine * along - sine * across
-        poses[:, 1] = y + sine * along + cosine * across
-        poses[:, 3], poses[:, 2] = cos_sin((yaw + angle) / 2)
-        latest = np.zeros(angles.shape, np.int64)
-        latest[new] = np.arange(len(angle))
-        out[:, indices] = poses[np.maximum.accumulate(latest, axis=0)]
-
-
-def _changes(positions: Floats) -> npt.NDArray[np.bool_]:
-    """Return True where bits of ``positions`` (n, k) differ from the row above, and in row 0."""
-    bits = np.ascontiguousarray(positions).view(np.int64)
-    changes = np.ones(bits.shape, np.bool_)
-    np.not_equal(bits[1:], bits[:-1], out=changes[1:])
-    return changes
 
 
 def _moving(item: SceneObject) -> list[str]:

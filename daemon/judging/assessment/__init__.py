@@ -4,6 +4,7 @@ from daemon.judging.assessment._assess import (
     assess,
     evidence_text,
     mission_completed,
+    reference_comparisons,
     undecided_cells,
 )
 from daemon.judging.assessment._campaign_difference import (
@@ -22,7 +23,6 @@ from daemon.judging.assessment._cell_verdicts import (
     severity,
 )
 from daemon.judging.assessment._marks import Expectations, find_marks
-from daemon.judging.assessment._references import reference_comparisons
 
 __all__ = [
     "CampaignDifference",

@@ -1,12 +1,12 @@
-"""Assessment of a campaign's run records: cells, comparisons, surprises."""
+"""Assessment of a campaign's run records: cells, comparisons, surprises, reference values."""
 
 from __future__ import annotations
 
 import functools
+import statistics
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import TypeAlias
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from typing import Final, TypeAlias
 
 from daemon.judging.assessment._cell_verdicts import (
     BY_GRAVITY,
@@ -17,10 +17,18 @@ from daemon.judging.assessment._cell_verdicts import (
     expectation_status,
     expected_verdict,
     group_by_cell,
+    matches_scenario,
+    matches_sut,
     measured_value,
     trusted_verdicts,
 )
-from daemon.judging.statistics import EACH_SIDE, MeanDifference, mean_difference
+from daemon.judging.statistics import (
+    EACH_SIDE,
+    MeanDifference,
+    mean_difference,
+    mean_interval,
+    proportion_interval,
+)
 from daemon.model.assessments import (
     DELAY,
     MISSING_STATES,
@@ -30,6 +38,8 @@ from daemon.model.assessments import (
     CellVerdict,
     ComparisonVerdict,
     ExpectationStatus,
+    ReferenceComparison,
+    ReferenceValue,
     ScenarioComparison,
     UnexpectedVerdict,
     state_of,
@@ -41,12 +51,6 @@ from grammars.text.words import format_quantity
 
 PairKey: TypeAlias = tuple[str, int, int]
 """Key that two runs of a pair share: the variant of the floor plan, the repeat, the seed."""
-
-
-@dataclass(frozen=True, slots=True)
-class _ComparedSide:
-    values: dict[PairKey, float]
-    missing: int
 
 
 def comparison_verdicts(
@@ -71,15 +75,12 @@ def _cell(
     records: Sequence[RunRow],
     declared: AssessmentRules,
 ) -> ComparisonVerdict:
-    left, right = (
-        _compared_side(comparison, s, records) for s in (comparison.left, comparison.right)
-    )
-    pairs = sorted(left.values.keys() & right.values.keys())
-    differences = tuple(left.values[key] - right.values[key] for key in pairs)
-    difference = mean_difference(left.values, right.values)
     compared = [r for r in records if base_name(r.scenario) in (comparison.left, comparison.right)]
-    both = mean_difference(left.values, right.values, EACH_SIDE)
-    missing = left.missing + right.missing
+    left, right = (_values(comparison, s, compared) for s in (comparison.left, comparison.right))
+    differences = tuple(left[key] - right[key] for key in sorted(left.keys() & right.keys()))
+    difference = mean_difference(left, right)
+    both = mean_difference(left, right, EACH_SIDE)
+    missing = sum(_value(comparison, record) is None for record in compared)
     note = _missing_text(comparison, missing, compared)
     verdict, note = _verdict(comparison, difference, note, differences)
     expected, why = expected_verdict(declared.expectations, comparison.left, comparison.name, sut)
@@ -108,21 +109,16 @@ def _cell(
     )
 
 
-def _compared_side(
+def _values(
     comparison: ScenarioComparison, scenario: str, records: Sequence[RunRow]
-) -> _ComparedSide:
-    values: dict[PairKey, float] = {}
-    missing = 0
-    for record in records:
-        if base_name(record.scenario) != scenario:
-            continue
-        value = _value(comparison, record)
-        if value is None:
-            missing += 1
-        else:
-            variant = record.scenario.partition("@")[2]
-            values[(variant, record.repeat, record.seed)] = value
-    return _ComparedSide(values, missing)
+) -> dict[PairKey, float]:
+    """Return the known values of the runs of a scenario."""
+    return {
+        (record.scenario.partition("@")[2], record.repeat, record.seed): value
+        for record in records
+        if base_name(record.scenario) == scenario
+        and (value := _value(comparison, record)) is not None
+    }
 
 
 def _value(comparison: ScenarioComparison, record: RunRow) -> float | None:
@@ -342,3 +338,68 @@ def _unexpected_comparison(cell: ComparisonVerdict) -> UnexpectedVerdict:
         why=cell.why,
         text=f"{cell.sut} {cell.comparison}{mean}  {cell.verdict}, n={cell.n}: {cell.text}",
     )
+
+
+_STATISTICS: Final[dict[str, Callable[[Sequence[float]], float]]] = {
+    "median": statistics.median,
+    "min": min,
+    "max": max,
+}
+
+
+def reference_comparisons(
+    references: Sequence[ReferenceValue], assessment: Assessment
+) -> tuple[ReferenceComparison, ...]:
+    """Return every reference value beside the value of the runs, in the order of the file.
+
+    There is one comparison for each executed scenario and system under test that it names.
+    """
+    return tuple(one for r in references for one in _compared(r, assessment))
+
+
+def _compared(reference: ReferenceValue, assessment: Assessment) -> Iterator[ReferenceComparison]:
+    if not reference.scenario:
+        for verdict in assessment.comparisons:
+            if verdict.comparison == reference.oracle and matches_sut(reference.suts, verdict.sut):
+                yield _of_values(reference, "", verdict.sut, verdict.differences)
+        return
+    for cell in assessment.cells:
+        if not matches_sut(reference.suts, cell.sut):
+            continue
+        if not matches_scenario(reference.scenario, cell.scenario):
+            continue
+        if reference.statistic == "rate":
+            verdicts = (oracle for oracle in cell.oracles if oracle.oracle == reference.oracle)
+            yield from (_of_verdict(reference, verdict) for verdict in verdicts)
+        else:
+            values = _measured(cell, reference.oracle)
+            yield _of_values(reference, cell.scenario, cell.sut, values)
+
+
+def _measured(cell: CellAssessment, name: str) -> tuple[float, ...]:
+    return next((m.values for m in cell.measures if m.oracle == name), ())
+
+
+def _of_verdict(reference: ReferenceValue, verdict: CellVerdict) -> ReferenceComparison:
+    # As everywhere, a run without a verdict may have passed or failed.
+    low = proportion_interval(verdict.passed, verdict.n)[0]
+    high = proportion_interval(verdict.n - verdict.failed, verdict.n)[1]
+    rate = verdict.passed / verdict.n if verdict.n else None
+    return ReferenceComparison(
+        reference, verdict.scenario, verdict.sut, verdict.n, rate, None, low, high
+    )
+
+
+def _of_values(
+    reference: ReferenceValue, scenario: str, sut: str, values: Sequence[float]
+) -> ReferenceComparison:
+    if not values:
+        return ReferenceComparison(reference, scenario, sut, 0, None)
+    interval = mean_interval(values)
+    if reference.statistic == "mean":
+        return ReferenceComparison(
+            reference, scenario, sut, interval.n,
+            interval.mean, interval.std, interval.low, interval.high,
+        )  # fmt: skip
+    value = _STATISTICS[reference.statistic](values)
+    return ReferenceComparison(reference, scenario, sut, len(values), value, interval.std)

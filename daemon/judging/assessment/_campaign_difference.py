@@ -189,13 +189,8 @@ def _oracles(assessment: Assessment) -> Mapping[tuple[str, str, str], CellVerdic
     return {(o.scenario, o.sut, o.oracle): o for cell in assessment.cells for o in cell.oracles}
 
 
-@dataclass(frozen=True, slots=True)
-class _TestedChange:
-    """A shift with the p values of its tests, before all are adjusted together."""
-
-    shift: QuantityChange
-    p_different: float | None
-    p_worse: float | None
+_TestedChange: TypeAlias = tuple[QuantityChange, float | None, float | None]
+"""A shift with the p values of "it changed" and of "it got worse", before their adjustment."""
 
 
 def _quantity_changes(
@@ -264,14 +259,14 @@ def _test_change(
         mean=difference.mean if difference else now - was,
     )
     if difference is None:
-        return _TestedChange(shift, None, None)
+        return shift, None, None
     shift = replace(
         shift,
         low=difference.low,
         high=difference.high,
         delta=cliffs_delta(tuple(new.values()), tuple(old.values())),
     )
-    return _TestedChange(shift, difference.p_different, _p_worse(difference, kind, was, worse_by))
+    return shift, difference.p_different, _p_worse(difference, kind, was, worse_by)
 
 
 def _p_worse(
@@ -291,16 +286,16 @@ def _p_worse(
 def _adjust_together(tested: Sequence[_TestedChange]) -> tuple[QuantityChange, ...]:
     """Return the shifts with p values adjusted for their number."""
     # Two families, because there are two questions: what changed, and what the gate forbids.
-    different = _holm_or_none([one.p_different for one in tested])
-    worse = _holm_or_none([one.p_worse for one in tested])
+    different = _holm_or_none([p_different for _, p_different, _ in tested])
+    worse = _holm_or_none([p_worse for _, _, p_worse in tested])
     return tuple(
         replace(
-            one.shift,
+            shift,
             p=p,
             changed=p is not None and p < SIGNIFICANT,
             worse=q is not None and q < SIGNIFICANT,
         )
-        for one, p, q in zip(tested, different, worse, strict=True)
+        for (shift, _, _), p, q in zip(tested, different, worse, strict=True)
     )
 
 
