@@ -1,32 +1,39 @@
-"""The keys of a campaign file, as people write them."""
+"""The keys of a campaign file, as people write them.
+
+Policies are sentences (``rate >= 80 %``), so that no value starts with a special sign of YAML.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
-from typing import Annotated, ClassVar, Final, Literal, TypeAlias
+from typing import Annotated, Any, ClassVar, Final, Literal, TypeAlias
 
 from pydantic import (
+    AfterValidator,
+    BeforeValidator,
     ConfigDict,
     Field,
+    PlainValidator,
     model_validator,
 )
+from pydantic_core import PydanticCustomError
 
-from daemon.campaign._names import LayerName, Names, OneName, References
-from daemon.campaign._results_file import (
-    ONCE,
-    AllowText,
-    ExpectText,
-    GateText,
-    ReferenceText,
-    RepeatsText,
-)
 from daemon.campaign._search_file import SearchText
+from daemon.model.assessments import PolicyRule, RepeatPolicy
 from daemon.model.search import SEARCH_NAME
 from daemon.model.spec import MapSettings
 from grammars.model.grid import MapRule
 from grammars.model.misplaced_keys import MISSION_KEYS, ROBOT_KEYS
-from grammars.text.documents import OtherName, StrictModel
-from grammars.text.quantity import Duration, Length
+from grammars.text.documents import (
+    ONE_OR_MORE,
+    OtherName,
+    StrictModel,
+    as_list,
+    text_or,
+    wrong_form,
+)
+from grammars.text.quantity import Duration, Length, Ratio, read_as
 
 _CAMPAIGN_NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,59}$"
 _NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$"
@@ -47,6 +54,62 @@ SYNONYMS: Final[dict[str, str | OtherName]] = {
     **dict.fromkeys(("building", "environment", "plan", "world"), OtherName("floorplan")),
 }
 """Other names by which people know keys of campaigns and scenarios."""
+
+Overrides: TypeAlias = dict[str, Any]
+_OneLayer: TypeAlias = Annotated[
+    dict[str, Overrides], Field(json_schema_extra={"minProperties": 1, "maxProperties": 1})
+]
+
+
+def _layer(value: Any) -> Any:
+    """Check the name of a layer, alone or with overrides; raises ``ValueError`` in plain words."""
+    if isinstance(value, str):
+        return value
+    if isinstance(value, list):
+        raise ValueError("takes one layer here, not a list: write its name without brackets")
+    if isinstance(value, bool | int | float):
+        # YAML made a number or a flag of a name: the reader of the error says how to write it.
+        raise PydanticCustomError("string_type", "must be text")
+    if not isinstance(value, dict) or not value:
+        raise ValueError("must be NAME or NAME: {parameter: value}, not nothing")
+    for name, overrides in value.items():
+        if overrides is None:
+            raise ValueError(f'"{name}:" has no values behind it: without any, write {name}')
+        if not isinstance(overrides, dict):
+            text = " ".join(str(overrides).split())[:40]
+            raise ValueError(f"write {name}: {{parameter: value}}, not {name}: {text}")
+    return value
+
+
+LayerName: TypeAlias = Annotated[
+    str | dict[str, Overrides],
+    # A union would report each of its members, in terms of Python.
+    PlainValidator(_layer, json_schema_input_type=str | _OneLayer),
+]
+
+
+def _name_alone(value: Any) -> Any:
+    """Return a name; raises for lists, keys and ``null``, the likely mistakes."""
+    if isinstance(value, list):
+        raise wrong_form("takes one name, not a list: write it without brackets")
+    if isinstance(value, dict):
+        raise wrong_form("takes a name, not keys: its definition is written elsewhere")
+    if value is None:
+        raise wrong_form("names nothing")
+    return value
+
+
+def _no_mapping(value: Any) -> Any:
+    if isinstance(value, dict):
+        raise wrong_form("takes names, not keys: their definitions are written elsewhere")
+    return value
+
+
+OneName: TypeAlias = Annotated[str, BeforeValidator(_name_alone, json_schema_input_type=str)]
+Names: TypeAlias = Annotated[list[OneName], ONE_OR_MORE, BeforeValidator(_no_mapping)]
+References: TypeAlias = Annotated[
+    list[LayerName], BeforeValidator(as_list, json_schema_input_type=LayerName | list[LayerName])
+]
 
 
 class MapText(StrictModel):
@@ -183,6 +246,161 @@ class _MatrixText(StrictModel):
     sut: References = Field(examples=[["pilot"]])
     """Systems under test: NAME.yaml here or in suts/, the name of a kind, or a shipped one.
     NAME: {parameter: value} sets parameters."""
+
+
+_MOST_REPEATS: Final = 100_000
+"""Largest number that tests submit in one campaign."""
+_RATE: Final = re.compile(r"rate\s*>=\s*(?P<rate>[^<>=]+)")
+
+
+def read_rule(text: str) -> tuple[PolicyRule, float]:
+    """Read ``all``, ``mean`` or ``rate >= 80 %``; return rule and rate; raises ``ValueError``."""
+    words = text.strip()
+    if words in ("all", "mean"):
+        return ("all", 1.0) if words == "all" else ("mean", 1.0)
+    rule = _RATE.fullmatch(words)
+    if rule is None:
+        raise ValueError(f'"{text}" is not a rule: write all, mean or rate >= 80 %')
+    rate = read_as(rule["rate"].strip(), "ratio")
+    # No finite number of passes excludes a rate just below 100 %; "all" is the closest rule.
+    if not 0.0 < rate < 1.0:
+        raise ValueError(
+            f"no number of runs shows a rate of {rule['rate'].strip()}: "
+            "write one above 0 and below 100 %, or all"
+        )
+    return "rate", rate
+
+
+def _check_rule(text: str) -> str:
+    read_rule(text)
+    return text
+
+
+def _repeats_mapping(value: Any) -> Any:
+    """Turn a plain number of repeats into ``{n: number}``."""
+    # bool is an int in Python: "repeats: true" would be one run.
+    if isinstance(value, bool) or not isinstance(value, int | dict):
+        raise ValueError("must be a whole number, or {n: 5, pass: rate >= 80 %}")
+    return {"n": value} if isinstance(value, int) else value
+
+
+class _RepeatsText(StrictModel):
+    """Number of runs of every cell, and the rule by which they pass together."""
+
+    n: int = Field(ge=1, le=_MOST_REPEATS)
+    """Runs of every scenario; the same repeat has the same noise in each of them."""
+    rule: Annotated[str, AfterValidator(_check_rule)] = Field(default="all", alias="pass")
+    """all: every run passes; rate >= 80 %: the runs show this pass rate (exact, 95 %);
+    mean: the runs show that the mean margin is not below 0 (t, 95 %)."""
+    until: Literal["decided"] | None = None
+    """decided: cells shown neither to pass nor to fail get more runs, up to at-most."""
+    at_most: int | None = Field(default=None, ge=1, le=_MOST_REPEATS, alias="at-most")
+    """Most runs of a cell; required with "until: decided"."""
+
+    @model_validator(mode="after")
+    def _sensible(self) -> _RepeatsText:
+        rule, _ = read_rule(self.rule)
+        if (self.until is None) != (self.at_most is None):
+            raise ValueError('"until: decided" and "at-most" need each other')
+        if self.at_most is not None and self.at_most <= self.n:
+            raise ValueError(f'"at-most: {self.at_most}" leaves nothing to add to n: {self.n}')
+        if self.until and rule == "all":
+            raise ValueError(
+                '"until: decided" needs "pass: rate >= 80 %" or "pass: mean": '
+                "the first run that fails decides all"
+            )
+        if rule == "mean" and self.n < 2:
+            raise ValueError('"pass: mean" needs n: 2 or more, one run does not say how they vary')
+        return self
+
+
+RepeatsText: TypeAlias = Annotated[
+    _RepeatsText, BeforeValidator(_repeats_mapping, json_schema_input_type=int | _RepeatsText)
+]
+ONCE: Final = _RepeatsText(n=1)
+
+
+def repeat_policy(text: _RepeatsText) -> RepeatPolicy:
+    """Return the policy of ``repeats:``."""
+    rule, rate = read_rule(text.rule)
+    return RepeatPolicy(text.n, rule, rate, text.until is not None, text.at_most or text.n)
+
+
+class ExpectText(StrictModel):
+    """An expected verdict, and why; an unexpected pass is reported too."""
+
+    scenario: str = "*"
+    """Name of a scenario, or a pattern such as S3.*; by default all."""
+    oracle: str = "*"
+    """Name of an oracle or of a comparison, or a pattern; by default all."""
+    sut: Names = Field(default_factory=list)
+    """Systems under test, names or patterns; by default all."""
+    verdict: Literal["pass", "fail", "mixed", "any"]
+    """pass; fail: a failure in every run; mixed: in at least one run; any: no expectation."""
+    why: str = Field(min_length=1)
+    """The reason, shown beside the verdict."""
+
+    @model_validator(mode="after")
+    def _about_something(self) -> ExpectText:
+        if self.scenario == self.oracle == "*":
+            raise ValueError('name its "scenario" or its "oracle"')
+        return self
+
+
+class AllowText(StrictModel):
+    """An intended situation whose warning the check leaves out."""
+
+    warning: str = Field(min_length=1)
+    """The text of the warning, * for any text: the leaf of door_12 sweeps *."""
+    why: str = Field(min_length=1)
+    """Why this is intended."""
+
+
+class GateText(StrictModel):
+    """Fail when results get worse than those of another campaign."""
+
+    baseline: str = Field(min_length=1)
+    """Id or name of a campaign, a JSON file of results, or last-green: the newest earlier run of
+    this campaign in which everything was as expected."""
+    worse_by: Ratio = Field(alias="worse-by", ge=0.0)
+    """Share by which a margin or the duration may get worse, such as 10 %."""
+
+
+# A count needs no unit, and so no quotes.
+_Amount: TypeAlias = Annotated[str, text_or(int, float)]
+
+
+class ValueText(StrictModel):
+    """One value of a source."""
+
+    scenario: str = ""
+    """Name of a scenario, or a pattern such as S3.*; left out for a comparison."""
+    sut: Names = Field(default_factory=list)
+    """Systems under test, names or patterns; by default all."""
+    oracle: str = Field(min_length=1)
+    """Name of a measure, of an oracle, or of a comparison; duration always exists."""
+    value: _Amount
+    """Value with the unit of the measure, such as 696.08 s; for an oracle with a limit the number
+    of passes, such as 3 of 5."""
+    statistic: Literal["mean", "median", "min", "max"] = "mean"
+    """Statistic of the source over its runs."""
+    deviation: _Amount | None = None
+    """Standard deviation of the runs."""
+    range: Annotated[list[_Amount], Field(min_length=2, max_length=2)] | None = None
+    """Least and greatest value, or the bounds of an interval."""
+    runs: int | None = Field(default=None, ge=1)
+    """Number of runs behind the value."""
+    note: str = ""
+    """Place in the source, and other remarks."""
+
+
+class ReferenceText(StrictModel):
+    """Values of one source."""
+
+    source: str = Field(min_length=1)
+    """Author and place of publication, shown beside the values."""
+    values: list[ValueText] = Field(min_length=1)
+    """The values, one for each scenario, system and quantity."""
 
 
 class CampaignFile(StrictModel):

@@ -10,7 +10,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Final
 
-from daemon.campaign._cells import CampaignCell, Draft
+from daemon.campaign._layers import CampaignCell, Draft
 from daemon.campaign._file import CampaignFile
 from daemon.campaign._scenarios import LayerReference
 from daemon.model.spec import SutReference

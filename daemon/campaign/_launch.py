@@ -8,12 +8,11 @@ and ``topics/maps``. Every value keeps its place in the file.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from daemon.campaign._parameters import ParameterValues
-from daemon.campaign._ros_sources import LaunchChange
+from daemon.campaign._parameter_files import LaunchChange
 from grammars.roslaunch import (
     Launch,
     LaunchNode,
@@ -50,20 +49,6 @@ _EXTERNAL: Final = "test your own stack as an external system, see docs/ros2.md"
 _MOST_NAMED: Final = 8
 
 
-@dataclass(frozen=True, slots=True)
-class _LaunchPlan:
-    """Launch files to read, with the settings of all SUT files for them.
-
-    ``where`` is the place that names the files. ``node`` is the name of the move_base to test with
-    its place, if a file has it.
-    """
-
-    files: tuple[tuple[Path, Where], ...]
-    settings: LaunchSettings
-    node: tuple[str, Where] | None
-    where: Where
-
-
 def load_launched(
     base: LaunchChange, changes: Sequence[LaunchChange], warnings: list[Finding]
 ) -> ParameterValues:
@@ -72,11 +57,15 @@ def load_launched(
     ``base`` names the files, ``changes`` to it come from the SUT files above it, the lowest first.
     Raises :class:`InputError` with all errors.
     """
-    plan = _plan_launch(base, changes)
-    launch = load_launch(plan.files, plan.settings, {_MOVE_BASE, _AMCL})
+    files = tuple(
+        (base.folder / name, base.where("launch", index))
+        for index, name in enumerate(base.source.launch)
+    )
+    where = base.where("launch")
+    launch = load_launch(files, _launch_settings((base, *changes)), {_MOVE_BASE, _AMCL})
     warnings += launch.warnings
-    move_base = _choose_move_base(plan, launch)
-    amcl = _choose_amcl(plan, launch, move_base, warnings)
+    move_base = _choose_move_base(launch, (base, *changes), where)
+    amcl = _choose_amcl(launch, move_base, where, warnings)
     settings = _inherited(launch, move_base)
     for section, node in (("move_base", move_base), ("amcl", amcl)):
         if node is not None:
@@ -84,14 +73,14 @@ def load_launched(
     return settings | _maps(launch, amcl or move_base)
 
 
-def _plan_launch(base: LaunchChange, changes: Sequence[LaunchChange]) -> _LaunchPlan:
+def _launch_settings(changes: Sequence[LaunchChange]) -> LaunchSettings:
+    """Return the settings of all SUT files for launch files."""
     places: dict[tuple[str | int, ...], Where] = {}
     args: dict[str, str] = {}
     env: dict[str, str] = {}
     packages: list[tuple[Path, Where]] = []
     skip: list[str] = []
-    node = None
-    for change in (base, *changes):
+    for change in changes:
         source = change.source
         args |= source.args
         env |= source.env
@@ -104,19 +93,9 @@ def _plan_launch(base: LaunchChange, changes: Sequence[LaunchChange]) -> _Launch
         skip += [ending for ending in source.skip if ending not in skip]
         for index, ending in enumerate(source.skip):
             places["skip", skip.index(ending)] = change.where("skip", index)
-        if source.node is not None:
-            node = ("/" + source.node.strip("/"), change.where("node"))
     places |= {("packages", index): where for index, (_, where) in enumerate(packages)}
     folders = tuple(folder for folder, _ in packages)
-    return _LaunchPlan(
-        files=tuple(
-            (base.folder / name, base.where("launch", index))
-            for index, name in enumerate(base.source.launch)
-        ),
-        settings=LaunchSettings(places.__getitem__, args, folders, env, tuple(skip)),
-        node=node,
-        where=base.where("launch"),
-    )
+    return LaunchSettings(places.__getitem__, args, folders, env, tuple(skip))
 
 
 def _section(section: str, node: LaunchNode) -> ParameterValues:
@@ -139,15 +118,20 @@ def _inherited(launch: Launch, move_base: LaunchNode) -> ParameterValues:
     }
 
 
-def _choose_move_base(plan: _LaunchPlan, launch: Launch) -> LaunchNode:
+def _choose_move_base(
+    launch: Launch, changes: Sequence[LaunchChange], where: Where
+) -> LaunchNode:
+    """Return the move_base to test: the only one, or the one that the last SUT file names."""
     nodes = [node for node in launch.nodes if node.kind == _MOVE_BASE]
-    if plan.node is not None:
-        name, where = plan.node
+    for change in reversed(changes):
+        if change.source.node is None:
+            continue
+        name = "/" + change.source.node.strip("/")
         for node in nodes:
             if node.name == name:
                 return node
         hint = did_you_mean(name, (node.name for node in nodes))
-        raise InputError.at(where, f"node: no move_base is called {name}", hint)
+        raise InputError.at(change.where("node"), f"node: no move_base is called {name}", hint)
     if not nodes:
         others = [node for node in launch.nodes if node.package in _DRIVERS]
         message = f"starts no move_base; it starts {_listed(launch.nodes)}"
@@ -155,19 +139,16 @@ def _choose_move_base(plan: _LaunchPlan, launch: Launch) -> LaunchNode:
             *(f"{node.name} is {_DRIVERS[node.package]}: {_EXTERNAL}" for node in others),
             *_left_out(launch),
         ]
-        raise InputError.at(plan.where, message, "; ".join(hints))
+        raise InputError.at(where, message, "; ".join(hints))
     if len(nodes) > 1:
         names = ", ".join(f"{node.name} ({_place(node)})" for node in nodes)
         message = f"starts {len(nodes)} move_base nodes: {names}"
-        raise InputError.at(plan.where, message, f'write "node: {nodes[0].name}" for that one')
+        raise InputError.at(where, message, f'write "node: {nodes[0].name}" for that one')
     return nodes[0]
 
 
 def _choose_amcl(
-    plan: _LaunchPlan,
-    launch: Launch,
-    move_base: LaunchNode,
-    warnings: list[Finding],
+    launch: Launch, move_base: LaunchNode, where: Where, warnings: list[Finding]
 ) -> LaunchNode | None:
     """Return the amcl of a robot: the only one, or the one beside its move_base."""
     nodes = [node for node in launch.nodes if node.kind == _AMCL]
@@ -179,7 +160,7 @@ def _choose_amcl(
         names = ", ".join(f"{node.name} ({_place(node)})" for node in nodes)
         message = f"starts {len(nodes)} amcl nodes: {names}"
         hint = f"one of them must be in the namespace of {move_base.name}"
-        raise InputError.at(plan.where, message, hint)
+        raise InputError.at(where, message, hint)
     message = "starts no amcl: amcl's defaults apply here, except for parameters/amcl"
     others = [
         f"{node.name} ({node.package}) {_LOCALISERS[node.package]}, which is not supported here"
@@ -187,7 +168,7 @@ def _choose_amcl(
         if node.package in _LOCALISERS
     ]
     hint = "; ".join([*others, *_left_out(launch)])
-    warnings.append(Finding(plan.where, message, hint, Severity.WARNING))
+    warnings.append(Finding(where, message, hint, Severity.WARNING))
     return None
 
 

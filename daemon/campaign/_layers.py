@@ -1,28 +1,30 @@
-"""Layers of a campaign: found by name, each file read once."""
+"""Layers of a campaign, found by name, each file read once; cells, which have layers loaded."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
-from daemon.campaign._names import Overrides
-from daemon.campaign._scenarios import LayerReference, PlanVariation
+from daemon.campaign._file import CampaignFile, Overrides
+from daemon.campaign._scenarios import LayerReference, PlanVariation, ResolvedScenario
 from daemon.campaign._sut_files import SutLayer, kind_layer, read_sut
 from daemon.campaign._suts import LoadedSut, complete_sut
 from daemon.model.attachments import store_data
 from daemon.model.spec import MapSettings, SutReference
 from daemon.stacks.registry import sut_kinds
 from grammars.floorplan import WALLS_ENDING, FloorPlan, ParsedFloorPlan, read_floorplan
+from grammars.model.behaviour import Behaviour
 from grammars.model.grid import OccupancyGrid
 from grammars.model.map_files import pack_map, read_map
 from grammars.model.mission import Mission
 from grammars.model.mission_files import read_mission
 from grammars.model.robot import Robot
 from grammars.model.robot_files import read_robot
+from grammars.model.scene import Scene
 from grammars.oracle import Oracle, load_oracles
 from grammars.scenery import SceneryLayer, configure, load_scenery
 from grammars.text.diagnostics import Finding, InputError, Where, did_you_mean
@@ -153,14 +155,6 @@ def _may_be(path: Path, kind: LayerKind) -> bool:
     return kind.key in keys and "campaign" not in keys
 
 
-@dataclass(frozen=True, slots=True)
-class GivenMap:
-    """A map file of the user: its settings for runs, and its grid."""
-
-    settings: MapSettings
-    grid: OccupancyGrid
-
-
 _MOST_OVERRIDDEN: Final = 64
 """Most layers with overrides in the cache; each is quickly made again from its file's content."""
 
@@ -243,8 +237,11 @@ class LayerLibrary:
             oracles |= self._once("oracles", path, load_oracles)
         return oracles
 
-    def map(self, reference: LayerReference) -> GivenMap:
-        """Load a map file and store it where runs find it by its digest."""
+    def map(self, reference: LayerReference) -> tuple[MapSettings, OccupancyGrid]:
+        """Load a map file of the user: its settings for runs, and its grid.
+
+        The file is stored where runs find it by its digest.
+        """
         path = self.folder / reference.name
         if not is_file(path):
             hint = "name the YAML file of a map, relative to the campaign file"
@@ -327,7 +324,7 @@ class LayerLibrary:
         self.warnings.extend(plan.warnings)
         return plan
 
-    def _load_map(self, path: Path) -> GivenMap:
+    def _load_map(self, path: Path) -> tuple[MapSettings, OccupancyGrid]:
         saved = read_map(path)
         self.warnings.extend(saved.warnings)
         try:
@@ -336,7 +333,7 @@ class LayerLibrary:
             raise InputError.at(
                 Where(str(path)), f"the map cannot be kept for runs: {error}"
             ) from error
-        return GivenMap(MapSettings(resolution=saved.grid.resolution, file=digest), saved.grid)
+        return MapSettings(resolution=saved.grid.resolution, file=digest), saved.grid
 
     def _load_scenery(self, path: Path) -> SceneryLayer:
         if is_jsonld(path):
@@ -372,3 +369,47 @@ class LayerLibrary:
             cache[key] = load(path)
         loaded: T = cache[key]
         return loaded
+
+
+@dataclass(frozen=True, slots=True)
+class CampaignCell:
+    """One scenario in one world, with all its layers loaded.
+
+    ``name`` is the scenario's, with ``@<seed>`` for a variant of its plan. ``behaviours`` are those
+    of each repeat, including the reserve. ``places`` are the places in files of waypoints, objects
+    and the sentences about joints. The scene is composed of ``plan`` and ``layers``, with the
+    campaign's overrides, objects before behaviours. ``given_map`` is the map file of the campaign,
+    if it has one.
+    """
+
+    name: str
+    scenario: ResolvedScenario
+    plan: FloorPlan
+    layers: tuple[SceneryLayer, ...]
+    scene: Scene
+    mission: Mission
+    mission_where: Where
+    places: Mapping[str, Where]
+    robot: Robot
+    suts: tuple[SutReference, ...]
+    oracles: tuple[Oracle, ...]
+    behaviours: tuple[tuple[Behaviour, ...], ...]
+    map: MapSettings
+    limit: float
+    limit_where: Where
+    given_map: OccupancyGrid | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Draft:
+    """A campaign while it is loaded: each stage adds what the next ones need.
+
+    ``scenarios`` are the concrete ones by name, ``oracles`` those of the campaign's files.
+    """
+
+    text: CampaignFile
+    document: YamlDocument
+    library: LayerLibrary
+    scenarios: Mapping[str, ResolvedScenario]
+    oracles: Mapping[str, Oracle] = field(default_factory=dict)
+    cells: tuple[CampaignCell, ...] = ()

@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 
 from daemon.campaign._campaign import EXTERNAL_REPEATS, Campaign, default_repeats
-from daemon.campaign._cells import CampaignCell, Draft
+from daemon.campaign._layers import CampaignCell, Draft
 from daemon.campaign._composer import Composer, RemainingWorld, leave_out
 from daemon.campaign._declarations import read_declarations, time_legs
 from daemon.campaign._file import CampaignFile
@@ -26,7 +26,7 @@ from daemon.campaign._findings import (
     without_allowed,
 )
 from daemon.campaign._layers import LayerLibrary
-from daemon.campaign._results_file import repeat_policy
+from daemon.campaign._file import repeat_policy
 from daemon.campaign._scenarios import (
     LayerReference,
     ResolvedScenario,
@@ -222,7 +222,9 @@ def _compose_cell(
     library = draft.library
     mission, document = library.mission(required(scenario.mission))
     suts = tuple(map(library.sut, scenario.suts))
-    own_map = library.map(scenario.map_file) if scenario.map_file else None
+    settings, given_map = scenario.map, None
+    if scenario.map_file is not None:
+        settings, given_map = library.map(scenario.map_file)
     oracles = pick_oracles(scenario, draft.oracles, draft.text)
     repeats = repeat_policy(draft.text.repeats).at_most
     if "repeats" not in draft.document.data:
@@ -260,10 +262,10 @@ def _compose_cell(
         suts=suts,
         oracles=oracles,
         behaviours=remains.behaviours,
-        map=own_map.settings if own_map else scenario.map,
+        map=settings,
         limit=scenario.limit,
         limit_where=limit_place(scenario.name, draft.text, draft.document),
-        given_map=own_map.grid if own_map else None,
+        given_map=given_map,
     )
 
 

@@ -20,7 +20,7 @@ from daemon.campaign._file import (
     SlotsText,
     VaryText,
 )
-from daemon.campaign._names import LayerName, Overrides
+from daemon.campaign._file import LayerName, Overrides
 from daemon.model.search import ParameterSlot
 from daemon.model.spec import MapSettings
 from grammars.oracle import Oracle

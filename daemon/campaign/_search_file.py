@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import Annotated, Any, ClassVar, Final, Literal, TypeAlias
 
 from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator
@@ -17,7 +17,7 @@ from daemon.model.search import (
     MOST_REPEATS,
     MOST_WINDOW,
     WINDOW,
-    PointValue,
+    SearchParameter,
 )
 from grammars.text.documents import (
     ONE_OR_MORE,
@@ -41,27 +41,11 @@ _WHOLE: Final = re.compile(r"[+-]?\d+")
 _EXAMPLE: Final = "such as 48 .. 72 deg/s, or 0.01 .. 0.05 m, log, or a list: [left, right]"
 
 
-@dataclass(frozen=True, slots=True)
-class ValueRange:
-    """A range of numbers in ``unit``; ``whole`` if both ends are whole numbers without unit."""
-
-    low: float
-    high: float
-    unit: str
-    log: bool
-    whole: bool
+_UNPLACED: Final = SearchParameter("", "mission", 0, "")
+"""A parameter before its name is looked up in the layers of a scenario."""
 
 
-@dataclass(frozen=True, slots=True)
-class ValueChoices:
-    """A list of choices; ``whole`` for whole numbers, ``truth`` for true and false."""
-
-    values: tuple[PointValue, ...]
-    whole: bool
-    truth: bool
-
-
-def read_range(text: str) -> ValueRange:
+def _read_range(text: str) -> SearchParameter:
     """Read ``48 .. 72 deg/s`` or ``0.01 .. 0.05 m, log``; raises ``ValueError``.
 
     The unit stands at the end, or behind both numbers; then the unit at the end holds.
@@ -91,12 +75,12 @@ def read_range(text: str) -> ValueRange:
     if log and low <= 0.0:
         raise ValueError(f'"{text}": a logarithmic range begins above 0')
     integers = not unit and all(_WHOLE.fullmatch(parts[end]) for end in ("low", "high"))
-    return ValueRange(low, high, unit, log, integers)
+    return replace(_UNPLACED, low=low, high=high, unit=unit, log=log, whole=integers)
 
 
-def _read_over(value: Any) -> ValueRange | ValueChoices:
+def _read_over(value: Any) -> SearchParameter:
     if isinstance(value, str):
-        return read_range(value)
+        return _read_range(value)
     if not isinstance(value, list):
         kind = "nothing" if value is None else "keys" if isinstance(value, dict) else str(value)
         # Inside braces YAML ends a value at a comma: {speed: 1 .. 2 m/s, log}.
@@ -120,13 +104,12 @@ def _read_over(value: Any) -> ValueRange | ValueChoices:
     if 0 < len(numbers) < len(value):
         raise ValueError("a list has numbers or words, not both: write units behind all or none")
     whole = not truth and bool(numbers) and all(isinstance(one, int) for one in numbers)
-    return ValueChoices(
-        tuple(one if isinstance(one, str) else float(one) for one in words), whole, truth
-    )
+    choices = tuple(one if isinstance(one, str) else float(one) for one in words)
+    return replace(_UNPLACED, choices=choices, whole=whole, truth=truth)
 
 
 OverText: TypeAlias = Annotated[
-    ValueRange | ValueChoices,
+    SearchParameter,
     PlainValidator(
         _read_over, json_schema_input_type=str | Annotated[list[str | float], Field(min_length=2)]
     ),

@@ -12,11 +12,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
-from daemon.campaign._cells import CampaignCell, Draft
+from daemon.campaign._layers import CampaignCell, Draft
 from daemon.campaign._search_file import (
     SearchText,
-    ValueChoices,
-    ValueRange,
     read_budget,
     read_confirm,
     read_stop,
@@ -220,7 +218,7 @@ class _SearchReader:
         return tuple(parameters)
 
     def _parameter(
-        self, name: str, layer: SearchLayer, value: LayerValue, over: ValueRange | ValueChoices
+        self, name: str, layer: SearchLayer, value: LayerValue, over: SearchParameter
     ) -> SearchParameter:
         """Return a parameter after the layer has accepted both ends, or every choice.
 
@@ -229,51 +227,42 @@ class _SearchReader:
         where = self._at("over", name)
         # Without the folder, the identity of a search does not depend on the place of its files.
         place = f"{Path(where.file).name}:{where.line}"
-        base = SearchParameter(
-            name, layer.slot, layer.index, value.key, where=place, whole=over.whole
+        over = replace(
+            over, name=name, slot=layer.slot, index=layer.index, key=value.key, where=place
         )
-        if isinstance(over, ValueChoices):
-            return self._choices(replace(base, truth=over.truth), layer, value, over, where)
+        if over.choices:
+            return self._choices(over, layer, value, where)
         if isinstance(value.value, str):
             message = f"{name} is not a number: {value.text or 'a word'} cannot be in a range"
             raise InputError.at(where, message, "write a list of choices: [a, b]")
-        in_own_unit = replace(base, unit=over.unit)
         for end in (over.low, over.high):
-            layer.changed(value.key, in_own_unit.override(end), where)
+            layer.changed(value.key, over.override(end), where)
         # Plain numbers have the unit of the layer.
         unit, whole = over.unit or value.unit, over.whole and value.whole
-        parameter = replace(
-            base, unit=unit, low=over.low, high=over.high, log=over.log, whole=whole,
-            step=step_of(over.low, over.high, unit, log=over.log, whole=whole),
-            written=value.in_unit(unit),
-        )  # fmt: skip
         number = value.in_unit(unit)
+        step = step_of(over.low, over.high, unit, log=over.log, whole=whole)
+        parameter = replace(over, unit=unit, whole=whole, step=step, written=number)
         if number is not None and not over.low <= number <= over.high:
             message = f"{name} is {parameter.text(number)} as written"
             self._warn_of_start(where, f"{message}, outside of the range", value)
         return parameter
 
     def _choices(
-        self,
-        base: SearchParameter,
-        layer: SearchLayer,
-        value: LayerValue,
-        over: ValueChoices,
-        where: Where,
+        self, over: SearchParameter, layer: SearchLayer, value: LayerValue, where: Where
     ) -> SearchParameter:
         choices: dict[float | str | None, PointValue] = {}
-        for choice in over.values:
-            changed = layer.changed(value.key, base.override(choice), where)
+        for choice in over.choices:
+            changed = layer.changed(value.key, over.override(choice), where)
             other = choices.setdefault(changed.identity if changed else None, choice)
             if other != choice:
-                message = f"{base.name}: {other} and {choice} are the same value"
+                message = f"{over.name}: {other} and {choice} are the same value"
                 raise InputError.at(where, message, "leave one of them out")
-        number = None if isinstance(over.values[0], str) else value.in_unit("")
+        number = None if isinstance(over.choices[0], str) else value.in_unit("")
         original = choices.get(value.identity, value.text or None if number is None else number)
-        if original is not None and original not in over.values:
-            message = f"{base.name} is {original} as written, which is not among the choices"
+        if original is not None and original not in over.choices:
+            message = f"{over.name} is {original} as written, which is not among the choices"
             self._warn_of_start(where, message, value)
-        return replace(base, choices=over.values, written=original)
+        return replace(over, written=original)
 
     def _warn_of_start(self, where: Where, message: str, value: LayerValue) -> None:
         hint = f"at {value.where}; the first run is still the scenario as written"

@@ -15,21 +15,19 @@ from typing import Annotated, Any, ClassVar, TypeAlias
 from pydantic import BeforeValidator, Field, field_validator
 
 from daemon.campaign._parameter_files import (
+    LaunchChange,
+    RosSource,
+    as_ros_source,
+    check_source,
     load_package_folder,
     load_parameter_files,
+    refuse_lone_changes,
     spread_common,
 )
 from daemon.campaign._parameters import (
     ParameterValues,
     flatten_parameters,
     merge_parameters,
-)
-from daemon.campaign._ros_sources import (
-    LaunchChange,
-    RosSource,
-    as_ros_source,
-    check_source,
-    refuse_lone_changes,
 )
 from daemon.campaign._scenarios import MOST_LIKE, LayerReference
 from daemon.model.attachments import SutMissing

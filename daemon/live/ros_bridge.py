@@ -1,6 +1,6 @@
 """A live world for a ROS 2 stack that is started by hand: topics out, commands in.
 
-Uses a :class:`~daemon.stacks.ros2.relay_link.RelayLink`, as a run does, but without lock step: the
+Uses a :class:`~daemon.stacks.ros2.link.RelayLink`, as a run does, but without lock step: the
 world goes by its own clock, and commands of the stack are carried out on arrival. Sensor data,
 transforms and the map are as a robot publishes them; the stack publishes map -> odom.
 """
@@ -19,7 +19,7 @@ from daemon.model.sut import Briefing, Decision, Observation, Odometry, Progress
 from daemon.stacks.ros2 import sensors, telemetry
 from daemon.stacks.ros2.endpoints import fixed_messages, link_setup, measured_messages
 from daemon.stacks.ros2.link import Cycle, CycleAnswer, LinkLost, LinkSetup
-from daemon.stacks.ros2.relay_link import RelayLink
+from daemon.stacks.ros2.link import RelayLink
 from daemon.stacks.ros2.settings import Ros2Settings, read_settings
 from daemon.stacks.ros2.telemetry import Telemetry
 from grammars.model.robot import Laser

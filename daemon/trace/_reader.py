@@ -240,11 +240,10 @@ def _not_finite(
 ) -> Iterator[str]:
     # No judge reads the velocities of joints.
     judged = (each.name for each in fields(track) if each.name not in _UNCHECKED)
-    values = [getattr(track, each).reshape(len(track.time), -1) for each in judged]
-    # First without a copy, which is enough for nearly all traces.
-    if not all(np.isfinite(each).all() for each in values):
-        finite = np.isfinite(np.hstack(values)).all(axis=1)
-        yield f"the {name} at {track.time[np.argmin(finite)]:g} s is not a number"
+    finite = [np.isfinite(getattr(track, each)) for each in judged]
+    if not all(each.all() for each in finite):
+        rows = np.hstack([each.reshape(len(each), -1) for each in finite]).all(axis=1)
+        yield f"the {name} at {track.time[np.argmin(rows)]:g} s is not a number"
 
 
 def _gaps(time: Floats, valid_until: float) -> list[str]:

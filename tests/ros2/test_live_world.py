@@ -10,7 +10,7 @@ import pytest
 
 from daemon.live.ros_bridge import RosBridge
 from daemon.live.simulation import LiveSimulation
-from daemon.stacks.ros2.relay_link import RelayLink, relay_path
+from daemon.stacks.ros2.link import RelayLink, relay_path
 from tests.batch.live.worlds import DEADLINE, Kept, demo_spec, demo_submission
 
 STACK = Path(__file__).with_name("small_stack.py")

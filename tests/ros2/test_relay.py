@@ -26,7 +26,7 @@ from daemon.stacks.ros2.link import (
     LinkSetup,
     TopicSetup,
 )
-from daemon.stacks.ros2.relay_link import RelayLink, relay_path
+from daemon.stacks.ros2.link import RelayLink, relay_path
 from grammars.model.robot import Laser, Mount
 
 STACK = Path(__file__).with_name("small_stack.py")

@@ -47,7 +47,7 @@ from daemon.model.assessments import (
 from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome, Verdict
 from grammars.text.diagnostics import InputError, Where
-from grammars.text.words import format_quantity
+from grammars.text.words import count_noun, format_quantity
 
 PairKey: TypeAlias = tuple[str, int, int]
 """Key that two runs of a pair share: the variant of the floor plan, the repeat, the seed."""
@@ -168,10 +168,10 @@ def _verdict(
 def _missing_text(comparison: ScenarioComparison, missing: int, records: Sequence[RunRow]) -> str:
     """Return how many compared runs have no value and why; empty if all have one."""
     states = Counter(record.state for record in records if record.state in MISSING_STATES)
-    parts = [f"{_runs(states[state])} {state}" for state in MISSING_STATES if states[state]]
+    parts = [f"{count_noun(states[state], "run")} {state}" for state in MISSING_STATES if states[state]]
     if others := missing - states.total():
         why = "did not end the mission" if comparison.quantity == DELAY else "left out"
-        parts.append(f"{_runs(others)} {why}")
+        parts.append(f"{count_noun(others, "run")} {why}")
     return ", ".join(parts)
 
 
@@ -186,10 +186,6 @@ def _judge(comparison: ScenarioComparison, difference: MeanDifference) -> Outcom
     if low > limit or (low == limit and strict):
         return Outcome.FAIL
     return Outcome.INCONCLUSIVE
-
-
-def _runs(count: int) -> str:
-    return "1 run" if count == 1 else f"{count} runs"
 
 
 AS_EXPECTED, UNEXPECTED, INFRASTRUCTURE, UNDECIDED = 0, 1, 3, 4  # 2 is bad input

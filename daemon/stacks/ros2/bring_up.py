@@ -25,7 +25,7 @@ from daemon.stacks.ros2.endpoints import fixed_messages, link_setup, measured_me
 from daemon.stacks.ros2.isolation import DomainTaken
 from daemon.stacks.ros2.link import Cycle, CycleAnswer, LinkLost, LinkRefused, Readiness
 from daemon.stacks.ros2.process import StackProcess
-from daemon.stacks.ros2.relay_link import RelayLink, relay_path
+from daemon.stacks.ros2.link import RelayLink, relay_path
 from daemon.stacks.ros2.settings import Ros2Settings
 from daemon.stacks.ros2.telemetry import Telemetry
 from grammars.model.geometry import Pose2

@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator, Sequence
 from daemon.model.sut import Briefing, LaserScan, Odometry
 from daemon.stacks.ros2 import sensors, telemetry
 from daemon.stacks.ros2.link import LinkSetup, TopicSetup
-from daemon.stacks.ros2.reports import report_subscriptions
 from daemon.stacks.ros2.settings import Ros2Settings
 from grammars.model.robot import Laser
 
@@ -33,7 +32,7 @@ def link_setup(settings: Ros2Settings, lasers: Sequence[Laser]) -> LinkSetup:
     if settings.map == "published":
         publish.append(TopicSetup(topics.map, sensors.GRID, "latched", 1))
     subscribe = (
-        *report_subscriptions(settings),
+        *telemetry.report_subscriptions(settings),
         TopicSetup(topics.tf, sensors.TRANSFORMS, depth=100, keep="all"),
         TopicSetup(topics.tf_static, sensors.TRANSFORMS, "latched", 100, keep="all"),
         TopicSetup(topics.pose, telemetry.POSE),

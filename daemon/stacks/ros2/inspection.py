@@ -13,12 +13,11 @@ from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias
 
 from daemon.model.sut import Briefing, Observation, Odometry, SutFailure
 from daemon.stacks.ros2 import sensors
-from daemon.stacks.ros2.link import Cycle, Graph, LinkLost, Readiness, StackIdentity
+from daemon.stacks.ros2.link import Cycle, Graph, LinkLost, Readiness, RelayLink, StackIdentity
 from daemon.stacks.ros2.settings import Ros2Settings
 
 if TYPE_CHECKING:
     from daemon.stacks.ros2.bring_up import StackSession
-    from daemon.stacks.ros2.relay_link import RelayLink
 
 PARAMETERS: Final = (
     "use_sim_time", "controller_frequency", "default_server_timeout", "bond_timeout",

@@ -1,21 +1,44 @@
-"""Values between lock step and the relay: requests to a stack and its answers.
+"""Link to a stack through a relay: requests out, answers in.
 
-A link (:mod:`daemon.stacks.ros2.relay_link`) makes the publishers, subscriptions and action clients
-of a :class:`LinkSetup`, and then only answers. Message contents are CDR, little-endian with its
-four bytes of encapsulation; this side writes and reads them. Times are ROS time [ns] of the clock
-that the link publishes.
+The relay (:mod:`daemon.stacks.ros2.relay`) runs in the user's ROS 2. It makes the publishers,
+subscriptions and action clients of a :class:`LinkSetup`, and then only answers. Frames are those of
+:mod:`multiprocessing.connection`, but without pickles: their content is JSON and CDR, little-endian
+with its four bytes of encapsulation. An answer that does not fit the types here ends the
+connection. Times are ROS time [ns] of the clock that the link publishes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Final, Literal, TypeAlias
+import contextlib
+import os
+import socket
+import struct
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any, Final, Literal, TypeAlias, TypeVar
+
+from pydantic import TypeAdapter, ValidationError
+
+from daemon.stacks.ros2 import relay
+from grammars.text.documents import plain_message
+
+_SILENCE: Final = 30.0
+"""Wall clock after which a relay that writes and reads nothing hangs [s]."""
+_LOOK_PERIOD: Final = 0.1
+_REMEDY: Final = "take the relay of this installation (scenario sut relay prints it)"
+_UNCLEAR: Final = "an answer of the relay cannot be understood"
+_LARGEST: Final = 256 << 20
+"""Largest answer [bytes]."""
+_LONGEST_REASON: Final = 4096
+"""Longest reason of a refusal [characters]."""
 
 Qos: TypeAlias = Literal["reliable", "best effort", "latched"]
 """``latched`` is reliable and transient local, for topics that are published once."""
 
-COMMAND_KINDS: Final = ("geometry_msgs/msg/TwistStamped", "geometry_msgs/msg/Twist")
+COMMAND_KINDS: Final = relay.COMMAND_KINDS
 ACTION_KINDS: Final = {
     "navigate_to_pose": "nav2_msgs/action/NavigateToPose",
     "navigate_through_poses": "nav2_msgs/action/NavigateThroughPoses",
@@ -173,3 +196,224 @@ class Graph:
     endpoints: tuple[GraphEndpoint, ...]
     nodes: tuple[str, ...]
     services: tuple[str, ...]
+
+
+_CYCLE: Final = TypeAdapter(CycleAnswer)
+_READINESS: Final = TypeAdapter(Readiness)
+_GRAPH: Final = TypeAdapter(Graph)
+_Parameter: TypeAlias = bool | int | float | str
+_PARAMETERS: Final = TypeAdapter(dict[str, _Parameter])
+
+_Answer = TypeVar("_Answer")
+
+
+def relay_path() -> Path:
+    """Return the file that the user's ``python3`` runs."""
+    return Path(relay.__file__).resolve()
+
+
+class RelayLink:
+    """A connection to a stack through a relay.
+
+    :meth:`listen`, then :meth:`accept` until the relay is there, then :meth:`set_up`, then the
+    other methods. All raise :class:`LinkLost`.
+    """
+
+    def __init__(self, listener: socket.socket, address: str, nonce: str) -> None:
+        self._listener = listener
+        self._nonce = nonce
+        self._peer: Connection | None = None
+        self._identity: StackIdentity | None = None
+        self.address = address
+        """The value of ``SCENARIO_SOCKET``: a path, or ``tcp://127.0.0.1:PORT``."""
+        self.is_interrupted: Callable[[], bool] = lambda: False
+        """Tell whether to stop waiting; a wait calls this ten times a second."""
+
+    @classmethod
+    def listen(cls, path: Path | str, nonce: str) -> RelayLink:
+        """Listen at a path, for this user only, or at ``tcp://127.0.0.1:0``.
+
+        Raises:
+            LinkLost: listening there is impossible; the message is the reason.
+        """
+        address = str(path)
+        tcp = address.startswith("tcp://")
+        listener = socket.socket(socket.AF_INET if tcp else socket.AF_UNIX)
+        try:
+            if tcp:
+                host, _, port = address.removeprefix("tcp://").rpartition(":")
+                listener.bind((host, int(port)))
+                address = f"tcp://{host}:{listener.getsockname()[1]}"
+            else:
+                with contextlib.suppress(FileNotFoundError):
+                    Path(address).unlink()
+                listener.bind(address)
+                Path(address).chmod(0o600)
+            listener.listen(1)
+        except (OSError, ValueError, OverflowError) as error:
+            listener.close()
+            raise LinkLost(f"cannot listen for the relay at {address}: {error}") from None
+        return cls(listener, address, nonce)
+
+    def accept(self, timeout: float = 0.1) -> bool:
+        """Wait at most ``timeout`` [s] for the relay; return whether it is connected.
+
+        Raises:
+            LinkLost: it ended or cannot work, or another program connected.
+        """
+        if self._identity is not None:
+            return True
+        try:
+            if self._peer is None:
+                self._listener.settimeout(max(timeout, 0.001))
+                self._peer = _connection(self._listener.accept()[0])
+            if not self._peer.poll(timeout):
+                return False
+            hello, _ = relay.decode_frame(self._peer.recv_bytes(_LARGEST))
+        except TimeoutError:
+            return False
+        except (EOFError, ConnectionError):
+            raise self._lost("the relay has ended before its first message") from None
+        except (OSError, ValueError, RecursionError) as error:
+            raise self._lost(
+                f"a program other than the relay of this version connected ({error}): {_REMEDY}"
+            ) from None
+        self._welcome(hello)
+        return True
+
+    @property
+    def identity(self) -> StackIdentity:
+        """ROS 2 of the stack; raises LinkLost before the relay has connected."""
+        if self._identity is None:
+            raise LinkLost("the relay has not connected yet")
+        return self._identity
+
+    def set_up(self, setup: LinkSetup) -> None:
+        """Make publishers, subscriptions and clients, once before the first cycle."""
+        request = asdict(setup) | {"action_kind": ACTION_KINDS[setup.action_kind]}
+        self._ask(request, _nothing)
+
+    def cycle(self, cycle: Cycle) -> CycleAnswer:
+        """Publish, advance the clock, and wait for the answer."""
+        request = {
+            "do": "cycle",
+            "time": cycle.time,
+            "messages": [[topic, len(data)] for topic, data in cycle.messages],
+            "until": cycle.until,
+            "wait": cycle.wait,
+            "tolerance": cycle.tolerance,
+        }
+        blob = b"".join(data for _topic, data in cycle.messages)
+        return self._ask(request, _read_cycle, blob, cycle.wait + _SILENCE)
+
+    def readiness(self) -> Readiness:
+        """Return the state of the stack's nodes; queries them in the background, never waits."""
+        return self._ask({"do": "readiness"}, lambda head, _: _READINESS.validate_python(head))
+
+    def send_goal(
+        self, goal: int, poses: tuple[tuple[float, float, float], ...], frame: str, time: int
+    ) -> None:
+        """Send a goal of one or more poses (x, y, yaw) stamped ``time`` [ns]; updates follow."""
+        request = {"do": "goal", "goal": goal, "poses": poses, "frame": frame, "time": time}
+        self._ask(request, _nothing)
+
+    def graph(self) -> Graph:
+        """Return the graph."""
+        return self._ask({"do": "graph"}, lambda head, _: _GRAPH.validate_python(head))
+
+    def parameters(self, node: str, names: tuple[str, ...]) -> dict[str, _Parameter]:
+        """Return the existing parameters except arrays; takes two seconds at most."""
+        request = {"do": "parameters", "node": node, "names": names}
+        return self._ask(request, lambda head, _: _PARAMETERS.validate_python(head))
+
+    def close(self) -> None:
+        """Close the connection; never raises."""
+        for one in (self._peer, self._listener):
+            if one is not None:
+                with contextlib.suppress(OSError):
+                    one.close()
+        self._peer = None
+        if not self.address.startswith("tcp://"):
+            with contextlib.suppress(OSError):
+                os.unlink(self.address)  # noqa: PTH108  (a socket, maybe gone)
+
+    def _welcome(self, hello: dict[str, Any]) -> None:
+        if hello.get("nonce") != self._nonce:
+            raise self._lost(
+                "a program that does not belong to this run connected in place of the relay"
+            )
+        if hello.get("version") != relay.VERSION:
+            raise self._lost(
+                f"the relay has version {hello.get('version')} of its protocol, not"
+                f" version {relay.VERSION}: {_REMEDY}"
+            )
+        if "problem" in hello:
+            raise self._lost(str(hello["problem"]))
+        self._identity = StackIdentity(str(hello.get("distribution")), str(hello.get("rmw")))
+
+    def _ask(
+        self,
+        request: Mapping[str, Any],
+        read: Callable[[Any, bytes], _Answer],
+        blob: bytes = b"",
+        patience: float = _SILENCE,
+    ) -> _Answer:
+        """Send a request, wait at most ``patience`` [s], and return the answer through ``read``."""
+        if self._peer is None or self._identity is None:
+            raise LinkLost("the connection to the stack is closed")
+        try:
+            self._peer.send_bytes(relay.encode_frame(request, blob))
+            until = time.monotonic() + patience
+            while not self._peer.poll(min(_LOOK_PERIOD, max(0.0, until - time.monotonic()))):
+                if self.is_interrupted():
+                    raise EOFError("the stack has died")
+                if time.monotonic() >= until:
+                    raise BlockingIOError
+            head, data = relay.decode_frame(self._peer.recv_bytes(_LARGEST))
+            if "refused" not in head:
+                return read(head["answer"], data)
+        except BlockingIOError:
+            raise self._lost(
+                f"the relay did not answer within {patience:.0f} s: it hangs, or has no CPU"
+            ) from None
+        except (EOFError, OSError) as error:
+            raise self._lost(f"the relay is gone: {str(error) or 'it has ended'}") from None
+        except ValidationError as error:
+            first = error.errors(include_url=False, include_input=False)[0]
+            place = ".".join(str(part) for part in first["loc"])
+            raise self._lost(f"{_UNCLEAR}: {place} {plain_message(first)}") from None
+        except (LookupError, TypeError, ValueError, RecursionError) as error:
+            raise self._lost(f"{_UNCLEAR}: {type(error).__name__}: {error}") from None
+        self.close()
+        raise LinkRefused(str(head["refused"])[:_LONGEST_REASON])
+
+    def _lost(self, text: str) -> LinkLost:
+        """Close the connection, whose state is unknown after a fault, and return the error."""
+        self.close()
+        return LinkLost(text[:_LONGEST_REASON])
+
+
+def _connection(peer: socket.socket) -> Connection:
+    """Wrap a socket; a frame that stops halfway raises BlockingIOError after ``_SILENCE``."""
+    patience = struct.pack("ll", int(_SILENCE), int(_SILENCE % 1.0 * 1e6))
+    for direction in (socket.SO_RCVTIMEO, socket.SO_SNDTIMEO):
+        peer.setsockopt(socket.SOL_SOCKET, direction, patience)
+    if peer.family == socket.AF_INET:
+        peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return Connection(peer.detach())
+
+
+def _nothing(_head: Any, _data: bytes) -> None:
+    """Ignore an empty answer."""
+
+
+def _read_cycle(head: Any, data: bytes) -> CycleAnswer:
+    """Split ``data`` into the messages of a cycle; raises ValueError if they do not fit."""
+    messages: list[dict[str, Any]] = []
+    begin = 0
+    for topic, kind, size in head["messages"]:
+        messages.append({"topic": topic, "kind": kind, "data": data[begin : begin + size]})
+        begin += size
+    if begin != len(data):
+        raise ValueError(f"{len(data)} bytes of messages in place of {begin}")
+    return _CYCLE.validate_python(head | {"messages": messages})

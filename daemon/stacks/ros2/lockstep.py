@@ -10,10 +10,10 @@ all for ten seconds hangs.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final, Literal
 
 from daemon.model.sut import SutEvent, SutFailure
+from daemon.stacks.ros2.link import CycleAnswer
 from daemon.stacks.ros2.settings import Ros2Settings
 
 _FEW: Final = 5
@@ -27,20 +27,6 @@ _STEADY: Final = 3
 """Number of successive waits with earlier commands only that shows a steady lag."""
 
 Pace = Literal["free", "locked", "quiet"]
-
-
-@dataclass(frozen=True, slots=True)
-class HeardAnswer:
-    """Answer to a cycle: its ``latency`` [s], ``None`` without one.
-
-    ``behind`` is the lag of the newest command's stamp [s], ``None`` without a stamped command.
-    ``commands`` counts all; ``alive``: any message came.
-    """
-
-    latency: float | None
-    behind: float | None
-    commands: int
-    alive: bool
 
 
 class LockStep:
@@ -70,33 +56,35 @@ class LockStep:
             return real_time
         return self._settings.idle
 
-    def take(self, answer: HeardAnswer, *, active: bool) -> tuple[float | None, list[SutEvent]]:
+    def take(
+        self, answer: CycleAnswer, behind: float | None, *, active: bool
+    ) -> tuple[float | None, list[SutEvent]]:
         """Judge an answer; return the latency to record [s], if any, and events.
 
-        Raises :class:`SutFailure` if the stack cannot keep up or is silent.
+        ``behind`` is the lag of the newest command's stamp [s], ``None`` without one. Raises :class:`SutFailure` if the stack cannot keep up or is silent.
         """
         if not active:
             return None, []
         if answer.latency is not None:
-            return self._answered(answer)
+            return self._answered(answer.latency, behind)
         if self.pace != "locked":
-            self._listen(self.wait(active=True), answer.alive)
+            self._listen(self.wait(active=True), answer.heard)
             # Commands of earlier cycles only: wait for a stack that lags behind. Otherwise it would
             # drive the robot by old observations and never catch up.
             if answer.commands:
                 self.pace = "locked"
             return None, []
         self._lagging = self._lagging + 1 if answer.commands else 0
-        if self._adapts(answer):
+        if self._adapts(behind):
             text = (
-                f"commands are stamped {answer.behind:.3f} s before the clock: taken as answers "
+                f"commands are stamped {behind:.3f} s before the clock: taken as answers "
                 "from now on (tolerance)"
             )
             return None, [SutEvent(text, "warn")]
         self.pace = "quiet"
         self.expected += 1
         self.late += 1
-        self._listen(self._settings.patience, answer.alive)
+        self._listen(self._settings.patience, answer.heard)
         self.check_share()
         text = f"no command within {self._settings.patience:g} s: the last one holds"
         # Record the whole patience, so that judgements of latencies include the worst ones.
@@ -114,9 +102,11 @@ class LockStep:
                 f"{self._settings.period:g} s"
             )
 
-    def _answered(self, answer: HeardAnswer) -> tuple[float | None, list[SutEvent]]:
+    def _answered(
+        self, latency: float, behind: float | None
+    ) -> tuple[float | None, list[SutEvent]]:
         events = []
-        if answer.behind is None and not self._guessed:
+        if behind is None and not self._guessed:
             self._guessed = True
             events.append(
                 SutEvent(
@@ -128,11 +118,10 @@ class LockStep:
         self.pace = "locked"
         self.expected += 1
         self._silent, self._lagging = 0.0, 0
-        return answer.latency, events
+        return latency, events
 
-    def _adapts(self, answer: HeardAnswer) -> bool:
+    def _adapts(self, behind: float | None) -> bool:
         """Raise the tolerance to a steady lag of stamps; a single lag may be a busy moment."""
-        behind = answer.behind
         if self._lagging < _STEADY:
             return False
         most = _MOST_BEHIND * self._settings.period + 1e-9

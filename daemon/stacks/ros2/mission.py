@@ -7,15 +7,12 @@ nav2_msgs of Humble to Lyrical (NavigateToPose, NavigateThroughPoses, FollowWayp
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from daemon.model.sut import Progress, SutEvent, SutFailure
 from daemon.stacks.ros2.keys import MissionMode
-from daemon.stacks.ros2.link import GoalUpdate
+from daemon.stacks.ros2.link import GoalUpdate, RelayLink
 from grammars.model.mission import Mission, Waypoint
-
-if TYPE_CHECKING:
-    from daemon.stacks.ros2.relay_link import RelayLink
 
 _ACKNOWLEDGEMENT: Final = "Timed out while waiting for action server to acknowledge goal request"
 """Log text of bt_navigator if a server has not acknowledged within ``default_server_timeout``. This

@@ -1,11 +1,19 @@
 """Process of a stack for its run: start, watch, read output, and end.
 
 A separate supervisor process does the work (:mod:`daemon.supervision`). It also ends the stack if
-the run's process dies.
+the run's process dies. Folders of running stacks have the locks of their holders:
+
+    scenario-<uid>/stacks/lock              held while a folder is made or all are searched
+    scenario-<uid>/stacks/<token>/lock      held as long as the stack's supervisor or holder lives
+    scenario-<uid>/stacks/<token>/stack.json
+
+A folder with a free lock belongs to a killed supervisor. The next stack that starts on this machine
+ends it.
 """
 
 from __future__ import annotations
 
+import fcntl
 import inspect
 import json
 import os
@@ -18,11 +26,11 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
-from dataclasses import asdict
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import IO, Any, Final
 
 from daemon.model.sut import SutFailure
 from daemon.stacks.ros2.causes import ALARMS, ProcessDeath
@@ -33,7 +41,6 @@ from daemon.stacks.ros2.container import (
     image_command,
     run_command,
 )
-from daemon.stacks.ros2.folders import StackRecord, end_remains, end_stack, make_folder
 from daemon.stacks.ros2.isolation import (
     environment_script,
     isolating_variables,
@@ -51,7 +58,17 @@ from daemon.supervision.plan import (
     STACK_OUTPUT,
     StackPlan,
 )
-from daemon.supervision.remains import KILL_LIMIT, MARKER, marked_processes, parent_of
+from daemon.supervision.remains import (
+    KILL_LIMIT,
+    MARKER,
+    end_container,
+    end_marked,
+    marked_processes,
+    parent_of,
+)
+from daemon.supervision.shared_memory import remove_shared_memory
+from grammars.text import codec
+from grammars.text.files import write_atomically
 from grammars.text.terminal_text import printable, without_escapes
 
 SOCKET_VARIABLE: Final = "SCENARIO_SOCKET"
@@ -63,6 +80,8 @@ _ENGINE_FAILED: Final = 125
 _ENGINE_LIMIT: Final = 40.0
 """Time for the engine of a container to end and to remove it [s]."""
 
+_LOCK: Final = "lock"
+_RECORD: Final = "stack.json"
 _ERRORS: Final = "supervisor.txt"
 """Error output of a supervisor that fails."""
 _ANSWER_LIMIT: Final = 60.0
@@ -100,8 +119,8 @@ class StackProcess:
         self.domain = -1
         root = runtime_folder()
         try:
-            end_remains(root)
-            self.folder, self._lock = make_folder(root)
+            _end_remains(root)
+            self.folder, self._lock = _make_folder(root)
         except OSError as error:
             raise SutFailure(f"the folder of a stack cannot be made: {error}") from error
         self.nonce = secrets.token_hex(16)
@@ -174,7 +193,7 @@ class StackProcess:
             files = [path for path in map(Path, settings.files.values()) if path.is_file()]
             stack = run_command(engine, container, folder=folder, files=files, script=inside)
             relay_command = []
-        StackRecord(self.domain, engine, name).write(folder)
+        _StackRecord(self.domain, engine, name).write(folder)
         return StackPlan(
             token=token,
             folder=str(folder),
@@ -286,7 +305,7 @@ class StackProcess:
         if self._supervisor is not None:
             is_gone = self._supervisor.close(limit=_ANSWER_LIMIT) and is_gone
         if not is_gone or self.folder.exists():
-            end_stack(self.folder)
+            _end_stack(self.folder)
         for descriptor in self._nodes:
             os.close(descriptor)
         self._nodes.clear()
@@ -389,3 +408,80 @@ def _end_in_words(code: int) -> str:
 def _lines(data: bytes) -> list[str]:
     text = without_escapes(data.decode("utf-8", "replace"))
     return [printable(line).rstrip() for line in text.splitlines() if line.strip()]
+
+
+@dataclass(frozen=True, slots=True)
+class _StackRecord:
+    """Data for ending a stack from outside; ``engine`` and ``name`` are those of a container."""
+
+    domain: int
+    engine: str = ""
+    name: str = ""
+
+    def write(self, folder: Path) -> None:
+        """Write it into the stack's folder; raises ``OSError``."""
+        write_atomically(folder / _RECORD, codec.to_json(self), durable=False)
+
+    @classmethod
+    def read(cls, folder: Path) -> _StackRecord | None:
+        """Return the record in a folder, ``None`` before the stack's start."""
+        try:
+            return codec.from_json(cls, (folder / _RECORD).read_bytes())
+        except (OSError, ValueError):
+            return None
+
+
+def _make_folder(root: Path) -> tuple[Path, IO[str]]:
+    """Make the folder of a new stack, named by its token; return it with its held lock.
+
+    Raises ``OSError``.
+    """
+    with _alone(root):
+        folder = root / secrets.token_hex(8)
+        folder.mkdir(mode=0o700)
+        lock = (folder / _LOCK).open("w")
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return folder, lock
+
+
+def _end_remains(root: Path) -> None:
+    """End the stacks of killed supervisors on this machine; raises ``OSError``."""
+    with _alone(root):
+        remains = [(folder, _try_lock(folder)) for folder in root.iterdir() if folder.is_dir()]
+    for folder, lock in remains:
+        if lock is not None:
+            with lock:
+                _end_stack(folder)
+
+
+def _end_stack(folder: Path) -> None:
+    """End a stack without a supervisor, and remove its folder."""
+    end_marked(folder.name)
+    record = _StackRecord.read(folder)
+    if record is not None and record.engine:
+        end_container(record.engine, record.name)
+    elif record is not None:
+        remove_shared_memory(record.domain)
+    # Files that a container made as root stay, without harm.
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+@contextmanager
+def _alone(root: Path) -> Iterator[None]:
+    with (root / _LOCK).open("a") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
+def _try_lock(folder: Path) -> IO[str] | None:
+    try:
+        # It may be missing if a supervisor was killed while it removed its folder.
+        lock = (folder / _LOCK).open("a")
+    except FileNotFoundError:
+        return None  # the folder is gone by now
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        lock.close()
+        return None
+    return lock

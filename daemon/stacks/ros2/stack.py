@@ -24,7 +24,7 @@ from daemon.stacks.ros2 import sensors
 from daemon.stacks.ros2.bring_up import BringUp, StackSession
 from daemon.stacks.ros2.endpoints import measured_messages
 from daemon.stacks.ros2.link import Cycle, CycleAnswer, LinkLost
-from daemon.stacks.ros2.lockstep import HeardAnswer, LockStep
+from daemon.stacks.ros2.lockstep import LockStep
 from daemon.stacks.ros2.mission import GoalSequence
 from daemon.stacks.ros2.pace import WALL_CLOCK_CONTROLLERS
 from daemon.stacks.ros2.settings import Ros2Settings
@@ -178,10 +178,7 @@ class _StackDrive:
                 self._await_news(observation.time)
             self._events += mission.take(update)
         # A goal that ended in this cycle needs no command any more.
-        latency, events = lockstep.take(
-            HeardAnswer(answer.latency, behind, answer.commands, answer.heard),
-            active=active and mission.active,
-        )
+        latency, events = lockstep.take(answer, behind, active=active and mission.active)
         self._events += events
         self._watch_server(answer)
         events, self._events = self._events, []

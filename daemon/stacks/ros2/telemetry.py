@@ -1,4 +1,4 @@
-"""Messages of a stack except commands, for the trace: pose, plan, particles, log.
+"""Messages of a stack except commands, for the trace: pose, plan, particles, log, reports.
 
 A damaged message causes one warning and is ignored.
 """
@@ -6,12 +6,21 @@ A damaged message causes one warning and is ignored.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 
+from daemon.model.stack_reports import (
+    COSTMAP,
+    REPORT_TOPICS,
+    ReportName,
+    decode_collision,
+    decode_costmap,
+    decode_speed_limit,
+    decode_tree_log,
+)
 from daemon.model.sut import (
     Cloud,
     CostmapPicture,
@@ -23,9 +32,8 @@ from daemon.model.sut import (
     SutEvent,
 )
 from daemon.stacks.ros2 import sensors
-from daemon.stacks.ros2.keys import Ros2Keys
-from daemon.stacks.ros2.link import ReceivedMessage
-from daemon.stacks.ros2.reports import read_report, report_topics
+from daemon.stacks.ros2.keys import Ros2Frames, Ros2Keys
+from daemon.stacks.ros2.link import ReceivedMessage, TopicSetup
 from grammars.model.geometry import Floats, Pose2, Twist2
 
 ROSOUT: Final = "/rosout"
@@ -41,6 +49,8 @@ _PLANE: Final = (0, 1, 5)
 """Rows of x, y and yaw in a (6, 6) covariance."""
 _PARTICLE: Final = np.dtype([("position", "<f8", 3), ("orientation", "<f8", 4), ("weight", "<f8")])
 _SHOWN_PARTICLES: Final = 100
+_TREE_DEPTH: Final = 100
+"""Number of logs that may wait for a cycle; a tree ticks up to a hundred times a second."""
 
 
 @dataclass(slots=True)
@@ -171,7 +181,7 @@ class Telemetry:
         elif message.topic == topics.particles:
             self._read_particles(message.data, news, now)
         elif message.topic in self._reports:
-            report = read_report(self._reports[message.topic], message, now, self._frames)
+            report = _read_report(self._reports[message.topic], message, now, self._frames)
             if isinstance(report, CostmapPicture):
                 frame = self._frames.map if report.frame == "map" else self._frames.odom
                 report = replace(report, frame_pose=self._tree.find(frame, self._frames.map))
@@ -259,3 +269,55 @@ def _summary(poses: Floats, now: float) -> Cloud:
     off = poses - (mean.x, mean.y, mean.yaw)
     off[:, 2] = np.remainder(off[:, 2] + math.pi, math.tau) - math.pi
     return Cloud(now, len(poses), mean, off.T @ off / len(poses))
+
+
+def report_topics(settings: Ros2Keys) -> dict[str, ReportName]:
+    """Return the reports to record, by topic."""
+    topics = settings.topics
+    names: dict[ReportName, str] = {
+        "behavior tree": topics.behavior_tree,
+        "global costmap": topics.global_costmap,
+        "local costmap": topics.local_costmap,
+        "collision monitor": topics.collision_monitor,
+        "speed limit": topics.speed_limit,
+    }
+    return {names[report]: report for report in settings.record}
+
+
+def report_subscriptions(settings: Ros2Keys) -> Iterator[TopicSetup]:
+    """Yield the subscriptions for these topics."""
+    for topic, report in report_topics(settings).items():
+        kind = REPORT_TOPICS[report][1]
+        if report == "behavior tree":
+            yield TopicSetup(topic, kind, depth=_TREE_DEPTH, keep="all")
+        else:
+            # Costmaps are latched, because an unchanged one is sent once, perhaps before the run.
+            yield TopicSetup(topic, kind, "latched" if kind == COSTMAP else "reliable", 1)
+
+
+def _read_report(
+    report: ReportName, message: ReceivedMessage, now: float, frames: Ros2Frames
+) -> StackReport:
+    """Read a report that came at ``now`` [s].
+
+    Raises ``ValueError`` for a damaged message, and for a costmap in a frame other than those of
+    the map and of odometry.
+    """
+    names: dict[str, Literal["map", "odom"]] = {frames.map: "map", frames.odom: "odom"}
+    try:
+        match report:
+            case "behavior tree":
+                return decode_tree_log(message.data, now)
+            case "collision monitor":
+                return decode_collision(message.data, now)
+            case "speed limit":
+                return decode_speed_limit(message.data, now)
+            case "global costmap":
+                return decode_costmap(message.data, now, "global", names)
+            case "local costmap":
+                return decode_costmap(message.data, now, "local", names)
+    except ValueError:
+        raise
+    except Exception as error:
+        # rosbags reads damaged bytes with struct, numpy and its own code.
+        raise ValueError(f"a damaged {message.kind}: {error}") from error

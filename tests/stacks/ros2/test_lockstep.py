@@ -3,17 +3,19 @@
 from itertools import groupby
 
 from daemon.model.sut import SutFailure
-from daemon.stacks.ros2.lockstep import HeardAnswer, LockStep
+from daemon.stacks.ros2.link import CycleAnswer
+from daemon.stacks.ros2.lockstep import LockStep
 from daemon.stacks.ros2.settings import read_settings
 
+# Each with the lag of its command's stamp.
 ANSWERS = {
-    "answered": HeardAnswer(0.002, 0.0, 1, alive=True),
-    "without a stamp": HeardAnswer(0.002, None, 1, alive=True),
-    "nothing": HeardAnswer(None, None, 0, alive=False),
-    "feedback": HeardAnswer(None, None, 0, alive=True),
-    "lagging": HeardAnswer(None, 0.05, 1, alive=True),
-    "lagging more": HeardAnswer(None, 0.4, 1, alive=True),
-    "far behind": HeardAnswer(None, 3.0, 1, alive=True),
+    "answered": (CycleAnswer(0.002, 1, heard=True, server=True), 0.0),
+    "without a stamp": (CycleAnswer(0.002, 1, heard=True, server=True), None),
+    "nothing": (CycleAnswer(None, 0, heard=False, server=True), None),
+    "feedback": (CycleAnswer(None, 0, heard=True, server=True), None),
+    "lagging": (CycleAnswer(None, 1, heard=True, server=True), 0.05),
+    "lagging more": (CycleAnswer(None, 1, heard=True, server=True), 0.4),
+    "far behind": (CycleAnswer(None, 1, heard=True, server=True), 3.0),
 }
 CASES = {
     "no answer yet": ([], {}),
@@ -46,7 +48,7 @@ def told(answers, late=0.05, real_time=False):
     results = []
     try:
         for name in answers:
-            latency, said = steps.take(ANSWERS[name], active=True)
+            latency, said = steps.take(*ANSWERS[name], active=True)
             results.append(f"{name}: {latency}" + "".join(f"; {one.text}" for one in said))
         steps.check_share()
     except SutFailure as failure:
@@ -68,4 +70,4 @@ def test_cycles_wait_as_long_as_an_answer_is_due(golden):
 
 def test_latency_is_told_for_answers_that_were_due_only():
     steps = LockStep(read_settings({"launch": "nav"}), real_time=False)
-    assert steps.take(ANSWERS["answered"], active=False) == (None, [])
+    assert steps.take(*ANSWERS["answered"], active=False) == (None, [])

@@ -24,7 +24,7 @@ from daemon.stacks.ros2.link import (
     StackIdentity,
     TopicSetup,
 )
-from daemon.stacks.ros2.relay_link import RelayLink
+from daemon.stacks.ros2.link import RelayLink
 
 NONCE = "8f14e45f"
 HELLO = {"version": 2, "nonce": NONCE, "distribution": "jazzy", "rmw": "rmw_fastrtps_cpp"}
@@ -228,7 +228,7 @@ def test_a_relay_that_goes_refuses_or_cannot_be_understood_is_told(connect, answ
 @pytest.mark.parametrize(("answer", "wait"), [(b"", 0), (frame({"answer": {}})[:-3], 1000)])
 def test_a_relay_that_hangs_is_told(connect, monkeypatch, answer, wait):
     """Also in the middle of its answer, for whose beginning the link waits."""
-    monkeypatch.setattr("daemon.stacks.ros2.relay_link._SILENCE", 0.001)
+    monkeypatch.setattr("daemon.stacks.ros2.link._SILENCE", 0.001)
     link, _ = connect(answer)
     with pytest.raises(LinkLost, match=rf"did not answer within {wait} s: it hangs"):
         link.cycle(Cycle(0, wait=wait))

@@ -24,7 +24,7 @@ def file(campaigns):
 
 
 def test_without_a_terminal_it_serves_until_it_is_interrupted(scenario, tmp_path, monkeypatch):
-    for module in ("foxglove", "websockets", "daemon.stacks.ros2.relay_link"):
+    for module in ("foxglove", "websockets", "daemon.stacks.ros2.link"):
         pytest.importorskip(module)
     from tests.batch.live.foxglove_client import foxglove_client
 
