@@ -8,7 +8,7 @@ slots written here. ``oracles`` and ``behaviours`` replace the inherited list, `
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, Final, Literal, TypeVar
@@ -60,10 +60,9 @@ class LayerReference:
         """The place of each override, by its key."""
         return {key: self.place((key,)) for key in self.overrides}
 
-    def as_written(self, name: str = "") -> str | dict[str, Overrides]:
-        """Return it as written in a campaign, or as a copy of the layer called ``name``."""
-        name = name or self.name
-        return {name: dict(self.overrides)} if self.overrides else name
+    def as_written(self) -> str | dict[str, Overrides]:
+        """Return it as written in a campaign."""
+        return {self.name: dict(self.overrides)} if self.overrides else self.name
 
     def with_values(self, values: Mapping[str, object]) -> LayerReference:
         """Return the reference with overrides that win over those of the same keys."""
@@ -177,19 +176,13 @@ def resolve_scenario(
     return _overlay(renamed, scenario, document, path)
 
 
-def bases_of(name: str, text: CampaignFile) -> Iterator[str]:
-    """Yield the scenarios that one is like, directly or through others."""
-    base = text.scenarios[name].like
-    while base is not None:
-        yield base
-        base = text.scenarios[base].like
-
-
 def limit_place(name: str, text: CampaignFile, document: YamlDocument) -> Where:
     """Return the place of a scenario's limit: in it, in a base, or at the top of the file."""
-    for scenario in (name, *bases_of(name, text)):
-        if text.scenarios[scenario].limit is not None:
-            return document.where(("scenarios", scenario, "limit"))
+    base: str | None = name
+    while base is not None:
+        if text.scenarios[base].limit is not None:
+            return document.where(("scenarios", base, "limit"))
+        base = text.scenarios[base].like
     return document.where(("limit",) if text.defaults.limit is None else ("defaults", "limit"))
 
 

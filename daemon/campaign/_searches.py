@@ -184,20 +184,21 @@ class _SearchReader:
     def _leads(self, oracle: Oracle, severity: Severity) -> bool:
         """Return whether a search can follow an oracle; report the reason and a remedy if not."""
         # Only campaigns with a search load the code of judging.
-        from daemon.judging.leading_kind import leading_kind
+        from daemon.judging.leading_kind import why_flat
 
         where = self._at("minimise")
         try:
-            kind = leading_kind(oracle)
+            flat = why_flat(oracle)
         except ValueError as error:
             self.findings.append(Finding(where, f"{oracle.name}: {error}", "", severity))
             return False
-        if not kind.leads:
+        if flat is not None:
+            reason, better = flat
             ignored = ", it is ignored" if severity is Severity.WARNING else ""
-            message = f"a search cannot follow {oracle.name}{ignored}: {kind.reason}"
-            hint = f"write an oracle that leads to the failure, such as {kind.better}"
+            message = f"a search cannot follow {oracle.name}{ignored}: {reason}"
+            hint = f"write an oracle that leads to the failure, such as {better}"
             self.findings.append(Finding(where, message, hint, severity))
-        return kind.leads
+        return flat is None
 
     def _parameters(
         self, layers: Sequence[SearchLayer], cell: CampaignCell

@@ -8,7 +8,6 @@ behind them; plug-in signals do not.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Final
 
 from daemon.model.search import OracleScale
@@ -38,38 +37,22 @@ _CLEAR: Final = "always(clearance >= 0 m)"
 _ARRIVES: Final = "reached(mission, 0.25 m)"
 
 
-@dataclass(frozen=True, slots=True)
-class LeadingKind:
-    """Usefulness of an oracle's leading margin to a search, and its ``unit``.
-
-    An oracle that does not lead has a ``reason`` and a ``better`` oracle to search with.
-    """
-
-    leads: bool
-    unit: str
-    reason: str = ""
-    better: str = ""
-
-
-def leading_kind(oracle: Oracle) -> LeadingKind:
-    """Return whether a search can follow ``oracle``, which has been checked.
+def why_flat(oracle: Oracle) -> tuple[str, str] | None:
+    """Return why a search cannot follow a checked oracle, and a better one; ``None`` if it can.
 
     Raises ``ValueError`` if it names a plug-in that is no longer usable.
     """
     judgement, unit = oracle.judgement, leading_unit(oracle)
     if oracle.is_measure:
-        return LeadingKind(
-            False, unit, "it has no limit: it measures and never fails", _limited(judgement)
-        )
+        return "it has no limit: it measures and never fails", _limited(judgement)
     match judgement:
         case Temporal(operator=operator, predicate=predicate) if not unit:
-            better = _ARRIVES if operator == "eventually" else _CLEAR
-            return LeadingKind(False, "", _bare(render(predicate)), better)
+            return _bare(render(predicate)), _ARRIVES if operator == "eventually" else _CLEAR
         case Until(predicate=predicate) if not unit:
-            return LeadingKind(False, "", _bare(render(predicate)), _CLEAR)
+            return _bare(render(predicate)), _CLEAR
         case CustomCall(name=name) if not unit:
-            return LeadingKind(False, "", _bare(name), f"{_CLEAR} or {_ARRIVES}")
-    return LeadingKind(True, unit)
+            return _bare(name), f"{_CLEAR} or {_ARRIVES}"
+    return None
 
 
 def leading_unit(oracle: Oracle) -> str:

@@ -163,9 +163,8 @@ class TraceWriter(Recorder):
             self._file.flush()
             self._judged = read_mcap(self._partial, JUDGED.__contains__, layouts=judged_layouts())
             self._judged.cut = ""
-            self._keep(self._judged, self._late)
-        pending, last = [*self._peek_judged()], self._container.last
-        for block in (*self._late, *pending):
+        pending, last = [*self._late, *self._peek_judged()], self._container.last
+        for block in pending:
             last = max(last, int(block.times.max(initial=0)))
         contents = self._judged.copy()
         self._keep(contents, pending)
@@ -278,9 +277,9 @@ class TraceWriter(Recorder):
         blocks += [records.drain() for records in self._records.values()]
         # Contacts of one instant are in the order of the first contacts of the pairs in a chunk.
         self._contacts.clear()
-        if self._judged is not None:
-            self._keep(self._judged, blocks)
         early, self._late = split_blocks([*self._late, *blocks], before)
+        if self._judged is not None:
+            self._keep(self._judged, early)
         self._container.add_chunk(early)
         self._file.flush()
 

@@ -27,7 +27,6 @@ from daemon.judging.statistics import (
     MeanDifference,
     mean_difference,
     mean_interval,
-    proportion_interval,
 )
 from daemon.model.assessments import (
     DELAY,
@@ -168,10 +167,10 @@ def _verdict(
 def _missing_text(comparison: ScenarioComparison, missing: int, records: Sequence[RunRow]) -> str:
     """Return how many compared runs have no value and why; empty if all have one."""
     states = Counter(record.state for record in records if record.state in MISSING_STATES)
-    parts = [f"{count_noun(states[state], "run")} {state}" for state in MISSING_STATES if states[state]]
+    parts = [count_noun(states[state], "run") + f" {state}" for state in MISSING_STATES if states[state]]
     if others := missing - states.total():
         why = "did not end the mission" if comparison.quantity == DELAY else "left out"
-        parts.append(f"{count_noun(others, "run")} {why}")
+        parts.append(count_noun(others, "run") + f" {why}")
     return ", ".join(parts)
 
 
@@ -377,12 +376,9 @@ def _measured(cell: CellAssessment, name: str) -> tuple[float, ...]:
 
 
 def _of_verdict(reference: ReferenceValue, verdict: CellVerdict) -> ReferenceComparison:
-    # As everywhere, a run without a verdict may have passed or failed.
-    low = proportion_interval(verdict.passed, verdict.n)[0]
-    high = proportion_interval(verdict.n - verdict.failed, verdict.n)[1]
     rate = verdict.passed / verdict.n if verdict.n else None
     return ReferenceComparison(
-        reference, verdict.scenario, verdict.sut, verdict.n, rate, None, low, high
+        reference, verdict.scenario, verdict.sut, verdict.n, rate, None, verdict.low, verdict.high
     )
 
 

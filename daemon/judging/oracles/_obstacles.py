@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import functools
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -108,16 +108,12 @@ def footprint_box(footprint: Ring) -> tuple[Point2, Point2]:
 def obstacles_of(trace: Trace, time: Floats) -> ObstaclePolygons:
     """Collect the obstacles of the robot's body: solids and links that overlap its height."""
     building = DigestedScene(trace.spec.scene, trace.scene)
-    shapes = _obstacle_shapes(building, trace.spec.robot.height)
+    still, moving = _obstacle_shapes(building, trace.spec.robot.height)
     tracks: list[Floats] = []
-    for item, links in shapes.moving:
+    for item, links in moving:
         poses = link_tracks(item, joint_positions(trace, item, time))
         tracks.extend(poses[name] for name in links)
-    still = shapes.still
-    return ObstaclePolygons(
-        still.corners, still.offsets, still.frame, still.circle,
-        _side_by_side(tracks, len(time)), still.names,
-    )  # fmt: skip
+    return replace(still, tracks=_side_by_side(tracks, len(time)))
 
 
 def _side_by_side(tracks: list[Floats], count: int) -> Floats:
@@ -140,17 +136,14 @@ class DigestedScene:
     scene: Scene = field(compare=False)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _ObstacleShapes:
-    """Obstacles of a building without their tracks, and the moving links that have tracks."""
-
-    still: ObstaclePolygons
-    moving: tuple[tuple[SceneObject, tuple[str, ...]], ...]
-
-
 @functools.lru_cache(maxsize=16)
-def _obstacle_shapes(building: DigestedScene, height: float) -> _ObstacleShapes:
-    """Collect the polygons once for all traces of robots of one height in the same building."""
+def _obstacle_shapes(
+    building: DigestedScene, height: float
+) -> tuple[ObstaclePolygons, tuple[tuple[SceneObject, tuple[str, ...]], ...]]:
+    """Return the obstacles of a building without their tracks, and the links that have tracks.
+
+    They are the same for all traces of robots of one height in a building.
+    """
     scene = building.scene
     rings, names, frames = _fixed_rings(scene, height)
     moving: list[tuple[SceneObject, tuple[str, ...]]] = []
@@ -165,7 +158,7 @@ def _obstacle_shapes(building: DigestedScene, height: float) -> _ObstacleShapes:
             frames.extend([count] * len(link.polygons))
             count += 1
         moving.append((item, tuple(link.name for link in links)))
-    return _ObstacleShapes(_flatten(rings, names, frames), tuple(moving))
+    return _flatten(rings, names, frames), tuple(moving)
 
 
 def obstacles_named(obstacles: ObstaclePolygons, *names: str) -> ObstaclePolygons:

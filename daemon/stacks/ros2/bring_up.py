@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Final
 
 from daemon.model.sut import Briefing, Observation, StackReport, SutEvent, SutFailure
-from daemon.stacks.ros2 import placeholders, sensors
+from daemon.stacks.ros2 import sensors
 from daemon.stacks.ros2.causes import (
     ABORTED,
     find_cause,
@@ -26,7 +26,7 @@ from daemon.stacks.ros2.isolation import DomainTaken
 from daemon.stacks.ros2.link import Cycle, CycleAnswer, LinkLost, LinkRefused, Readiness
 from daemon.stacks.ros2.process import StackProcess
 from daemon.stacks.ros2.link import RelayLink, relay_path
-from daemon.stacks.ros2.settings import Ros2Settings
+from daemon.stacks.ros2.settings import MAP, Ros2Settings, run_values
 from daemon.stacks.ros2.telemetry import Telemetry
 from grammars.model.geometry import Pose2
 from grammars.model.map_files import write_map
@@ -216,7 +216,7 @@ class BringUp:
         values = self._values()
         process = StackProcess(settings, values=values, relay=relay_path())
         # The path of the map depends on the folder; the start uses the values later.
-        values[placeholders.MAP] = str(self._write_map(process))
+        values[MAP] = str(self._write_map(process))
         try:
             link = RelayLink.listen(process.socket, process.nonce)
         except LinkLost as error:
@@ -389,7 +389,7 @@ class BringUp:
     def _values(self) -> dict[str, str]:
         """Return the values of placeholders that do not depend on the folder of the run."""
         briefing = self._briefing
-        return placeholders.run_values(
+        return run_values(
             start=briefing.start,
             robot=briefing.robot.name,
             namespace=self._settings.namespace,

@@ -48,8 +48,7 @@ from daemon.stacks.ros2.isolation import (
     runtime_folder,
     without_ours,
 )
-from daemon.stacks.ros2.placeholders import PlaceholderError
-from daemon.stacks.ros2.settings import Ros2Settings, fill_settings
+from daemon.stacks.ros2.settings import PlaceholderError, Ros2Settings, fill_settings
 from daemon.supervision.output_file import OutputFile
 from daemon.supervision.plan import (
     ENVIRONMENT,

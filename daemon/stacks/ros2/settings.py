@@ -1,11 +1,15 @@
-"""Settings of a ROS 2 stack: reading, placeholders, defaults in use, warnings.
+"""Settings of a ROS 2 stack: reading, defaults in use, warnings, and placeholders.
 
-Times are seconds, shares fractions, names of topics, actions and nodes absolute.
+Times are seconds, shares fractions, names of topics, actions and nodes absolute. The start command
+has placeholders: ``{map}``, ``{start.x}``, the names of files. A value is one word to the shell,
+whatever it contains. Literal braces, also those of the shell, are doubled.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import re
+import shlex
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Annotated, Any, Final
 
 from pydantic import BaseModel, Field, ValidationError
@@ -13,13 +17,7 @@ from pydantic import BaseModel, Field, ValidationError
 from daemon.model.attachments import FILES_PARAMETER
 from daemon.stacks.findings import ParameterError, ParameterFinding, ParameterLocation
 from daemon.stacks.ros2.keys import Ros2Keys
-from daemon.stacks.ros2.placeholders import (
-    MAP,
-    STANDARD,
-    check_placeholders,
-    fill,
-    placeholders_in,
-)
+from grammars.model.geometry import Pose2
 from grammars.model.robot import Robot
 from grammars.text.diagnostics import did_you_mean
 from grammars.text.documents import explain_finding
@@ -30,6 +28,23 @@ _SHORTEST_START: Final = 15.0
 """Shortest start-up without a warning [s]. The eight lifecycle nodes of Nav2 (Jazzy) were active
 12.3 s after "ros2 launch" on an idle machine."""
 _ROUNDING: Final = 1e-6
+
+MAP: Final = "map"
+STANDARD: Final = (
+    MAP,
+    "start.x",
+    "start.y",
+    "start.yaw",
+    "domain",
+    "namespace",
+    "robot.name",
+    "seed",
+)
+"""Placeholders of every run; ``map`` only if the map is a file."""
+_DOUBLED: Final = "write {{ and }} for literal braces"
+_PART: Final = re.compile(
+    r"\{\{|\}\}|\{(?P<name>[A-Za-z0-9][A-Za-z0-9_.-]*)\}|[{}]|[^{}]+", re.DOTALL
+)
 
 
 class Ros2Settings(Ros2Keys):
@@ -102,7 +117,7 @@ def texts_with_placeholders(settings: Ros2Settings) -> Iterator[tuple[ParameterL
 def fill_settings(settings: Ros2Settings, values: Mapping[str, str]) -> Ros2Settings:
     """Return the settings with placeholders filled; values are quoted only in ``launch``.
 
-    Raises :class:`~daemon.stacks.ros2.placeholders.PlaceholderError` for a missing value.
+    Raises :class:`PlaceholderError` for a missing value.
     """
 
     def plain(text: str) -> str:
@@ -145,7 +160,7 @@ def _start_problems(settings: Ros2Settings) -> Iterator[ParameterFinding]:
 def _placeholder_problems(settings: Ros2Settings) -> Iterator[ParameterFinding]:
     names = placeholder_names(settings)
     for path, text in texts_with_placeholders(settings):
-        for problem in check_placeholders(text, names):
+        for problem in _check_placeholders(text, names):
             hint = problem.hint
             if problem.name == MAP and settings.map == "published":
                 hint = "the map is a topic, not a file: leave it out, or write map: file"
@@ -212,3 +227,87 @@ def _about_lasers(settings: Ros2Settings, robot: Robot) -> Iterator[ParameterFin
 
 def _is_whole(ratio: float) -> bool:
     return round(ratio) >= 1 and abs(ratio - round(ratio)) <= _ROUNDING * ratio
+
+
+class PlaceholderError(ValueError):
+    """Failure to fill a text: ``message`` is the reason, ``hint`` the remedy.
+
+    ``name`` is the placeholder without a value, empty for braces that are not a placeholder.
+    """
+
+    def __init__(self, message: str, hint: str, name: str = "") -> None:
+        self.message, self.hint, self.name = message, hint, name
+        super().__init__(f"{message}: {hint}")
+
+
+def fill(text: str, values: Mapping[str, str], *, quoted: bool = True) -> str:
+    """Return ``text`` with placeholders replaced, each value as one word of a shell.
+
+    Without ``quoted`` values are unchanged, for texts that no shell reads. Raises
+    :class:`PlaceholderError`.
+    """
+    parts = []
+    for plain, name in _parts(text):
+        if not name:
+            parts.append(plain)
+        elif name not in values:
+            raise _unknown(name, values)
+        else:
+            parts.append(shlex.quote(values[name]) if quoted else values[name])
+    return "".join(parts)
+
+
+def placeholders_in(text: str) -> tuple[str, ...]:
+    """Return the placeholders of a text, each once; raises :class:`PlaceholderError`."""
+    return tuple(dict.fromkeys(name for _, name in _parts(text) if name))
+
+
+def _check_placeholders(text: str, names: Iterable[str]) -> Iterator[PlaceholderError]:
+    """Yield the problems of a text that has values for ``names`` only."""
+    offered = frozenset(names)
+    try:
+        placeholders = placeholders_in(text)
+    except PlaceholderError as error:
+        yield error
+        return
+    yield from (_unknown(name, offered) for name in placeholders if name not in offered)
+
+
+def run_values(
+    *, start: Pose2, robot: str, namespace: str, seed: int, files: Mapping[str, str]
+) -> dict[str, str]:
+    """Return the values of a run that do not depend on the folder and domain of its stack.
+
+    ``map`` (a path) and ``domain`` come later. The ``namespace`` has no leading slash, as launch
+    files expect.
+    """
+    x, y, yaw = (repr(float(value)) for value in (start.x, start.y, start.yaw))
+    return {
+        **files,
+        "start.x": x,
+        "start.y": y,
+        "start.yaw": yaw,
+        "namespace": namespace.strip("/"),
+        "robot.name": robot,
+        "seed": str(seed),
+    }
+
+
+def _parts(text: str) -> Iterator[tuple[str, str]]:
+    """Yield plain text and names of placeholders, one of them empty."""
+    for part in _PART.finditer(text):
+        token = part[0]
+        if part["name"]:
+            yield "", part["name"]
+        elif token in ("{{", "}}"):
+            yield token[0], ""
+        elif token in ("{", "}"):
+            raise PlaceholderError(f'"{token}" does not belong to a placeholder', _DOUBLED)
+        else:
+            yield token, ""
+
+
+def _unknown(name: str, offered: Iterable[str]) -> PlaceholderError:
+    return PlaceholderError(
+        f'no placeholder "{name}"', f"{did_you_mean(name, offered)}; {_DOUBLED}", name
+    )

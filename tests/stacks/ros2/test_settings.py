@@ -16,8 +16,11 @@ from daemon.stacks.findings import ParameterError
 from daemon.stacks.registry import make_sut
 from daemon.stacks.ros2 import sensors
 from daemon.stacks.ros2.endpoints import fixed_messages, link_setup, measured_messages
-from daemon.stacks.ros2.placeholders import PlaceholderError, fill, placeholders_in, run_values
 from daemon.stacks.ros2.settings import (
+    PlaceholderError,
+    fill,
+    placeholders_in,
+    run_values,
     advise_for_robot,
     fill_settings,
     placeholder_names,
