@@ -9,7 +9,6 @@ from daemon.campaign._campaign import (
     repeat_seed,
     run_spec,
 )
-from daemon.campaign._layers import CampaignCell
 from daemon.campaign._composer import Composer
 from daemon.campaign._file import CampaignFile
 from daemon.campaign._layers import (
@@ -21,6 +20,7 @@ from daemon.campaign._layers import (
     SCENERY,
     SUT,
     VARIATION,
+    CampaignCell,
     LayerKind,
     LayerLibrary,
     find_layer,

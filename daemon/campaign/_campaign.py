@@ -17,8 +17,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from daemon.campaign._layers import CampaignCell
 from daemon.campaign._findings import AllowedWarning
+from daemon.campaign._layers import CampaignCell
 from daemon.campaign._scenarios import LayerReference, PlanVariation, ResolvedScenario
 from daemon.model.assessments import AssessmentRules
 from daemon.model.search import SearchTask

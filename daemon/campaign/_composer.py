@@ -23,8 +23,7 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 from daemon.campaign._campaign import repeat_seed
-from daemon.campaign._layers import CampaignCell
-from daemon.campaign._layers import LayerLibrary
+from daemon.campaign._layers import CampaignCell, LayerLibrary
 from daemon.campaign._scenarios import LayerReference, ResolvedScenario, required
 from daemon.model.spec import Script
 from grammars.floorplan import FloorPlan

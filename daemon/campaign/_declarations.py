@@ -9,8 +9,8 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, Final
 
-from daemon.campaign._layers import CampaignCell, Draft
 from daemon.campaign._file import ExpectText, ValueText, repeat_policy
+from daemon.campaign._layers import CampaignCell, Draft
 from daemon.model.assessments import (
     DELAY,
     DURATION,

@@ -10,8 +10,8 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Final
 
-from daemon.campaign._layers import CampaignCell, Draft
 from daemon.campaign._file import CampaignFile
+from daemon.campaign._layers import CampaignCell, Draft
 from daemon.campaign._scenarios import LayerReference
 from daemon.model.spec import SutReference
 from daemon.stacks.findings import format_path

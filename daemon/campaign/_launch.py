@@ -11,8 +11,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Final
 
-from daemon.campaign._parameters import ParameterValues
 from daemon.campaign._parameter_files import LaunchChange
+from daemon.campaign._parameters import ParameterValues
 from grammars.roslaunch import (
     Launch,
     LaunchNode,
@@ -118,9 +118,7 @@ def _inherited(launch: Launch, move_base: LaunchNode) -> ParameterValues:
     }
 
 
-def _choose_move_base(
-    launch: Launch, changes: Sequence[LaunchChange], where: Where
-) -> LaunchNode:
+def _choose_move_base(launch: Launch, changes: Sequence[LaunchChange], where: Where) -> LaunchNode:
     """Return the move_base to test: the only one, or the one that the last SUT file names."""
     nodes = [node for node in launch.nodes if node.kind == _MOVE_BASE]
     for change in reversed(changes):

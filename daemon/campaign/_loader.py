@@ -13,10 +13,9 @@ from functools import partial
 from pathlib import Path
 
 from daemon.campaign._campaign import EXTERNAL_REPEATS, Campaign, default_repeats
-from daemon.campaign._layers import CampaignCell, Draft
 from daemon.campaign._composer import Composer, RemainingWorld, leave_out
 from daemon.campaign._declarations import read_declarations, time_legs
-from daemon.campaign._file import CampaignFile
+from daemon.campaign._file import CampaignFile, repeat_policy
 from daemon.campaign._findings import (
     allowed_warnings,
     find_problems,
@@ -25,8 +24,7 @@ from daemon.campaign._findings import (
     say_once,
     without_allowed,
 )
-from daemon.campaign._layers import LayerLibrary
-from daemon.campaign._file import repeat_policy
+from daemon.campaign._layers import CampaignCell, Draft, LayerLibrary
 from daemon.campaign._scenarios import (
     LayerReference,
     ResolvedScenario,

@@ -16,11 +16,12 @@ from typing import Any, Final, Literal, TypeVar
 from daemon.campaign._file import (
     CampaignFile,
     Chance,
+    LayerName,
     MapText,
+    Overrides,
     SlotsText,
     VaryText,
 )
-from daemon.campaign._file import LayerName, Overrides
 from daemon.model.search import ParameterSlot
 from daemon.model.spec import MapSettings
 from grammars.oracle import Oracle

@@ -14,8 +14,7 @@ from typing import Any, Final, get_args
 
 from pydantic.fields import FieldInfo
 
-from daemon.campaign._layers import CampaignCell
-from daemon.campaign._layers import FLOORPLAN, VARIATION, LayerLibrary, find_layer
+from daemon.campaign._layers import FLOORPLAN, VARIATION, CampaignCell, LayerLibrary, find_layer
 from daemon.campaign._scenarios import LayerReference, ResolvedScenario, required
 from daemon.model.search import ParameterSlot
 from daemon.stacks.registry import stack_kind

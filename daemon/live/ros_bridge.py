@@ -18,8 +18,7 @@ from daemon.live.simulation import LiveSimulation
 from daemon.model.sut import Briefing, Decision, Observation, Odometry, Progress
 from daemon.stacks.ros2 import sensors, telemetry
 from daemon.stacks.ros2.endpoints import fixed_messages, link_setup, measured_messages
-from daemon.stacks.ros2.link import Cycle, CycleAnswer, LinkLost, LinkSetup
-from daemon.stacks.ros2.link import RelayLink
+from daemon.stacks.ros2.link import Cycle, CycleAnswer, LinkLost, LinkSetup, RelayLink
 from daemon.stacks.ros2.settings import Ros2Settings, read_settings
 from daemon.stacks.ros2.telemetry import Telemetry
 from grammars.model.robot import Laser

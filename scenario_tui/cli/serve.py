@@ -237,8 +237,7 @@ def _serve_ros(
 
     from daemon.live.ros_bridge import RosBridge, usual_settings
     from daemon.stacks.ros2 import ROS2
-    from daemon.stacks.ros2.link import LinkLost
-    from daemon.stacks.ros2.link import RelayLink, relay_path
+    from daemon.stacks.ros2.link import LinkLost, RelayLink, relay_path
 
     sut, nonce = simulation.spec.sut, secrets.token_hex(8)
     is_ros2 = sut.kind == ROS2.name

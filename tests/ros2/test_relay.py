@@ -24,9 +24,10 @@ from daemon.stacks.ros2.link import (
     GoalUpdate,
     LinkLost,
     LinkSetup,
+    RelayLink,
     TopicSetup,
+    relay_path,
 )
-from daemon.stacks.ros2.link import RelayLink, relay_path
 from grammars.model.robot import Laser, Mount
 
 STACK = Path(__file__).with_name("small_stack.py")

@@ -167,7 +167,9 @@ def _verdict(
 def _missing_text(comparison: ScenarioComparison, missing: int, records: Sequence[RunRow]) -> str:
     """Return how many compared runs have no value and why; empty if all have one."""
     states = Counter(record.state for record in records if record.state in MISSING_STATES)
-    parts = [count_noun(states[state], "run") + f" {state}" for state in MISSING_STATES if states[state]]
+    parts = [
+        count_noun(states[state], "run") + f" {state}" for state in MISSING_STATES if states[state]
+    ]
     if others := missing - states.total():
         why = "did not end the mission" if comparison.quantity == DELAY else "left out"
         parts.append(count_noun(others, "run") + f" {why}")

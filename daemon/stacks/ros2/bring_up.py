@@ -23,9 +23,16 @@ from daemon.stacks.ros2.causes import (
 )
 from daemon.stacks.ros2.endpoints import fixed_messages, link_setup, measured_messages, scan_topics
 from daemon.stacks.ros2.isolation import DomainTaken
-from daemon.stacks.ros2.link import Cycle, CycleAnswer, LinkLost, LinkRefused, Readiness
+from daemon.stacks.ros2.link import (
+    Cycle,
+    CycleAnswer,
+    LinkLost,
+    LinkRefused,
+    Readiness,
+    RelayLink,
+    relay_path,
+)
 from daemon.stacks.ros2.process import StackProcess
-from daemon.stacks.ros2.link import RelayLink, relay_path
 from daemon.stacks.ros2.settings import MAP, Ros2Settings, run_values
 from daemon.stacks.ros2.telemetry import Telemetry
 from grammars.model.geometry import Pose2

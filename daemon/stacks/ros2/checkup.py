@@ -21,8 +21,8 @@ from daemon.stacks.ros2.link import (
     TopicSetup,
 )
 from daemon.stacks.ros2.pace import about_parameters, about_speed
-from daemon.stacks.ros2.telemetry import report_subscriptions, report_topics
 from daemon.stacks.ros2.settings import Ros2Settings
+from daemon.stacks.ros2.telemetry import report_subscriptions, report_topics
 from grammars.model.robot import Laser
 from grammars.text.diagnostics import closest
 

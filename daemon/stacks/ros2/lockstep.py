@@ -61,7 +61,8 @@ class LockStep:
     ) -> tuple[float | None, list[SutEvent]]:
         """Judge an answer; return the latency to record [s], if any, and events.
 
-        ``behind`` is the lag of the newest command's stamp [s], ``None`` without one. Raises :class:`SutFailure` if the stack cannot keep up or is silent.
+        ``behind`` is the lag of the newest command's stamp [s], ``None`` without a stamped one.
+        Raises :class:`SutFailure` if the stack cannot keep up or is silent.
         """
         if not active:
             return None, []

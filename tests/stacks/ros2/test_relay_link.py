@@ -21,10 +21,10 @@ from daemon.stacks.ros2.link import (
     LinkLost,
     LinkSetup,
     ReceivedMessage,
+    RelayLink,
     StackIdentity,
     TopicSetup,
 )
-from daemon.stacks.ros2.link import RelayLink
 
 NONCE = "8f14e45f"
 HELLO = {"version": 2, "nonce": NONCE, "distribution": "jazzy", "rmw": "rmw_fastrtps_cpp"}

@@ -18,13 +18,13 @@ from daemon.stacks.ros2 import sensors
 from daemon.stacks.ros2.endpoints import fixed_messages, link_setup, measured_messages
 from daemon.stacks.ros2.settings import (
     PlaceholderError,
-    fill,
-    placeholders_in,
-    run_values,
     advise_for_robot,
+    fill,
     fill_settings,
     placeholder_names,
+    placeholders_in,
     read_settings,
+    run_values,
     settings_not_written,
     warnings_about,
 )

@@ -5,8 +5,7 @@ import sys
 
 import pytest
 
-from daemon.stacks.ros2.link import LinkLost
-from daemon.stacks.ros2.link import RelayLink, relay_path
+from daemon.stacks.ros2.link import LinkLost, RelayLink, relay_path
 
 
 def run(*words, stdin=subprocess.DEVNULL, **environment):
