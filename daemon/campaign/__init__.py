@@ -6,7 +6,6 @@ from daemon.campaign._campaign import (
     campaign_text,
     expand,
     noise_seed,
-    repeat_seed,
     run_spec,
 )
 from daemon.campaign._composer import Composer
@@ -78,7 +77,6 @@ __all__ = [
     "read_budget",
     "read_confirm",
     "read_stop",
-    "repeat_seed",
     "required",
     "run_spec",
     "with_overrides",

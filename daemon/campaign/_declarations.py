@@ -115,9 +115,13 @@ def _comparison(name: str, sentence: str, draft: Draft) -> ScenarioComparison:
         return source.where(parts.start(part))
 
     left, right, quantity = parts["left"], parts["right"], parts["quantity"]
-    problems = [d for part in ("left", "right") for d in _unknown(parts[part], at(part), draft)]
-    if problems:
-        raise InputError(problems)
+    raise_all(
+        problem
+        for part in ("left", "right")
+        for problem in draft.check_scenario(
+            parts[part], at(part), "compare scenarios that are like it"
+        )
+    )
     if left == right:
         raise InputError(Finding(at("right"), f'"{left}" is compared with itself'))
     # Runs are paired by repeat and system under test, so without a common one there is no pair.
@@ -142,16 +146,6 @@ def _comparison(name: str, sentence: str, draft: Draft) -> ScenarioComparison:
         text=" ".join(sentence.split()),
         measure="" if leg is None else f"elapsed-on-leg-{leg}",
     )
-
-
-def _unknown(name: str, where: Where, draft: Draft) -> Iterator[Finding]:
-    if name in draft.scenarios:
-        return
-    if name in draft.text.scenarios:
-        hint = "compare scenarios that are like it"
-        yield Finding(where, f'scenario "{name}" is abstract, it is never run', hint)
-        return
-    yield Finding(where, f'no scenario "{name}" here', did_you_mean(name, draft.scenarios))
 
 
 def _unit(quantity: str, where: Where, scenarios: tuple[str, str], draft: Draft) -> str:

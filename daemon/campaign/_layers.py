@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -413,3 +413,12 @@ class Draft:
     scenarios: Mapping[str, ResolvedScenario]
     oracles: Mapping[str, Oracle] = field(default_factory=dict)
     cells: tuple[CampaignCell, ...] = ()
+
+    def check_scenario(self, name: str, where: Where, instead: str) -> Iterator[Finding]:
+        """Yield an error unless a scenario of this name is run; ``instead`` of an abstract one."""
+        if name in self.scenarios:
+            return
+        if name in self.text.scenarios:
+            yield Finding(where, f'scenario "{name}" is abstract, it is never run', instead)
+        else:
+            yield Finding(where, f'no scenario "{name}" here', did_you_mean(name, self.scenarios))

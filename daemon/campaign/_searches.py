@@ -123,22 +123,15 @@ class _SearchReader:
     def _cell(self) -> CampaignCell | None:
         """Return the cell of the scenario, ``None`` after an error."""
         scenario, where = self.text.scenario, self._at("scenario")
-        if scenario not in self.draft.scenarios:
-            text = self.draft.text.scenarios.get(scenario)
-            if text is not None and text.abstract:
-                hint = "search a scenario that is like it"
-                self._error(where, f'scenario "{scenario}" is abstract, it is never run', hint)
-            elif text is None:
-                hint = did_you_mean(scenario, self.draft.scenarios)
-                self._error(where, f'no scenario "{scenario}" here', hint)
-            return None
+        instead = "search a scenario that is like it"
+        self.findings += self.draft.check_scenario(scenario, where, instead)
         cells = [cell for cell in self.draft.cells if cell.scenario.name == scenario]
         if len(cells) > 1:
             message = f"{scenario} is run in {len(cells)} buildings, a search takes one"
             hint = "search a scenario like it with: vary: {…, samples: 1}, or with a floorplan"
             self._error(where, message, hint)
             return None
-        return cells[0]
+        return cells[0] if cells else None
 
     def _sut(self, cell: CampaignCell) -> SutReference | None:
         name = self.text.sut

@@ -8,7 +8,6 @@ from daemon.trace._model import (
     JointTrack,
     LatencyTrack,
     MotionTrack,
-    PlanRecord,
     PoseTrack,
     ProgressRecord,
     ScanTrack,
@@ -19,7 +18,7 @@ from daemon.trace._reader import read_outputs, read_scene, read_spec, read_trace
 from daemon.trace._recorder import MessageStream, Recorder
 from daemon.trace._signals import JointSamples
 from daemon.trace._statics import MovingLinks
-from daemon.trace._views import decode_path, encode_costmap, encode_path, encode_poses
+from daemon.trace._views import decode_path, encode_costmap, encode_path
 from daemon.trace._writer import PARTIAL, TraceWriter
 from daemon.trace.messages import TOPICS, topics_of, warm_up
 
@@ -35,7 +34,6 @@ __all__ = [
     "MessageStream",
     "MotionTrack",
     "MovingLinks",
-    "PlanRecord",
     "PoseTrack",
     "ProgressRecord",
     "Recorder",
@@ -47,7 +45,6 @@ __all__ = [
     "decode_path",
     "encode_costmap",
     "encode_path",
-    "encode_poses",
     "first_difference",
     "read_outputs",
     "read_scene",

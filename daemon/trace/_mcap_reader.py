@@ -24,8 +24,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 
-from daemon.trace._blocks import records_at_any_place
-from daemon.trace._mcap_writer import MAGIC
+from daemon.trace._mcap_writer import MAGIC, records_at_any_place
 from daemon.trace._model import TraceError
 from daemon.trace.layouts import HEADER, ByteArray, IntArray, MessageLayout
 from daemon.trace.messages import KINDS

@@ -25,9 +25,14 @@ import zstandard
 from daemon.model import ros_messages as ros
 from daemon.model.spec import RunSpec, TraceInfo
 from daemon.trace import messages
-from daemon.trace._blocks import MessageBlock, MessageRecords, encode_block, split_blocks
 from daemon.trace._mcap_reader import McapContents, read_mcap
-from daemon.trace._mcap_writer import McapWriter
+from daemon.trace._mcap_writer import (
+    McapWriter,
+    MessageBlock,
+    MessageRecords,
+    encode_block,
+    split_blocks,
+)
 from daemon.trace._model import Trace
 from daemon.trace._reader import decode_trace, judged_layouts
 from daemon.trace._recorder import Recorder, nanoseconds, utf8_text

@@ -17,9 +17,7 @@ from daemon.judging.assessment._campaign_difference import (
 )
 from daemon.judging.assessment._cell_verdicts import (
     base_name,
-    expectation_matches,
     expected_verdict,
-    measured_value,
     severity,
 )
 from daemon.judging.assessment._marks import Expectations, find_marks
@@ -35,10 +33,8 @@ __all__ = [
     "base_name",
     "compare_campaigns",
     "evidence_text",
-    "expectation_matches",
     "expected_verdict",
     "find_marks",
-    "measured_value",
     "mission_completed",
     "reference_comparisons",
     "severity",

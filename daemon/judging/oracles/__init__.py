@@ -1,7 +1,6 @@
 """Oracles: they judge signals of a trace, never of the simulator, and give evidence."""
 
 from daemon.judging.oracles._judge import (
-    OracleTimeline,
     judge,
     judge_so_far,
     oracle_timeline,
@@ -16,7 +15,6 @@ from daemon.judging.oracles._validity import trace_problems
 
 __all__ = [
     "DOOR_CLEARANCE",
-    "OracleTimeline",
     "SignalSampler",
     "footprint_box",
     "judge",

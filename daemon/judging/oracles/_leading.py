@@ -39,7 +39,7 @@ from daemon.judging.leading_kind import (
     predicate_scale,
     predicate_unit,
 )
-from daemon.judging.oracles._distance import nearest_polygons, place_outline
+from daemon.judging.oracles._clearance import nearest_polygons, place_outline
 from daemon.judging.oracles._judge import bind_oracle, judge, written_oracle
 from daemon.judging.oracles._obstacles import footprint_box, obstacles_named
 from daemon.judging.oracles._operators import (

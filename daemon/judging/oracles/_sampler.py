@@ -14,8 +14,8 @@ from typing import Any, Final, TypeVar
 
 import numpy as np
 
-from daemon.judging.oracles._clearance import box_clearance_series
-from daemon.judging.oracles._distance import (
+from daemon.judging.oracles._clearance import (
+    box_clearance_series,
     distance_series,
     inside_series,
     place_distance_series,
