@@ -27,7 +27,7 @@ from daemon.campaign._layers import (
     layer_places,
 )
 from daemon.campaign._loader import check_campaign, examine, load_campaign
-from daemon.campaign._parameters import (
+from daemon.campaign._parameter_files import (
     ParameterValues,
     flatten_parameters,
     merge_parameters,

@@ -11,8 +11,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Final
 
-from daemon.campaign._parameter_files import LaunchChange
-from daemon.campaign._parameters import ParameterValues
+from daemon.campaign._parameter_files import LaunchChange, ParameterValues
 from grammars.roslaunch import (
     Launch,
     LaunchNode,

@@ -16,18 +16,16 @@ from pydantic import BeforeValidator, Field, field_validator
 
 from daemon.campaign._parameter_files import (
     LaunchChange,
+    ParameterValues,
     RosSource,
     as_ros_source,
     check_source,
+    flatten_parameters,
     load_package_folder,
     load_parameter_files,
+    merge_parameters,
     refuse_lone_changes,
     spread_common,
-)
-from daemon.campaign._parameters import (
-    ParameterValues,
-    flatten_parameters,
-    merge_parameters,
 )
 from daemon.campaign._scenarios import MOST_LIKE, LayerReference
 from daemon.model.attachments import SutMissing

@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Final
 
-from daemon.campaign._parameter_files import apply_common_costmap
-from daemon.campaign._parameters import (
+from daemon.campaign._parameter_files import (
     ParameterPath,
     ParameterValues,
+    apply_common_costmap,
     parameter_place,
     parameter_tree,
 )

@@ -11,7 +11,13 @@ from dataclasses import dataclass
 from typing import Final
 
 from daemon.stacks.ros2.endpoints import link_setup, scan_topics
-from daemon.stacks.ros2.inspection import CheckLine, CheckState, Inspection
+from daemon.stacks.ros2.inspection import (
+    CheckLine,
+    CheckState,
+    Inspection,
+    about_parameters,
+    about_speed,
+)
 from daemon.stacks.ros2.link import (
     ACTION_KINDS,
     COMMAND_KINDS,
@@ -20,7 +26,6 @@ from daemon.stacks.ros2.link import (
     LinkSetup,
     TopicSetup,
 )
-from daemon.stacks.ros2.pace import about_parameters, about_speed
 from daemon.stacks.ros2.settings import Ros2Settings
 from daemon.stacks.ros2.telemetry import report_subscriptions, report_topics
 from grammars.model.robot import Laser

@@ -23,10 +23,10 @@ from daemon.model.sut import (
 from daemon.stacks.ros2 import sensors
 from daemon.stacks.ros2.bring_up import BringUp, StackSession
 from daemon.stacks.ros2.endpoints import measured_messages
+from daemon.stacks.ros2.inspection import WALL_CLOCK_CONTROLLERS
 from daemon.stacks.ros2.link import Cycle, CycleAnswer, LinkLost
 from daemon.stacks.ros2.lockstep import LockStep
 from daemon.stacks.ros2.mission import GoalSequence
-from daemon.stacks.ros2.pace import WALL_CLOCK_CONTROLLERS
 from daemon.stacks.ros2.settings import Ros2Settings
 from grammars.model.geometry import Twist2
 
