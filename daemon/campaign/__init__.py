@@ -36,8 +36,7 @@ from daemon.campaign._parameter_files import (
 from daemon.campaign._scenarios import LayerReference, ResolvedScenario, required, with_overrides
 from daemon.campaign._search_file import read_budget, read_confirm, read_stop
 from daemon.campaign._searches import LEAST_CONFIRMED
-from daemon.campaign._sut_files import SutFile
-from daemon.campaign._suts import LoadedSut, RefusedSutError
+from daemon.campaign._suts import LoadedSut, RefusedSutError, SutFile
 
 __all__ = [
     "FLOORPLAN",

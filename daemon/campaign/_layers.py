@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from daemon.campaign._file import CampaignFile, Overrides
 from daemon.campaign._scenarios import LayerReference, PlanVariation, ResolvedScenario
-from daemon.campaign._sut_files import SutLayer, kind_layer, read_sut
-from daemon.campaign._suts import LoadedSut, complete_sut
+from daemon.campaign._suts import LoadedSut, SutLayer, complete_sut, kind_layer, read_sut
 from daemon.model.attachments import store_data
 from daemon.model.spec import MapSettings, SutReference
 from daemon.stacks.registry import sut_kinds

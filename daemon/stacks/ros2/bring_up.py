@@ -220,7 +220,7 @@ class BringUp:
         """Start the stack and wait for a link to it."""
         settings = self._settings
         yield "starting the stack"
-        values = self._values()
+        values = run_values(settings, self._briefing)
         process = StackProcess(settings, values=values, relay=relay_path())
         # The path of the map depends on the folder; the start uses the values later.
         values[MAP] = str(self._write_map(process))
@@ -392,17 +392,6 @@ class BringUp:
 
     def _waited(self) -> str:
         return f"{self._seconds():.0f} s"
-
-    def _values(self) -> dict[str, str]:
-        """Return the values of placeholders that do not depend on the folder of the run."""
-        briefing = self._briefing
-        return run_values(
-            start=briefing.start,
-            robot=briefing.robot.name,
-            namespace=self._settings.namespace,
-            seed=int(briefing.seed.generate_state(1)[0]),
-            files=self._settings.files,
-        )
 
     def _write_map(self, process: StackProcess) -> Path:
         height = self._briefing.robot.laser.z

@@ -15,9 +15,9 @@ from typing import Annotated, Any, Final
 from pydantic import BaseModel, Field, ValidationError
 
 from daemon.model.attachments import FILES_PARAMETER
+from daemon.model.sut import Briefing
 from daemon.stacks.findings import ParameterError, ParameterFinding, ParameterLocation
 from daemon.stacks.ros2.keys import Ros2Keys
-from grammars.model.geometry import Pose2
 from grammars.model.robot import Robot
 from grammars.text.diagnostics import did_you_mean
 from grammars.text.documents import explain_finding
@@ -273,23 +273,22 @@ def _check_placeholders(text: str, names: Iterable[str]) -> Iterator[Placeholder
     yield from (_unknown(name, offered) for name in placeholders if name not in offered)
 
 
-def run_values(
-    *, start: Pose2, robot: str, namespace: str, seed: int, files: Mapping[str, str]
-) -> dict[str, str]:
+def run_values(settings: Ros2Settings, briefing: Briefing) -> dict[str, str]:
     """Return the values of a run that do not depend on the folder and domain of its stack.
 
     ``map`` (a path) and ``domain`` come later. The ``namespace`` has no leading slash, as launch
     files expect.
     """
+    start = briefing.start
     x, y, yaw = (repr(float(value)) for value in (start.x, start.y, start.yaw))
     return {
-        **files,
+        **settings.files,
         "start.x": x,
         "start.y": y,
         "start.yaw": yaw,
-        "namespace": namespace.strip("/"),
-        "robot.name": robot,
-        "seed": str(seed),
+        "namespace": settings.namespace.strip("/"),
+        "robot.name": briefing.robot.name,
+        "seed": str(int(briefing.seed.generate_state(1)[0])),
     }
 
 

@@ -131,10 +131,8 @@ def test_lone_braces_are_refused(text):
 
 def test_a_run_has_every_placeholder_that_is_offered():
     settings = read_settings(STACK | {"namespace": "/robot1"})
-    values = run_values(
-        start=Pose2(1.0, -0.25, 1e-17), robot="robile", namespace=settings.namespace, seed=7,
-        files=settings.files,
-    )  # fmt: skip
+    start, seed = Pose2(1.0, -0.25, 1e-17), np.random.SeedSequence(7)
+    values = run_values(settings, Briefing(ROBOT, None, None, start, seed))
     # These two come with the folder and the domain of a process.
     assert {*values, "map", "domain"} == set(placeholder_names(settings))
     assert (values["start.y"], values["namespace"]) == ("-0.25", "robot1")
