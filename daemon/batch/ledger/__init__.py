@@ -11,14 +11,17 @@ from daemon.batch.ledger._connection import (
     connect,
     schema_problem,
 )
-from daemon.batch.ledger._reader import LedgerReader
-from daemon.batch.ledger._retention import (
+from daemon.batch.ledger._disk_space import (
+    Removal,
     RetentionPolicy,
+    StrayFile,
     SweepResult,
+    find_strays,
+    remove_strays,
     stored_bytes,
     sweep_traces,
 )
-from daemon.batch.ledger._strays import Removal, StrayFile, find_strays, remove_strays
+from daemon.batch.ledger._reader import LedgerReader
 from daemon.batch.ledger._time_left import Forecast, RunPace, TimeLeft
 from daemon.batch.ledger._verification import (
     ContentReport,
