@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from daemon.batch.errors import DaemonError, Refused, TraceUnavailable, Unreachable
-from daemon.model.run_state import RunState
+from daemon.model.verdicts import RunState
 from grammars.text.diagnostics import Finding, InputError, Where, did_you_mean
 from grammars.text.words import command_line, count_noun
 from scenario_tui.text.run_state import unfinished_text, without_trace_text, without_traces_text

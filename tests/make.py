@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-from daemon.model.run_state import RunState
 from daemon.model.search import (
     ExtendRequest,
     OracleScale,
@@ -22,7 +21,7 @@ from daemon.model.spec import (
 )
 from daemon.model.status import CampaignRow, RunRow, count_runs
 from daemon.model.submission import CellRun, Submission
-from daemon.model.verdicts import Outcome, Verdict, combine
+from daemon.model.verdicts import Outcome, RunState, Verdict, combine
 from grammars.model.geometry import Pose2
 from grammars.model.mission import Mission, Waypoint
 from grammars.model.robot import Drive, Laser, Mount, OdometryNoise, Robot

@@ -19,7 +19,6 @@ from daemon.batch.errors import Refused
 from daemon.judging.assessment import Expectations, assess, find_marks
 from daemon.model.assessments import AssessmentRules
 from daemon.model.messages import CampaignQuery, IdRequest, RunQuery
-from daemon.model.run_state import RunState
 from daemon.model.spec import RunEnding, RunResult, RunSpec, Timing, TraceInfo
 from daemon.model.status import CampaignRow, RunDetail, RunPage, RunRow, count_runs
 from daemon.model.submission import CampaignOrigin
@@ -34,7 +33,7 @@ from daemon.model.verbs import (
     CampaignSource,
     Verb,
 )
-from daemon.model.verdicts import Outcome, deciding_verdict
+from daemon.model.verdicts import Outcome, RunState, deciding_verdict
 from grammars.text import codec
 from grammars.text.diagnostics import Finding, InputError, Where
 

@@ -27,11 +27,11 @@ from daemon.model.assessments import (
     CellVerdict,
     ExpectationStatus,
 )
-from daemon.model.run_state import RunState
 from daemon.model.spec import UnixTime
 from daemon.model.status import CampaignRow, RunRow, count_runs
 from daemon.model.submission import CampaignOrigin, Submission
 from daemon.model.verbs import CampaignSource
+from daemon.model.verdicts import RunState
 from grammars.text import codec
 
 NOTE: Final = "campaign.json"

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final, Literal, TypeAlias
 
-from daemon.model.run_state import UNFINISHED_STATES, RunState
-from daemon.model.verdicts import Outcome, Verdict
+from daemon.model.verdicts import UNFINISHED_STATES, Outcome, RunState, Verdict
 
 PolicyRule: TypeAlias = Literal["all", "rate", "mean"]
 ExpectedVerdict: TypeAlias = Literal["pass", "fail", "mixed", "any"]

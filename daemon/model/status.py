@@ -12,10 +12,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Final
 
-from daemon.model.run_state import UNFINISHED_STATES, RunState
 from daemon.model.search import Proposal
 from daemon.model.spec import LeadingMargin, RunResult, RunSpec, Snapshot
-from daemon.model.verdicts import Outcome, Verdict, join_notes
+from daemon.model.verdicts import UNFINISHED_STATES, Outcome, RunState, Verdict, join_notes
 
 NONDETERMINISTIC: Final = "nondeterministic"
 """State of an alarm among the events, and a searchable word of the run's ``reason``."""

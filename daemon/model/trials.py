@@ -10,11 +10,10 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from daemon.model.run_state import RunState
 from daemon.model.search import Phase, Point, Proposal, SearchTask
 from daemon.model.spec import LeadingMargin
 from daemon.model.status import RunRow
-from daemon.model.verdicts import Outcome, Verdict
+from daemon.model.verdicts import Outcome, RunState, Verdict
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Verdicts of oracles about a trace, with their evidence.
+"""States of runs, and verdicts of oracles about their traces, with the evidence.
 
 An oracle maps a trace to an interval of signed margin in the unit of the judged quantity. The
 verdict follows: pass when the whole interval is >= 0, fail when it is < 0, inconclusive when it is
@@ -20,6 +20,20 @@ _MOMENT: Final = re.compile(r"\b(at|until|from) (\d+\.\d\d) s\b")
 """Pattern of a moment in a note of an oracle."""
 LONGEST_EVIDENCE: Final = 200
 """Longest note or name of an object in shortened evidence [characters]."""
+
+
+class RunState(StrEnum):
+    """State of a run in the ledger; ``lost`` means no result after every attempt."""
+
+    QUEUED = "queued"
+    RUNNING = "running"
+    DONE = "done"
+    LOST = "lost"
+    CANCELLED = "cancelled"
+
+
+UNFINISHED_STATES: Final = (RunState.RUNNING, RunState.QUEUED)
+"""States of runs that may still have a result."""
 
 
 class Outcome(StrEnum):

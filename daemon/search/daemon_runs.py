@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Final, TypeVar
 from daemon.batch.client import Client
 from daemon.batch.errors import Refused, Unreachable
 from daemon.model.messages import RunQuery
-from daemon.model.run_state import RunState
 from daemon.model.search import ExtendRequest, Phase, Proposal
 from daemon.model.search_answer import (
     LONGEST_NOTE,
@@ -29,6 +28,7 @@ from daemon.model.spec import RunSpec
 from daemon.model.status import ChangeEvent, RunRow
 from daemon.model.submission import Submission
 from daemon.model.verbs import EXTEND, PROGRESS, RUNS, SEARCHES, Verb
+from daemon.model.verdicts import RunState
 
 if TYPE_CHECKING:
     # It loads the code that runs and judges; only its name is needed here.

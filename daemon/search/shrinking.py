@@ -19,10 +19,10 @@ from daemon.analysis.blame import (
     story_lines,
     unresolved_candidate,
 )
-from daemon.model.run_state import RunState
 from daemon.model.search import Proposal
 from daemon.model.search_answer import ShrunkScenario
 from daemon.model.trials import Trial
+from daemon.model.verdicts import RunState
 from daemon.search.point_runner import PointRunner
 from grammars.text.words import count_noun, enumerate_words
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from daemon.batch.errors import TraceUnavailable, Unreachable
-from daemon.model.run_state import RunState
+from daemon.model.verdicts import RunState
 from grammars.text.diagnostics import did_you_mean
 from grammars.text.words import count_noun
 from scenario_tui.cli import completion

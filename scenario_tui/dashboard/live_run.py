@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Final
 from rich.text import Text
 
 from daemon.model.live_view import from_centimetres
-from daemon.model.run_state import RunState
 from daemon.model.spec import RunSpec
-from daemon.model.verdicts import Outcome
+from daemon.model.verdicts import Outcome, RunState
 from grammars.model.scene import Scene
 from grammars.text.words import duration_text
 from scenario_tui.dashboard.live_tracks import SILENT, Track

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from daemon.batch.errors import Refused
-from daemon.model.run_state import RunState
+from daemon.model.verdicts import RunState
 from scenario_tui.dashboard.live_tracks import LiveNews
 
 if TYPE_CHECKING:

@@ -37,9 +37,8 @@ from daemon.model.assessments import (
     ExpectationStatus,
     Mark,
 )
-from daemon.model.run_state import RunState
 from daemon.model.status import RunRow
-from daemon.model.verdicts import Outcome
+from daemon.model.verdicts import Outcome, RunState
 from grammars.text.diagnostics import InputError, ScenarioError, Severity, Where, raise_all
 from scenario_tui.campaign_files import relative_name
 from scenario_tui.library.campaign import load

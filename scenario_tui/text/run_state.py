@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from daemon.model.run_state import UNFINISHED_STATES, RunState
+from daemon.model.verdicts import UNFINISHED_STATES, RunState
 from grammars.text.words import count_noun, duration_text
 
 if TYPE_CHECKING:

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Final
 from rich.text import Text
 
 from daemon.model.assessments import NO_MARK, Mark
-from daemon.model.run_state import RunState
-from daemon.model.verdicts import Outcome
+from daemon.model.verdicts import Outcome, RunState
 from grammars.text.words import count_noun, duration_text, format_quantity
 from scenario_tui.text.formatting import (
     NOT_REPEATABLE,

@@ -14,9 +14,8 @@ from daemon.analysis.results import CampaignResults
 from daemon.analysis.table import COLUMNS, results_table, write_table
 from daemon.judging.assessment import assess
 from daemon.model.assessments import AssessmentRules, Expectation
-from daemon.model.run_state import RunState
 from daemon.model.spec import Timing
-from daemon.model.verdicts import Evidence, Outcome, Verdict
+from daemon.model.verdicts import Evidence, Outcome, RunState, Verdict
 from grammars.text.diagnostics import InputError
 from tests.make import campaign_row, run_result, run_row, with_result
 

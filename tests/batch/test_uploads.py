@@ -20,9 +20,8 @@ from daemon.model.messages import (
     PutRequest,
     RetryRequest,
 )
-from daemon.model.run_state import RunState
 from daemon.model.spec import TraceInfo
-from daemon.model.verdicts import Outcome
+from daemon.model.verdicts import Outcome, RunState
 from tests.batch.conftest import NOW
 from tests.make import make_result
 

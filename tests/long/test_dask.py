@@ -7,9 +7,9 @@ import pytest
 
 from daemon.campaign import expand, load_campaign
 from daemon.model.execution import DEFAULT_EXECUTOR
-from daemon.model.run_state import RunState
 from daemon.model.spec import SutReference
 from daemon.model.submission import Submission
+from daemon.model.verdicts import RunState
 from daemon.run import execute
 from tests.batch.dask_harness import begun, dask_in, gateway, gateway_for
 from tests.make import make_submission

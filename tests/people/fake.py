@@ -31,7 +31,6 @@ from daemon.batch.stores import Marker
 from daemon.model.assessments import AssessmentRules, RepeatPolicy
 from daemon.model.live_judgement import DoorMotion, LiveJudgement, LiveSignal, LogLine, SignalLimit
 from daemon.model.messages import RunProgress, WorkerInfo
-from daemon.model.run_state import UNFINISHED_STATES, RunState
 from daemon.model.search import SearchSubmission
 from daemon.model.search_answer import SearchProgress, SearchRow
 from daemon.model.spec import (
@@ -48,7 +47,7 @@ from daemon.model.spec import (
 from daemon.model.status import DiskUsage, LiveSnapshot, Preparation, RunRow, Trouble, TroubleCause
 from daemon.model.submission import Submission
 from daemon.model.verbs import OVERVIEW, SUBMIT, DaemonClient, ServerThread
-from daemon.model.verdicts import Evidence, Outcome, Verdict
+from daemon.model.verdicts import UNFINISHED_STATES, Evidence, Outcome, RunState, Verdict
 from grammars.model.behaviour import Hold
 from grammars.model.geometry import Pose2
 from grammars.model.mission import Mission, Waypoint

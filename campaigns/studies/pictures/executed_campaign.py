@@ -14,7 +14,6 @@ from pathlib import Path
 from daemon.campaign import expand, load_campaign
 from daemon.judging.live import judge_running, least_margin
 from daemon.model.live_judgement import LiveJudgement
-from daemon.model.run_state import RunState
 from daemon.model.spec import RunResult, RunSpec, Snapshot, Timing
 from daemon.model.status import (
     LiveSnapshot,
@@ -23,7 +22,7 @@ from daemon.model.status import (
 from daemon.model.submission import Submission
 from daemon.model.sut import TICK_RATE
 from daemon.model.verbs import OVERVIEW
-from daemon.model.verdicts import deciding_verdict
+from daemon.model.verdicts import RunState, deciding_verdict
 from daemon.run import execute
 from daemon.run_loop import RunLoop
 from daemon.trace import TraceWriter

@@ -36,11 +36,10 @@ from daemon.model.assessments import (
     group_errors,
     state_of,
 )
-from daemon.model.run_state import UNFINISHED_STATES
 from daemon.model.spec import own_version
 from daemon.model.status import RunRow
 from daemon.model.submission import CampaignOrigin
-from daemon.model.verdicts import Outcome, Verdict
+from daemon.model.verdicts import UNFINISHED_STATES, Outcome, Verdict
 from grammars.text.words import NOTHING, count_noun, duration_text, format_quantity
 from templates.report import render_report
 

@@ -11,11 +11,10 @@ from daemon.batch.errors import Refused
 from daemon.batch.ledger._entry import RESERVE
 from daemon.batch.paths import StatePaths
 from daemon.model.messages import CampaignQuery, RunQuery
-from daemon.model.run_state import RunState
 from daemon.model.search import Proposal
 from daemon.model.spec import RunResult
 from daemon.model.status import RunRow
-from daemon.model.verdicts import Outcome, join_notes
+from daemon.model.verdicts import Outcome, RunState, join_notes
 from grammars.text import codec
 from grammars.text.diagnostics import did_you_mean
 

@@ -38,7 +38,6 @@ from daemon.batch.ledger._time_left import (
 )
 from daemon.batch.paths import StatePaths
 from daemon.model.messages import LARGEST_PAGE_BYTES, CampaignQuery, IdRequest, RunQuery
-from daemon.model.run_state import RunState
 from daemon.model.spec import RunResult
 from daemon.model.status import CampaignRow, RunDetail, RunPage, RunRow, count_runs
 from daemon.model.submission import CampaignOrigin, Submission
@@ -53,6 +52,7 @@ from daemon.model.verbs import (
     CampaignSource,
     Verb,
 )
+from daemon.model.verdicts import RunState
 from grammars.text import codec
 
 A = TypeVar("A")

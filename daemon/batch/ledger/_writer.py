@@ -58,13 +58,12 @@ from daemon.model.messages import (
     RetryRequest,
     SteerRequest,
 )
-from daemon.model.run_state import RunState
 from daemon.model.search import MOST_SEARCH_RUNS, Proposal, SearchSubmission
 from daemon.model.search_answer import SearchProgress
 from daemon.model.spec import ENGINE_VERSION, LARGEST_RESULT, RunSpec
 from daemon.model.status import NONDETERMINISTIC, ChangeEvent, SubmissionReceipt
 from daemon.model.submission import Submission
-from daemon.model.verdicts import Outcome
+from daemon.model.verdicts import Outcome, RunState
 from grammars.text import codec
 from grammars.text.files import sync_directory
 from grammars.text.words import command_line

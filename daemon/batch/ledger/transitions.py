@@ -29,8 +29,8 @@ from dataclasses import dataclass, replace
 from typing import Final, TypeAlias
 
 from daemon.model.messages import LedgerAnswer
-from daemon.model.run_state import RunState
 from daemon.model.status import NONDETERMINISTIC
+from daemon.model.verdicts import RunState
 
 MOST_LAPSES: Final = 20
 """Lapses of one run in a row after which the run counts as their cause.

@@ -14,9 +14,9 @@ from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.widgets import ContentSwitcher, OptionList, Static
 
 from daemon.model.assessments import Mark
-from daemon.model.run_state import RunState
 from daemon.model.status import RunDetail
 from daemon.model.verbs import DaemonClient
+from daemon.model.verdicts import RunState
 from scenario_tui.dashboard.live_run import LiveRun, live_text
 from scenario_tui.dashboard.recordings import Missing
 from scenario_tui.dashboard.run_log import log_text

@@ -12,8 +12,8 @@ from textual.containers import Vertical, VerticalScroll
 from textual.widgets import Static
 
 from daemon.model.assessments import Mark
-from daemon.model.run_state import RunState
 from daemon.model.status import RunDetail, RunRow
+from daemon.model.verdicts import RunState
 from scenario_tui.dashboard.live_run import LiveRun
 from scenario_tui.dashboard.live_tracks import Track
 from scenario_tui.dashboard.recordings import Missing

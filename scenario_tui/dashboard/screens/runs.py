@@ -13,9 +13,9 @@ from textual.containers import Horizontal
 from textual.widgets import Input
 
 from daemon.model.messages import RunQuery
-from daemon.model.run_state import RunState
 from daemon.model.status import CampaignRow, RunPage, RunRow
 from daemon.model.verbs import DaemonClient
+from daemon.model.verdicts import RunState
 from grammars.text.words import duration_text
 from scenario_tui.dashboard.live_tracks import Track
 from scenario_tui.dashboard.run_watch import RunNews

@@ -57,8 +57,8 @@ class RunningRun:
 def running_page(daemon: DaemonClient, state: DashboardState) -> RunPage:
     """Return the running runs of all campaigns."""
     # Imported here, because the first screen does not need it.
-    from daemon.model.run_state import RunState
     from daemon.model.status import RunPage
+    from daemon.model.verdicts import RunState
 
     if state.overview is None or not state.overview.running:
         return RunPage((), 0)

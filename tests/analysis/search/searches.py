@@ -9,12 +9,11 @@ from pathlib import Path
 from daemon.analysis.blame import SLOTS, Candidate
 from daemon.analysis.child_runs import run_in_children
 from daemon.campaign import load_campaign
-from daemon.model.run_state import RunState
 from daemon.model.search import Proposal
 from daemon.model.search_answer import SearchRow
 from daemon.model.spec import LeadingMargin, RunResult, Timing, TraceInfo
 from daemon.model.trials import ObjectiveValue, Trial
-from daemon.model.verdicts import Evidence, Outcome, Verdict
+from daemon.model.verdicts import Evidence, Outcome, RunState, Verdict
 from daemon.run import execute
 from daemon.search.composition import search_case
 from daemon.search.program import run_search

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daemon.model.run_state import RunState
 from daemon.model.search import ANY, OracleScale, Proposal
 from daemon.model.search_answer import (
     Confirmation,
@@ -16,7 +15,7 @@ from daemon.model.search_answer import (
 )
 from daemon.model.spec import LeadingMargin
 from daemon.model.trials import Trial, first_failure, median_trial, read_trial
-from daemon.model.verdicts import Outcome, Verdict
+from daemon.model.verdicts import Outcome, RunState, Verdict
 from daemon.search.answers.facts import (
     confirmation,
     correlation_ratio,

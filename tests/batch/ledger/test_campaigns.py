@@ -15,9 +15,8 @@ from daemon.batch.ledger import SCHEMA_VERSION, LedgerReader, LedgerWriter, conn
 from daemon.batch.ledger.transitions import Cancelled, ExecutionState, Retried, advance
 from daemon.batch.paths import StatePaths
 from daemon.model.messages import RetryRequest
-from daemon.model.run_state import RunState
 from daemon.model.spec import LARGEST_RESULT
-from daemon.model.verdicts import Evidence, Outcome, Verdict
+from daemon.model.verdicts import Evidence, Outcome, RunState, Verdict
 from grammars.text import codec
 from tests.batch.conftest import NOW
 from tests.make import make_result, make_spec, make_submission

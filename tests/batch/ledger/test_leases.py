@@ -13,8 +13,8 @@ from daemon.batch.ledger import LedgerWriter, connect
 from daemon.batch.ledger.transitions import MOST_LAPSES
 from daemon.batch.paths import StatePaths
 from daemon.model.messages import LedgerAnswer, SteerRequest
-from daemon.model.run_state import RunState
 from daemon.model.spec import SutReference
+from daemon.model.verdicts import RunState
 from tests.batch.conftest import NOW, refs
 from tests.make import make_spec, make_submission
 

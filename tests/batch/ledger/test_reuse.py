@@ -15,10 +15,9 @@ from daemon.model.assessments import (
 )
 from daemon.model.ids import trace_name
 from daemon.model.messages import LedgerAnswer
-from daemon.model.run_state import RunState
 from daemon.model.spec import SutReference, Timing
 from daemon.model.submission import CampaignOrigin
-from daemon.model.verdicts import Outcome
+from daemon.model.verdicts import Outcome, RunState
 from tests.batch.conftest import NOW
 from tests.make import make_result, make_spec, submission_of
 

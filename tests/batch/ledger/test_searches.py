@@ -7,10 +7,9 @@ import pytest
 from daemon.batch.errors import Refused
 from daemon.batch.server._submissions import read_extension
 from daemon.model.messages import LedgerAnswer
-from daemon.model.run_state import RunState
 from daemon.model.search_answer import SearchAnswer, SearchProgress
 from daemon.model.spec import LeadingMargin
-from daemon.model.verdicts import Outcome
+from daemon.model.verdicts import Outcome, RunState
 from grammars.text import codec
 from tests.batch.conftest import NOW
 from tests.make import make_extension, make_result

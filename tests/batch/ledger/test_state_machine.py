@@ -24,9 +24,8 @@ from daemon.model.messages import (
     ReleaseRequest,
     RetryRequest,
 )
-from daemon.model.run_state import RunState
 from daemon.model.spec import TraceInfo
-from daemon.model.verdicts import Outcome
+from daemon.model.verdicts import Outcome, RunState
 from tests.make import make_result, make_spec, submission_of
 
 WORKERS = st.sampled_from(["w1", "w2", "w3"])

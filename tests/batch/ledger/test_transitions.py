@@ -17,7 +17,7 @@ from daemon.batch.ledger.transitions import (
     advance,
 )
 from daemon.model.messages import LedgerAnswer
-from daemon.model.run_state import RunState
+from daemon.model.verdicts import RunState
 
 QUEUED = ExecutionState()
 RUNNING = ExecutionState(RunState.RUNNING, attempt=1, worker="w", token=7, granted=7)

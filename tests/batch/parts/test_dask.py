@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 from daemon.model.attachments import attach_files
-from daemon.model.run_state import RunState
-from daemon.model.verdicts import Outcome
+from daemon.model.verdicts import Outcome, RunState
 from tests.batch.dask_harness import begun, dask_in, gateway_for
 from tests.make import make_spec, make_submission, submission_of
 from tests.parts import alive, daemon_at, eventually, finish

@@ -10,9 +10,9 @@ from dataclasses import replace
 import pytest
 
 from daemon.model.attachments import attach_files
-from daemon.model.run_state import RunState
 from daemon.model.spec import SutReference
 from daemon.model.verbs import COMPLETE, GET, LEASE, PUT, RELEASE, RENEW
+from daemon.model.verdicts import RunState
 from grammars.text.files import matching_paths
 from tests.make import make_spec, make_submission, submission_of
 from tests.parts import daemon_at, eventually, executions, finished, free_endpoint, worker_for

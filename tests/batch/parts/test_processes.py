@@ -16,7 +16,7 @@ import pytest
 
 from daemon.batch.worker import _loop
 from daemon.batch.worker._loop import UsageMeter
-from daemon.model.run_state import RunState
+from daemon.model.verdicts import RunState
 from daemon.supervision.child import when_stdin_ends
 from daemon.supervision.guardian import end_guarded, guard
 from tests.fake_run import leave_process

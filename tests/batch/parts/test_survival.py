@@ -24,7 +24,7 @@ from daemon.batch.launch import (
 )
 from daemon.batch.paths import StatePaths, is_locked
 from daemon.batch.server._opening import hold_alone
-from daemon.model.run_state import RunState
+from daemon.model.verdicts import RunState
 from grammars.text.files import matching_paths
 from tests.chaos.links import relay
 from tests.chaos.torn import torn

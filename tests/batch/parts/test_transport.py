@@ -15,7 +15,7 @@ from daemon.batch.paths import StatePaths
 from daemon.batch.stores import TraceReference, copy_trace, local_copy, trace_reference
 from daemon.model import verbs
 from daemon.model.messages import FilePart, GetRequest
-from daemon.model.run_state import RunState
+from daemon.model.verdicts import RunState
 from grammars.text.files import matching_paths
 from tests.batch.parts.test_survival import check_ledger
 from tests.chaos.links import relay

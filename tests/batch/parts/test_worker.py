@@ -14,10 +14,9 @@ from daemon.batch import bus
 from daemon.batch.errors import Refused
 from daemon.model import verbs
 from daemon.model.messages import LeaseRequest, WorkerInfo
-from daemon.model.run_state import RunState
 from daemon.model.spec import SutReference
 from daemon.model.status import Trouble, TroubleCause
-from daemon.model.verdicts import Outcome
+from daemon.model.verdicts import Outcome, RunState
 from tests.chaos.disk import fill, may_mount, small_disk
 from tests.make import make_spec, make_submission, submission_of
 from tests.parts import (

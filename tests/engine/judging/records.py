@@ -1,7 +1,6 @@
 """Records of runs that never ran, for tests of how they are judged together."""
 
-from daemon.model.run_state import RunState
-from daemon.model.verdicts import Evidence, Outcome, Verdict
+from daemon.model.verdicts import Evidence, Outcome, RunState, Verdict
 from tests.make import run_result, run_row
 
 

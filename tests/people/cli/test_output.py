@@ -12,8 +12,7 @@ from daemon.model.assessments import (
     RepeatPolicy,
     ScenarioComparison,
 )
-from daemon.model.run_state import RunState
-from daemon.model.verdicts import Outcome
+from daemon.model.verdicts import Outcome, RunState
 from tests.analysis.report.recordings import OPEN, SHUT, SUTS, record, spec
 from tests.engine.judging.traces import CORRIDOR
 from tests.make import FRESH

@@ -11,9 +11,8 @@ from daemon.model.assessments import (
     RepeatPolicy,
     ScenarioComparison,
 )
-from daemon.model.run_state import RunState
 from daemon.model.spec import TraceInfo
-from daemon.model.verdicts import Outcome
+from daemon.model.verdicts import Outcome, RunState
 from daemon.trace import read_trace
 from tests.make import FRESH
 from tests.people.fake import FakeDaemon, make_row

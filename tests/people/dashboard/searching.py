@@ -5,7 +5,6 @@ from functools import cache
 
 import numpy as np
 
-from daemon.model.run_state import RunState
 from daemon.model.search import OracleScale, Proposal, SearchParameter
 from daemon.model.search_answer import (
     DistinctFailure,
@@ -16,7 +15,7 @@ from daemon.model.search_answer import (
 )
 from daemon.model.spec import LeadingMargin
 from daemon.model.trials import read_trial
-from daemon.model.verdicts import Outcome
+from daemon.model.verdicts import Outcome, RunState
 from tests.make import FRESH
 from tests.people import fake_search
 from tests.people.fake import NOW, FakeDaemon, make_result, make_row

@@ -5,7 +5,7 @@ from collections import Counter
 
 import pytest
 
-from daemon.model.run_state import RunState
+from daemon.model.verdicts import RunState
 from scenario_tui.dashboard.config import Config
 from scenario_tui.dashboard.screens import steering
 from scenario_tui.source import DaemonTarget

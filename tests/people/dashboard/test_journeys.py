@@ -6,8 +6,7 @@ from functools import partial
 import pytest
 
 from daemon.batch.errors import Refused
-from daemon.model.run_state import RunState
-from daemon.model.verdicts import Outcome
+from daemon.model.verdicts import Outcome, RunState
 from scenario_tui.dashboard import feed
 from scenario_tui.dashboard.config import Config
 from scenario_tui.dashboard.screens import campaigns

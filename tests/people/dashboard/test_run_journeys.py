@@ -10,8 +10,7 @@ from textual.events import MouseScrollDown, MouseScrollUp
 from daemon.batch.client import read_snapshot
 from daemon.model.live_judgement import LiveJudgement, LogLine
 from daemon.model.live_view import to_centimetres
-from daemon.model.run_state import RunState
-from daemon.model.verdicts import Outcome
+from daemon.model.verdicts import Outcome, RunState
 from grammars.model.geometry import Pose2
 from grammars.text import codec
 from scenario_tui.dashboard.playback import Playback, open_playback

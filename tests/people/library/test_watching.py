@@ -7,8 +7,8 @@ from rich.console import Console
 
 from daemon.batch.errors import DaemonError, Refused, Unreachable
 from daemon.model import verbs
-from daemon.model.run_state import RunState
 from daemon.model.status import ChangeEvent, Preparation, PreparationPhase
+from daemon.model.verdicts import RunState
 from scenario_tui.library import watching
 from scenario_tui.library.watching import WatchedRuns, progress_lines, watch
 from tests.people.fake import CAMPAIGN, OLD, WAITING, FakeDaemon, make_live, make_row

@@ -15,9 +15,8 @@ from daemon.model.assessments import (
     RepeatPolicy,
     group_errors,
 )
-from daemon.model.run_state import RunState
 from daemon.model.status import RunDetail
-from daemon.model.verdicts import Evidence, Outcome, Verdict
+from daemon.model.verdicts import Evidence, Outcome, RunState, Verdict
 from scenario_tui.text.assessment_text import cell_notes, undecided_text
 from scenario_tui.text.results import (
     NONE_JUDGED,

@@ -7,8 +7,7 @@ import unicodedata
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daemon.model.run_state import RunState
-from daemon.model.verdicts import Evidence, Outcome, Verdict
+from daemon.model.verdicts import Evidence, Outcome, RunState, Verdict
 from grammars.text.words import count_noun
 from scenario_tui.text import formatting
 from scenario_tui.text.formatting import last_lines, printed_lines

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from daemon.model.run_state import RunState
 from daemon.model.trials import point_trials, smallest_so_far
+from daemon.model.verdicts import RunState
 from daemon.search import page as search_pages
 from daemon.search.answers.sentences import minus
 from daemon.search.figures import margins_chart, space_charts

@@ -8,7 +8,7 @@ import pytest
 
 from daemon.batch.client import Client
 from daemon.batch.launch import shared_daemon
-from daemon.model.run_state import RunState
+from daemon.model.verdicts import RunState
 from scenario_tui.library.pytest_plugin import CampaignRuns
 
 pytest_plugins = ["pytester"]
