@@ -17,13 +17,16 @@ from pygments.token import Comment, Keyword, Name, Number, String, Text
 _ROOT = Path(__file__).parents[1]
 
 project = "scenario-tui"
-extensions = ["myst_nb"]
+extensions = ["myst_nb", "sphinx_copybutton"]
+copybutton_prompt_text = "$ "  # what a terminal prints before a command is not copied
 source_suffix = {".md": "myst-nb", ".ipynb": "myst-nb"}
 nb_execution_mode = "off"  # notebooks are shown with the outputs they have; the tests hold those
 root_doc = "index"
 myst_heading_anchors = 4
 html_theme = "furo"
 html_title = "scenario-tui"
+html_static_path = ["site.css"]
+html_css_files = ["site.css"]
 html_copy_source = False
 html_show_sphinx = False
 html_show_copyright = False

@@ -1,4 +1,4 @@
-"""The tables of ``docs/ortega2024.md``, made from a finished campaign.
+"""The tables of ``ortega2024.md``, made from a finished campaign.
 
 ``python -m campaigns.studies.ortega2024 RESULTS`` prints them. With ``--write`` they replace those
 in the page, between its markers, and its two pictures are drawn again. RESULTS is a folder of
@@ -24,7 +24,7 @@ from daemon.trace import read_trace
 from scenario_tui.cli.report import with_traces
 from scenario_tui.source import DaemonTarget, find_campaign, open_source
 
-PAGE = Path(__file__).parents[2] / "docs" / "ortega2024.md"
+PAGE = Path(__file__).with_name("ortega2024.md")
 DANCE = PAGE.with_name("dance.svg")
 ABORT = PAGE.with_name("abort.svg")
 _INTO_DANCE, _DANCE_SHOWN, _ABORT_SHOWN = 60.0, 12.0, 30.0

@@ -3,7 +3,7 @@
 ``python -m campaigns.studies.published_models [--write]``
 
 It looks for models in the folder ``SCENARIO_REFERENCE_DATA``, and in each ``--more FOLDER``, a
-checkout of a published repository. ``--write`` writes the table into ``docs/published-models.md``;
+checkout of a published repository. ``--write`` writes the table into ``published-models.md``;
 otherwise it is printed. A model *loads* if its language accepts it. It *runs* if the pilot drives
 to a waypoint in it without an error. It *comes back* if it is the same after this program has
 written and read it.
@@ -44,7 +44,7 @@ from templates.tasks import contour_route, inset_contour
 from templates.world import ArtefactWorld
 
 ROOT = Path(__file__).parents[2]
-PAGE = ROOT / "docs" / "published-models.md"
+PAGE = Path(__file__).with_name("published-models.md")
 _NOT_PUBLISHED = {"goldens", "acceptance", "reports"}
 """Folders of the reference data with inputs made for tests."""
 _NEAR = 1e-6

@@ -1,4 +1,4 @@
-"""The tables and the figure of ``docs/safe-region.md``, made from finished searches.
+"""The tables and the figure of ``safe-region.md``, made from finished searches.
 
 ``python -m campaigns.studies.safe_region RESULTS`` prints the tables. With ``--write`` they replace
 those in the page, between its markers, and its figure is drawn again. RESULTS is a folder with the
@@ -26,7 +26,7 @@ from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome
 from daemon.search.answers.sentences import headline
 
-PAGE = Path(__file__).parents[2] / "docs" / "safe-region.md"
+PAGE = Path(__file__).with_name("safe-region.md")
 FIGURE = PAGE.with_name("safe-region.svg")
 SYSTEMS = ("a2s", "fro-omni")
 SPACES = {"door-17": "door 17 (S3.2)", "both-doors": "doors 17 and 12 (S3.3)",

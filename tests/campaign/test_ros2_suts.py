@@ -119,8 +119,8 @@ def test_an_oracle_about_a_signal_that_is_not_recorded_is_refused_or_warned_of(
 
 
 def test_every_key_is_documented_with_its_default():
-    text = (ROOT / "docs" / "campaigns.md").read_text()
-    section = text.partition("## A ROS 2 stack")[2]
+    text = (ROOT / "docs" / "languages" / "systems-under-test.md").read_text()
+    section = text.partition("## ROS 2")[2].partition("\n## ")[0]
     rows = dict(re.findall(r"^\| `([a-z-]+)` \| (.*?) \|", section, re.MULTILINE))
     assert rows.keys() == {*ROS2_KEYS, "files"}
     defaults = settings_not_written(read_settings({"launch": "nav {map}"}))

@@ -1,6 +1,5 @@
 """Systems under test: layers, configurations that ship; test_settings.py has their files."""
 
-import json
 import shutil
 
 import pytest
@@ -20,7 +19,6 @@ from daemon.stacks.ros1.wiring import Wiring
 from grammars.text import codec
 from grammars.text.diagnostics import InputError, Where
 from tests.campaign.loaded import findings_of, load_sut, write_sut
-from tests.parts import ROOT
 
 ONE_LASER = ("",)
 
@@ -161,11 +159,3 @@ def test_what_a_refused_configuration_would_be_is_known(launched):
         load_sut(launched, "robot")
     setting = refusal.value.settings["move_base", "DWAPlannerROS", "max_vel_trans"]
     assert setting.value == 0.05
-
-
-def test_the_guide_names_every_key():
-    text = (ROOT / "docs" / "campaigns.md").read_text()
-    section = text.partition("## A ROS 1 configuration")[2].partition("\n## ")[0]
-    schema = json.loads((ROOT / "grammars/editor/schemas/sut.schema.json").read_text())
-    keys = schema["$defs"]["rossource"]["properties"]
-    assert [key for key in keys if f"\n| `{key}` |" not in section] == []

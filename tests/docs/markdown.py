@@ -10,6 +10,7 @@ ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 LANGUAGES = DOCS / "languages"
 TUTORIALS = DOCS / "tutorials"
+STUDIES = ROOT / "campaigns" / "studies"
 
 _FENCE = re.compile(r"^(?P<indent> *)(?P<fence>`{3,})(?P<info>[^\n`]*)$")
 _HEADING = re.compile(r"^#{1,6} +(?P<title>.*?)\s*#*$")
@@ -45,7 +46,7 @@ class Link:
 
 def pages():
     """Return every Markdown file people read, those of the root first."""
-    return (*sorted(ROOT.glob("*.md")), *sorted(DOCS.rglob("*.md")))
+    return (*sorted(ROOT.glob("*.md")), *sorted(DOCS.rglob("*.md")), *sorted(STUDIES.glob("*.md")))
 
 
 def blocks(page):

@@ -43,19 +43,24 @@ def definition(name, part):
 
 
 def key_table(name, part, *only):
-    """Return a Markdown table of the keys of a part of a schema, all or ``only`` some."""
+    """Return a Markdown table of the keys of a part of a schema, all or ``only`` some.
+
+    Keys without a value of their own that mean the same share a row.
+    """
     body = definition(name, part)
     needed = set(body.get("required", ()))
-    rows = [
-        _row(name, key, value, key in needed)
-        for key, value in body["properties"].items()
-        if not only or key in only
-    ]
+    rows = {}
+    for key, value in body["properties"].items():
+        if not only or key in only:
+            cells = _cells(name, value, key in needed)
+            rows.setdefault(cells if not cells[0] else (key, *cells), []).append(f"`{key}`")
+    lines = [" | ".join((f"| {', '.join(keys)}", *row[-3:], "")) for row, keys in rows.items()]
     head = ("| key | value | when left out | meaning |", "|---|---|---|---|")
-    return "\n".join((*head, *rows, ""))
+    return "\n".join((*head, *(line.rstrip() for line in lines), ""))
 
 
-def _row(name, key, value, needed):
+def _cells(name, value, needed):
+    """Return a key's value, its default and its meaning, as cells of the table."""
     default = value.get("default")
     if needed:
         left_out = "required"
@@ -64,8 +69,8 @@ def _row(name, key, value, needed):
     else:
         left_out = f"`{_written(default)}`"
     meaning = _meaning(value) or _meaning(_referenced(name, value))
-    cells = (f"`{key}`", _values(value), left_out, meaning)
-    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+    cells = (_values(value), left_out, meaning)
+    return tuple(cell.replace("|", "\\|") for cell in cells)
 
 
 def _referenced(name, value):

@@ -41,7 +41,7 @@ def test_every_rule_of_a_grammar_is_shown_and_used_by_an_example(language):
 @pytest.mark.parametrize("name", ["campaign", "mission", "robot", "sut", "walls"])
 def test_every_key_of_a_schema_is_in_a_table(name):
     parts = {key.partition(".")[0] for key in tables.keys_of(name)}
-    parts -= {part for part in parts if part.startswith("ros2")}  # docs/campaigns.md has these
+    parts -= {part for part in parts if part.startswith("ros2")}  # a hand-written table
     parts -= {"defaults"}  # keys of a scenario
     assert {f"{name} {part}" for part in parts} - regions.shown("keys") == set()
 

@@ -9,7 +9,11 @@ import pytest
 
 from tests.docs.markdown import DOCS
 
-_MISSING = [name for name in ("sphinx", "furo", "myst_nb") if not importlib.util.find_spec(name)]
+_MISSING = [
+    name
+    for name in ("sphinx", "furo", "myst_nb", "sphinx_copybutton")
+    if not importlib.util.find_spec(name)
+]
 _FETCHED = re.compile(r"""(?:src=|<link[^>]*href=|@import\s+|url\()["']?https?:""")
 
 

@@ -3,8 +3,9 @@
 ``docs/pictures`` contains every view of the dashboard and the output of the main commands, about a
 small campaign that is executed for them; tests fail when they are out of date. ``docs/demo.svg`` is
 the output of ``scenario demo``, ``docs/flat.svg`` the flat from ``scenario export``; ``--views``
-skips these two, which are slow. ``--cast`` records only the first hour with the dashboard for
-asciinema, ``docs/pictures/first-hour.cast``.
+skips these two, which are slow. ``--diagrams`` draws only the explaining pictures of the language
+pages. ``--cast`` records only the first hour with the dashboard for asciinema,
+``docs/pictures/first-hour.cast``, and makes the moving picture of it.
 """
 
 import asyncio
@@ -17,7 +18,9 @@ from pathlib import Path
 from rich.console import Console
 from rich.text import Text
 
+from campaigns.studies.pictures.diagrams import DIAGRAMS
 from campaigns.studies.pictures.executed_campaign import execute_campaign
+from campaigns.studies.pictures.moving_picture import MOVING, moving_svg
 from campaigns.studies.pictures.session_cast import record_session
 from campaigns.studies.pictures.shots import COMMANDS, FOLDER, KEYS, SHOTS, draw, key_table, typed
 
@@ -77,9 +80,19 @@ def record_views():
             (FOLDER / f"{name}.svg").write_text(svg)
 
 
+def record_diagrams():
+    """Draw the explaining pictures."""
+    for name, draw_diagram in DIAGRAMS.items():
+        (FOLDER / f"{name}.svg").write_text(draw_diagram(), "utf-8")
+
+
 if __name__ == "__main__":
     if "--cast" in sys.argv[1:]:
         record_session()
+        MOVING.write_text(moving_svg(), "utf-8")
+        sys.exit()
+    record_diagrams()
+    if "--diagrams" in sys.argv[1:]:
         sys.exit()
     record_views()
     if "--views" in sys.argv[1:]:

@@ -260,12 +260,15 @@ def _slim(svg):
 
 
 def key_table():
-    """Return every key of the dashboard as a table of the documentation."""
-    rows = ["| keys | id | where | what it does |", "|---|---|---|---|"]
+    """Return every key of the dashboard, at the widest place, as a table of the documentation."""
+    rows = {}
     for bound in list_key_bindings():
         keys = " ".join(f"`{format_key(key)}`" for key in bound.keys.split(","))
-        rows.append(f"| {keys} | {bound.id} | {bound.place} | {bound.meaning} |")
-    return "\n".join(rows) + "\n"
+        row = f"| {keys} | {bound.id} | {bound.place} | {bound.meaning} |"
+        rows.setdefault((bound.keys, bound.id, bound.meaning), row)
+    return "\n".join(
+        ("| keys | id | where | what it does |", "|---|---|---|---|", *rows.values(), "")
+    )
 
 
 def visible(svg):
