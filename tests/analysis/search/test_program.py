@@ -203,7 +203,7 @@ def test_a_search_that_went_down_after_its_time_issues_the_same_runs_again():
     assert run_search(case, early).explored == 9
 
 
-PAGE = " ".join((ROOT / "docs" / "search.md").read_text("utf-8").split())
+PAGE = " ".join((ROOT / "docs" / "searches.md").read_text("utf-8").split())
 WORDS = {"two": 2, "three": 3, "five": 5, "twenty": 20}
 
 
