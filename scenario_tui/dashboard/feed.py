@@ -165,15 +165,16 @@ class Feed:
             )
             assessing.start()
             try:
+                is_woken = False
                 while not self._closing:
                     self._wake.clear()
-                    if self._is_outdated(daemon):
+                    if self._is_outdated(daemon, is_woken):
                         self._outdated = False
                         self.step(daemon)
                     elif self._assessed:
                         self._publish(self._state)
                     self._breathe(daemon)
-                    self._wake.wait(REFRESH - _BREATH)
+                    is_woken = self._wake.wait(REFRESH - _BREATH)
             except DaemonError as error:
                 # At once, because it takes ten seconds to close the connection to a hanging daemon.
                 self._lose(error)
@@ -186,13 +187,13 @@ class Feed:
                 self.watch.close()
                 subscription.close()
 
-    def _is_outdated(self, daemon: DaemonClient) -> bool:
-        """Return True if the state may have changed."""
+    def _is_outdated(self, daemon: DaemonClient, is_woken: bool) -> bool:
+        """Return True if the state may have changed; ``is_woken`` is False if a look is due."""
         now, state, last = self._clock(), self._state, self._state.overview
         if self._outdated or not state.connected or last is None or now >= self._looked_at + _LOOK:
             return True
-        if (self._requested.is_set() or self._assessed) and now < state.at + REFRESH:
-            return False  # a key, which is answered first, or a new conclusion
+        if is_woken and now < state.at + REFRESH:
+            return False  # by a key, which is answered first, or by a new conclusion
         # Rows of 300 campaigns each second would take 1 % of an idle core.
         overview = daemon.overview()
         if overview.running or replace(overview, now=last.now) != last:
