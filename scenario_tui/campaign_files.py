@@ -1,10 +1,10 @@
-"""Files near a folder: campaigns and oracle layers, those changed last first."""
+"""Campaign files near a folder, those changed last first."""
 
 from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
@@ -37,17 +37,17 @@ def has_key(path: Path, key: str) -> bool:
     return re.search(rb"^%s\s*:" % key.encode(), head, re.MULTILINE) is not None
 
 
-def find_files(folder: Path, is_match: Callable[[Path], bool]) -> tuple[Path, ...]:
-    """Return the files in and below a folder that match, the latest change first.
+def find_campaigns(folder: Path) -> tuple[Path, ...]:
+    """Return the campaign files in and below a folder, the latest change first.
 
     Hidden folders and those of builds and downloads are skipped.
     """
     # People submit the file that they have just written.
-    files = [(-entry.stat().st_mtime, Path(entry.path)) for entry in _walk(folder, is_match)]
+    files = [(-entry.stat().st_mtime, Path(entry.path)) for entry in _walk(folder)]
     return tuple(path for _, path in sorted(files))
 
 
-def _walk(folder: Path, is_match: Callable[[Path], bool]) -> Iterator[os.DirEntry[str]]:
+def _walk(folder: Path) -> Iterator[os.DirEntry[str]]:
     # Breadth first: limits cut far files, not near ones.
     folders, looked, yielded = [(str(folder), 0)], 0, 0
     for place, depth in folders:
@@ -58,7 +58,7 @@ def _walk(folder: Path, is_match: Callable[[Path], bool]) -> Iterator[os.DirEntr
             if entry.is_dir(follow_symlinks=False):
                 if depth < _DEPTH and entry.name[0] != "." and entry.name not in _PASSED:
                     folders.append((entry.path, depth + 1))
-            elif is_match(Path(entry.path)) and entry.is_file():
+            elif is_campaign(Path(entry.path)) and entry.is_file():
                 yielded += 1
                 yield entry
 

@@ -397,23 +397,30 @@ def with_time_left(campaign: CampaignRow, target: DaemonTarget) -> CampaignRow:
 
 
 def bring_traces(
-    rows: Sequence[RunRow], source: CampaignSource, target: DaemonTarget
+    rows: Sequence[RunRow], source: CampaignSource, target: DaemonTarget, folder: Path | None = None
 ) -> list[Path | TraceUnavailable]:
     """Return the trace of each run as a local file, or why it is unavailable.
 
-    Traces of the ledger here are local already, except in stores.
+    With ``folder``, each is a verified copy there. Otherwise traces of the ledger here are local
+    already, except in stores.
     """
-    from daemon.batch.stores import is_url, trace_file
+    from daemon.batch.stores import copy_trace, is_url, trace_file, trace_reference
+    from daemon.model.ids import trace_name
     from daemon.model.verbs import DaemonClient
 
     daemon = source if isinstance(source, DaemonClient) else None
-    far = [row for row in rows if row.trace and (daemon or is_url(row.trace))]
+    far = [row for row in rows if row.trace and (folder or daemon or is_url(row.trace))]
     size = sum(row.result.trace.size for row in far if row.result)
     traces: list[Path | TraceUnavailable] = []
     with target.progress("fetching traces", size, "bytes") as advance:
         for row in rows:
             try:
-                traces.append(trace_file(row, daemon, progress=advance))
+                if folder is None:
+                    trace = trace_file(row, daemon, progress=advance)
+                else:
+                    trace = folder / trace_name(row.campaign, row.scenario, row.sut, row.repeat)
+                    copy_trace(trace_reference(row), daemon, trace, progress=advance)
+                traces.append(trace)
             except TraceUnavailable as error:
                 traces.append(error)
     return traces

@@ -1,36 +1,41 @@
-"""Answers of commands: a value, its text for people, its exit code.
+"""Answers of commands: a value, its text for people, its exit code; errors with a code.
 
 A command is a function: its parameters are the arguments and options, its body is one call of the
 public library. It returns an :class:`Answer`, or nothing when it keeps running or only writes
-files. :func:`as_typed` adapts it to typer: a parameter ``target`` becomes ``--connect``,
-``--state`` and ``--keys``, and a command that answers gets ``--json``, which writes the value.
+files. :func:`scenario_tui.cli.options.as_typed` adapts it to typer.
 """
 
 from __future__ import annotations
 
-import functools
-import inspect
 import json
 import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
-from types import SimpleNamespace
-from typing import Any, Final, Generic, TypeVar, get_type_hints
+from enum import IntEnum
+from typing import Any, Generic, TypeVar
 
+import typer
+
+from grammars.text.diagnostics import Finding
 from grammars.text.terminal_text import escape_json
-from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.options import AsJson, Connect, Keys, State, use_keys
-from scenario_tui.cli.output import say, show_progress
-from scenario_tui.source import DaemonTarget
 
 T = TypeVar("T")
 
-_TARGET_OPTIONS: Final[dict[str, tuple[Any, Any]]] = {
-    "connect": (Connect, ""),
-    "state": (State, None),
-    "keys": (Keys, None),
-}
+
+class ExitCode(IntEnum):
+    """Codes that scripts can rely on; ``BUG`` is EX_SOFTWARE of sysexits.h."""
+
+    EXPECTED = 0
+    UNEXPECTED = 1
+    BAD_INPUT = 2
+    INFRASTRUCTURE = 3
+    INCONCLUSIVE = 4
+    BUG = 70
+    # The codes of shells for SIGINT and SIGPIPE: 128 plus the number of the signal.
+    INTERRUPTED = 130
+    BROKEN_PIPE = 141
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,48 +51,46 @@ class Answer(Generic[T]):
     code: int = ExitCode.EXPECTED
 
 
-def as_typed(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a command as typer calls it; it writes the answer and returns the exit code."""
-    signature = inspect.signature(command)
-    # Annotations are text (PEP 563), and the type of the answer is not imported at run time.
-    annotations = {k: v for k, v in command.__annotations__.items() if k != "return"}
-    types = get_type_hints(
-        SimpleNamespace(__annotations__=annotations), command.__globals__, include_extras=True
-    )
-    parameters = [
-        one.replace(annotation=types[name], kind=inspect.Parameter.KEYWORD_ONLY)
-        for name, one in signature.parameters.items()
-        if name != "target"
-    ]
-    common = dict(_TARGET_OPTIONS) if "target" in signature.parameters else {}
-    if "Answer" in str(signature.return_annotation):
-        common["as_json"] = (AsJson, False)
-    parameters += [
-        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind)
-        for name, (kind, default) in common.items()
-    ]
+class CommandError(Exception):
+    """Reason, in a line, why a command cannot do its work; ``code`` is the exit code."""
 
-    @functools.wraps(command)
-    def typed(**values: Any) -> Any:
-        if "connect" in common:
-            use_keys(values.pop("keys"))
-            where = values.pop("connect"), values.pop("state")
-            values["target"] = DaemonTarget(*where, say, show_progress)
-        as_json = values.pop("as_json", False) if "as_json" in common else False
-        answer = command(**values)
-        if not isinstance(answer, Answer):
-            return answer
-        if as_json:
-            write_json(answer.schema, answer.value)
-        else:
-            answer.text()
-        return int(answer.code)
+    def __init__(self, message: str, code: ExitCode = ExitCode.BAD_INPUT) -> None:
+        super().__init__(message)
+        self.code = code
 
-    typed.__annotations__ = {one.name: one.annotation for one in parameters}
-    typed.__signature__ = signature.replace(  # type: ignore[attr-defined]
-        parameters=parameters, return_annotation=inspect.Signature.empty
-    )
-    return typed
+
+@dataclass(frozen=True, slots=True)
+class ErrorValue:
+    """Answer of a command that failed: the reason, the exit code, the findings about files."""
+
+    error: str
+    exit_code: int
+    diagnostics: tuple[Finding, ...] = ()
+
+
+def exit_code(words: Iterable[str]) -> ExitCode:
+    """Return the code for finished runs from their words (``pass``, ``lost`` ...).
+
+    A failure counts even if other runs were lost. Without a failure, broken runs weigh more than
+    inconclusive ones.
+    """
+    outcomes = set(words)
+    if "fail" in outcomes:
+        return ExitCode.UNEXPECTED
+    if outcomes & {"lost", "error"}:
+        return ExitCode.INFRASTRUCTURE
+    if not outcomes or outcomes - {"pass"}:
+        return ExitCode.INCONCLUSIVE
+    return ExitCode.EXPECTED
+
+
+@contextmanager
+def wrong_usage(hint: str | None = None) -> Iterator[None]:
+    """Turn a ``ValueError`` into wrong usage of the parameter ``hint``."""
+    try:
+        yield
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint=hint) from error
 
 
 def schema_identifier(name: str) -> str:

@@ -12,8 +12,7 @@ import typer
 from daemon.batch.errors import DaemonError
 from grammars.text.words import command_line, count_noun, duration_text
 from scenario_tui.cli import completion
-from scenario_tui.cli.answer import Answer
-from scenario_tui.cli.exit_codes import CommandError, ExitCode
+from scenario_tui.cli.answer import Answer, CommandError, ExitCode
 from scenario_tui.cli.options import out_folder, refuse_missing_file
 from scenario_tui.cli.output import open_progress, print_commands, print_line, say
 from scenario_tui.source import DaemonTarget, find_run, one_trace, trace_files
@@ -37,7 +36,6 @@ def blame(
     oracle: Annotated[
         str,
         typer.Option(
-            "--oracle",
             help="Verdict to explain. Default: the first failing one.",
             autocompletion=completion.offers(completion.oracles),
         ),
@@ -48,7 +46,6 @@ def blame(
     campaign: Annotated[
         Path | None,
         typer.Option(
-            "--campaign",
             metavar="FILE",
             help="Campaign file of the trace or id. Default: the file that the run came from.",
             autocompletion=completion.offers(completion.campaign_files),

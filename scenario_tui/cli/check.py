@@ -11,8 +11,7 @@ import typer
 
 from grammars.text.diagnostics import Finding, InputError, Severity
 from scenario_tui.cli import completion
-from scenario_tui.cli.answer import Answer
-from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.answer import Answer, ExitCode
 from scenario_tui.cli.options import Base, refuse_missing_file
 from scenario_tui.cli.output import report_findings, say
 

@@ -16,8 +16,8 @@ import typer
 
 from grammars.text.diagnostics import InputError, Severity
 from grammars.text.terminal_text import printable_streams
+from scenario_tui.cli.answer import CommandError, ErrorValue, ExitCode, write_json
 from scenario_tui.cli.commands import CommandGroup
-from scenario_tui.cli.exit_codes import CommandError, ErrorValue, ExitCode
 from scenario_tui.cli.output import library_messages, report_findings, say, settle_streams
 from scenario_tui.interrupts import was_interrupted
 
@@ -98,8 +98,6 @@ def invoke(arguments: Sequence[str]) -> int:
             failure = _report(error)
         # Typer may have failed before it came to --json, so look for the word itself.
         if failure.error and "--json" in takewhile(lambda word: word != "--", arguments):
-            from scenario_tui.cli.answer import write_json
-
             with suppress(BrokenPipeError):
                 write_json("error", failure)
         return failure.exit_code

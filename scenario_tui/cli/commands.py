@@ -19,7 +19,6 @@ import typer
 from typer.core import TyperCommand, TyperGroup, TyperOption
 
 from grammars.text.terminal_text import unfiltered
-from scenario_tui.cli.examples import EXAMPLES
 
 C = TypeVar("C", bound=Callable[..., Any])
 
@@ -93,6 +92,91 @@ _MODULES: Final = {
 }
 """Modules of the commands whose module has another name."""
 
+EXAMPLES: Final[dict[str, tuple[str, ...]]] = {
+    "demo": ("scenario demo",),
+    "new": (
+        "scenario new my-tests",
+        "scenario new my-office --floorplan flat.fpm",
+        "scenario new --layers",
+    ),
+    "check": ("scenario check campaign.yaml", "scenario check flat.fpm doors.scenery"),
+    "run": (
+        "scenario run campaign.yaml",
+        "scenario run campaign.yaml --out results --junit results.xml",
+    ),
+    "submit": ("scenario submit campaign.yaml", "scenario submit campaign.yaml --fresh --watch"),
+    "search": (
+        "scenario search campaign.yaml doors-in-time --budget 4 --detach",
+        "scenario search",
+    ),
+    "wait": ("scenario wait nightly --timeout 10min",),
+    "serve": ("scenario serve campaign.yaml --scenario open-house --headless",),
+    "sut show": ("scenario sut show pilot", "scenario sut show pilot --json"),
+    "sut check": ("scenario sut check my_stack.yaml",),
+    "sut relay": ("scenario sut relay > relay.py",),
+    "tui": ("scenario tui", "scenario tui --read-only", "scenario tui --bindings"),
+    "status": ("scenario status", "scenario status --json"),
+    "results": (
+        "scenario results",
+        "scenario results nightly --runs",
+        "scenario results nightly --outcome fail --json",
+        "scenario results nightly --table nightly.parquet",
+    ),
+    "show": ("scenario show nightly.0", "scenario show nightly.0 --log"),
+    "replay": ("scenario replay nightly.0", "scenario replay nightly.0 --frame 5"),
+    "plot": ("scenario plot nightly.0 clearance speed",),
+    "judge": ("scenario judge nightly.0", "scenario judge nightly.0 --json"),
+    "verify": ("scenario verify nightly.0",),
+    "compare": ("scenario compare nightly nightly",),
+    "report": (
+        "scenario report nightly",
+        "scenario report nightly -o nightly.html --junit nightly.xml",
+    ),
+    "coverage": ("scenario coverage nightly", "scenario coverage campaign.yaml"),
+    "blame": ("scenario blame nightly.1 --runs 10",),
+    "cancel": ("scenario cancel nightly",),
+    "retry": ("scenario retry nightly", 'scenario retry nightly --only "fail|error"'),
+    "acknowledge": ("scenario acknowledge nightly",),
+    "pause": ("scenario pause nightly", "scenario pause nightly --off"),
+    "priority": ("scenario priority nightly 5", "scenario priority nightly -- -5"),
+    "delete": ("scenario delete nightly --dry-run",),
+    "daemon": (
+        "scenario daemon",
+        "scenario daemon --listen tls/0.0.0.0:7447 --slots 0",
+        "scenario daemon --print-unit",
+        "scenario daemon --stop",
+    ),
+    "worker": (
+        "scenario worker --connect tls/build.example:7447 -j 8",
+        "scenario worker --connect tls/build.example:7447 --print-unit",
+    ),
+    "keys init": ("scenario keys init my-keys --host build.example",),
+    "keys issue": ("scenario keys issue viewer wall-screen --keys my-keys",),
+    "keys list": ("scenario keys list --keys my-keys",),
+    "keys bundle": ("scenario keys bundle worker -o worker.tar --keys my-keys",),
+    "keys revoke": ("scenario keys revoke viewer.wall-screen --keys my-keys",),
+    "doctor": ("scenario doctor --quick", "scenario doctor --quick --json"),
+    "gc": ("scenario gc --dry-run", "scenario gc --older-than 30d --max-size 20GiB --dry-run"),
+    "import": ("scenario import map.yaml -o home", "scenario import map.yaml -o home --force"),
+    "export": (
+        "scenario export flat.fpm jsonld picture",
+        "scenario export campaign.yaml map sdf -o artefacts",
+        "scenario export nightly.0 picture --from 2 --until 6 -o part.svg",
+        "scenario export nightly traces -o traces",
+    ),
+    "vary": ("scenario vary flat.variation -n 3 --seed 7 -o variants",),
+    "schema": (
+        "scenario schema campaign",
+        "scenario schema --outputs",
+        "scenario schema --vscode .",
+    ),
+}
+"""Examples by the words of the command, below its help: lines to copy.
+
+The tests execute each of them in a folder with a campaign file ``campaign.yaml``, submitted as
+``nightly``, a floor plan ``flat.fpm``, and the output of earlier lines.
+"""
+
 
 class _PlainFlags:
     """Shows flags without the ``<bool>`` that typer puts behind them, and help in colours."""
@@ -138,7 +222,7 @@ def load_command(name: str) -> Any:
 
 def command_of(group: typer.Typer, name: str) -> Callable[[C], C]:
     """Return a decorator that adds a function as the command ``name`` of a group."""
-    from scenario_tui.cli.answer import as_typed
+    from scenario_tui.cli.options import as_typed
 
     lines = EXAMPLES.get(" ".join(filter(None, (str(group.info.name or ""), name))), ())
     # typer prints a line for each paragraph.

@@ -16,8 +16,7 @@ import typer
 from daemon.batch.errors import Refused
 from grammars.text.words import count_noun, format_quantity
 from scenario_tui.cli import completion
-from scenario_tui.cli.answer import Answer
-from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.answer import Answer, ExitCode
 from scenario_tui.cli.options import parse_ratio
 from scenario_tui.cli.output import plain_table, print_line, stdout_console
 from scenario_tui.source import DaemonTarget, find_campaign, open_source
@@ -113,7 +112,6 @@ def compare(
     worse_by: Annotated[
         float | None,
         typer.Option(
-            "--worse-by",
             metavar="RATIO",
             parser=parse_ratio,
             help="Fail if a verdict is worse, or a margin or a duration by more than this.",

@@ -10,8 +10,7 @@ import typer
 
 from grammars.text.words import NOTHING, count_noun, format_quantity
 from scenario_tui.cli import completion
-from scenario_tui.cli.answer import Answer
-from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.answer import Answer, ExitCode
 from scenario_tui.cli.options import Processes, check_campaign_file
 from scenario_tui.cli.output import plain_table, print_line, say, stdout_console
 from scenario_tui.source import DaemonTarget, all_traces

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Final
 
@@ -11,13 +9,11 @@ import typer
 
 from grammars.text.diagnostics import InputError
 from grammars.text.words import count_noun
-from scenario_tui.cli.answer import Answer
-from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.answer import Answer, ExitCode
 from scenario_tui.cli.output import open_progress, print_line
 from scenario_tui.source import DaemonTarget
 
 if TYPE_CHECKING:
-    from daemon.batch.ledger import VerificationProgress
     from daemon.batch.operation import DoctorFinding, Examination
 
 _SIGNS: Final = {"ok": ("✓", "green"), "warning": ("!", "yellow"), "problem": ("✗", "bold red")}
@@ -25,12 +21,8 @@ _SIGNS: Final = {"ok": ("✓", "green"), "warning": ("!", "yellow"), "problem": 
 
 def doctor(
     target: DaemonTarget,
-    quick: Annotated[
-        bool, typer.Option("--quick", help="Verify the newest results only, and no files.")
-    ] = False,
-    traces: Annotated[
-        bool, typer.Option("--traces", help="Also read every trace and verify its digest.")
-    ] = False,
+    quick: Annotated[bool, "Verify the newest results only, and no files."] = False,
+    traces: Annotated[bool, "Also read every trace and verify its digest."] = False,
 ) -> Answer[Examination]:
     """Examine the installation: settings, connections, results; with remedies.
 
@@ -42,7 +34,12 @@ def doctor(
     if quick and traces:
         raise typer.BadParameter("contradicts --quick: leave one out", param_hint="--traces")
     endpoint = find_endpoint(target.connect, target.state)
-    with _verification_progress() as progress:
+    with open_progress() as display:
+        task = display.add_task("verifying", total=None)
+
+        def progress(what: str, done: int, total: int) -> None:
+            display.update(task, description=f"verifying {what}", completed=done, total=total)
+
         findings = examine(target.paths, endpoint, quick=quick, traces=traces, progress=progress)
     # Examined here because the daemon's packages do not know the dashboard.
     findings = (*findings, *guarded("config", lambda: [_check_settings()]))
@@ -50,19 +47,6 @@ def doctor(
     is_ill = any(finding.level is FindingLevel.PROBLEM for finding in findings)
     code = ExitCode.INFRASTRUCTURE if is_ill else ExitCode.EXPECTED
     return Answer("doctor", value, partial(_print_findings, findings), code)
-
-
-@contextmanager
-def _verification_progress() -> Iterator[VerificationProgress]:
-    """Show the progress on a terminal: to verify a large ledger takes a while."""
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
-
-    columns = (TextColumn("verifying {task.description}"), BarColumn(), MofNCompleteColumn())
-    with open_progress(*columns) as display:
-        task = display.add_task("", total=None)
-        yield lambda what, done, total: display.update(
-            task, description=what, completed=done, total=total
-        )
 
 
 def _check_settings() -> DoctorFinding:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from datetime import datetime
 from enum import StrEnum
 from functools import partial
@@ -10,19 +11,26 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 import typer
 
+from daemon.batch.errors import TraceUnavailable
 from grammars.text.diagnostics import Finding, Severity, Where
 from scenario_tui.cli import completion
-from scenario_tui.cli.answer import Answer
-from scenario_tui.cli.exit_codes import CommandError, ExitCode
-from scenario_tui.cli.export_runs import ExportedFiles, export_recorded, is_recorded
-from scenario_tui.cli.options import Base, check_folder, refuse_typed
+from scenario_tui.cli.answer import Answer, CommandError, ExitCode, wrong_usage
+from scenario_tui.cli.options import Base, check_folder, check_writable, refuse_typed
 from scenario_tui.cli.output import print_line, report_findings, say, track_progress
-from scenario_tui.source import DaemonTarget
+from scenario_tui.source import DaemonTarget, bring_traces, one_trace, recorded_runs, trace_files
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from templates.world import ArtefactWorld, ExportSettings
+
+
+@dataclass(frozen=True, slots=True)
+class ExportedFiles:
+    """Exported files, and the reasons why traces are ``missing`` by their runs."""
+
+    files: tuple[Path, ...]
+    missing: dict[str, str] = field(default_factory=dict)
 
 
 def world_of_plan(path: Path, base: str = "") -> tuple[ArtefactWorld, tuple[Finding, ...]]:
@@ -48,31 +56,22 @@ def world_of_plan(path: Path, base: str = "") -> tuple[ArtefactWorld, tuple[Find
     return world, plan.warnings
 
 
-class Artefact(StrEnum):
-    """Kinds of artefacts of a floor plan, a campaign or a recorded run."""
-
-    ALL = "all"
-    MAP = "map"
-    JSONLD = "jsonld"
-    MESH = "mesh"
-    SDF = "sdf"
-    KEYFRAMES = "keyframes"
-    TASKS = "tasks"
-    LAUNCH = "launch"
-    FOXGLOVE = "foxglove"
-    PICTURE = "picture"
-    PROV = "prov"
-    TRACES = "traces"
-
-
+Artefact = StrEnum(
+    "Artefact", "ALL MAP JSONLD MESH SDF KEYFRAMES TASKS LAUNCH FOXGLOVE PICTURE PROV TRACES"
+)
+"""Kinds of artefacts of a floor plan, a campaign or a recorded run."""
+_RECORDED_KINDS: Final = ("picture", "traces")
+_PICTURE_ENDINGS: Final = (".svg", ".png", ".pdf")
+_FILE_ENDINGS: Final = (".fpm", ".yaml", ".yml", ".json", ".jsonld", ".variation", ".scenery")
+"""Endings of files that people write, for names of files that do not exist."""
 _OF_FILES: Final = (
     "laser_height", "resolution", "distance", "first", "backward", "closed", "yaw", "repeats",
     "timestamp", "base",
 )  # fmt: skip
 """Parameters that do not apply to recorded runs."""
-_OF_KINDS: Final[dict[Artefact, tuple[str, ...]]] = {
-    Artefact.TASKS: ("distance", "first", "backward", "closed", "yaw"),
-    Artefact.PROV: ("timestamp",),
+_OF_KINDS: Final[dict[str, tuple[str, ...]]] = {
+    "tasks": ("distance", "first", "backward", "closed", "yaw"),
+    "prov": ("timestamp",),
 }
 """Parameters that apply to this kind only."""
 _OF_PICTURES: Final = ("since", "until")
@@ -127,19 +126,13 @@ def export(
         float, typer.Option(min=0.01, help="For tasks: distance from the walls, metres.")
     ] = 0.7,
     first: Annotated[int, typer.Option(min=0, help="For tasks: the first waypoint.")] = 0,
-    backward: Annotated[
-        bool, typer.Option("--backward", help="For tasks: the other way round.")
-    ] = False,
-    closed: Annotated[
-        bool, typer.Option("--closed", help="For tasks: return to the first waypoint.")
-    ] = False,
+    backward: Annotated[bool, "For tasks: the other way round."] = False,
+    closed: Annotated[bool, "For tasks: return to the first waypoint."] = False,
     yaw: Annotated[
-        Literal["zero", "path"],
-        typer.Option(help="For tasks: look along the path, or along x of the map."),
+        Literal["zero", "path"], "For tasks: look along the path, or along x of the map."
     ] = "zero",
     repeats: Annotated[
-        int | None,
-        typer.Option(min=1, help="Behaviours of the first repeats only. Default: all."),
+        int | None, typer.Option(min=1, help="Behaviours of the first repeats only. Default: all.")
     ] = None,
     timestamp: Annotated[
         datetime | None,
@@ -158,9 +151,7 @@ def export(
     ] = None,
     until: Annotated[
         float | None,
-        typer.Option(
-            "--until", metavar="SECONDS", help="For the picture of a run: a close-up up to here."
-        ),
+        typer.Option(metavar="SECONDS", help="For the picture of a run: a close-up up to here."),
     ] = None,
     *,
     target: DaemonTarget,
@@ -170,17 +161,17 @@ def export(
     A campaign gets one folder per scenario; scenarios with equal worlds share one. Traces come
     from a daemon or from their store, and each is verified. An interrupted export can be resumed.
     """
-    if is_recorded(source, kinds):
+    if _is_recorded(source, kinds):
         refuse_typed(context, _OF_FILES, "applies to floor plans and campaign files, not to runs")
-        if Artefact.PICTURE not in kinds:
+        if "picture" not in kinds:
             refuse_typed(context, _OF_PICTURES, "applies to a picture only")
-        value = export_recorded(source, kinds, out, target, (since, until))
+        value = _export_recorded(source, kinds, out, target, (since, until))
     else:
         from templates.world import ExportSettings
 
         refuse_typed(context, _OF_PICTURES, "applies to the picture of a run only")
         for kind, names in _OF_KINDS.items():
-            if kind not in kinds and Artefact.ALL not in kinds:
+            if kind not in kinds and "all" not in kinds:
                 refuse_typed(context, names, f"applies to {kind} only")
         settings = ExportSettings(
             laser_height=laser_height,
@@ -196,6 +187,65 @@ def export(
         value = _export_files(_worlds(source, out, repeats, base), kinds, settings, source)
     code = ExitCode.INFRASTRUCTURE if value.missing else ExitCode.EXPECTED
     return Answer("export", value, partial(_print, value), code)
+
+
+def _is_recorded(source: Path, kinds: Sequence[str]) -> bool:
+    """Return True if the source is a trace, a run or a submitted campaign."""
+    # `scenario new patrol` makes a folder with the name of its campaign, which has traces as well.
+    if source.suffix == ".mcap" or "traces" in kinds:
+        return True
+    return not source.exists() and source.suffix not in _FILE_ENDINGS and len(source.parts) == 1
+
+
+def _export_recorded(
+    source: Path,
+    kinds: Sequence[str],
+    out: Path,
+    target: DaemonTarget,
+    part: tuple[float | None, float | None],
+) -> ExportedFiles:
+    """Write the traces of recorded runs into the folder ``out``, or the picture of one run.
+
+    The picture shows the ``part`` of the run between two moments [s]. Raises wrong usage for other
+    kinds, and for both at a time.
+    """
+    if len(kinds) != 1 or kinds[0] not in _RECORDED_KINDS:
+        other = [kind for kind in kinds if kind not in _RECORDED_KINDS]
+        message = "recorded runs have `picture` and `traces`, one at a time"
+        if other and "traces" not in kinds:
+            about = f"{other[0]} needs a building or a campaign file, and {source} is not a file"
+            message = f"{about}: {message}"
+        raise typer.BadParameter(message, param_hint="KIND")
+    if kinds[0] == "traces":
+        check_folder(out, "--out")
+        return _copy_traces(str(source), out, target)
+    from daemon.analysis.report.run_maps import draw_run
+
+    path = out
+    if out.is_dir() or not out.suffix:
+        path = out / f"{source.name.removesuffix('.mcap')}.svg"
+    if path.suffix not in _PICTURE_ENDINGS:
+        raise typer.BadParameter(f"{path} must end in .svg, .png or .pdf", param_hint="--out")
+    check_writable(path, "--out")
+    trace = one_trace(str(source), target)
+    with wrong_usage("--from, --until"):
+        draw_run(trace, path, since=part[0], until=part[1])
+    return ExportedFiles((path,))
+
+
+def _copy_traces(name: str, folder: Path, target: DaemonTarget) -> ExportedFiles:
+    """Copy the traces of a campaign or a run, from a daemon or their store.
+
+    Each is verified. Interrupted copies are resumed, and complete ones are kept.
+    """
+    if Path(name).is_file() and trace_files(name):
+        raise typer.BadParameter(f"the trace {name} is already here", param_hint="SOURCE")
+    with target.read() as source:
+        rows = recorded_runs(source, name, target)
+        traces = bring_traces(rows, source, target, folder)
+    pairs = zip(rows, traces, strict=True)
+    missing = {row.id: str(one) for row, one in pairs if isinstance(one, TraceUnavailable)}
+    return ExportedFiles(tuple(one for one in traces if isinstance(one, Path)), missing)
 
 
 def _print(exported: ExportedFiles) -> None:

@@ -26,20 +26,15 @@ def _parse_age(text: str) -> float:
 
 def gc(
     keep: Annotated[
-        int | None,
-        typer.Option("--keep", min=0, help="Keep the traces of this many finished campaigns."),
+        int | None, typer.Option(min=0, help="Keep the traces of this many finished campaigns.")
     ] = None,
     older_than: Annotated[
         float | None,
-        typer.Option(
-            "--older-than", metavar="AGE", parser=_parse_age, help="Remove older traces: 30d, 12h."
-        ),
+        typer.Option(metavar="AGE", parser=_parse_age, help="Remove older traces: 30d, 12h."),
     ] = None,
     max_size: Annotated[
         int | None,
-        typer.Option(
-            "--max-size", metavar="SIZE", parser=parse_size, help="Remove until they fit: 20GiB."
-        ),
+        typer.Option(metavar="SIZE", parser=parse_size, help="Remove until they fit: 20GiB."),
     ] = None,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", "-n", help="List what would go; remove nothing.")

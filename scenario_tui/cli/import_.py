@@ -66,9 +66,7 @@ def import_(
     height: Annotated[
         float | None,
         typer.Option(
-            metavar="LENGTH",
-            parser=_parse_length,
-            help="Height of the walls. Default: 2.5 m.",
+            metavar="LENGTH", parser=_parse_length, help="Height of the walls. Default: 2.5 m."
         ),
     ] = None,
     layer: Annotated[
@@ -81,9 +79,7 @@ def import_(
             metavar="PATTERN", help="For drawings: layers that hold racks, columns and the like."
         ),
     ] = None,
-    unit: Annotated[
-        str, typer.Option(help="For drawings: mm, cm, dm, m, in or ft. Default: the file's unit.")
-    ] = "",
+    unit: Annotated[str, "For drawings: mm, cm, dm, m, in or ft. Default: the file's unit."] = "",
     thickness: Annotated[
         float | None,
         typer.Option(
@@ -92,9 +88,7 @@ def import_(
             help="For drawings: thickness of walls drawn as one line. Default: 0.1 m.",
         ),
     ] = None,
-    force: Annotated[
-        bool, typer.Option("--force", help="Overwrite an existing walls layer.")
-    ] = False,
+    force: Annotated[bool, "Overwrite an existing walls layer."] = False,
 ) -> Answer[ImportedBuilding]:
     """Make a building, NAME.walls.yaml, from a robot's map or a drawing (DXF).
 

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from scenario_tui.cli import completion
-from scenario_tui.cli.answer import Answer
-from scenario_tui.cli.exit_codes import exit_code
+from scenario_tui.cli.answer import Answer, exit_code
 from scenario_tui.cli.options import Processes
 from scenario_tui.cli.output import stdout_console, track_progress
 from scenario_tui.source import DaemonTarget, all_traces

@@ -72,7 +72,6 @@ def new(
     floorplan: Annotated[
         Path | None,
         typer.Option(
-            "--floorplan",
             metavar="FILE",
             help="Use this building instead of a new flat.",
             autocompletion=completion.offers(completion.files(".fpm", ".jsonld")),
@@ -81,18 +80,14 @@ def new(
     robot: Annotated[
         str,
         typer.Option(
-            "--robot",
             metavar="FILE|NAME",
             help="Use this robot, a file or one that ships, instead of a new one.",
         ),
     ] = "",
     nav2: Annotated[
         bool,
-        typer.Option(
-            "--nav2",
-            help="Also test Nav2 (ROS 2 Jazzy, Kilted): write suts/my-nav2.yaml and parameters "
-            "for the robot.",
-        ),
+        "Also test Nav2 (ROS 2 Jazzy, Kilted): write suts/my-nav2.yaml and parameters "
+        "for the robot.",
     ] = False,
     listing: Annotated[
         bool,

@@ -1,17 +1,23 @@
-"""Options that several commands share, and the parsers of their amounts."""
+"""Options that several commands share, the parsers of their amounts, and commands for typer."""
 
 from __future__ import annotations
 
+import functools
+import inspect
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Final, TypeAlias
+from types import SimpleNamespace
+from typing import Annotated, Any, Final, TypeAlias, get_args, get_origin, get_type_hints
 
 import typer
 
 from daemon.batch.amounts import parse_time
 from grammars.text.diagnostics import InputError, Where, closest
 from scenario_tui.cli import completion
+from scenario_tui.cli.answer import Answer, write_json
+from scenario_tui.cli.output import say, show_progress
+from scenario_tui.source import DaemonTarget
 
 _LISTED: Final = 5
 """Campaign files that a message lists if none is close to the typed name."""
@@ -107,9 +113,9 @@ def refuse_missing_file(name: str) -> None:
 
 
 def _campaign_hint(path: Path) -> str:
-    from scenario_tui.campaign_files import find_files, is_campaign
+    from scenario_tui.campaign_files import find_campaigns
 
-    files = find_files(Path(), is_campaign)
+    files = find_campaigns(Path())
     # Without the endings, by which any two of them would be similar.
     names = {file.stem: file for file in path.parent.glob("*.y*ml")}
     for file in files:
@@ -154,7 +160,6 @@ Connect: TypeAlias = Annotated[
 State: TypeAlias = Annotated[
     Path | None,
     typer.Option(
-        "--state",
         metavar="DIR",
         rich_help_panel=_COMMON,
         help="State directory of the daemon of this machine. Default: $SCENARIO_STATE, "
@@ -164,7 +169,6 @@ State: TypeAlias = Annotated[
 Keys: TypeAlias = Annotated[
     Path | None,
     typer.Option(
-        "--keys",
         metavar="DIR",
         rich_help_panel=_COMMON,
         help="Folder of keys, for tls/host:port. Default: $SCENARIO_KEYS, then the keys in your "
@@ -174,7 +178,6 @@ Keys: TypeAlias = Annotated[
 Baseline: TypeAlias = Annotated[
     str,
     typer.Option(
-        "--baseline",
         metavar="CAMPAIGN",
         help="Fail if results are worse than those of this campaign, folder of traces, file of "
         "results (JSON), or last-green. Default: the gate of the campaign file.",
@@ -186,7 +189,6 @@ Baseline: TypeAlias = Annotated[
 WorseBy: TypeAlias = Annotated[
     float | None,
     typer.Option(
-        "--worse-by",
         metavar="RATIO",
         parser=parse_ratio,
         help="Allowed loss of a margin or a duration. Default: the gate's, or 10 %.",
@@ -195,7 +197,6 @@ WorseBy: TypeAlias = Annotated[
 Base = Annotated[
     str,
     typer.Option(
-        "--base",
         metavar="IRI",
         help="For JSON-LD: base of relative identifiers. Default: the file's address.",
     ),
@@ -213,7 +214,6 @@ Slots: TypeAlias = Annotated[
 Wall: TypeAlias = Annotated[
     float | None,
     typer.Option(
-        "--wall",
         metavar="TIME",
         parser=parse_wall,
         help="Wall clock limit of a run, 90s or 10min; a run that exceeds it ends as an error. "
@@ -234,7 +234,6 @@ def _check_table(path: Path | None) -> Path | None:
 TableFile: TypeAlias = Annotated[
     Path | None,
     typer.Option(
-        "--table",
         metavar="FILE",
         help="Write a row for each run and oracle: .parquet, .csv or .arrow.",
         callback=_check_table,
@@ -273,7 +272,69 @@ RunOrTrace: TypeAlias = Annotated[
 ]
 
 
-def use_keys(folder: Path | None) -> None:
-    """Look for keys in ``folder`` from now on, if it is given."""
-    if folder is not None:
-        os.environ["SCENARIO_KEYS"] = str(folder.absolute())
+_TARGET_OPTIONS: Final[dict[str, tuple[Any, Any]]] = {
+    "connect": (Connect, ""),
+    "state": (State, None),
+    "keys": (Keys, None),
+}
+
+
+def as_typed(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a command as typer calls it; it writes the answer and returns the exit code.
+
+    A parameter ``target`` becomes ``--connect``, ``--state`` and ``--keys``, and a command that
+    answers gets ``--json``, which writes the value. A text in the annotation of an option is its
+    help.
+    """
+    signature = inspect.signature(command)
+    # Annotations are text (PEP 563), and the type of the answer is not imported at run time.
+    annotations = {k: v for k, v in command.__annotations__.items() if k != "return"}
+    types = get_type_hints(
+        SimpleNamespace(__annotations__=annotations), command.__globals__, include_extras=True
+    )
+    parameters = [
+        one.replace(annotation=_option(name, types[name]), kind=inspect.Parameter.KEYWORD_ONLY)
+        for name, one in signature.parameters.items()
+        if name != "target"
+    ]
+    common = dict(_TARGET_OPTIONS) if "target" in signature.parameters else {}
+    if "Answer" in str(signature.return_annotation):
+        common["as_json"] = (AsJson, False)
+    parameters += [
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind)
+        for name, (kind, default) in common.items()
+    ]
+
+    @functools.wraps(command)
+    def typed(**values: Any) -> Any:
+        if "connect" in common:
+            if keys := values.pop("keys"):
+                os.environ["SCENARIO_KEYS"] = str(keys.absolute())
+            where = values.pop("connect"), values.pop("state")
+            values["target"] = DaemonTarget(*where, say, show_progress)
+        as_json = values.pop("as_json", False)
+        answer = command(**values)
+        if not isinstance(answer, Answer):
+            return answer
+        if as_json:
+            write_json(answer.schema, answer.value)
+        else:
+            answer.text()
+        return int(answer.code)
+
+    typed.__annotations__ = {one.name: one.annotation for one in parameters}
+    typed.__signature__ = signature.replace(  # type: ignore[attr-defined]
+        parameters=parameters, return_annotation=inspect.Signature.empty
+    )
+    return typed
+
+
+def _option(name: str, annotation: Any) -> Any:
+    """Return an annotation with the option of its help text; flags get no ``--no-NAME``."""
+    if get_origin(annotation) is not Annotated:
+        return annotation
+    kind, option = get_args(annotation)
+    option = typer.Option(help=option) if isinstance(option, str) else option
+    if kind is bool and not option.param_decls:
+        option.param_decls = (f"--{name.replace('_', '-')}",)
+    return Annotated[kind, option]

@@ -22,9 +22,8 @@ from daemon.model.status import Deletion, HandedOver
 from daemon.stacks.ros2.checkup import StackCheck
 from grammars.maps.map_import import ImportedBuilding
 from grammars.variation import WrittenVariants
-from scenario_tui.cli import check, daemon, export_runs, new, plot, steer, values
-from scenario_tui.cli.answer import schema_identifier
-from scenario_tui.cli.exit_codes import ErrorValue
+from scenario_tui.cli import check, daemon, export, new, plot, steer, values
+from scenario_tui.cli.answer import ErrorValue, schema_identifier
 
 SCHEMA_TITLE: Final = "Outputs of scenario-tui"
 SCHEMA_FILE: Final = "outputs.schema.json"
@@ -44,7 +43,7 @@ VALUES: Final[dict[str, type]] = {
     "priority": steer.CampaignPriority,
     "resume": steer.SteeredRuns,
     "retry": steer.SteeredRuns,
-    "export": export_runs.ExportedFiles,
+    "export": export.ExportedFiles,
     "history": WrittenHistory,
     "import": ImportedBuilding,
     "inspection": StackCheck,

@@ -15,6 +15,7 @@ from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.options import RunOrTrace
 from scenario_tui.cli.output import print_line
+from scenario_tui.library.trace import Trace
 from scenario_tui.source import DaemonTarget, one_trace
 from scenario_tui.text.formatting import glyph_word, moment_text
 
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from rich.text import Text
 
     from scenario_tui.library.signal import Signal
-    from scenario_tui.library.trace import Trace
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,8 +60,6 @@ def plot(
     target: DaemonTarget,
 ) -> Answer[Plot]:
     """Draw signals of a recorded run over time, and mark the moments of failures."""
-    from scenario_tui.library.trace import Trace
-
     trace = Trace(one_trace(run, target))
     sampled = [trace.signal(name) for name in signals]
     plotted = (PlottedSignal(s.name, s.unit, s.time.tolist(), s.value.tolist()) for s in sampled)

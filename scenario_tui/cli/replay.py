@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from scenario_tui.cli import completion
-from scenario_tui.cli.exit_codes import CommandError, ExitCode, wrong_usage
+from scenario_tui.cli.answer import CommandError, ExitCode, wrong_usage
 from scenario_tui.cli.options import RunOrTrace
 from scenario_tui.cli.output import print_line, stdout_console
 from scenario_tui.source import DaemonTarget, one_trace, verdict_marks
@@ -41,12 +41,11 @@ def replay(
         ),
     ] = "",
     speed: Annotated[
-        float, typer.Option("--speed", min=0.1, max=1000.0, help="Simulated seconds per second.")
+        float, typer.Option(min=0.1, max=1000.0, help="Simulated seconds per second.")
     ] = 1.0,
     frame: Annotated[
         str,
         typer.Option(
-            "--frame",
             metavar="SECONDS|ORACLE",
             help="Only print this moment as text: a time in seconds, such as 124.2, or an oracle. "
             "Needs no terminal.",

@@ -12,8 +12,7 @@ import typer
 
 from daemon.batch.errors import TraceUnavailable
 from scenario_tui.cli import completion
-from scenario_tui.cli.answer import Answer
-from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.answer import Answer, ExitCode
 from scenario_tui.cli.options import (
     Processes,
     TableFile,
@@ -56,7 +55,6 @@ def report(
     figures: Annotated[
         Path | None,
         typer.Option(
-            "--figures",
             metavar="FOLDER",
             file_okay=False,
             help="Also write each figure of the page as PDF into this folder.",
@@ -64,21 +62,13 @@ def report(
     ] = None,
     junit: Annotated[
         Path | None,
-        typer.Option(
-            "--junit", metavar="FILE", dir_okay=False, help="Write verdicts as JUnit XML."
-        ),
+        typer.Option(metavar="FILE", dir_okay=False, help="Write verdicts as JUnit XML."),
     ] = None,
     table: TableFile = None,
     history: Annotated[
-        bool,
-        typer.Option(
-            "--history", help="Write a page about all submissions of this name, and what is new."
-        ),
+        bool, "Write a page about all submissions of this name, and what is new."
     ] = False,
-    exit_status: Annotated[
-        bool,
-        typer.Option("--exit-status", help="Exit with the code of the verdicts, 1 for a failure."),
-    ] = False,
+    exit_status: Annotated[bool, "Exit with the code of the verdicts, 1 for a failure."] = False,
     processes: Processes = None,
 ) -> Answer[WrittenReport] | Answer[WrittenHistory]:
     """Write a report of a campaign or a search: one page with figures.

@@ -11,8 +11,7 @@ import typer
 
 from grammars.text.diagnostics import Severity
 from grammars.text.words import command_line, count_noun
-from scenario_tui.cli.answer import Answer
-from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.answer import Answer, ExitCode
 from scenario_tui.cli.options import (
     Baseline,
     CampaignFile,
@@ -23,13 +22,13 @@ from scenario_tui.cli.options import (
     out_folder,
 )
 from scenario_tui.cli.output import print_commands, print_line, report_findings, say, show_progress
+from scenario_tui.library.campaign import Campaign, load
 from scenario_tui.source import DaemonTarget
 from scenario_tui.text.formatting import run_word
 
 if TYPE_CHECKING:
     from daemon.analysis.results import CampaignResults, ComparedResults
     from daemon.judging.assessment import CampaignDifference
-    from scenario_tui.library.campaign import Campaign
 
 Out = Annotated[Path | None, out_folder("Folder of traces. Default: scenario-results/<campaign>/.")]
 
@@ -42,7 +41,6 @@ def demo(out: Out = None, slots: Slots = None) -> Answer[ComparedResults]:
     from importlib.resources import as_file, files
 
     from daemon.analysis.results import ComparedResults
-    from scenario_tui.library.campaign import load
 
     # The package may be an archive.
     with as_file(files("campaigns")) as folder:
@@ -61,10 +59,7 @@ def run(
     junit: Annotated[
         Path | None,
         typer.Option(
-            "--junit",
-            metavar="FILE",
-            dir_okay=False,
-            help="Write verdicts as JUnit XML, for build servers.",
+            metavar="FILE", dir_okay=False, help="Write verdicts as JUnit XML, for build servers."
         ),
     ] = None,
     slots: Slots = None,
@@ -72,7 +67,6 @@ def run(
     attempts: Annotated[
         int | None,
         typer.Option(
-            "--attempts",
             min=1,
             max=100,
             help="Attempts for a run whose process dies without a result. Default: 3.",
@@ -106,7 +100,6 @@ def run(
 
 def load_announced(path: Path) -> Campaign:
     """Load a campaign; print its warnings and its searches, unless it has errors."""
-    from scenario_tui.library.campaign import load
     from scenario_tui.library.submission import searches_text
 
     campaign = load(path)

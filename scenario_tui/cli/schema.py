@@ -7,9 +7,8 @@ the parameters of the kinds that ship.
 from __future__ import annotations
 
 import json
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any, Final, Literal, TypeAlias, get_args
 
 import typer
 
@@ -18,26 +17,9 @@ from scenario_tui.cli.options import check_folder, out_folder
 Schema: TypeAlias = dict[str, Any]
 
 
-class FileKind(StrEnum):
-    """Kinds of YAML files; each has a schema file with its name."""
-
-    CAMPAIGN = "campaign"
-    MISSION = "mission"
-    ROBOT = "robot"
-    SUT = "sut"
-    ORACLES = "oracles"
-    WALLS = "walls"
-
-    @property
-    def file(self) -> str:
-        """Name of the published schema."""
-        return f"{self.value}.schema.json"
-
-    @property
-    def heading(self) -> str:
-        """Title of the published schema."""
-        name = {"sut": "System under test", "walls": "Walls layer"}.get(self, self.capitalize())
-        return f"{name} of scenario-tui"
+FileKind: TypeAlias = Literal["campaign", "mission", "robot", "sut", "oracles", "walls"]
+"""Kinds of YAML files; each has a schema file with its name."""
+FILE_KINDS: Final[tuple[FileKind, ...]] = get_args(FileKind)
 
 
 def schema(
@@ -50,9 +32,7 @@ def schema(
         ),
     ] = None,
     out: Annotated[Path | None, out_folder("Folder for KIND.schema.json files.")] = None,
-    outputs: Annotated[
-        bool, typer.Option("--outputs", help="Write the schema of the --json output instead.")
-    ] = False,
+    outputs: Annotated[bool, "Write the schema of the --json output instead."] = False,
     extension: Annotated[
         Path | None,
         typer.Option(
@@ -83,8 +63,8 @@ def schema(
         return
     if out is None and kind is None:
         raise typer.BadParameter("name a kind to print, or a folder with --out")
-    for each in FileKind if kind is None else (kind,):
-        _publish(schema_of(each), out, each.file)
+    for each in FILE_KINDS if kind is None else (kind,):
+        _publish(schema_of(each), out, f"{each}.schema.json")
 
 
 def schema_of(kind: FileKind) -> Schema:
@@ -96,17 +76,18 @@ def schema_of(kind: FileKind) -> Schema:
     from grammars.model.mission_files import MissionText
     from grammars.model.robot_files import RobotText
 
-    if kind is FileKind.ORACLES:
-        return oracle_schema(kind.heading)
-    if kind is FileKind.SUT:
-        return _sut_schema(kind.heading)
-    models: dict[FileKind, type[Any]] = {
-        FileKind.CAMPAIGN: CampaignFile,
-        FileKind.MISSION: MissionText,
-        FileKind.ROBOT: RobotText,
-        FileKind.WALLS: WallsText,
+    names = {"sut": "System under test", "walls": "Walls layer"}
+    title = f"{names.get(kind, kind.capitalize())} of scenario-tui"
+    if kind == "oracles":
+        return oracle_schema(title)
+    if kind == "sut":
+        return _sut_schema(title)
+    models: dict[str, type[Any]] = {
+        "campaign": CampaignFile,
+        "mission": MissionText,
+        "robot": RobotText,
     }
-    return editor_schema(models[kind], kind.heading)
+    return editor_schema(models.get(kind, WallsText), title)
 
 
 def _sut_schema(title: str) -> Schema:

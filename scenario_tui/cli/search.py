@@ -11,14 +11,13 @@ from dataclasses import replace
 from functools import partial
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 import typer
 
 from grammars.text.words import count_noun, duration_text
 from scenario_tui.cli import completion
-from scenario_tui.cli.answer import Answer
-from scenario_tui.cli.exit_codes import CommandError, ExitCode, exit_code, wrong_usage
+from scenario_tui.cli.answer import Answer, CommandError, ExitCode, exit_code, wrong_usage
 from scenario_tui.cli.options import Slots, check_campaign_file, out_folder, refuse_typed
 from scenario_tui.cli.output import (
     plain_table,
@@ -67,36 +66,21 @@ def search(
     ] = "",
     stop: Annotated[
         str,
-        typer.Option(
-            "--stop", metavar="RULE", help='"first failure", "5 failures", "when settled", budget.'
-        ),
+        typer.Option(metavar="RULE", help='"first failure", "5 failures", "when settled", budget.'),
     ] = "",
     method: Annotated[
-        str,
-        typer.Option(
-            "--method",
-            metavar="NAME",
-            help="auto, halton, random, tpe, cma or boundary.",
-            autocompletion=completion.offers(
-                completion.words("auto", "halton", "random", "tpe", "cma", "boundary")
-            ),
-        ),
-    ] = "",
+        Literal["auto", "halton", "random", "tpe", "cma", "boundary"] | None,
+        "Method of proposals. Default: that of the campaign file.",
+    ] = None,
     seed: Annotated[
-        int | None,
-        typer.Option("--seed", min=0, max=2**63 - 1, metavar="N", help="Seed of the proposals."),
+        int | None, typer.Option(min=0, max=2**63 - 1, metavar="N", help="Seed of the proposals.")
     ] = None,
     confirm: Annotated[
         int | None,
-        typer.Option(
-            "--confirm", min=0, max=100, metavar="N", help="Repeats that confirm a failure."
-        ),
+        typer.Option(min=0, max=100, metavar="N", help="Repeats that confirm a failure."),
     ] = None,
     fresh: Annotated[
-        bool,
-        typer.Option(
-            "--fresh", help="Start anew. Otherwise the same search continues where it stopped."
-        ),
+        bool, "Start anew. Otherwise the same search continues where it stopped."
     ] = False,
     detach: Annotated[
         bool, typer.Option("--detach", "-d", help="Run the search in the background.")
@@ -234,7 +218,7 @@ def search_code(row: SearchRow) -> ExitCode:
 
 
 def _read_changes(
-    budget: str, stop: str, method: str, seed: int | None, confirm: int | None
+    budget: str, stop: str, method: str | None, seed: int | None, confirm: int | None
 ) -> Callable[[SearchTask], SearchTask]:
     """Return a function that applies the options to a task; raises ``typer.BadParameter``."""
     from daemon.campaign import LEAST_CONFIRMED, read_budget, read_stop

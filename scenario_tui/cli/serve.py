@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from grammars.text.words import count_noun
-from scenario_tui.cli.exit_codes import CommandError, ExitCode, wrong_usage
+from scenario_tui.cli.answer import CommandError, ExitCode
 from scenario_tui.cli.options import CampaignFile
 from scenario_tui.cli.output import report_findings, say
 from scenario_tui.terminal.capabilities import why_no_screen
@@ -78,17 +78,16 @@ def serve(
     sut: Annotated[
         str,
         typer.Option(
-            "--sut",
             metavar="NAME",
             help="System under test that drives while nobody else does; with --ros2 one of "
             "kind ros2, for its topics and frames.",
         ),
     ] = "",
     repeat: Annotated[
-        int, typer.Option("--repeat", min=0, help="Repeat that sets noise and drawn behaviours.")
+        int, typer.Option(min=0, help="Repeat that sets noise and drawn behaviours.")
     ] = 0,
     speed: Annotated[
-        float, typer.Option("--speed", help="Simulated seconds per second, 0.01 to 1000.")
+        float, typer.Option(min=0.01, max=1000.0, help="Simulated seconds per second.")
     ] = 1.0,
     foxglove: Annotated[
         bool | None,
@@ -97,38 +96,28 @@ def serve(
             help="Serve Foxglove's WebSocket protocol. Default: if its SDK is installed.",
         ),
     ] = None,
-    host: Annotated[
-        str, typer.Option("--host", help="Address that Foxglove connects to.")
-    ] = "127.0.0.1",
+    host: Annotated[str, "Address that Foxglove connects to."] = "127.0.0.1",
     port: Annotated[
-        int, typer.Option("--port", min=0, max=65535, help="Its port; 0 takes a free one.")
+        int, typer.Option(min=0, max=65535, help="Its port; 0 takes a free one.")
     ] = 8765,
-    ros2: Annotated[
-        bool,
-        typer.Option("--ros2", help="Accept a ROS 2 stack that you start by hand."),
-    ] = False,
+    ros2: Annotated[bool, "Accept a ROS 2 stack that you start by hand."] = False,
     socket: Annotated[
         str,
         typer.Option(
-            "--socket",
             metavar="PATH|tcp://127.0.0.1:PORT",
             help="With --ros2: address for the relay of the stack. Default: a temporary folder.",
         ),
     ] = "",
-    headless: Annotated[
-        bool, typer.Option("--headless", help="Print addresses only; no view, no keys.")
-    ] = False,
-) -> int | None:  # fmt: skip
+    headless: Annotated[bool, "Print addresses only; no view, no keys."] = False,
+) -> int | None:
     """Run the world of a scenario live: drive in it, watch it, connect a stack to it.
 
     Use it to develop a stack before you test it. The topics are those of a trace; the world
     records and judges nothing, and waits for nobody. Ctrl-C or q ends it.
     """
-    from daemon.live.simulation import LiveSimulation, check_speed
+    from daemon.live.simulation import LiveSimulation
     from daemon.run import load_kernels
 
-    with wrong_usage("--speed"):
-        check_speed(speed)
     if socket and not ros2:
         raise typer.BadParameter("needs --ros2", param_hint="--socket")
     spec, scene = _pick(campaign, scenario, sut, repeat)

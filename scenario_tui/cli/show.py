@@ -41,11 +41,7 @@ def show(
         ),
     ],
     log: Annotated[
-        bool,
-        typer.Option(
-            "--log",
-            help="Show the log instead: attempts, mission, contacts, messages of the SUT.",
-        ),
+        bool, "Show the log instead: attempts, mission, contacts, messages of the SUT."
     ] = False,
     everything: Annotated[
         bool, typer.Option("--all", help="Show the log with all lines of all outputs.")

@@ -78,7 +78,6 @@ def retry(
     only: Annotated[
         str,
         typer.Option(
-            "--only",
             help="Runs to retry: lost, cancelled, an outcome, or all; separated by |.",
             autocompletion=completion.offers(completion.words(*_RETRYABLE)),
         ),
@@ -104,7 +103,7 @@ def acknowledge(campaign: CampaignName, *, target: DaemonTarget) -> Answer[Steer
 
 def pause(
     campaign: CampaignName,
-    off: Annotated[bool, typer.Option("--off", help="Continue a paused campaign.")] = False,
+    off: Annotated[bool, "Continue a paused campaign."] = False,
     *,
     target: DaemonTarget,
 ) -> Answer[SteeredRuns]:

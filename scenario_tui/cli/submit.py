@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from grammars.text.words import count_noun, duration_text
-from scenario_tui.cli.answer import Answer
-from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.answer import Answer, ExitCode
 from scenario_tui.cli.options import (
     Baseline,
     CampaignFile,
@@ -38,11 +37,8 @@ def submit(
     ] = False,
     fresh: Annotated[
         bool,
-        typer.Option(
-            "--fresh",
-            help="Run everything anew. Otherwise a run whose specification has a result keeps it, "
-            "even if the code of the system under test has changed since.",
-        ),
+        "Run everything anew. Otherwise a run whose specification has a result keeps it, "
+        "even if the code of the system under test has changed since.",
     ] = False,
     baseline: Baseline = "",
     worse_by: WorseBy = None,
@@ -105,10 +101,7 @@ def wait(
     timeout: Annotated[
         float | None,
         typer.Option(
-            "--timeout",
-            metavar="TIME",
-            parser=parse_duration,
-            help="Longest time to wait: 30s, 10min, 2h.",
+            metavar="TIME", parser=parse_duration, help="Longest time to wait: 30s, 10min, 2h."
         ),
     ] = None,
 ) -> Answer[ComparedResults] | Answer[SearchResult]:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -14,10 +13,9 @@ import typer
 from grammars.text.diagnostics import Finding, Where
 from grammars.text.words import count_noun
 from scenario_tui.cli import completion
-from scenario_tui.cli.answer import Answer
-from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.answer import Answer, ExitCode
 from scenario_tui.cli.options import out_folder
-from scenario_tui.cli.output import print_line, report_findings, say, stderr_console
+from scenario_tui.cli.output import open_progress, print_line, report_findings, say
 from scenario_tui.text.formatting import printed_lines
 from scenario_tui.text.styles import GLYPHS
 
@@ -49,7 +47,6 @@ def check(
     campaign: Annotated[
         Path | None,
         typer.Option(
-            "--campaign",
             metavar="FILE",
             help="Use robot, map and start of its first run. Default: an empty room.",
             autocompletion=completion.offers(completion.campaign_files),
@@ -91,8 +88,13 @@ def check(
 
     say(f"starting {name}, which may take {settings.start_up:g} s")
     try:
-        with _progress() as on_progress:
-            stack = inspection.inspect_stack(settings, briefing, first, on_progress, write_outputs)
+        with open_progress("{task.description}") as progress:
+            task = progress.add_task("")
+
+            def show(waiting: str) -> None:
+                progress.update(task, description=waiting)
+
+            stack = inspection.inspect_stack(settings, briefing, first, show, write_outputs)
     except SutFailure as error:
         value = StackCheck(name, error.reason, error.printed, outputs=tuple(outputs))
         return Answer("inspection", value, partial(_print_failure, value), ExitCode.INFRASTRUCTURE)
@@ -155,19 +157,6 @@ def _first_moment(
     briefing = Briefing(robot, grid, mission, mission.start, seed)
     scans = tuple(LaserScan(0.0, world.scan(laser.name), laser.name) for laser in robot.lasers)
     return briefing, Observation(0.0, (world.odometry(0.0),), scans)
-
-
-@contextmanager
-def _progress() -> Iterator[Callable[[str], None]]:
-    """Show progress on a terminal: the thing that the check is waiting for."""
-    console = stderr_console()
-    if not console.is_terminal:
-        yield lambda _: None
-        return
-    from rich.text import Text
-
-    with console.status("") as line:
-        yield lambda waiting: line.update(Text(waiting))
 
 
 def _print_failure(check: StackCheck) -> None:

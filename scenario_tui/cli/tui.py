@@ -10,19 +10,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import Annotated, Final
 
 import typer
 
 from grammars.text.terminal_text import unfiltered
-from scenario_tui.cli.exit_codes import CommandError, ExitCode
+from scenario_tui.cli.answer import CommandError, ExitCode
 from scenario_tui.cli.options import refuse_typed
 from scenario_tui.cli.output import plain_table, say, stdout_console
+from scenario_tui.dashboard.config import Config, config_path, read_config
 from scenario_tui.source import DaemonTarget
 from scenario_tui.terminal.capabilities import why_no_screen
-
-if TYPE_CHECKING:
-    from scenario_tui.dashboard.config import Config
 
 _COLLECT: Final = 10_000
 """New objects between two garbage collections: Python's 700 take a fifth of a key's time."""
@@ -33,29 +31,17 @@ _SERVED: Final = "TEXTUAL_DRIVER"
 def tui(
     context: typer.Context,
     target: DaemonTarget,
-    read_only: Annotated[
-        bool, typer.Option("--read-only", help="Only look: the dashboard changes nothing.")
-    ] = False,
-    bindings: Annotated[
-        bool,
-        typer.Option("--bindings", help="List the ids of all keys for config.toml, and exit."),
-    ] = False,
-    web: Annotated[
-        bool,
-        typer.Option("--web", help="Show it in browsers of this machine, read-only."),
-    ] = False,
-    write: Annotated[
-        bool, typer.Option("--write", help="With --web: allow changes from browsers.")
-    ] = False,
+    read_only: Annotated[bool, "Only look: the dashboard changes nothing."] = False,
+    bindings: Annotated[bool, "List the ids of all keys for config.toml, and exit."] = False,
+    web: Annotated[bool, "Show it in browsers of this machine, read-only."] = False,
+    write: Annotated[bool, "With --web: allow changes from browsers."] = False,
     port: Annotated[
-        int, typer.Option("--port", min=1, max=65535, help="With --web: port of the page.")
+        int, typer.Option(min=1, max=65535, help="With --web: port of the page.")
     ] = 8000,
     public_url: Annotated[
         str,
         typer.Option(
-            "--public-url",
-            metavar="URL",
-            help="With --web: address at which your proxy shows it to others.",
+            metavar="URL", help="With --web: address at which your proxy shows it to others."
         ),
     ] = "",
 ) -> int | None:
@@ -99,7 +85,6 @@ def tui(
 
 
 def _read_config() -> Config:
-    from scenario_tui.dashboard.config import read_config
     from scenario_tui.dashboard.key_bindings import check_config
 
     config = read_config()
@@ -165,7 +150,6 @@ def _connecting_screen() -> Iterator[None]:
 
 def _print_bindings() -> None:
     """Print a line for each binding: its id, its keys, its screens, its meaning."""
-    from scenario_tui.dashboard.config import config_path
     from scenario_tui.dashboard.key_bindings import list_key_bindings
 
     table = plain_table("id", "keys", "where", "what it does")

@@ -11,8 +11,7 @@ import typer
 
 from grammars.text.words import count_noun
 from scenario_tui.cli import completion
-from scenario_tui.cli.answer import Answer
-from scenario_tui.cli.exit_codes import wrong_usage
+from scenario_tui.cli.answer import Answer, wrong_usage
 from scenario_tui.cli.options import out_folder
 from scenario_tui.cli.output import plain_table, report_findings, say, stdout_console
 
@@ -48,19 +47,13 @@ def vary(
     ] = 0,
     method: Annotated[
         Literal["random", "grid", "halton", "lhs"],
-        typer.Option(
-            help="random: draw each by its seed. grid: every combination. halton, lhs: cover the "
-            "space evenly."
-        ),
+        "random: draw each by its seed. grid: every combination. halton, lhs: cover the "
+        "space evenly.",
     ] = "random",
     levels: Annotated[int, typer.Option(min=1, max=100, help="Values per range of a grid.")] = 3,
     out: Annotated[Path, out_folder("Folder to write to.")] = Path(),
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace existing files instead of keeping them.")
-    ] = False,
-    suffix: Annotated[
-        bool, typer.Option("--suffix", help="Write the seed into the name of each plan.")
-    ] = False,
+    overwrite: Annotated[bool, "Replace existing files instead of keeping them."] = False,
+    suffix: Annotated[bool, "Write the seed into the name of each plan."] = False,
     check: Annotated[
         float | None,
         typer.Option(

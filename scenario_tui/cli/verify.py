@@ -10,8 +10,7 @@ import typer
 
 from grammars.text.words import format_quantity
 from scenario_tui.cli import completion
-from scenario_tui.cli.answer import Answer
-from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.answer import Answer, ExitCode
 from scenario_tui.cli.options import Wall, refuse_missing_file
 from scenario_tui.cli.output import (
     open_progress,

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Self
 
 from grammars.text.diagnostics import Finding, InputError, Severity, Where, did_you_mean
 from grammars.text.words import count_noun
+from scenario_tui.library.results import Results
+from scenario_tui.source import DaemonTarget
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -16,7 +18,6 @@ if TYPE_CHECKING:
     from daemon import campaign as loading
     from daemon.model.submission import Submission
     from scenario_tui.library.job import Job
-    from scenario_tui.library.results import Results
     from templates.world import ArtefactWorld
 
 
@@ -235,8 +236,6 @@ class Campaign:
         be executed.
         """
         from scenario_tui.library.execution import run_here
-        from scenario_tui.library.results import Results
-        from scenario_tui.source import DaemonTarget
 
         folder = None if out is None else Path(out)
         submission = self.submission()
@@ -260,7 +259,6 @@ class Campaign:
         them is an error and :class:`DaemonError` when no daemon takes it.
         """
         from scenario_tui.library.job import submit_to
-        from scenario_tui.source import DaemonTarget
 
         target = DaemonTarget(connect, None if state is None else Path(state))
         return submit_to(target, self.submission(fresh=fresh), workers)

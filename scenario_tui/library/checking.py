@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from grammars.text.diagnostics import Finding, InputError, Where
 from grammars.text.sources import is_folder, is_jsonld, refuse_unreadable
 from grammars.text.words import count_noun
-
-if TYPE_CHECKING:
-    from grammars.floorplan import FloorPlan
-    from scenario_tui.library.campaign import Campaign
+from scenario_tui.library.campaign import Campaign, load
 
 Checker = Callable[[Path], tuple[str, tuple[Finding, ...]]]
 
@@ -54,35 +51,21 @@ def _checker(path: Path) -> Checker:
 
 
 # Each imports its own language: one file needs one of them, and all load slowly.
-def _floorplan(path: Path) -> tuple[str, tuple[Finding, ...]]:
-    from grammars.floorplan import load_floorplan
-
-    plan = load_floorplan(path)
-    parts = (
-        count_noun(len(plan.spaces), "space"),
-        count_noun(len(plan.walls), "wall"),
-        count_noun(len(plan.openings), "opening"),
-    )
-    return f"floor plan with {', '.join(parts)}", _building_findings(plan)
-
-
-def _walls(path: Path) -> tuple[str, tuple[Finding, ...]]:
+def _building(path: Path) -> tuple[str, tuple[Finding, ...]]:
+    from grammars.floorplan import WALLS_ENDING, load_floorplan
     from grammars.maps import load_walls
-
-    plan = load_walls(path)
-    parts = (
-        count_noun(len(plan.spaces), "space"),
-        count_noun(len(plan.features), "wall"),
-        count_noun(len(plan.openings), "entryway"),
-    )
-    return f"walls layer with {', '.join(parts)}", _building_findings(plan)
-
-
-def _building_findings(plan: FloorPlan) -> tuple[Finding, ...]:
     from grammars.preflight import check_scene
     from grammars.scenery.composition import compile_scene
 
-    return tuple(dict.fromkeys((*plan.warnings, *check_scene(compile_scene(plan, ())))))
+    if path.name.endswith(WALLS_ENDING):
+        plan, kind = load_walls(path), "walls layer"
+        parts = (count_noun(len(plan.features), "wall"), count_noun(len(plan.openings), "entryway"))
+    else:
+        plan, kind = load_floorplan(path), "floor plan"
+        parts = (count_noun(len(plan.walls), "wall"), count_noun(len(plan.openings), "opening"))
+    findings = (*plan.warnings, *check_scene(compile_scene(plan, ())))
+    about = f"{kind} with {', '.join((count_noun(len(plan.spaces), 'space'), *parts))}"
+    return about, tuple(dict.fromkeys(findings))
 
 
 def _scenery(path: Path) -> tuple[str, tuple[Finding, ...]]:
@@ -145,8 +128,6 @@ def _yaml(path: Path) -> tuple[str, tuple[Finding, ...]]:
 
 
 def _campaign(path: Path) -> tuple[str, tuple[Finding, ...]]:
-    from scenario_tui.library.campaign import load
-
     campaign = load(path)
     findings = tuple(campaign.check())
     return campaign_words(campaign), findings
@@ -169,12 +150,12 @@ def campaign_words(campaign: Campaign) -> str:
 
 
 _BY_ENDING: Final[dict[str, Checker]] = {
-    ".fpm": _floorplan,
+    ".fpm": _building,
     ".scenery": _scenery,
     ".variation": _variation,
     ".jsonld": _jsonld,
     ".json": _jsonld,
     ".mission.yaml": _mission,
     ".oracles.yaml": _oracles,
-    ".walls.yaml": _walls,
+    ".walls.yaml": _building,
 }

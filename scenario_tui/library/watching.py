@@ -7,7 +7,7 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
@@ -115,46 +115,6 @@ def open_display() -> Iterator[ProgressDisplay]:
         yield ProgressDisplay(screen)
 
 
-def progress_lines(
-    row: CampaignRow,
-    running: Sequence[RunRow] = (),
-    live: Mapping[str, LiveSnapshot] | None = None,
-    *,
-    per_minute: float = 0.0,
-    waiting: str = "",
-    search: str = "",
-    command: Callable[..., str] = command_line,
-) -> Group:
-    """Return the progress of a campaign: its line, its ``search``, a line for each running run.
-
-    ``waiting`` tells why no run starts; ``command`` quotes a command about the daemon. A narrow
-    terminal cuts the end of a line: the rate, then counts.
-    """
-    tail = Text(f"{_over(row)}/{count_noun(row.total, 'run')}")
-    if row.seconds_left is not None:
-        tail.append(f"  {duration_text(row.seconds_left)} left", style="default")
-    for word, count in run_counts(row).items():
-        if word not in ("queued", "running"):
-            tail.append(f"  {GLYPHS[word]} {count} {word}", style=word)
-    if per_minute:
-        tail.append(f"  {rate_text(per_minute)}", style="default")
-    line = Table.grid(padding=(0, 2), expand=True)
-    line.add_column(no_wrap=True)
-    line.add_column(width=_BAR)
-    line.add_column(no_wrap=True, overflow="ellipsis", ratio=1)
-    bar = ProgressBar(total=max(1, row.total), completed=_over(row), width=_BAR)
-    line.add_row(Text(row.name, style="bold"), bar, tail)
-    if row.paused:
-        waiting = f"paused: `{command('pause', row.id, '--off')}` continues it"
-    elif not (running or waiting or row.finished):
-        waiting = _WAITING
-    hidden = len(running) - _SHOWN_RUNS
-    words = (search, waiting, f"and {hidden} more" if hidden > 0 else "")
-    about, *rest = (_fitting(Text(f"  {text}", style="dim")) if text else None for text in words)
-    runs = [_run_line(run, (live or {}).get(run.id)) for run in running[:_SHOWN_RUNS]]
-    return Group(line, *filter(None, (about, *runs, *rest)))
-
-
 def _over(row: CampaignRow) -> int:
     """Return the number of runs that neither wait nor run, including cancelled ones."""
     return row.total - row.queued - row.running
@@ -260,20 +220,41 @@ class WatchedRuns:
     def draw(
         self, live: Mapping[str, LiveSnapshot], preparing: str, search: str = ""
     ) -> RenderableType:
-        """Return the lines of the campaign, with that of its ``search``."""
-        if self.row is None or self.began is None:
+        """Return the line of the campaign, that of its ``search``, one for each running run.
+
+        A narrow terminal cuts the end of a line: the rate, then counts.
+        """
+        row, running = self.row, self.running
+        if row is None or self.began is None:
             return Text(preparing)
-        minutes, over = (time.monotonic() - self.began[0]) / 60.0, _over(self.row) - self.began[1]
-        rate = over / minutes if minutes > 0.0 else 0.0
-        return progress_lines(
-            self.row,
-            self.running,
-            live,
-            per_minute=rate,
-            waiting=preparing,
-            search=search,
-            command=self.command,
+        over, (began, over_then) = _over(row), self.began
+        tail = Text(f"{over}/{count_noun(row.total, 'run')}")
+        if row.seconds_left is not None:
+            tail.append(f"  {duration_text(row.seconds_left)} left", style="default")
+        for word, count in run_counts(row).items():
+            if word not in ("queued", "running"):
+                tail.append(f"  {GLYPHS[word]} {count} {word}", style=word)
+        minutes = (time.monotonic() - began) / 60.0
+        if over > over_then and minutes > 0.0:
+            tail.append(f"  {rate_text((over - over_then) / minutes)}", style="default")
+        line = Table.grid(padding=(0, 2), expand=True)
+        line.add_column(no_wrap=True)
+        line.add_column(width=_BAR)
+        line.add_column(no_wrap=True, overflow="ellipsis", ratio=1)
+        bar = ProgressBar(total=max(1, row.total), completed=over, width=_BAR)
+        line.add_row(Text(row.name, style="bold"), bar, tail)
+        waiting = preparing
+        if row.paused:
+            waiting = f"paused: `{self.command('pause', row.id, '--off')}` continues it"
+        elif not (running or waiting or row.finished):
+            waiting = _WAITING
+        hidden = len(running) - _SHOWN_RUNS
+        words = (search, waiting, f"and {hidden} more" if hidden > 0 else "")
+        about, *rest = (
+            _fitting(Text(f"  {text}", style="dim")) if text else None for text in words
         )
+        runs = [_run_line(run, live.get(run.id)) for run in running[:_SHOWN_RUNS]]
+        return Group(line, *filter(None, (about, *runs, *rest)))
 
 
 @dataclass  # slots would replace the class, and super() would miss it

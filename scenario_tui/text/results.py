@@ -30,7 +30,7 @@ class Conclusion:
     """Agreement of a campaign with its expectations: the ``word`` of its glyph, and a ``text``.
 
     ``unexpected`` counts runs with a verdict that contradicts an expectation, ``known`` the others
-    that fail as expected. ``verdicts`` counts the judged ``runs``. ``margins`` are the worst of
+    that fail as expected. ``verdicts`` counts the judged runs. ``margins`` are the worst of
     each cell in the order of the matrix, as a share of their scale in [-1, 1] (below 0: broken;
     ``None``: unknown). ``expectations`` mark the runs.
     """
@@ -40,7 +40,6 @@ class Conclusion:
     unexpected: int = 0
     known: int = 0
     verdicts: int = 0
-    runs: int = 0
     margins: tuple[float | None, ...] = ()
     expectations: Expectations = field(default_factory=_no_expectations, repr=False)
 
@@ -83,7 +82,6 @@ def conclude(results: CampaignResults) -> Conclusion:
         unexpected=kinds["news"],
         known=kinds["known"],
         verdicts=sum(run.outcome is not None for run in results.rows),
-        runs=len(results.rows),
         margins=tuple(map(cell_margin, matrix_order(assessment.cells))),
         expectations=marks,
     )

@@ -16,7 +16,7 @@ from grammars.model.robot_files import load_robot
 from grammars.oracle import load_oracles
 from grammars.text.diagnostics import InputError, Where
 from grammars.text.documents import load_yaml, read_model
-from scenario_tui.cli.schema import FileKind, schema_of, schema_text
+from scenario_tui.cli.schema import FILE_KINDS, schema_of, schema_text
 from tests.languages.errors.goldens import renew
 from tests.languages.plans import HERE
 
@@ -31,16 +31,16 @@ def validator(kind):
     return Draft202012Validator(schema)
 
 
-@pytest.mark.parametrize("kind", list(FileKind))
+@pytest.mark.parametrize("kind", FILE_KINDS)
 def test_the_published_schema_is_that_of_the_models(kind):
-    published = (SCHEMAS / kind.file).read_text(encoding="utf-8")
+    published = (SCHEMAS / f"{kind}.schema.json").read_text(encoding="utf-8")
     assert published == schema_text(schema_of(kind)), (
         "the models have changed: scenario schema -o grammars/editor/schemas"
     )
 
 
 def test_no_schema_is_published_that_nothing_makes():
-    assert {p.name for p in SCHEMAS.iterdir()} == {kind.file for kind in FileKind}
+    assert {p.name for p in SCHEMAS.iterdir()} == {f"{kind}.schema.json" for kind in FILE_KINDS}
 
 
 def test_every_shipped_file_names_its_schema_and_follows_it(campaigns):
@@ -114,7 +114,7 @@ def _patterns(node):
         yield from _patterns(child)
 
 
-@pytest.mark.parametrize("kind", list(FileKind))
+@pytest.mark.parametrize("kind", FILE_KINDS)
 def test_expressions_keep_to_what_javascript_understands(kind):
-    for pattern in _patterns(validator(kind.value).schema):
+    for pattern in _patterns(validator(kind).schema):
         assert not re.search(r"\(\?[^:=!]|[*+?}]\+|\\[^\w.+*^$?()\[\]{}|/\\]", pattern), pattern

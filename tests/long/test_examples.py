@@ -9,8 +9,7 @@ import pytest
 
 from daemon.batch import launch
 from grammars.model.map_files import write_map
-from scenario_tui.cli.commands import load_command
-from scenario_tui.cli.examples import EXAMPLES
+from scenario_tui.cli.commands import EXAMPLES, load_command
 from tests.people.cli.commands import commands
 from tests.people.cli.real import call_here
 from tests.scene.maps.imported import house

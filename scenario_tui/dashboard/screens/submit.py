@@ -23,7 +23,7 @@ from daemon.model.status import SubmissionReceipt, WorkerRow
 from daemon.model.verbs import DaemonClient
 from grammars.text.diagnostics import Finding, Severity, Where
 from grammars.text.words import count_noun
-from scenario_tui.campaign_files import find_files, fuzzy_matches, is_campaign, relative_name
+from scenario_tui.campaign_files import find_campaigns, fuzzy_matches, relative_name
 from scenario_tui.dashboard.screens.base import BaseScreen
 from scenario_tui.dashboard.screens.dialogs import move_cursor, same_as
 from scenario_tui.dashboard.state import DashboardState
@@ -76,7 +76,7 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
         """Look for files."""
         self._list.can_focus = False
         self.dashboard.start_task(
-            partial(find_files, self._here, is_campaign), self._list_files, self.dashboard.problem
+            partial(find_campaigns, self._here), self._list_files, self.dashboard.problem
         )
 
     def trail(self) -> str:

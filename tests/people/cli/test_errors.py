@@ -7,7 +7,7 @@ import pytest
 
 from grammars.text.diagnostics import Finding, InputError, Severity, Where
 from scenario_tui.cli import command_line
-from scenario_tui.cli.exit_codes import CommandError, ExitCode, exit_code
+from scenario_tui.cli.answer import CommandError, ExitCode, exit_code
 from tests.people.cli.outputs import declared
 
 

@@ -10,9 +10,8 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from scenario_tui.cli import command_line
-from scenario_tui.cli.answer import write_json
+from scenario_tui.cli.answer import ExitCode, write_json
 from scenario_tui.cli.commands import COMMANDS, load_command
-from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.output_schemas import VALUES
 from tests.people.cli.outputs import declared
 from tests.people.fake import CAMPAIGN

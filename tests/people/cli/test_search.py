@@ -14,7 +14,7 @@ from daemon.model.search import SearchSubmission
 from daemon.search.answers.sentences import phase_words, search_word
 from daemon.search.preparation import PreparedSearch
 from scenario_tui.cli import search
-from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.answer import ExitCode
 from scenario_tui.cli.search import _read_changes, copy_campaign, search_code
 from scenario_tui.library.submission import searches_text
 from scenario_tui.library.watching import ProgressDisplay, WatchedSearch

@@ -15,7 +15,7 @@ LARGE = replace(
     queued=15_000, running=64, cancelled=12, seconds_left=7500.0,
 )  # fmt: skip
 CAMPAIGNS = FakeDaemon().campaigns()
-FINE = Conclusion("pass", "as expected", verdicts=4, runs=4)
+FINE = Conclusion("pass", "as expected", verdicts=4)
 JUDGED = {CAMPAIGN: Conclusion("fail", "3 runs unexpected", 3, known=2), OLD: FINE}
 HALTED = replace(LARGE, halted=True, troubles=(Trouble("the disk is full", TroubleCause.SPACE),))
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from textual.widgets import Input
 
-from scenario_tui.campaign_files import find_files, fuzzy_matches, is_campaign
+from scenario_tui.campaign_files import find_campaigns, fuzzy_matches
 from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
 from scenario_tui.dashboard.widgets.tables import KeyedTable
 from scenario_tui.library.submission import SubmissionPlan, Workload, check_file, plan_text
@@ -139,7 +139,7 @@ async def test_files_are_offered_and_checked_as_they_were(
 
 
 def test_campaigns_near_are_found_those_changed_last_first(folder):
-    found = find_files(folder, is_campaign)
+    found = find_campaigns(folder)
     assert found == (folder / "demo" / "campaign.yaml", folder / "broken.yaml")
 
 

@@ -1,5 +1,6 @@
 """Watching a campaign: until its last run, over restarts of the daemon."""
 
+import time
 from dataclasses import replace
 
 import pytest
@@ -10,7 +11,7 @@ from daemon.model import verbs
 from daemon.model.status import ChangeEvent, Preparation, PreparationPhase
 from daemon.model.verdicts import RunState
 from scenario_tui.library import watching
-from scenario_tui.library.watching import WatchedRuns, progress_lines, watch
+from scenario_tui.library.watching import WatchedRuns, watch
 from tests.people.fake import CAMPAIGN, OLD, WAITING, FakeDaemon, make_live, make_row
 
 PREPARING = "compiling kernels 7/42 (once on this machine)"
@@ -50,10 +51,13 @@ def test_a_campaign_the_daemon_forgot_is_not_waited_for(fake):
         watch(fake.open, WatchedRuns("never-submitted"))
 
 
-def _drawn(width, *shown, **words):
-    console = Console(width=width)
+def _drawn(width, row, running=(), live=None, preparing="", began=(0.0, 8)):
+    work, console = (
+        WatchedRuns(CAMPAIGN, row=row, running=running, began=began),
+        Console(width=width),
+    )
     with console.capture() as capture:
-        console.print(progress_lines(*shown, **words))
+        console.print(work.draw(live or {}, preparing))
     return capture.get().splitlines()
 
 
@@ -62,12 +66,12 @@ def test_waiting_for_the_first_run_is_explained(fake):
     campaign, waiting = _drawn(80, fake.campaigns()[0])
     assert "0/10 runs" in campaign
     assert waiting == "  waiting for a free slot"
-    assert _drawn(80, fake.campaigns()[0], waiting=PREPARING)[1] == f"  {PREPARING}"
+    assert _drawn(80, fake.campaigns()[0], preparing=PREPARING)[1] == f"  {PREPARING}"
 
 
 def test_runs_that_are_not_shown_are_counted_beside_what_is_prepared(fake):
     running = tuple(make_row(k, state=RunState.RUNNING) for k in range(10))
-    lines = _drawn(80, fake.campaigns()[0], running, waiting=PREPARING)
+    lines = _drawn(80, fake.campaigns()[0], running, preparing=PREPARING)
     assert lines[-2:] == [f"  {PREPARING}", "  and 2 more"]
 
 
@@ -75,7 +79,9 @@ def test_runs_that_are_not_shown_are_counted_beside_what_is_prepared(fake):
 def test_progress_shows_counts_pace_and_what_runs(fake, width):
     row, live = replace(fake.campaigns()[0], seconds_left=95.0), make_live(7, time=61.0)
     running = (make_row(7, state=RunState.RUNNING),)
-    campaign, run = _drawn(width, row, running, {live.run: live}, per_minute=12.5)
+    campaign, run = _drawn(
+        width, row, running, {live.run: live}, began=(time.monotonic() - 48.0, -2)
+    )
     assert len(campaign) <= width
     assert "8/10 runs  1 min 35 s left  ✗ 2 fail  ∅ 1" in campaign
     assert ("12.5 runs/min" in campaign) == (width > 100)

@@ -6,7 +6,7 @@ import signal
 import pytest
 
 import scenario_tui as st
-from scenario_tui.cli.exit_codes import exit_code
+from scenario_tui.cli.answer import exit_code
 from scenario_tui.library import execution
 from tests.parts import eventually
 from tests.people.cli.outputs import declared

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from grammars.model.map_files import read_map
-from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.answer import ExitCode
 from tests.parts import DEADLINE
 from tests.people.cli.real import COMMAND
 

@@ -6,7 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.answer import ExitCode
 from tests.parts import ROOT
 from tests.people.cli.real import COMMAND
 from tests.people.cli.test_completion import state
