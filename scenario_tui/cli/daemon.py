@@ -111,7 +111,7 @@ def daemon(
             raise typer.BadParameter("goes with --stop only", param_hint=option)
     state = target.paths.state
     if print_unit:
-        from daemon.batch.operation import daemon_unit
+        from daemon.batch.systemd import daemon_unit
 
         has_quota = any(word.startswith("--quota") for word in context.obj)
         inherited = "" if has_quota else os.environ.get("SCENARIO_QUOTA", "")

@@ -14,7 +14,7 @@ from scenario_tui.cli.output import open_progress, print_line
 from scenario_tui.source import DaemonTarget
 
 if TYPE_CHECKING:
-    from daemon.batch.operation import DoctorFinding, Examination
+    from daemon.batch.doctor import DoctorFinding, Examination
 
 _SIGNS: Final = {"ok": ("✓", "green"), "warning": ("!", "yellow"), "problem": ("✗", "bold red")}
 
@@ -28,7 +28,7 @@ def doctor(
 
     Compares every result with its digest. Changes nothing. Exits with 3 if there is a problem.
     """
-    from daemon.batch.operation import Examination, FindingLevel, examine, guarded
+    from daemon.batch.doctor import Examination, FindingLevel, examine, guarded
     from daemon.batch.paths import find_endpoint
 
     if quick and traces:
@@ -51,7 +51,7 @@ def doctor(
 
 def _check_settings() -> DoctorFinding:
     """Return the finding about the settings file of the dashboard."""
-    from daemon.batch.operation import DoctorFinding, FindingLevel
+    from daemon.batch.doctor import DoctorFinding, FindingLevel
     from scenario_tui.dashboard.config import config_path, read_config
 
     try:

@@ -14,8 +14,8 @@ from daemon.analysis.history import WrittenHistory
 from daemon.analysis.rejudge import Rejudgement
 from daemon.analysis.results import ComparedResults
 from daemon.analysis.verification import Verifications
+from daemon.batch.doctor import Examination
 from daemon.batch.ledger import Removal
-from daemon.batch.operation import Examination
 from daemon.batch.security import KeyList
 from daemon.judging.assessment import ComparedCampaigns
 from daemon.model.status import Deletion, HandedOver

@@ -75,7 +75,7 @@ def worker(
     )
     endpoint = find_endpoint(target.connect, target.state)
     if print_unit:
-        from daemon.batch.operation import worker_unit
+        from daemon.batch.systemd import worker_unit
 
         inherited = endpoint.address if endpoint.origin == "SCENARIO_CONNECT" else ""
         # Without an endpoint, the state directory leads to the daemon.

@@ -12,10 +12,9 @@ from pathlib import Path
 
 import pytest
 
+from daemon.batch.doctor import FindingLevel, _answering, check_keys, examine
 from daemon.batch.errors import DaemonError, KeysUnusable
 from daemon.batch.ledger import LedgerReader, LedgerWriter
-from daemon.batch.operation import FindingLevel, check_keys, examine
-from daemon.batch.operation._doctor import _answering
 from daemon.batch.paths import Endpoint, StatePaths, find_endpoint
 from daemon.batch.permissions import refuse_exposed_keys
 from daemon.batch.security.authority import create_authority, issue_key, revoke_key

@@ -23,8 +23,8 @@ from daemon.batch.security import (
 from daemon.batch.security._access_control import allowed_verbs
 from daemon.batch.security.authority import create_authority, issue_key, pack_key, revoke_key
 from daemon.batch.server import exposure_warning
+from daemon.batch.server._dispatcher import RevokedKeys
 from daemon.batch.server._opening import prepare_endpoints
-from daemon.batch.server._revoked_keys import RevokedKeys
 from daemon.batch.server._runtime import EventLog
 from daemon.model.verbs import Role
 from grammars.model.robot import Drive

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from daemon.batch.operation._doctor import check_leftovers
+from daemon.batch.doctor import check_leftovers
 from daemon.batch.run_process import LEASE, RESULT
 from daemon.batch.worker import _attempts
 from daemon.batch.worker._attempts import AdoptedWork, Spool

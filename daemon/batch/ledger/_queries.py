@@ -1,17 +1,19 @@
-"""Queries for campaigns and runs in SQL: columns, filters, order, and rows as answers."""
+"""Queries for campaigns, runs and searches in SQL: columns, filters, order, rows as answers."""
 
 from __future__ import annotations
 
 import re
 import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 from daemon.batch.errors import Refused
 from daemon.batch.ledger._entry import RESERVE
 from daemon.batch.paths import StatePaths
-from daemon.model.messages import CampaignQuery, RunQuery
-from daemon.model.search import Proposal
+from daemon.model.messages import LARGEST_PAGE, LARGEST_PAGE_BYTES, CampaignQuery, RunQuery
+from daemon.model.search import Proposal, SearchTask
+from daemon.model.search_answer import SearchProgress, SearchQuery, SearchRow
 from daemon.model.spec import RunResult
 from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome, RunState, join_notes
@@ -49,6 +51,12 @@ _TEXT: Final = (
 )
 _WORDS: Final = ("scenario", "sut", "oracle", "id", "repeat", "reason")
 """The columns of that text: a word without slash and space is in one of them."""
+_SEARCHES: Final = (
+    "SELECT id, name, submitted_at, task, state, total, file, progress,"
+    " (SELECT total(runs) FROM tally WHERE tally.campaign = campaign.id"
+    " AND tally.state IN ('done', 'lost', 'cancelled'))"
+    " FROM search JOIN campaign ON campaign.id = search.campaign"
+)
 _WILD: Final = re.compile(r"[\\%_]")
 _ESCAPED: Final = r"\\\g<0>"
 _AFTER_ANY_TEXT: Final = "\U0010ffff"
@@ -167,3 +175,61 @@ def _find_trace(
     row = db.execute("SELECT trace_name FROM run WHERE id = ?", (source,)).fetchone()
     path = paths.traces / row[0] if row else None
     return str(path) if path is not None and path.exists() else ""
+
+
+def no_search(campaign: str) -> str:
+    """Return the message for a campaign that is not a search."""
+    return f"there is no search {campaign}"
+
+
+def search_state(db: sqlite3.Connection, campaign: str) -> str:
+    """Return the state of a search, empty for other campaigns.
+
+    The ledger does not know clients: an unfinished search is ``waiting``.
+    """
+    row = db.execute("SELECT state FROM search WHERE campaign = ?", (campaign,)).fetchone()
+    return "" if row is None else str(row[0])
+
+
+def read_searches(db: sqlite3.Connection, query: SearchQuery) -> tuple[SearchRow, ...]:
+    """Return searches, the newest first.
+
+    In a list, answers have no files, and the answers of older searches are omitted if all together
+    are too large for a page.
+    """
+    conditions, values = ["TRUE"], []
+    if query.campaign:
+        conditions.append("search.campaign = ?")
+        values.append(query.campaign)
+    if query.unfinished:
+        conditions.append("state = 'waiting'")
+    rows, room = [], LARGEST_PAGE_BYTES
+    for row in db.execute(
+        f"{_SEARCHES} WHERE {' AND '.join(conditions)} ORDER BY serial DESC LIMIT ?",
+        (*values, LARGEST_PAGE),
+    ):
+        search = _search_row(row)
+        if not query.campaign and search.answer is not None:
+            answer = replace(search.answer, found="") if room > 0 else None
+            search = replace(search, answer=answer)
+            room -= len(codec.to_json(answer))
+        rows.append(search)
+    return tuple(rows)
+
+
+def _search_row(row: Any) -> SearchRow:
+    campaign, name, submitted_at, task, state, total, file, body, finished = row
+    progress = codec.from_json(SearchProgress, body)
+    return SearchRow(
+        campaign,
+        name,
+        submitted_at,
+        codec.from_json(SearchTask, task),
+        state,
+        progress.phase,
+        int(total),
+        int(finished),
+        progress.note,
+        progress.answer,
+        file,
+    )

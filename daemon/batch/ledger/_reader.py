@@ -15,6 +15,7 @@ from daemon.batch.ledger._connection import open_reader
 from daemon.batch.ledger._entry import RESERVE, read_spec
 from daemon.batch.ledger._queries import (
     campaign_filter,
+    read_searches,
     run_filter,
     run_order,
     run_row,
@@ -28,7 +29,6 @@ from daemon.batch.ledger._results import (
     require_era,
     require_lease,
 )
-from daemon.batch.ledger._searches import read_searches
 from daemon.batch.ledger._time_left import (
     Forecast,
     RunPace,

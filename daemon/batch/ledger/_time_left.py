@@ -13,7 +13,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from daemon.batch.ledger._searches import read_searches
+from daemon.batch.ledger._queries import read_searches
 from daemon.model.search_answer import SearchQuery
 from daemon.model.submission import Submission
 

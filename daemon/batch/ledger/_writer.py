@@ -20,6 +20,7 @@ from typing import Final, TypeVar
 from daemon.batch.errors import DaemonError, Refused, Rejected, Unavailable
 from daemon.batch.ledger._connection import UNREADABLE, connect
 from daemon.batch.ledger._entry import enter_campaign, enter_runs, read_spec
+from daemon.batch.ledger._queries import no_search, search_state
 from daemon.batch.ledger._results import (
     has_stopped_result,
     hold_text,
@@ -33,7 +34,6 @@ from daemon.batch.ledger._results import (
     reuse_results,
     store_result,
 )
-from daemon.batch.ledger._searches import no_search, search_state
 from daemon.batch.ledger.transitions import (
     Completed,
     ExecutionState,

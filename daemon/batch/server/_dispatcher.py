@@ -2,29 +2,102 @@
 
 Zenoh's callbacks only enqueue. The thread that serves a request validates it; an invalid one gets
 an error reply, and has no other effect.
+
+A request comes at ``ASK/<name>/<verb>``, and Zenoh lets each certificate use only its own name
+(:mod:`daemon.batch.security`). Clients of the socket, or over plain TCP, are the owner.
 """
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Final
 
 import zenoh
 
 from daemon.batch import bus
-from daemon.batch.errors import DaemonError, Refused
-from daemon.batch.security import strip_control_characters
-from daemon.batch.server._revoked_keys import RevokedKeys, split_key
+from daemon.batch.errors import DaemonError, KeysUnusable, Refused
+from daemon.batch.security import (
+    REGISTER_FILE,
+    DaemonCredentials,
+    KeyRegister,
+    load_register,
+    strip_control_characters,
+)
 from daemon.batch.server._runtime import EventLog
 from daemon.batch.server._threads import BUSY, JobQueue, LedgerJob
+from daemon.model.messages import ASK, OWNER
 from daemon.model.verbs import VERBS, AnyVerb, ServerThread
 from grammars.text import codec
 
 _LONGEST_PROBLEM: Final = 4000
 _LONGEST_KEY: Final = 200
+_LOOK_EVERY: Final = 1.0
+
+
+@dataclass(slots=True)
+class RevokedKeys:
+    """Revoked keys, including those since the start; without ``keys`` only the owner is admitted.
+
+    Zenoh's callbacks read it; the daemon's own thread reads the register.
+    """
+
+    log: EventLog
+    keys: DaemonCredentials | None = None
+    clock: Callable[[], float] = time.monotonic
+    _admitted: frozenset[str] = field(init=False, default=frozenset())
+    _revoked: frozenset[str] = field(init=False, default=frozenset())
+    _stamp: tuple[int, int, int] | None = field(init=False, default=None)
+    _look_at: float = field(init=False, default=0.0)
+
+    def __post_init__(self) -> None:
+        if self.keys is not None:
+            self._take(self.keys.register)
+            self._admitted = frozenset(one.name for one in self.keys.register.issued)
+
+    def problem(self, name: str) -> Refused | None:
+        """Return the objection to a request under this name, if any."""
+        if name == OWNER:
+            return None
+        if name not in self._admitted:
+            return Refused(f'this daemon does not know the key "{name[:100]}"')
+        if name in self._revoked:
+            return Refused(f'the key "{name}" was revoked: ask the owner of the daemon for another')
+        return None
+
+    def look(self) -> None:
+        """Check for revoked keys; call it often, it reads the register once a second."""
+        now = self.clock()
+        if self.keys is None or now < self._look_at:
+            return
+        self._look_at = now + _LOOK_EVERY
+        self._reread(self.keys)
+
+    def _reread(self, keys: DaemonCredentials) -> None:
+        try:
+            status = (keys.folder / REGISTER_FILE).stat()
+            stamp = (status.st_mtime_ns, status.st_size, status.st_ino)
+            if stamp == self._stamp:
+                return
+            register = load_register(keys.folder)
+        except (OSError, KeysUnusable) as error:
+            # Admitted keys stay admitted: the register may be in the middle of a copy.
+            if self._stamp is not None:
+                self.log.write("register not read", problem=str(error))
+            self._stamp = None
+            return
+        self._stamp = stamp
+        self._take(register)
+
+    def _take(self, register: KeyRegister) -> None:
+        revoked = frozenset(one.name for one in register.issued if one.revoked_at is not None)
+        # Revocation is final: a copy of the register may be older than the one read before.
+        for name in sorted(revoked - self._revoked):
+            self.log.write("key revoked", key=name)
+        self._revoked |= revoked
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +130,7 @@ class RequestDispatcher:
         """Enqueue a request for its thread: the callback of the queryable."""
         # Do not parse or refuse here: Zenoh calls from the thread that reads its sockets, and long
         # work in it delays everything, including heartbeats.
-        name, word = split_key(str(query.key_expr))
+        name, _, word = str(query.key_expr).removeprefix(f"{ASK}/").partition("/")
         denial = self.revoked.problem(name)
         verb = VERBS.get(word)
         if denial is not None:

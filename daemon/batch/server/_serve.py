@@ -19,7 +19,7 @@ from daemon.batch import bus
 from daemon.batch.errors import DaemonError
 from daemon.batch.ledger import LedgerWriter
 from daemon.batch.paths import DaemonContact, StatePaths
-from daemon.batch.server._dispatcher import RequestDispatcher
+from daemon.batch.server._dispatcher import RequestDispatcher, RevokedKeys
 from daemon.batch.server._handlers import Handlers
 from daemon.batch.server._housekeeping import Housekeeping, TraceMover
 from daemon.batch.server._opening import (
@@ -30,7 +30,6 @@ from daemon.batch.server._opening import (
     write_contact,
 )
 from daemon.batch.server._processes import LocalWorker
-from daemon.batch.server._revoked_keys import RevokedKeys
 from daemon.batch.server._runtime import DaemonSettings, EventLog
 from daemon.batch.server._threads import (
     JobQueue,

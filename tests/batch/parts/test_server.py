@@ -16,9 +16,9 @@ import psutil
 import pytest
 
 from daemon.batch import bus
+from daemon.batch.doctor import examine
 from daemon.batch.errors import Refused
 from daemon.batch.ledger import LedgerWriter
-from daemon.batch.operation import examine
 from daemon.batch.paths import Endpoint, StatePaths
 from daemon.model.messages import ASK, OWNER
 from daemon.model.spec import ENGINE_VERSION

@@ -9,8 +9,8 @@ import tempfile
 
 import pytest
 
-from daemon.batch.operation import daemon_unit, worker_unit
 from daemon.batch.server import DaemonSettings
+from daemon.batch.systemd import daemon_unit, worker_unit
 from daemon.model.execution import RunLimits
 
 AWKWARD = '/srv/my robots/50%/$HOME/"x"\\y'
