@@ -12,7 +12,7 @@ from daemon.batch.errors import Refused, Unavailable
 from daemon.batch.paths import StatePaths
 from daemon.batch.server import _uploads
 from daemon.batch.server._runtime import EventLog
-from daemon.batch.server._uploads import InputStore, Uploads
+from daemon.batch.server._uploads import DaemonFiles
 from daemon.model.messages import (
     Completion,
     LeaseRef,
@@ -51,8 +51,7 @@ class Site:
 
     def begin_again(self):
         """Have another daemon go on."""
-        inputs = InputStore(self.places, self.journal)
-        self.intake = Uploads(self.places, self.journal, inputs)
+        self.intake = DaemonFiles(self.places, self.journal)
 
     def leave_idle(self):
         """Have nobody go on with what there is for two minutes."""

@@ -18,7 +18,7 @@ from daemon.batch.server._dispatcher import VerbHandler, read_request
 from daemon.batch.server._housekeeping import Housekeeping
 from daemon.batch.server._runtime import DaemonSettings, EventLog
 from daemon.batch.server._submissions import read_extension, read_submission
-from daemon.batch.server._uploads import InputStore, Uploads
+from daemon.batch.server._uploads import DaemonFiles
 from daemon.batch.server._workers import LeaseDeadlines, SearchClients, WorkerRegistry
 from daemon.batch.stores import Marker, is_url, read_part
 from daemon.model.ids import is_id
@@ -109,8 +109,7 @@ class Handlers:
     draining: bool = False
 
     def __post_init__(self) -> None:
-        self._inputs = InputStore(self.paths, self.log)
-        self._uploads = Uploads(self.paths, self.log, self._inputs)
+        self._files = DaemonFiles(self.paths, self.log)
         self._estimate, self._estimated_at = TimeLeft(), -math.inf
         self._estimate_again_at = -math.inf
         self._started_at = time.time()
@@ -249,12 +248,12 @@ class Handlers:
         return Path(row.trace)
 
     def put(self, ledger: LedgerReader, request: PutRequest) -> Count:
-        return self._uploads.put(ledger, request)
+        return self._files.put(ledger, request)
 
     # Changes of the ledger; each is answered after its commit
 
     def submit(self, ledger: LedgerWriter, submission: Submission) -> SubmissionReceipt:
-        ledger.end_holds(self._inputs.has, time.time())
+        ledger.end_holds(self._files.has, time.time())
         receipt = ledger.submit(submission, time.time())
         self.log.write("submitted", **codec.to_plain(receipt))
         return receipt
@@ -332,14 +331,14 @@ class Handlers:
             return LeaseReply((), draining=True)
         if self.housekeeping.trouble:
             return LeaseReply(())  # not an error: workers ask again until there is space
-        ledger.end_holds(self._inputs.has, now)
+        ledger.end_holds(self._files.has, now)
         return LeaseReply(
             ledger.lease(
                 request.worker.id,
                 request.count,
                 now,
                 lacks=request.lacks,
-                missing=self._inputs.missing,
+                missing=self._files.missing,
             )
         )
 
@@ -355,10 +354,10 @@ class Handlers:
         # few; the worker then gets no answer and completes again.
         ledger.require_era(completion.era, completion.token)
         ledger.check_completion(completion)
-        if self._uploads.is_missing(ledger, completion):
+        if self._files.is_missing(ledger, completion):
             return LedgerAcknowledgement(LedgerAnswer.MISSING)
         answer = ledger.complete(completion, time.time())
-        self._uploads.settle_result(ledger, completion, answer)
+        self._files.settle_result(ledger, completion, answer)
         if answer is LedgerAnswer.RECORDED:
             self.housekeeping.add_bytes(completion.result.trace.size)
         if answer is LedgerAnswer.DIFFERS:
@@ -368,7 +367,7 @@ class Handlers:
     def release(self, ledger: LedgerWriter, request: ReleaseRequest) -> LedgerAcknowledgement:
         ledger.require_era(request.era, request.token)
         if request.damaged:
-            self._inputs.examine(request.damaged)
+            self._files.examine(request.damaged)
         answer = ledger.release(request, time.time())
         self.log.write("released", run=request.run, reason=request.reason[-400:])
         return LedgerAcknowledgement(answer)

@@ -1,4 +1,4 @@
-"""Inputs of runs, and uploads in parts: traces from remote workers, and files of submissions.
+"""Files of the state directory: inputs of runs, and uploads in parts of traces and inputs.
 
 A part is stored in ``incoming`` under its lease, if any, and the digest of the whole, so senders do
 not interfere with each other. Complete files are verified. A trace gets its final name when the
@@ -30,16 +30,20 @@ _IDLE: Final = 60.0
 """Time without progress after which an upload may be replaced by a new one [s]."""
 
 
-class InputStore:
-    """The scenes and files of the state directory, for all threads of the daemon.
+class DaemonFiles:
+    """Inputs and traces in the state directory.
 
-    A campaign with a missing scene or file is not leased: it waits, with that as its reason, until
-    it is submitted again.
+    Looks up inputs in any thread, takes parts of files in one, and names complete traces in the
+    ledger's. A campaign with a missing input is not leased: it waits, with that as its reason,
+    until it is submitted again. The next daemon goes on with incomplete uploads. Housekeeping
+    removes abandoned ones.
     """
 
     def __init__(self, paths: StatePaths, log: EventLog) -> None:
         self._paths = paths
         self._log = log
+        # An earlier daemon may have been killed before it had synchronised new folders.
+        sync_directory(paths.traces)
 
     def missing(self, spec: RunSpec) -> str:
         """Return a missing input of a run as ``scene`` or ``file`` and a digest, or empty text."""
@@ -65,20 +69,6 @@ class InputStore:
             if path.exists() and not is_intact(path):
                 aside = self._paths.put_aside(path)
                 self._log.write("input damaged", path=str(path), aside=str(aside))
-
-
-class Uploads:
-    """Takes parts of files, in one thread, and names complete traces, in the ledger's.
-
-    The next daemon goes on with incomplete uploads. Housekeeping removes abandoned ones.
-    """
-
-    def __init__(self, paths: StatePaths, log: EventLog, inputs: InputStore) -> None:
-        self._paths = paths
-        self._log = log
-        self._inputs = inputs
-        # An earlier daemon may have been killed before it had synchronised new folders.
-        sync_directory(paths.traces)
 
     def put(self, reader: LedgerReader, request: PutRequest) -> Count:
         """Add a part to its file; return the number of bytes received so far.
@@ -113,7 +103,7 @@ class Uploads:
                 raise Refused(f"a file has at most {LARGEST_FILE} bytes, not {request.size}")
             if not request.data:
                 # A good copy is available now: check whether ours is damaged.
-                self._inputs.examine(request.sha256)
+                self.examine(request.sha256)
             return self._paths.files / request.sha256
         if not is_run_id(lease.run):
             raise Refused(f"{lease.run!r} is not the id of a run")
