@@ -204,19 +204,21 @@ def _state(paths: StatePaths) -> Iterator[DoctorFinding]:
 def _permissions(paths: StatePaths) -> Iterator[DoctorFinding]:
     exposure, remedy = find_exposure(paths.folders), f"chmod -R go-rwx {paths.state}"
     owner = "run the daemon as their owner, or choose another directory with --state"
-    yield from _exposed("state", exposure, owner, remedy)
-    if exposure.readable:
-        # The daemon corrects this when it starts.
-        yield warning("state", f"others can read {names(exposure.readable)}", remedy)
-    if not (exposure.foreign or exposure.writable or exposure.readable):
-        yield ok("state", f"{paths.state}, yours alone")
+    # Only a warning for readable ones: the daemon corrects this when it starts.
+    findings = list(_exposed("state", exposure, owner, remedy, readable=FindingLevel.WARNING))
+    yield from findings or [ok("state", f"{paths.state}, yours alone")]
 
 
-def _exposed(subject: str, exposure: Exposure, owner: str, remedy: str) -> Iterator[DoctorFinding]:
+def _exposed(
+    subject: str, exposure: Exposure, owner: str, remedy: str, *, readable: FindingLevel
+) -> Iterator[DoctorFinding]:
     if exposure.foreign:
         yield problem(subject, f"{names(exposure.foreign)} belong to somebody else", owner)
     if exposure.writable:
         yield problem(subject, f"others can write {names(exposure.writable)}", remedy)
+    if exposure.readable:
+        message = f"others can read {names(exposure.readable)}"
+        yield DoctorFinding(readable, subject, message, remedy)
 
 
 def _ledger(
@@ -471,10 +473,9 @@ def _exposed_keys(folder: Path) -> Iterator[DoctorFinding]:
     """Check the access of others to keys: anybody who can add one decides who is admitted."""
     exposure, remedy = find_key_exposure(folder), f"chmod -R go-rwx {folder}, have new keys made"
     owner = "have keys of your own made: `scenario keys --help`"
-    yield from _exposed("keys", exposure, owner, remedy)
-    if exposure.readable:
-        yield problem("keys", f"others can read {names(exposure.readable)}", remedy)
-    elif not exposure.writable and folder.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO):
+    yield from _exposed("keys", exposure, owner, remedy, readable=FindingLevel.PROBLEM)
+    is_open = folder.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO)
+    if is_open and not (exposure.readable or exposure.writable):
         yield warning("keys", f"others can look into {folder}", f"chmod 700 {folder}")
 
 

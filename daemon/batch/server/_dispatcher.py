@@ -21,7 +21,6 @@ import zenoh
 from daemon.batch import bus
 from daemon.batch.errors import DaemonError, KeysUnusable, Refused
 from daemon.batch.security import (
-    REGISTER_FILE,
     DaemonCredentials,
     KeyRegister,
     load_register,
@@ -50,7 +49,7 @@ class RevokedKeys:
     clock: Callable[[], float] = time.monotonic
     _admitted: frozenset[str] = field(init=False, default=frozenset())
     _revoked: frozenset[str] = field(init=False, default=frozenset())
-    _stamp: tuple[int, int, int] | None = field(init=False, default=None)
+    _is_read: bool = field(init=False, default=True)
     _look_at: float = field(init=False, default=0.0)
 
     def __post_init__(self) -> None:
@@ -74,23 +73,14 @@ class RevokedKeys:
         if self.keys is None or now < self._look_at:
             return
         self._look_at = now + _LOOK_EVERY
-        self._reread(self.keys)
-
-    def _reread(self, keys: DaemonCredentials) -> None:
         try:
-            status = (keys.folder / REGISTER_FILE).stat()
-            stamp = (status.st_mtime_ns, status.st_size, status.st_ino)
-            if stamp == self._stamp:
-                return
-            register = load_register(keys.folder)
-        except (OSError, KeysUnusable) as error:
+            self._take(load_register(self.keys.folder))
+            self._is_read = True
+        except KeysUnusable as error:
             # Admitted keys stay admitted: the register may be in the middle of a copy.
-            if self._stamp is not None:
+            if self._is_read:
                 self.log.write("register not read", problem=str(error))
-            self._stamp = None
-            return
-        self._stamp = stamp
-        self._take(register)
+            self._is_read = False
 
     def _take(self, register: KeyRegister) -> None:
         revoked = frozenset(one.name for one in register.issued if one.revoked_at is not None)
