@@ -340,15 +340,13 @@ class LedgerWriter:
         """Return the numbers of runs of campaigns; refuse unfinished campaigns and searches."""
         totals = [read_campaign(self._db, one, "total")[0] for one in campaigns]
         for campaign in campaigns:
-            if search_state(self._db, campaign) == "waiting":
+            is_search = search_state(self._db, campaign) == "waiting"
+            waiting = self._count_runs(campaign, RunState.QUEUED, RunState.RUNNING)
+            if is_search or waiting:
+                runs = f"has {waiting} waiting or running runs"
+                reason = "is an unfinished search" if is_search else runs
                 raise Refused(
-                    f"{campaign} is an unfinished search: cancel it first"
-                    f" (`scenario cancel {campaign}`)"
-                )
-            if waiting := self._count_runs(campaign, RunState.QUEUED, RunState.RUNNING):
-                raise Refused(
-                    f"{campaign} has {waiting} waiting or running runs: cancel it first"
-                    f" (`scenario cancel {campaign}`)"
+                    f"{campaign} {reason}: cancel it first (`scenario cancel {campaign}`)"
                 )
         return tuple(totals)
 
