@@ -98,18 +98,18 @@ _VARIABLE: Final = re.compile(r"var\(--([\w-]+),?([^)]*)\)")
 _NAMESPACE: Final = ' xmlns="http://www.w3.org/2000/svg"'
 
 
-def table(columns: Mapping[str, Sequence[Any]], digits: int = 4) -> dict[str, Any]:
-    """Return columns, (n,) each, as the ``data`` of a chart, more compact than rows.
+def table(columns: Table) -> dict[str, Any]:
+    """Return columns as the ``data`` of a chart, more compact than rows.
 
-    Numbers keep ``digits`` significant digits; None, NaN and infinity become null.
+    Numbers keep four significant digits; None, NaN and infinity become null.
     """
-    return {"values": {name: [_cell(v, digits) for v in c] for name, c in columns.items()}}
+    return {"values": {name: list(map(_cell, column)) for name, column in columns.items()}}
 
 
-def _cell(value: Any, digits: int) -> Any:
+def _cell(value: Any) -> Any:
     if value is None or isinstance(value, str):
         return value
-    number = float(f"{value:.{digits}g}")
+    number = float(f"{value:.4g}")
     if not math.isfinite(number):
         return None
     return int(number) if number.is_integer() else number

@@ -1,4 +1,4 @@
-"""The history of a campaign: its submissions side by side, and the changes between them.
+"""The history of a campaign: its submissions side by side, the changes between them, and its page.
 
 Everything comes from the ledger: results, specifications, declarations. No trace is read.
 """
@@ -8,9 +8,26 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
+from operator import attrgetter
 from statistics import median
 from typing import Final, TypeAlias
 
+from daemon.analysis.charts import (
+    SERIES,
+    Chart,
+    chart_figure,
+    colours_of,
+    columns_of,
+    draw_charts,
+    layer,
+    legend,
+    legend_opacity,
+    page_script,
+    quantity,
+    table,
+    tooltip,
+)
 from daemon.batch.errors import Refused
 from daemon.judging.assessment import (
     JudgedCampaign,
@@ -20,18 +37,22 @@ from daemon.judging.assessment import (
     compare_campaigns,
 )
 from daemon.model.assessments import CellAssessment
-from daemon.model.spec import RunSpec
+from daemon.model.spec import RunSpec, own_version
 from daemon.model.status import CampaignRow, RunRow
 from daemon.model.submission import CampaignOrigin
 from daemon.model.verbs import CampaignSource
 from daemon.model.verdicts import Outcome
 from grammars.text import codec
-from grammars.text.words import count_noun, enumerate_words, format_quantity
+from grammars.text.words import NOTHING, count_noun, enumerate_words, format_quantity
+from templates.report import render_report
 
 _LONGEST: Final = 60
 """Most characters of a value that is shown before and after; a longer one only "changed"."""
 _MOST_NAMED: Final = 2
 _SHOWN_OF_HASH: Final = 12
+_WIDTH: Final = 620
+"""Width of a panel [px]."""
+
 
 Setup: TypeAlias = Mapping[str, Mapping[str, str]]
 """Inputs of a submission: aspects and their values, by subject (``system pilot``)."""
@@ -297,3 +318,83 @@ def _change_words(aspect: str, old: str, new: str) -> str:
     if max(len(old), len(new)) > _LONGEST:
         return f"{aspect} changed"
     return f"{aspect} {old} → {new}"
+
+
+def history_page(history: CampaignHistory) -> str:
+    """Return the history of a campaign as self-contained HTML."""
+    charts = [_cell_chart(history, cell) for cell in history.cells]
+    names = [f"{scenario} with {sut}" for scenario, sut in history.cells]
+    figures = [
+        (name, chart_figure(chart, svg, f"{name} over time"))
+        for name, chart, svg in zip(names, charts, draw_charts(charts), strict=True)
+    ]
+    return render_report(
+        {
+            "quantity": format_quantity,
+            "moment": lambda at: f"{datetime.fromtimestamp(at, UTC):%Y-%m-%d %H:%M} UTC",
+            "commit": _commit_text,
+            "verdict": verdict_words,
+            "change": quantity_words,
+        },
+        template="history.html.j2",
+        library=page_script(),
+        history=history,
+        figures=figures,
+        version=own_version(),
+        nothing=NOTHING,
+    )
+
+
+def _commit_text(submission: SubmissionRecord) -> str:
+    if not submission.commit:
+        return NOTHING
+    branch = f" on {submission.branch}" if submission.branch else ""
+    return f"{submission.commit[:8]}{branch}{', uncommitted' if submission.uncommitted else ''}"
+
+
+def _cell_chart(history: CampaignHistory, cell: tuple[str, str]) -> Chart:
+    """Return the rates and, by their units, the margins of a cell over the submissions."""
+    names = [one.id.removeprefix(f"{history.name}-") for one in history.submissions]
+    pairs = list(zip(names, history.submissions, strict=True))
+    rows = [(name, one) for name, each in pairs for one in each.oracles if one.cell == cell]
+    fields = ("oracle", "unit", "low", "high", "worst", "median")
+    columns = columns_of(fields, [attrgetter(*fields)(one) for _, one in rows]) | {
+        "submission": [name for name, _ in rows],
+        "rate": [one.passed / one.n for _, one in rows],
+        "passed": [f"{one.passed} of {one.n}" for _, one in rows],
+        "margins": [_margins_text(one) for _, one in rows],
+    }
+    colour = colours_of("oracle", list(dict.fromkeys(columns["oracle"])), SERIES, _WIDTH)
+    panels = [_panel("pass rate", "rate", ("low", "high"), "passed", colour)]
+    for unit in dict.fromkeys(one.unit for _, one in rows if one.median is not None):
+        ends = ("worst", "median")
+        panel = _panel(f"margin [{unit}]", "median", ends, "margins", colour | {"legend": None})
+        panels.append(panel | {"transform": [{"filter": {"field": "unit", "equal": unit}}]})
+    x = {"field": "submission", "type": "ordinal", "scale": {"domain": names}, "title": None}
+    for panel in panels:
+        axis = {"labelAngle": -30} if panel is panels[-1] else {"labels": False}
+        panel["encoding"]["x"] = {**x, "axis": axis}
+    return {
+        "data": table(columns),
+        # A click on an entry shows it alone in all panels.
+        "params": legend("oracle", "pass rate"),
+        "vconcat": panels,
+        "spacing": 8,
+        "resolve": {"scale": {"color": "independent"}},
+    }
+
+
+def _panel(title: str, field: str, ends: tuple[str, str], hover: str, colour: Chart) -> Chart:
+    """Return a panel with a line for each series, and bars from one of ``ends`` to the other."""
+    place = {"y": quantity(ends[0], title), "y2": {"field": ends[1]}}
+    words = tooltip({"submission": "submission", hover: title})
+    opacity = legend_opacity(1.0, 0.1)
+    encoding = {"y": quantity(field, title), "tooltip": words, "opacity": opacity}
+    bars = layer("rule", None, place, strokeWidth=3, opacity=0.3)
+    line = layer("line", None, encoding, name=title, point={"size": 26}, strokeWidth=1.3)
+    return {"width": _WIDTH, "height": 80, "encoding": {"color": colour}, "layer": [bars, line]}
+
+
+def _margins_text(record: OracleRecord) -> str:
+    worst, middle = (format_quantity(one, record.unit) for one in (record.worst, record.median))
+    return f"{record.oracle}: median {middle}, worst {worst}"

@@ -5,9 +5,9 @@ Commands that never draw load this module, so it must not import numpy or the or
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Final
 
@@ -38,13 +38,13 @@ NOTE: Final = "campaign.json"
 """The file that `scenario run` leaves beside its traces."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class CampaignResults:
     """Everything known about a campaign; ``rows`` are its runs with their results, in order.
 
     ``where`` is the folder, the state directory or the endpoint of the daemon that has them.
     ``unread`` are unusable traces, with the reason. ``machine`` executed the runs that have no
-    result yet. ``expectations`` mark news and known failures.
+    result yet.
     """
 
     row: CampaignRow
@@ -55,13 +55,11 @@ class CampaignResults:
     where: str = ""
     unread: tuple[tuple[str, str], ...] = ()
     machine: str = ""
-    expectations: Expectations = field(init=False, repr=False, compare=False)
-    _by_id: Mapping[str, RunRow] = field(init=False, repr=False, compare=False)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "_by_id", {row.id: row for row in self.rows})
-        marks = find_marks(self.declared, self.assessment, self.rows)
-        object.__setattr__(self, "expectations", marks)
+    @cached_property
+    def expectations(self) -> Expectations:
+        """The marks of news and known failures."""
+        return find_marks(self.declared, self.assessment, self.rows)
 
     @property
     def judged(self) -> JudgedCampaign:
@@ -76,6 +74,10 @@ class CampaignResults:
     def runs_of(self, cell: CellAssessment) -> tuple[RunRow, ...]:
         """Return the runs of a cell."""
         return tuple(self._by_id[run] for run in cell.runs)
+
+    @cached_property
+    def _by_id(self) -> dict[str, RunRow]:
+        return {row.id: row for row in self.rows}
 
     @property
     def undecided(self) -> tuple[CellVerdict, ...]:

@@ -10,7 +10,7 @@ from typing import Final
 
 from markupsafe import Markup
 
-from daemon.analysis.charts import Chart, chart_figure, draw_charts, page_script
+from daemon.analysis.charts import chart_figure, draw_charts, page_script
 from daemon.analysis.report import GLYPHS
 from daemon.analysis.report.run_maps import draw_moment, draw_recorded_way
 from daemon.model.search_answer import SearchAnswer, SearchRow
@@ -26,14 +26,14 @@ from daemon.search.answers.sentences import (
     point_words,
     search_word,
 )
-from daemon.search.figures import MOST_LINES, margins_chart, space_charts
+from daemon.search.figures import margins_chart, space_charts
 from daemon.search.points import is_as_written, range_text
 from grammars.text.words import NOTHING, count_noun, duration_text, format_quantity
 from templates.report import render_report
 
 MOST_LISTED: Final = 60
 """Most points in the table: those with the smallest margins."""
-_OVER_RUNS: Final = "Margin of every run, the smallest so far, and failures over runs"
+_OVER_RUNS: Final = "Margin of every run, and the smallest so far"
 _OVER_SPACE: Final = "Margins over the varied parameters"
 NO_TRACES: Final[Mapping[str, Path]] = MappingProxyType({})
 
@@ -54,16 +54,12 @@ def search_page(
     trials = point_trials(task, proposals)
     steps = point_trials(task, proposals, "nearest")
     nearest = answer.nearest.result.point if answer is not None and answer.nearest else None
-    charts: list[tuple[str, str, Chart]] = []
-    if trials:
-        margins = margins_chart(task, trials)
-        charts.append((_OVER_RUNS, "", margins))
-    for caption, chart in space_charts(task, trials, steps, nearest):
-        charts.append((f"{_OVER_SPACE}, {caption}" if caption else _OVER_SPACE, caption, chart))
-    drawings = draw_charts([chart for _, _, chart in charts])
+    charts = [(_OVER_RUNS, margins_chart(task, trials))] if trials else []
+    charts += space_charts(task, trials, steps, nearest)
+    drawings = draw_charts([chart for _, chart in charts])
     figures = [
-        (caption, chart_figure(chart, svg, label))
-        for (label, caption, chart), svg in zip(charts, drawings, strict=True)
+        (caption, chart_figure(chart, svg, caption or _OVER_SPACE))
+        for (caption, chart), svg in zip(charts, drawings, strict=True)
     ]
     example = answer.shown if answer is not None else None
     ordered = sorted(trials, key=lambda p: (math.isnan(p.compared), p.compared, p.number))
@@ -95,7 +91,6 @@ def search_page(
         is_as_written=is_as_written,
         points=ordered[:MOST_LISTED],
         left_out=len(ordered) - MOST_LISTED,
-        thinned=sum(not trial.fails for trial in trials) > MOST_LINES,
         steps=steps,
         shown=example,
         commands=commands,

@@ -11,8 +11,8 @@ from daemon.analysis.blame import Candidate
 from daemon.model.search import Phase, Point, Proposal
 from daemon.model.status import RunRow
 from daemon.model.trials import Trial, median_trial, read_trial
+from daemon.search.client import DaemonRuns
 from daemon.search.composition import SearchCase
-from daemon.search.daemon_runs import DaemonRuns
 from grammars.text.diagnostics import InputError
 
 MEDIAN_OF: Final = 3

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from daemon.batch.errors import TraceUnavailable
+from grammars.text.words import command_line
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer, ExitCode
 from scenario_tui.cli.options import (
@@ -25,7 +26,6 @@ from scenario_tui.source import DaemonTarget, bring_traces, find_campaign, open_
 
 if TYPE_CHECKING:
     from daemon.analysis.history import WrittenHistory
-    from daemon.analysis.report import SuggestedCommand
     from daemon.analysis.results import CampaignResults
     from daemon.model.status import RunRow
     from daemon.model.verbs import CampaignSource
@@ -114,7 +114,7 @@ def report(
     bar = partial(track_progress, description="reading traces")
     material = read_report_data(results, specs, processes=processes, watched=bar)
     if page is not None:
-        text = write_page(material, _run_commands(), processes=processes, figure_folder=figures)
+        text = write_page(material, _run_commands, processes=processes, figure_folder=figures)
         page.write_text(text, encoding="utf-8")
     if junit is not None:
         records = tuple(run.record for run in material.runs)
@@ -124,11 +124,12 @@ def report(
 
         write_table(report_table(material), table)
     files = {"page": page, "figures": figures} | tables
-    answer, code = headline(material.assessment, material.runs), material.assessment.exit_code
+    _, word, sentence = headline(material.assessment, material.runs)
+    code = material.assessment.exit_code
     report = WrittenReport(
         row.name,
         len(material.runs),
-        f"{answer.word}. {answer.sentence}",
+        f"{word}. {sentence}",
         code,
         {kind: str(path) for kind, path in files.items() if path},
         material.references,
@@ -159,8 +160,7 @@ def _report_history(campaign: str, page: Path, target: DaemonTarget) -> Answer[W
 
     Raises :class:`daemon.batch.errors.Refused` if the campaign does not exist.
     """
-    from daemon.analysis.history import WrittenHistory, read_history
-    from daemon.analysis.history_page import history_page
+    from daemon.analysis.history import WrittenHistory, history_page, read_history
 
     with target.read() as source:
         history = read_history(source, find_campaign(source, campaign).name)
@@ -195,17 +195,17 @@ def _report_search(
     return Answer("report", report, say, code if exit_status else ExitCode.EXPECTED)
 
 
-def _run_commands() -> tuple[SuggestedCommand, ...]:
-    """Return commands about a run that this version has."""
-    from daemon.analysis.report import SuggestedCommand
-
-    return (
-        SuggestedCommand("scenario replay {run} --from {oracle}", "watch that moment"),
-        SuggestedCommand("scenario replay {run}", "watch it again"),
-        SuggestedCommand("scenario export {run} picture -o run.svg", "a picture of it"),
-        SuggestedCommand("scenario judge {run}", "judge it again"),
-        SuggestedCommand("scenario blame {run}", "find out why it fails", failing=True),
-    )
+def _run_commands(run: str, oracle: str, failed: bool) -> list[tuple[str, str]]:
+    """Return commands about a run, each with its purpose."""
+    commands = [
+        (command_line("replay", run, "--from", oracle), "watch that moment"),
+        (command_line("replay", run), "watch it again"),
+        (command_line("export", run, "picture", "-o", "run.svg"), "a picture of it"),
+        (command_line("judge", run), "judge it again"),
+    ]
+    if failed:
+        commands.append((command_line("blame", run), "find out why it fails"))
+    return commands
 
 
 def _print_written(

@@ -219,7 +219,7 @@ def test_candidates_run_in_batches_up_to_the_first_that_fails(file, monkeypatch)
     assert runner.first_failing(tried) == 2
     assert [spec.seed for spec in pretended.specs] == [0, 1, 2, 3], "the batch of the failing one"
     assert (runner.runs, runner.cached) == (4, 2)
-    assert runner.recall(tried[2]).verdict.outcome is Outcome.FAIL
+    assert runner.recall(tried[2]).outcome is Outcome.FAIL
     with pytest.raises(BudgetSpentError):
         runner.first_failing(tried[4:])
 

@@ -17,7 +17,6 @@ from pathlib import Path
 from daemon.analysis.recorded import read_traces
 from daemon.analysis.rejudge import rejudge
 from daemon.analysis.report import (
-    SuggestedCommand,
     read_report_data,
     report_table,
     write_junit,
@@ -103,7 +102,7 @@ def reported(folder, executed):
     start, before = time.perf_counter(), _cpu()
     material = read_report_data(replace(chosen, rows=records), tuple(source.specs.values()))
     read = time.perf_counter() - start
-    page = write_page(material, (SuggestedCommand("scenario judge {run}", "judge it again"),))
+    page = write_page(material, lambda run, *_: [(f"scenario judge {run}", "judge it again")])
     drawn = time.perf_counter() - start - read
     beside = Reference("executing as many", executed * len(records))
     yield Measurement(

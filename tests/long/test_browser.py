@@ -5,14 +5,18 @@ from contextlib import contextmanager
 
 import pytest
 
-from daemon.analysis.history import CampaignHistory, OracleRecord, SubmissionRecord
-from daemon.analysis.history_page import history_page
+from daemon.analysis.history import (
+    CampaignHistory,
+    OracleRecord,
+    SubmissionRecord,
+    history_page,
+)
 from daemon.analysis.report import write_page
 from daemon.search.page import search_page
 from tests.analysis.report.recordings import (
-    COMMAND,
     NAME,
     REPEATS,
+    commands,
     record_campaign,
     report_of,
 )
@@ -90,7 +94,7 @@ def middle(browser, element):
 @pytest.fixture(scope="module")
 def page(tmp_path_factory):
     folder = record_campaign(tmp_path_factory.mktemp("traces") / "results")
-    return write_page(report_of(folder), (COMMAND,), processes=1)
+    return write_page(report_of(folder), commands, processes=1)
 
 
 @pytest.fixture
@@ -228,27 +232,18 @@ def test_on_paper_the_drawings_of_all_charts_are_there(page, open_page):
     assert not open_page.evaluate("document.querySelector('.chart.alive .live').clientWidth")
 
 
-FADED = """(() => [...document.querySelectorAll("#space .live .mark-line path")]
-  .map((line) => line.getAttribute("opacity") ?? line.getAttribute("stroke-opacity") ?? 1)
-  .filter((opacity) => Number(opacity) < 0.1).length)()"""
-FIRST_AXIS = """(() => {
-  const [line, svg] = [".mark-line", "svg"].map(
-    (part) => document.querySelector(`#space .live ${part}`).getBoundingClientRect());
-  return [line.x, svg.y, svg.height];
-})()"""
-
-
-@pytest.mark.parametrize("width", [1280, 500])
-def test_an_area_brushed_over_an_axis_keeps_the_runs_of_a_search_that_lie_in_it(tmp_path, width):
+def test_the_failing_runs_of_a_search_are_shown_alone_after_a_click_on_the_legend(tmp_path):
     search = finished_search(*(ranged(f"doors.time_{number}") for number in range(6)))
-    with opened(search_page(*search), tmp_path, width=width) as browser:
-        browser.evaluate("document.querySelector('#space .chart').scrollIntoView()")
-        browser.wait("document.querySelectorAll('#space .live .mark-line').length")
-        assert browser.evaluate(FADED) == 0
-        left, top, high = browser.evaluate(FIRST_AXIS)
-        click(browser, (left - 8, top + 0.3 * high), (left + 8, top + 0.5 * high))
-        assert browser.wait(FADED) > 0
-        assert browser.evaluate("document.documentElement.scrollWidth") <= width
+    with opened(search_page(*search), tmp_path, width=500) as browser:
+        live_chart(browser, "#space .chart")
+        dimmed = "[...chart.querySelectorAll('.live [opacity=\"0.05\"]')].length"
+        assert browser.evaluate(dimmed) == 0
+        entry = (
+            "[...chart.querySelectorAll('.live text')].find((text) => text.textContent === 'fails')"
+        )
+        click(browser, middle(browser, entry))
+        assert browser.wait(dimmed) > 0
+        assert browser.evaluate("document.documentElement.scrollWidth") <= 500
 
 
 def test_an_oracle_that_is_clicked_in_the_legend_of_a_history_is_shown_alone(tmp_path):

@@ -10,11 +10,9 @@ from daemon.analysis.blame._elements import Blame, Explanation, NoFailureError, 
 from daemon.analysis.blame._runner import (
     SLOTS,
     BudgetSpentError,
-    CandidateResult,
     CandidateRunner,
+    candidate_verdicts,
     execute_candidates,
-    judge_verdict,
-    unresolved_candidate,
 )
 from daemon.analysis.blame._save import save_campaign
 from daemon.analysis.blame._search import BlameResult, ddmin, explain_failure
@@ -25,18 +23,16 @@ __all__ = [
     "BlameResult",
     "BudgetSpentError",
     "Candidate",
-    "CandidateResult",
     "CandidateRunner",
     "Explanation",
     "NoFailureError",
     "RunCase",
+    "candidate_verdicts",
     "case_of",
     "ddmin",
     "execute_candidates",
     "explain_failure",
-    "judge_verdict",
     "load_case",
     "save_campaign",
     "story_lines",
-    "unresolved_candidate",
 ]

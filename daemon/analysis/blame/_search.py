@@ -19,10 +19,12 @@ from daemon.analysis.blame._elements import (
     ElementKind,
     Elements,
     NoFailureError,
+    TestOutcome,
     Without,
 )
-from daemon.analysis.blame._runner import BudgetSpentError, CandidateResult, CandidateRunner
+from daemon.analysis.blame._runner import BudgetSpentError, CandidateRunner
 from daemon.model.spec import OracleText
+from daemon.model.verdicts import Outcome, Verdict
 from grammars.text.diagnostics import Finding, InputError, Where, did_you_mean
 
 T = TypeVar("T")
@@ -137,7 +139,7 @@ class _Search:
         ends = tuple(
             Without(element, "unresolved", "there is no run, another layer needs it")
             if result is None
-            else Without(element, result.word, result.verdict.evidence.note)
+            else Without(element, _word(result), result.evidence.note)
             for element, result in zip(elements, results, strict=True)
         )
         self.reasons = tuple(end.element for end in ends if end.word == "pass")
@@ -168,6 +170,11 @@ class _Search:
             return None
 
 
+def _word(verdict: Verdict) -> TestOutcome:
+    words: dict[Outcome, TestOutcome] = {Outcome.PASS: "pass", Outcome.FAIL: "fail"}
+    return words.get(verdict.outcome, "unresolved")
+
+
 def explain_failure(case: RunCase, runner: CandidateRunner, oracle: str = "") -> BlameResult:
     """Find the causes of a failure; return their story with the smallest run that still fails.
 
@@ -191,14 +198,14 @@ def explain_failure(case: RunCase, runner: CandidateRunner, oracle: str = "") ->
     parameters = [one for one in remaining if one.kind == "parameter"]
     story = Blame(
         run=case.spec.label,
-        verdict=first.verdict,
+        verdict=first,
         layers=search.layers,
         objects=tuple(thing.name for thing in smallest.scene.objects),
         behaviours=tuple(one.name for one in remaining if one.kind == "behaviour"),
         waypoints=tuple(waypoint.id for waypoint in smallest.spec.mission.waypoints),
         parameters=tuple(one.name for one in parameters),
         before=tuple((kind, sum(one.kind == kind for one in whole)) for kind in kinds),
-        last=(runner.recall(smallest) or first).verdict,
+        last=runner.recall(smallest) or first,
         minimal=search.minimal,
         stopped=stopped,
         settings=tuple(one.short_name for one in parameters),
@@ -208,18 +215,18 @@ def explain_failure(case: RunCase, runner: CandidateRunner, oracle: str = "") ->
 
 def _reproduce_failure(
     case: RunCase, runner: CandidateRunner, oracle: str
-) -> tuple[OracleText, CandidateResult]:
-    """Execute the whole run; return the failing oracle and its result."""
+) -> tuple[OracleText, Verdict]:
+    """Execute the whole run; return the failing oracle and its verdict."""
     names = [o.name for o in case.spec.oracles]
     if oracle and oracle not in names:
         message = f'{case.spec.label} has no oracle "{oracle}"'
         where = Where(case.campaign.file)
         raise InputError(Finding(where, message, did_you_mean(oracle, names)))
-    results = runner.judge_all(Candidate(case.spec, case.cell.scene))
-    for one, result in zip(case.spec.oracles, results, strict=True):
-        if result.word == "fail" and oracle in ("", one.name):
-            runner.remember(case.candidate(frozenset(), one), result)
-            return one, result
-    outcomes = ", ".join(f"{r.verdict.oracle} {r.verdict.outcome}" for r in results)
+    verdicts = runner.verdicts(Candidate(case.spec, case.cell.scene))
+    for one, verdict in zip(case.spec.oracles, verdicts, strict=True):
+        if verdict.outcome is Outcome.FAIL and oracle in ("", one.name):
+            runner.remember(case.candidate(frozenset(), one), verdict)
+            return one, verdict
+    outcomes = ", ".join(f"{verdict.oracle} {verdict.outcome}" for verdict in verdicts)
     name = f" {oracle}" if oracle else ""
     raise NoFailureError(f"{case.spec.label} does not fail{name}: {outcomes}")

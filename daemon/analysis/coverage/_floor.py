@@ -117,10 +117,26 @@ def mark_rays(
 
 
 def _driven_cells(grid: OccupancyGrid, trace: Trace) -> _Cells:
+    """Return the cells whose centre the footprint covers at one of the poses."""
     truth = trace.ground_truth
-    poses = np.column_stack((truth.x, truth.y, truth.yaw))
-    ring = np.array(trace.spec.robot.footprint, np.float64)
-    return footprint_cells(grid, poses[_strides(poses)], ring)
+    poses = np.column_stack((truth.x - grid.x, truth.y - grid.y, truth.yaw))
+    x, y, yaw = poses[_strides(poses)].T[:, :, None, None]
+    footprint = shapely.Polygon(trace.spec.robot.footprint)
+    reach = math.ceil(np.hypot(*np.transpose(trace.spec.robot.footprint)).max() / grid.resolution)
+    around = np.arange(-reach, reach + 1)
+    column = (x // grid.resolution).astype(np.intp) + around[None, :]
+    row = (y // grid.resolution).astype(np.intp) + around[:, None]
+    # The centre of each cell as the robot sees it [m].
+    along_x, along_y = (column + 0.5) * grid.resolution - x, (row + 0.5) * grid.resolution - y
+    ahead = np.cos(yaw) * along_x + np.sin(yaw) * along_y
+    aside = np.cos(yaw) * along_y - np.sin(yaw) * along_x
+    covered: _Cells = np.zeros(grid.cells.shape, np.bool_)
+    rows, columns = covered.shape
+    inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+    inside &= shapely.intersects_xy(footprint, ahead, aside)
+    row, column = np.broadcast_arrays(row, column)
+    covered[row[inside], column[inside]] = True
+    return covered
 
 
 def _strides(poses: Floats) -> npt.NDArray[np.intp]:
@@ -132,45 +148,6 @@ def _strides(poses: Floats) -> npt.NDArray[np.intp]:
     slots = np.floor(np.cumsum(way) / STRIDE + np.cumsum(turn) / 0.1)
     first = np.unique(slots, return_index=True)[1]
     return np.union1d(first, [len(poses) - 1]).astype(np.intp)
-
-
-def footprint_cells(grid: OccupancyGrid, poses: Floats, ring: Floats) -> _Cells:
-    """Return the cells whose centre a convex ``ring`` (m, 2) covers at one of ``poses`` (n, 3)."""
-    covered: _Cells = np.zeros(grid.cells.shape, np.bool_)
-    spots = (poses[:, :2] - (grid.x, grid.y)) / grid.resolution
-    mark_footprints(covered, np.column_stack((spots, poses[:, 2])), ring, grid.resolution)
-    return covered
-
-
-@kernel
-def mark_footprints(cells: _Cells, places: Floats, ring: Floats, resolution: float) -> None:
-    """Mark the cells whose centre a convex ``ring`` (m, 2) [m] covers at one of ``places`` (n, 3).
-
-    Places are column, row [cells] and yaw. The corners may be in either direction.
-    """
-    rows, columns = cells.shape
-    reach = 0.0
-    for corner in range(len(ring)):
-        reach = max(reach, math.hypot(ring[corner, 0], ring[corner, 1]) / resolution)
-    for place in range(len(places)):
-        x, y = places[place, 0], places[place, 1]
-        c, s = math.cos(places[place, 2]), math.sin(places[place, 2])
-        for row in range(max(0, math.floor(y - reach)), min(rows, math.floor(y + reach) + 1)):
-            for column in range(
-                max(0, math.floor(x - reach)), min(columns, math.floor(x + reach) + 1)
-            ):
-                # The centre of the cell as the robot sees it [m].
-                u, v = (column + 0.5 - x) * resolution, (row + 0.5 - y) * resolution
-                ahead, aside = c * u + s * v, c * v - s * u
-                is_left, is_right = True, True
-                for corner in range(len(ring)):
-                    ax, ay = ring[corner - 1, 0], ring[corner - 1, 1]
-                    bx, by = ring[corner, 0], ring[corner, 1]
-                    side = (bx - ax) * (aside - ay) - (by - ay) * (ahead - ax)
-                    is_left = is_left and side >= 0.0
-                    is_right = is_right and side <= 0.0
-                if is_left or is_right:
-                    cells[row, column] = True
 
 
 def floor_area(

@@ -13,38 +13,39 @@ from markupsafe import Markup, escape
 
 from daemon.analysis.charts import Chart, chart_figure, draw_charts, svg_pdf
 from daemon.analysis.parallel_map import parallel_map
-from daemon.analysis.report._campaign_charts import box_chart, comparison_chart, trigger_chart
-from daemon.analysis.report._cell_charts import (
+from daemon.analysis.report._charts import (
     REPEATS,
-    ValueLimits,
+    References,
+    Scales,
+    box_chart,
     clearance_chart,
     localisation_chart,
-    peak_chart,
     returns_chart,
-    value_limits,
+    shared_scales,
+    trigger_chart,
 )
-from daemon.analysis.report._data import (
-    ReferenceMark,
-    ReportData,
-    ReportRun,
-    cell_marks,
-    comparison_marks,
-)
-from daemon.analysis.report._measures import MEASURES
+from daemon.analysis.report._data import ReportData, ReportRun
+from daemon.analysis.report._measures import MEASURES, standard_names
 from daemon.analysis.report._safety_buffer import oracle_limit
 from daemon.analysis.report._tracks import TriggerEncounter
-from daemon.analysis.report.run_maps import close_tracks, draw_moment, draw_ways
+from daemon.analysis.report.run_maps import draw_moment, draw_ways
 from daemon.model.assessments import CellVerdict, ExpectationStatus, group_errors
 from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome, Verdict
+from grammars.text.words import format_quantity
 from templates.naming import file_name, free_name, xml_text
 
-_Marks: TypeAlias = dict[tuple[str, str], dict[str, list[ReferenceMark]]]
-
+FIGURE_KINDS: Final = (
+    "moment",
+    "localisation",
+    "distance",
+    "way",
+    "returns",
+    "boxes",
+    "trigger",
+)
 MOST_CELLS: Final = 60
 """Most cells with figures of their own; the report says so if there are more."""
-_MOST_WORST: Final = 4
-"""Most scenarios whose largest localisation error is drawn in detail."""
 _MOST_MOMENTS: Final = 24
 """Most findings whose deciding moment is drawn, since their traces are read again."""
 
@@ -82,22 +83,13 @@ _Plan: TypeAlias = Iterator[tuple[ReportFigure, _Map | None]]
 
 def draw_figures(data: ReportData, *, processes: int | None = None) -> tuple[ReportFigure, ...]:
     """Draw every figure of a report, except those with a missing trace."""
-    marks = cell_marks(data)
-    errors = [
-        mark.value
-        for of_cell in marks.values()
-        for name in ("error mean", "error max")
-        for mark in of_cell.get(name, ())
-    ]
     limit = oracle_limit(data.oracles, "loc.error")
-    limits = value_limits(_drawn(data), errors if limit is None else [limit, *errors])
+    scales = shared_scales(_drawn(data), limit)
     plan = [
         *_moments(data),
-        *_of_cells(data, marks, limits),
-        *_worst_localisation(data),
-        *_boxes(data, marks),
-        *_comparisons(data),
-        *_triggers(data, limits),
+        *_of_cells(data, scales, limit),
+        *_boxes(data),
+        *_triggers(data, scales),
     ]
     # Maps of one cell follow each other: they mostly show the same trace, which is read once then.
     maps = sorted(
@@ -173,15 +165,14 @@ def _moments(data: ReportData) -> _Plan:
         )
 
 
-def _of_cells(data: ReportData, marks: _Marks, limits: ValueLimits) -> _Plan:
+def _of_cells(data: ReportData, scales: Scales, limit: float | None) -> _Plan:
     cells: dict[tuple[str, str], list[ReportRun]] = {}
     for run in _drawn(data):
         cells.setdefault((run.record.scenario, run.record.sut), []).append(run)
-    limit = oracle_limit(data.oracles, "loc.error")
     deciding = _deciding_verdicts(data)
     # Take the first ones; surprises have their own moment figure anyway.
     for (scenario, sut), runs in list(cells.items())[:MOST_CELLS]:
-        of, marked = f"{scenario} with {sut}", marks.get((scenario, sut), {})
+        of = f"{scenario} with {sut}"
         # Long and short scenarios each use the full width.
         end = max(
             float(run.tracks.time[-1])
@@ -189,13 +180,12 @@ def _of_cells(data: ReportData, marks: _Marks, limits: ValueLimits) -> _Plan:
         )  # fmt: skip
         figure = partial(ReportFigure, scenario=scenario, sut=sut, caption=sut)
         if any(not np.isnan(run.tracks.error).all() for run in runs):
-            errors = [*marked.get("error mean", ()), *marked.get("error max", ())]
-            chart = localisation_chart(runs, end, limits, limit, errors)
+            chart = localisation_chart(runs, end, scales, limit)
             label = f"Localisation error and spread over time, {of}"
             yield figure("localisation", label=label, chart=chart), None
         if any(np.isnan(run.tracks.clearance).all() for run in runs):
             continue
-        chart = clearance_chart(runs, end, limits, marked.get("min clearance", ()))
+        chart = clearance_chart(runs, end, scales)
         yield figure("distance", label=f"Clearance over time, {of}", chart=chart), None
         label = f"Clearance along the way on the map, {of}"
         ways = {run.record.repeat: run.tracks for run in runs[:REPEATS]}
@@ -218,37 +208,40 @@ def _deciding_verdicts(data: ReportData) -> dict[tuple[str, str], tuple[Path, Ve
     return deciding
 
 
-def _worst_localisation(data: ReportData) -> _Plan:
-    """Draw the run with the largest error of each scenario that limits this error.
+def largest_errors(data: ReportData) -> Iterator[str]:
+    """Yield run and moment of the largest localisation error of each scenario that limits it.
 
-    If no scenario does, draw that of the whole campaign.
+    If no scenario does, yield those of the whole campaign.
     """
-    limit = oracle_limit(data.oracles, "loc.error")
     localised = [run for run in _drawn(data) if "error max" in run.tracks.measures]
     scenarios = dict.fromkeys(
         run.record.scenario for run in localised if _asks_for_error(run.record)
     )
     groups = [[run for run in localised if run.record.scenario == name] for name in scenarios]
-    for group in (groups or [localised])[:_MOST_WORST]:
-        if group:
-            worst = max(group, key=lambda run: run.tracks.measures["error max"])
-            record = worst.record
-            of = f"{record.scenario} with {record.sut}, repeat {record.repeat}"
-            label = f"The largest localisation error over time, {of}"
-            figure = ReportFigure("worst-localisation", record.scenario, record.sut, of, label)
-            # The thinned samples of a long run are too few for one minute.
-            tracks = close_tracks(Path(record.trace)) or worst.tracks
-            yield replace(figure, chart=peak_chart(replace(worst, tracks=tracks), limit)), None
+    for group in filter(None, groups or [localised]):
+        worst = max(group, key=lambda run: run.tracks.measures["error max"])
+        record, tracks = worst.record, worst.tracks
+        error = format_quantity(tracks.measures["error max"], "m")
+        moment = float(tracks.time[np.nanargmax(tracks.error)])
+        run = f"{record.scenario} with {record.sut}, repeat {record.repeat}"
+        yield f"{error} at {moment:.1f} s of {run}"
 
 
 def _asks_for_error(record: RunRow) -> bool:
     return oracle_limit((verdict.text for verdict in record.verdicts), "loc.error") is not None
 
 
-def _boxes(data: ReportData, marks: _Marks) -> _Plan:
-    marked = {name for of_cell in marks.values() for name in of_cell}
+def _boxes(data: ReportData) -> _Plan:
+    # A reference belongs to the measure with the meaning of its oracle, under any name.
+    standard = standard_names(data.oracle_texts, data.buffer)
+    references: dict[str, References] = {}
+    for one in data.references:
+        name = standard.get(one.reference.oracle)
+        if name and one.scenario and one.reference.statistic != "rate":
+            reference = (one.scenario, one.sut, one.reference)
+            references[name] = [*references.get(name, ()), reference]
     # The measures of the paper, and every measure with a reference.
-    names = {"time in buffer", "error p95", "duration"} | marked
+    names = {"time in buffer", "error p95", "duration", *references}
     for measure in MEASURES:
         rows = [
             (run.record.scenario, run.record.sut, run.record.repeat, value)
@@ -257,25 +250,13 @@ def _boxes(data: ReportData, marks: _Marks) -> _Plan:
         ]
         name = measure.name
         if name in names and rows:
-            of_measure = {cell: of_cell.get(name, []) for cell, of_cell in marks.items()}
-            chart = box_chart(rows, _systems(data), f"{name} [{measure.unit}]", of_measure)
+            title, of_measure = f"{name} [{measure.unit}]", references.get(name, ())
+            chart = box_chart(rows, _systems(data), title, of_measure)
             label = f"Boxplots of {name} by scenario"
             yield ReportFigure("boxes", "", "", name, label, name, chart), None
 
 
-def _comparisons(data: ReportData) -> _Plan:
-    """Draw the comparisons of the campaign, one figure for each unit."""
-    verdicts = [verdict for verdict in data.assessment.comparisons if verdict.differences]
-    marks = comparison_marks(data)
-    for unit in dict.fromkeys(verdict.unit for verdict in verdicts):
-        of_unit = [verdict for verdict in verdicts if verdict.unit == unit]
-        chart = comparison_chart(of_unit, _systems(data), marks)
-        label = f"Results of comparisons in {unit}, with their bounds and limits"
-        caption = f"differences in {unit}"
-        yield ReportFigure("comparison", "", "", caption, label, unit, chart), None
-
-
-def _triggers(data: ReportData, limits: ValueLimits) -> _Plan:
+def _triggers(data: ReportData, scales: Scales) -> _Plan:
     encounters: dict[tuple[str, str], dict[str, list[TriggerEncounter]]] = {}
     for run in data.runs:
         for encounter in run.tracks.encounters:
@@ -287,5 +268,5 @@ def _triggers(data: ReportData, limits: ValueLimits) -> _Plan:
     for (joint, sut), scenarios in sorted(encounters.items()):
         door = joint.rpartition(".")[0] or joint
         label = f"Speed and turning speed around the trigger of {door} with {sut}"
-        chart = trigger_chart(scenarios, names, limits)
+        chart = trigger_chart(scenarios, names, scales)
         yield ReportFigure("trigger", door, sut, sut, label, chart=chart), None

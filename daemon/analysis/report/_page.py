@@ -6,21 +6,20 @@ A page is a function of its data, without clocks and folders. Unknown facts are 
 from __future__ import annotations
 
 import math
-import shlex
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from statistics import fmean, stdev
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, TypeAlias
 
 from daemon.analysis.charts import page_script
 from daemon.analysis.report._data import ReportData, ReportRun, measure_columns
 from daemon.analysis.report._figures import (
+    FIGURE_KINDS,
     MOST_CELLS,
-    ReportFigure,
     draw_figures,
+    largest_errors,
     notable_verdicts,
     write_figures,
 )
@@ -56,31 +55,18 @@ GLYPHS: Final = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class Headline:
-    """Answer to "is it fine?": a tone for its colour, a short word, the sentence."""
-
-    tone: Literal["good", "bad", "open"]
-    word: str
-    sentence: str
+_Headline: TypeAlias = tuple[Literal["good", "bad", "open"], str, str]
+"""Answer to "is it fine?": a tone for its colour, a short word, the sentence."""
 
 
-@dataclass(frozen=True, slots=True)
-class SuggestedCommand:
-    """A command about a run, with its purpose.
-
-    ``{run}`` stands for the run's id or trace, ``{oracle}`` for the name of its notable oracle.
-    ``failing`` limits it to failed runs.
-    """
-
-    text: str
-    purpose: str
-    failing: bool = False
+RunCommands: TypeAlias = Callable[[str, str, bool], Sequence[tuple[str, str]]]
+"""Returns commands about a run, each with its purpose, by the run's id or trace, the name of its
+notable oracle, and whether it failed."""
 
 
 def write_page(
     data: ReportData,
-    commands: Sequence[SuggestedCommand],
+    commands: RunCommands,
     *,
     processes: int | None = None,
     figure_folder: Path | None = None,
@@ -117,17 +103,21 @@ def write_page(
         expectations=results.expectations,
         assessment=assessment,
         answer=headline(assessment, data.runs),
-        facts=_facts(data, scenarios, suts),
-        provenance=tuple((name, value) for name, value in _origins(data) if value),
+        facts=[
+            (name, value)
+            for name, value in (*_facts(data, scenarios, suts), *_origins(data))
+            if value
+        ],
         building=draw_building(data),
         scenarios=scenarios,
         suts=suts,
-        not_repeatable=_not_repeatable(data),
+        not_repeatable=results.not_repeatable,
         cells={(cell.scenario, cell.sut): cell for cell in assessment.cells},
         repeats=_repeats(data),
         findings=group_errors(notable_verdicts(data)),
         measures=measure_columns(data),
-        figures=_by_kind(figures),
+        largest_errors=tuple(largest_errors(data)),
+        figures={kind: [f for f in figures if f.kind == kind] for kind in FIGURE_KINDS},
         moments={(f.scenario, f.sut, f.subject): f for f in figures if f.kind == "moment"},
         references=data.references,
         reference_names=dict.fromkeys((r.name, r.source) for r in results.declared.references),
@@ -143,7 +133,7 @@ def write_page(
     )
 
 
-def headline(assessment: Assessment, runs: Sequence[ReportRun]) -> Headline:
+def headline(assessment: Assessment, runs: Sequence[ReportRun]) -> _Headline:
     """Return one line with the overall answer."""
     oracles = [oracle for cell in assessment.cells for oracle in cell.oracles]
     total = len(oracles) + len(assessment.comparisons)
@@ -151,29 +141,29 @@ def headline(assessment: Assessment, runs: Sequence[ReportRun]) -> Headline:
     if assessment.exit_code == 0:
         failing = sum(oracle.expected != "pass" and oracle.failed > 0 for oracle in oracles)
         extra = f", {failing} of them known to fail" if failing else ""
-        return Headline("good", "Yes", f"All {verdicts} are as expected{extra}.")
+        return "good", "Yes", f"All {verdicts} are as expected{extra}."
     judged_by = (*oracles, *assessment.comparisons)
     undecided = sum(one.status is ExpectationStatus.OPEN for one in judged_by)
     if assessment.exit_code == 1:
         count = len(assessment.surprises)
         also = f", {undecided} undecided" if undecided else ""
         verb = "is" if count == 1 else "are"
-        return Headline("bad", "No", f"{count} of {verdicts} {verb} not as expected{also}.")
+        return "bad", "No", f"{count} of {verdicts} {verb} not as expected{also}."
     # Neither as expected nor unexpected: report the most basic thing that is missing.
     state = state_of(run.record.state for run in runs)
     if state in UNFINISHED_STATES or state == "cancelled":
         counts = Counter(run.record.state for run in runs)
         missing = ", ".join(f"{counts[one]} {one}" for one in MISSING_STATES if counts[one])
         word = "Not yet" if state in UNFINISHED_STATES else "Not known"
-        return Headline("open", word, f"{missing} of {count_noun(len(runs), 'run')}.")
+        return "open", word, f"{missing} of {count_noun(len(runs), 'run')}."
     judged = sum(run.record.outcome not in (None, Outcome.ERROR) for run in runs)
     broken = len(runs) - judged
     if broken:
         text = f"{broken} of {count_noun(len(runs), 'run')} could not be executed or judged."
-        return Headline("open", "Not known", text)
+        return "open", "Not known", text
     if not total:
-        return Headline("open", "Not known", "No oracle judges these runs.")
-    return Headline("open", "Not known", f"{undecided} of {verdicts} undecided by these runs.")
+        return "open", "Not known", "No oracle judges these runs."
+    return "open", "Not known", f"{undecided} of {verdicts} undecided by these runs."
 
 
 def _strongest_claim(assessment: Assessment) -> str:
@@ -184,7 +174,8 @@ def _strongest_claim(assessment: Assessment) -> str:
 
 def _facts(
     data: ReportData, scenarios: Sequence[str], suts: Sequence[str]
-) -> tuple[tuple[str, str], ...]:
+) -> Iterator[tuple[str, str]]:
+    """Yield facts about a report's runs, as names and values; unknown ones are empty."""
     records = [run.record for run in data.runs]
     simulated = sum(record.result.timing.simulated for record in records if record.result)
     # The fixed order makes two reports comparable.
@@ -192,19 +183,15 @@ def _facts(
     for record in records:
         counts[str(record.outcome or "without a result")] += 1
     verdicts = ", ".join(f"{count} {word}" for word, count in counts.items() if count)
-    external = _not_repeatable(data)
-    warning = (("not repeatable", ", ".join(external)),) if external else ()
-    return (
-        ("runs", f"{len(records)}: {verdicts}"),
-        ("cells", f"{count_noun(len(scenarios), 'scenario')} × {count_noun(len(suts), 'SUT')}"),
-        *warning,
-        ("simulated", duration_text(simulated)),
-        ("from", _folder(data.input) if _is_folder(data.input) else data.input.row.id),
-    )
+    yield "runs", f"{len(records)}: {verdicts}"
+    yield "cells", f"{count_noun(len(scenarios), 'scenario')} × {count_noun(len(suts), 'SUT')}"
+    yield "not repeatable", ", ".join(data.input.not_repeatable)
+    yield "simulated", duration_text(simulated)
+    yield "from", _folder(data.input) if _is_folder(data.input) else data.input.row.id
 
 
 def _origins(data: ReportData) -> Iterator[tuple[str, str]]:
-    """Yield the origins of a report's runs, as names and values; unknown ones are empty."""
+    """Yield the origins of a report's runs, as :func:`_facts` does."""
     origin = data.input.origin
     yield "executed", _span(data.input.row.submitted_at, data.input.row.finished_at)
     if origin.file:
@@ -278,11 +265,6 @@ def _place(file: str, results: CampaignResults) -> str:
     return path.relative_to(folder).as_posix() if path.is_relative_to(folder) else path.name
 
 
-def _not_repeatable(data: ReportData) -> tuple[str, ...]:
-    """Return the systems whose runs are not repeatable."""
-    return tuple(dict.fromkeys(r.record.sut for r in data.runs if not r.record.repeatable))
-
-
 def _repeats(data: ReportData) -> dict[tuple[str, str], list[tuple[int, RunRow]]]:
     """Return the runs of each cell, (scenario, SUT), with their places among all runs."""
     cells: dict[tuple[str, str], list[tuple[int, RunRow]]] = {}
@@ -301,15 +283,13 @@ def _judged(
 
 
 def _typed(
-    run: RunRow, oracle: str, commands: Sequence[SuggestedCommand], results: CampaignResults
-) -> list[tuple[str, str]]:
+    run: RunRow, oracle: str, commands: RunCommands, results: CampaignResults
+) -> Sequence[tuple[str, str]]:
     """Return commands about a run that ``oracle`` judged, each with its purpose."""
     if not run.trace:
-        return []
+        return ()
     name = _place(run.trace, results) if _is_folder(results) else run.id
-    names = {"run": shlex.quote(name), "oracle": shlex.quote(oracle)}
-    failed = run.outcome is Outcome.FAIL
-    return [(c.text.format(**names), c.purpose) for c in commands if failed or not c.failing]
+    return commands(name, oracle, run.outcome is Outcome.FAIL)
 
 
 def _counts(oracle: CellVerdict) -> str:
@@ -323,14 +303,6 @@ def _counts(oracle: CellVerdict) -> str:
     counts = [(words, count) for words, count in kinds if count] or [("passes", oracle.passed)]
     whole = count_noun(oracle.n, "repeat")
     return ", ".join(f"{words} in {count} of {whole}" for words, count in counts)
-
-
-def _by_kind(figures: Sequence[ReportFigure]) -> dict[str, list[ReportFigure]]:
-    """Return figures by kind, in order; a kind without figures is empty."""
-    kinds: dict[str, list[ReportFigure]] = defaultdict(list)
-    for figure in figures:
-        kinds[figure.kind].append(figure)
-    return kinds
 
 
 def percentage(value: float | None) -> str:

@@ -170,8 +170,11 @@ def extract_tracks(
     _, body = footprint_box(footprint)
     centre, half = buffer.box(footprint)
     names = ("clearance", "loc.error", "loc.sigma.x", "loc.sigma.y")
-    clearance, error, sigma_x, sigma_y = (sampler.sample(Signal(name)).values for name in names)
-    indices = thinned_indices(clearance, error, points)
+    signals = [sampler.sample(Signal(name)).values for name in names]
+    indices = thinned_indices(signals[0], signals[1], points)
+    fields = ("time", "x", "y", "clearance", "error", "sigma_x", "sigma_y")
+    tracks = (sampler.time_base.time, sampler.x, sampler.y, *signals)
+    thinned = (track[indices].astype(np.float32) for track in tracks)
     encounters = _encounters(sampler, watches)
     measures = measured_values(judge(trace, standard_oracles(buffer), sampler=sampler))
     if speeds := [encounter.speed_then for encounter in encounters if encounter.fired]:
@@ -181,13 +184,7 @@ def extract_tracks(
         body=body,
         buffer=half,
         limit=min(half[0] - body[0], half[1] - body[1]),
-        time=_pick_samples(sampler.time_base.time, indices),
-        x=_pick_samples(sampler.x, indices),
-        y=_pick_samples(sampler.y, indices),
-        clearance=_pick_samples(clearance, indices),
-        error=_pick_samples(error, indices),
-        sigma_x=_pick_samples(sigma_x, indices),
-        sigma_y=_pick_samples(sigma_y, indices),
+        **dict(zip(fields, thinned, strict=True)),
         returns=returns_inside(trace, centre, half),
         contacts=_contacts(trace),
         encounters=encounters,
@@ -217,11 +214,6 @@ def thinned_indices(clearance: Floats, error: Floats, points: int) -> Indices:
         return indices
 
     return np.unique(np.concatenate((starts, worst(-clearance), worst(error), [count - 1])))
-
-
-def _pick_samples(values: Floats, indices: Indices) -> ThinnedSamples:
-    thin: ThinnedSamples = values[indices].astype(np.float32)
-    return thin
 
 
 def _contacts(trace: Trace) -> tuple[tuple[float, str, float, float], ...]:

@@ -258,12 +258,6 @@ def _part(trace: Trace, since: float | None, until: float | None) -> _RunPart:
     return part
 
 
-def close_tracks(trace_path: Path) -> RunTracks | None:
-    """Return every sample of a run; ``None`` for an unusable trace."""
-    sampler = _usable_sampler(trace_path)
-    return _tracks(sampler, closely=True) if sampler else None
-
-
 def _tracks(sampler: SignalSampler, *, closely: bool = False) -> RunTracks:
     # In a part every sample counts: it may show a few centimetres.
     points = 3 * len(sampler.time_base.time) if closely else _POINTS

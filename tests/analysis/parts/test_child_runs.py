@@ -41,10 +41,10 @@ def test_verdicts_come_back_and_a_process_that_dies_is_unresolved(candidates):
         return execute(spec, scene, **rest)
 
     good, bad = execute_candidates(candidates[:2], execute_or_die)
-    assert [one.word for one in good] == ["fail", "pass"]
-    assert [one.verdict.oracle for one in good] == ["reached", "no-contact"]
-    assert {one.word for one in bad} == {"unresolved"}
-    assert bad[0].verdict.evidence.note == "its process died with code 3"
+    assert [one.outcome for one in good] == ["fail", "pass"]
+    assert [one.oracle for one in good] == ["reached", "no-contact"]
+    assert {one.outcome for one in bad} == {"error"}
+    assert bad[0].evidence.note == "its process died with code 3"
 
 
 def test_a_system_that_prints_by_descriptors_prints_into_no_answer(candidates, capfd):
@@ -55,8 +55,8 @@ def test_a_system_that_prints_by_descriptors_prints_into_no_answer(candidates, c
         os.write(2, b"by descriptor\n")
         return execute(spec, scene, **rest)
 
-    (endings,) = execute_candidates(candidates[:1], execute_aloud)
-    assert [one.word for one in endings] == ["fail", "pass"]
+    (verdicts,) = execute_candidates(candidates[:1], execute_aloud)
+    assert [one.outcome for one in verdicts] == ["fail", "pass"]
     assert capfd.readouterr() == ("", "")
 
 

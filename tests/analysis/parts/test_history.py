@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from daemon.analysis.history import read_history
-from daemon.analysis.history_page import history_page
+from daemon.analysis.history import history_page, read_history
 from daemon.batch.ledger import LedgerReader, LedgerWriter, connect
 from daemon.batch.paths import StatePaths
 from daemon.judging.assessment import assess
@@ -96,7 +95,7 @@ def history(reader):
 @pytest.fixture
 def undrawn(monkeypatch):
     """Pages without drawings: whoever starts Vega waits for a second."""
-    draw = "daemon.analysis.history_page.draw_charts"
+    draw = "daemon.analysis.history.draw_charts"
     monkeypatch.setattr(draw, lambda charts: ["<svg></svg>"] * len(charts))
 
 
@@ -136,14 +135,6 @@ def test_the_page_tells_what_changed_and_no_name_becomes_part_of_it(history, gol
     golden("history.txt", text_of(page))
     assert HOSTILE not in page
     assert history_page(replace(history, submissions=history.submissions[:1]))
-
-
-def test_times_are_drawn_of_every_submission_also_where_oracles_have_other_names(history):
-    *older, newest = history.submissions
-    renamed = tuple(replace(one, oracle="arrives soon") for one in newest.oracles)
-    page = history_page(replace(history, submissions=(*older, replace(newest, oracles=renamed))))
-    (times, *_) = re.findall(r'aria-label="S1 .*?<path d="([^"]*)" stroke="var\(--second\)"', page)
-    assert times.count("L") == 2
 
 
 def test_the_command_writes_page_and_json(state, tmp_path, capsys):

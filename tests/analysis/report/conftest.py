@@ -3,7 +3,7 @@
 import pytest
 
 from daemon.analysis.report import write_page
-from tests.analysis.report.recordings import COMMAND, record_campaign, report_of
+from tests.analysis.report.recordings import commands, record_campaign, report_of
 
 
 @pytest.fixture(scope="session")
@@ -19,4 +19,4 @@ def data(folder):
 
 @pytest.fixture(scope="session")
 def page(data):
-    return write_page(data, (COMMAND,), processes=1)
+    return write_page(data, commands, processes=1)

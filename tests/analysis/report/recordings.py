@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from daemon.analysis.recorded import read_traces
-from daemon.analysis.report import SuggestedCommand, read_report_data
+from daemon.analysis.report import read_report_data
 from daemon.analysis.results import read_results, write_campaign_note
 from daemon.model.assessments import AssessmentRules, Expectation, RepeatPolicy, ScenarioComparison
 from daemon.model.ids import trace_name
@@ -16,9 +16,9 @@ from daemon.trace import TraceWriter
 from grammars.model.behaviour import Jump, Trigger
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.grid import OccupancyGrid
+from grammars.text.words import command_line
 from tests.engine.judging.traces import CORRIDOR, ROBOT, mission
 
-COMMAND = SuggestedCommand("scenario judge {run}", "judge it again")
 NAME = 'evil <script>alert("1")</script> & $x^2$'
 ABOUT = "Is <b>everything</b> & all of it escaped?"
 WHY = "the <i>corridor</i> is narrow"
@@ -127,3 +127,8 @@ def report_of(folder, processes=1):
 def with_assessment(data, assessment):
     """Return the data of a report with another assessment."""
     return replace(data, input=replace(data.input, assessment=assessment))
+
+
+def commands(run, oracle, failed):
+    """Commands about a run, as a page shows them."""
+    return [(command_line("judge", run), "judge it again")]

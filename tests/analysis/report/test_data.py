@@ -12,18 +12,16 @@ from hypothesis import strategies as st
 from lxml import etree
 
 from daemon.analysis.recorded import read_traces
-from daemon.analysis.report import (
-    MEASURES,
-    oracle_limit,
-    read_report_data,
-    report_table,
-    safety_buffer,
-    thinned_indices,
-    write_junit,
-)
+from daemon.analysis.report import read_report_data, report_table, write_junit
 from daemon.analysis.report._data import measure_columns
-from daemon.analysis.report._measures import measured_values, standard_names, standard_oracles
-from daemon.analysis.report._safety_buffer import SafetyBuffer
+from daemon.analysis.report._measures import (
+    MEASURES,
+    measured_values,
+    standard_names,
+    standard_oracles,
+)
+from daemon.analysis.report._safety_buffer import SafetyBuffer, oracle_limit, safety_buffer
+from daemon.analysis.report._tracks import thinned_indices
 from daemon.analysis.results import read_results
 from daemon.judging.oracles import judge
 from daemon.model.assessments import Assessment, ExpectationStatus

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from daemon.analysis.report.run_maps import (
-    close_tracks,
     draw_moment,
     draw_recorded_way,
     draw_run,
@@ -157,11 +156,9 @@ def test_the_same_run_gives_the_same_bytes_and_few_of_them(trace):
     assert ET.fromstring(svg).get("aria-label") == LABEL
 
 
-def test_close_tracks_have_every_sample_and_a_trace_that_is_gone_has_nothing(trace, tmp_path):
-    assert close_tracks(trace).time == pytest.approx(np.arange(401) / 20)
+def test_a_trace_that_is_gone_has_no_map(tmp_path):
     assert draw_moment(tmp_path / "gone.mcap", verdict(), LABEL) is None
     assert draw_recorded_way(tmp_path / "gone.mcap", LABEL, None) is None
-    assert close_tracks(tmp_path / "gone.mcap") is None
 
 
 def test_scripts_find_where_each_repeat_was_at_a_time(data):

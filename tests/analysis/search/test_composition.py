@@ -11,8 +11,7 @@ from daemon.model.search_answer import SearchRow
 from daemon.search.composition import search_case
 from daemon.search.point_runner import PointRunner
 from daemon.search.preparation import check_search, prepare_search
-from daemon.search.program import run_search
-from daemon.search.shrinking import missing_words, shrink_failure
+from daemon.search.program import missing_words, run_search, shrink_failure
 from grammars.model.behaviour import Trigger
 from grammars.text.diagnostics import InputError
 from scenario_tui.library.checking import check_file

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from daemon.model.search import SPACE_FILLING
-from daemon.search import nearest, point_runner, program, shrinking
+from daemon.search import nearest, point_runner, program
 from daemon.search.methods import COVARIANCE_FROM
 from daemon.search.program import SearchStoppedError, run_search
 from tests.analysis.search.searches import LocalRuns, PretendedCase
@@ -216,8 +216,8 @@ WORDS = {"two": 2, "three": 3, "five": 5, "twenty": 20}
         (r"for at most (\d+) of the points", nearest._TAKING_BACK),
         (r"the next worst, (\w+) in all", nearest._STARTS),
         (r"until one does, up to (\w+)", nearest._MOST_STARTS),
-        (r"At most (\d+) runs\.", shrinking.SHRINK_RUNS),
-        (r"candidates are runs of the search, at most (\d+)", shrinking.SHRINK_RUNS),
+        (r"At most (\d+) runs\.", program.SHRINK_RUNS),
+        (r"candidates are runs of the search, at most (\d+)", program.SHRINK_RUNS),
         (r"that is after (\d+) results", program._SETTLED_RUNS),
         (r"results, or (\w+) windows", program._SETTLED_WINDOWS),
         (r"(\w+) errors in a row", program.ERRORS_IN_A_ROW),

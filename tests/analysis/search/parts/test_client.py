@@ -9,7 +9,7 @@ import pytest
 from daemon.batch.errors import Refused
 from daemon.model.search_answer import SearchProgress, SearchRow
 from daemon.model.verbs import EXTEND, PROGRESS, SEARCHES
-from daemon.search.daemon_runs import DaemonRuns
+from daemon.search.client import DaemonRuns
 from grammars.text.diagnostics import InputError, Where
 from tests.analysis.search import fake_search
 from tests.analysis.search.fake_search import CONFIRMED, client_of, result_of
