@@ -172,9 +172,10 @@ def extract_tracks(
     names = ("clearance", "loc.error", "loc.sigma.x", "loc.sigma.y")
     signals = [sampler.sample(Signal(name)).values for name in names]
     indices = thinned_indices(signals[0], signals[1], points)
-    fields = ("time", "x", "y", "clearance", "error", "sigma_x", "sigma_y")
     tracks = (sampler.time_base.time, sampler.x, sampler.y, *signals)
-    thinned = (track[indices].astype(np.float32) for track in tracks)
+    time, x, y, clearance, error, sigma_x, sigma_y = (
+        track[indices].astype(np.float32) for track in tracks
+    )
     encounters = _encounters(sampler, watches)
     measures = measured_values(judge(trace, standard_oracles(buffer), sampler=sampler))
     if speeds := [encounter.speed_then for encounter in encounters if encounter.fired]:
@@ -184,7 +185,13 @@ def extract_tracks(
         body=body,
         buffer=half,
         limit=min(half[0] - body[0], half[1] - body[1]),
-        **dict(zip(fields, thinned, strict=True)),
+        time=time,
+        x=x,
+        y=y,
+        clearance=clearance,
+        error=error,
+        sigma_x=sigma_x,
+        sigma_y=sigma_y,
         returns=returns_inside(trace, centre, half),
         contacts=_contacts(trace),
         encounters=encounters,
