@@ -50,19 +50,19 @@ def oracles(ledger: Path, run: str) -> list[tuple[str, str]]:
     """Return name and text of the oracles of a run, or of a campaign."""
     query = (
         "SELECT body FROM run JOIN cell ON cell.campaign = run.campaign AND number = cell"
-        " WHERE id IN (?1, ?1 || '.0') LIMIT 1"
+        " WHERE id IN (?, ? || '.0') LIMIT 1"
     )
-    cells = [json.loads(body) for (body,) in _select(ledger, query, run)]
+    cells = [json.loads(body) for (body,) in _select(ledger, query, run, run)]
     return [(oracle["name"], oracle["text"]) for cell in cells for oracle in cell["oracles"]]
 
 
 def layers(ledger: Path, campaign: str) -> list[tuple[str, str]]:
     """Return scenarios, systems under test and deciding oracles of one or all campaigns."""
-    newest = "SELECT id FROM campaign WHERE id = ?1 OR name = ?1 ORDER BY serial DESC LIMIT 1"
-    where = f"campaign = ({newest})" if campaign else "?1 = ''"
+    newest = "SELECT id FROM campaign WHERE ? IN (id, name) ORDER BY serial DESC LIMIT 1"
+    where = f"campaign = ({newest})" if campaign else "? = ''"
     columns: dict[str, str] = {}
     for column in ("scenario", "sut", "oracle"):
-        query = f"SELECT DISTINCT {column} FROM run WHERE {where} LIMIT ?2"
+        query = f"SELECT DISTINCT {column} FROM run WHERE {where} LIMIT ?"
         for (name,) in _select(ledger, query, campaign, MOST_NAMES):
             columns.setdefault(name, column)
     return [(name, column) for name, column in columns.items() if name]

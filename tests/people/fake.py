@@ -8,6 +8,7 @@ import operator
 import sqlite3
 import tempfile
 import threading
+import weakref
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
@@ -421,6 +422,7 @@ class FakeDaemon(DaemonClient):
             return
         store_scene(make_scene())
         self._db = connect(Path(":memory:"))
+        weakref.finalize(self, self._db.close)
         self._writer = LedgerWriter(self._db, paths=state_paths())
         with self._writer.transaction():
             for campaign in self.entered():

@@ -99,7 +99,7 @@ _NEXT_RUN: Final = (
     " WHERE run.campaign = c.id AND state = 'queued'{able})"
     " ORDER BY priority DESC, served, serial LIMIT 1) ORDER BY run.attempt, run.serial LIMIT 1"
 )
-_ABLE: Final = " AND kind NOT IN (SELECT value FROM json_each(?1))"
+_ABLE: Final = " AND kind NOT IN (SELECT value FROM json_each(:lacks))"
 _LONGEST_REASON: Final = 4000
 
 
@@ -283,8 +283,8 @@ class LedgerWriter:
 
     def _set(self, campaign: str, column: str, value: int) -> bool:
         """Set a column of a campaign; return whether its value has changed."""
-        query = f"UPDATE campaign SET {column} = ?1 WHERE id = ?2 AND {column} <> ?1"
-        return self._db.execute(query, (value, campaign)).rowcount > 0
+        query = f"UPDATE campaign SET {column} = :new WHERE id = :id AND {column} <> :new"
+        return self._db.execute(query, {"new": value, "id": campaign}).rowcount > 0
 
     def acknowledge(self, campaign: str, now: float) -> int:
         """Acknowledge the bad runs of a campaign; return the number of runs that did not pass.
@@ -475,9 +475,9 @@ class LedgerWriter:
             # Somebody has resumed it before this last message came.
             raise Refused(f"the search {campaign} goes on")
         changed = self._db.execute(
-            "UPDATE search SET state = ?1, progress = ?2"
-            " WHERE campaign = ?3 AND (state <> ?1 OR progress <> ?2)",
-            (after, codec.to_json(progress), campaign),
+            "UPDATE search SET state = :after, progress = :progress"
+            " WHERE campaign = :id AND (state <> :after OR progress <> :progress)",
+            {"after": after, "progress": codec.to_json(progress), "id": campaign},
         ).rowcount
         if changed:
             self.record_event(now, "search", campaign, campaign, progress.phase, progress.note)
@@ -514,7 +514,7 @@ class LedgerWriter:
         """
         leases: list[Lease] = []
         query = _NEXT_RUN.format(able=_ABLE if lacks else "")
-        values = (json.dumps(lacks),) if lacks else ()
+        values = {"lacks": json.dumps(lacks)}
         while len(leases) < count:
             row = self._db.execute(query, values).fetchone()
             if row is None:
@@ -815,9 +815,9 @@ def _hand_over(db: sqlite3.Connection, paths: StatePaths, campaign: str) -> None
     users = db.execute(
         "SELECT source.id, source.trace_name, run.id, run.trace_name FROM run"
         " JOIN run AS source ON source.id = run.cached"
-        " WHERE run.cached <> '' AND source.campaign = ?1 AND run.campaign <> ?1"
+        " WHERE run.cached <> '' AND source.campaign = :id AND run.campaign <> :id"
         " ORDER BY run.serial",
-        (campaign,),
+        {"id": campaign},
     ).fetchall()
     heirs: dict[str, str] = {}
     for source, old, run, new in users:

@@ -1,6 +1,7 @@
 """Traces go when space is wanted back: of finished campaigns, oldest first; results stay."""
 
 import sqlite3
+from contextlib import closing
 
 import pytest
 
@@ -79,7 +80,8 @@ def test_what_is_no_ledger_of_this_version_is_left_alone(tmp_path):
 
     def other_version():
         ledger.unlink()
-        sqlite3.connect(ledger).executescript("PRAGMA user_version = 99").close()
+        with closing(sqlite3.connect(ledger)) as db:
+            db.execute("PRAGMA user_version = 99")
 
     for spoil, words in (
         (lambda: None, "no daemon has run there yet"),
