@@ -5,6 +5,7 @@ import functools
 import itertools
 import math
 import operator
+import shutil
 import sqlite3
 import tempfile
 import threading
@@ -262,9 +263,10 @@ class _StatePaths(StatePaths):
 @functools.cache
 def state_paths():
     """Folders that the daemons of a test process share: scenes lie there by their digests."""
-    folder = tempfile.TemporaryDirectory()
-    atexit.register(folder.cleanup)
-    paths = _StatePaths(Path(folder.name))
+    # A TemporaryDirectory would go with the first forked child, which forgets what is registered.
+    folder = tempfile.mkdtemp()
+    atexit.register(shutil.rmtree, folder)
+    paths = _StatePaths(Path(folder))
     paths.make_folders()
     return paths
 
