@@ -6,13 +6,12 @@ import fcntl
 import json
 import os
 import subprocess
-import tempfile
 import threading
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import IO, Final
+from typing import Final
 
 from daemon.batch.amounts import QUOTA_VARIABLE, parse_size
 from daemon.batch.client import Client
@@ -55,8 +54,7 @@ def ensure_daemon(state: Path, *, slots: int | None = None) -> str:
     if endpoint is not None:
         return endpoint
     paths = StatePaths.find(state)
-    paths.make_folders()
-    return _wait_until_up(start_detached(_command(paths, slots), paths.worker_log), paths)
+    return _wait_until_up(_start(paths, slots), paths)
 
 
 def start_detached(
@@ -69,7 +67,7 @@ def start_detached(
             stdin=stdin,
             stdout=output,
             stderr=output,
-            start_new_session=True,
+            start_new_session=True,  # Ctrl-C in a terminal is for this process alone
         )
     # It outlives us. If it ends before, this thread reaps it.
     threading.Thread(target=process.wait, daemon=True).start()
@@ -91,22 +89,19 @@ def embedded_daemon(
     that we hold. Raises :class:`LaunchFailed` when it does not come up.
     """
     paths = StatePaths.find(state)
-    paths.make_folders()
     settings = {"attempts": attempts} if attempts else {}
-    command = _command(paths, slots, settings, tether=True, limits={"wall": wall or 0.0})
-    with tempfile.TemporaryFile() as output:
-        process = subprocess.Popen(
-            command,
-            stdin=subprocess.PIPE,
-            stdout=output,
-            stderr=output,
-            # Ctrl-C in a terminal is for this process, not the daemon.
-            start_new_session=True,
-        )
+    limits = {"wall": wall or 0.0}
+    process = _start(paths, slots, subprocess.PIPE, settings, tether=True, limits=limits)
+    assert process.stdin is not None
+    try:
+        yield _wait_until_up(process, paths)
+    finally:
+        process.stdin.close()
         try:
-            yield _wait_until_up(process, paths, output)
-        finally:
-            _end_tethered(process)
+            process.wait(_LEAVE_LIMIT)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
 
 
 @contextmanager
@@ -168,12 +163,8 @@ def _locked_alone(users: int) -> bool:
 
 
 def _start_shared(paths: StatePaths, pipe: Path) -> str:
-    stdin = os.open(pipe, os.O_RDONLY)
-    try:
-        command = _command(paths, None, tether=True)
-        return _wait_until_up(start_detached(command, paths.worker_log, stdin), paths)
-    finally:
-        os.close(stdin)
+    with pipe.open("rb", buffering=0) as stdin:
+        return _wait_until_up(_start(paths, None, stdin.fileno(), tether=True), paths)
 
 
 def _tidy(paths: StatePaths, endpoint: str, trace_bytes: int) -> None:
@@ -197,35 +188,25 @@ def _wait_until_gone(paths: StatePaths) -> None:
         time.sleep(0.02)
 
 
-def _command(
+def _start(
     paths: StatePaths,
     slots: int | None,
+    stdin: int = subprocess.DEVNULL,
     settings: Mapping[str, object] = {},
     **more: object,
-) -> list[str]:
+) -> subprocess.Popen[bytes]:
     try:
         quota = parse_size(os.environ.get(QUOTA_VARIABLE) or "0B")
     except ValueError as error:
         raise DaemonError(f"the quota of traces: {error}") from error
     order = {"state": str(paths.state), "slots": slots, "executor": DEFAULT_EXECUTOR, **more}
     order["settings"] = {"quota": quota, **settings}
-    return python_command("-m", "daemon", "serve", json.dumps(order))
+    paths.make_folders()
+    command = python_command("-m", "daemon", "serve", json.dumps(order))
+    return start_detached(command, paths.worker_log, stdin)
 
 
-def _end_tethered(process: subprocess.Popen[bytes]) -> None:
-    """End a daemon by its standard input, and kill it if it does not exit."""
-    assert process.stdin is not None
-    process.stdin.close()
-    try:
-        process.wait(_LEAVE_LIMIT)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
-
-
-def _wait_until_up(
-    process: subprocess.Popen[bytes], paths: StatePaths, output: IO[bytes] | None = None
-) -> str:
+def _wait_until_up(process: subprocess.Popen[bytes], paths: StatePaths) -> str:
     deadline = time.monotonic() + _START_LIMIT
     while time.monotonic() < deadline:
         endpoint = running_daemon(paths.state)
@@ -233,20 +214,13 @@ def _wait_until_up(
             return endpoint
         code = process.poll()
         # If another process was faster, use its daemon.
-        if code is not None and (code != EXIT_ALREADY_RUNNING or output is not None):
-            raise LaunchFailed(f"the daemon ended with code {code}:\n{_tail(paths, output)}")
+        if code is not None and code != EXIT_ALREADY_RUNNING:
+            raise LaunchFailed(f"the daemon ended with code {code}:\n{_tail(paths)}")
         time.sleep(0.05)
     process.kill()
     process.wait()
-    raise LaunchFailed(
-        f"the daemon did not answer within {_START_LIMIT:g} s:\n{_tail(paths, output)}"
-    )
+    raise LaunchFailed(f"the daemon did not answer within {_START_LIMIT:g} s:\n{_tail(paths)}")
 
 
-def _tail(paths: StatePaths, output: IO[bytes] | None) -> str:
-    if output is not None:
-        output.seek(0)
-        text = output.read().decode("utf-8", "replace")
-    else:
-        text = paths.worker_log.read_text("utf-8", "replace")
-    return "\n".join(text.splitlines()[-_LOG_TAIL:])
+def _tail(paths: StatePaths) -> str:
+    return "\n".join(paths.worker_log.read_text("utf-8", "replace").splitlines()[-_LOG_TAIL:])

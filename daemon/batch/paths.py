@@ -100,33 +100,55 @@ class DaemonContact:
     started_at: float
 
 
+class _Place:
+    """Attribute of :class:`StatePaths`: the path with this name in the state directory."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def __get__(self, paths: StatePaths, _: type) -> Path:
+        return paths.state / self._name
+
+
 @dataclass(frozen=True, slots=True)
 class StatePaths:
-    """Paths in the state directory, one property for each."""
+    """Paths in the state directory, one attribute for each."""
 
     state: Path
+
+    ledger = _Place("ledger.db")
+    """The SQLite file."""
+    # A lock, not a process id in a file: it always ends with the process.
+    lock = _Place("daemon.lock")
+    """Locked by the daemon as long as it lives."""
+    contact_file = _Place("daemon.json")
+    """Endpoint and process id of the running daemon."""
+    scenes = _Place("scenes")
+    """Compiled scenes by digest."""
+    traces = _Place("traces")
+    """Traces by campaign."""
+    spool = _Place("spool")
+    """Attempts that run or are not yet acknowledged, by worker."""
+    files = _Place("files")
+    """Files of systems under test by digest."""
+    incoming = _Place("incoming")
+    """Incomplete uploads, and traces whose results are not in the ledger yet."""
+    aside = _Place("aside")
+    """Damaged inputs, and folders of attempts that cannot be removed."""
+    marker = _Place("marker.json")
+    """Marker, readable only by processes that share the daemon's file system."""
+    log = _Place("daemon.log")
+    """Log of the daemon, one JSON object per line."""
+    worker_log = _Place("worker.log")
+    """Standard error of the local worker, its children and a dying daemon."""
+    search_log = _Place("search.log")
+    """Output of detached searches."""
 
     @classmethod
     def find(cls, state: Path | None = None, environ: Mapping[str, str] = os.environ) -> StatePaths:
         """Choose the directory: the argument, ``SCENARIO_STATE`` or the user's state folder."""
         path = state or environ.get(STATE_VARIABLE) or platformdirs.user_state_path("scenario")
         return cls(Path(path).expanduser().absolute())
-
-    @property
-    def ledger(self) -> Path:
-        """The SQLite file."""
-        return self.state / "ledger.db"
-
-    @property
-    def lock(self) -> Path:
-        """Locked by the daemon as long as it lives."""
-        # A lock, not a process id in a file: it always ends with the process.
-        return self.state / "daemon.lock"
-
-    @property
-    def contact_file(self) -> Path:
-        """Endpoint and process id of the running daemon."""
-        return self.state / "daemon.json"
 
     @property
     def socket(self) -> Path:
@@ -148,60 +170,10 @@ class StatePaths:
         """Endpoint of the socket."""
         return f"{_SOCKET}{self.socket}"
 
-    @property
-    def scenes(self) -> Path:
-        """Compiled scenes by digest."""
-        return self.state / "scenes"
-
-    @property
-    def traces(self) -> Path:
-        """Traces by campaign."""
-        return self.state / "traces"
-
-    @property
-    def spool(self) -> Path:
-        """Attempts that run or are not yet acknowledged, by worker."""
-        return self.state / "spool"
-
-    @property
-    def files(self) -> Path:
-        """Files of systems under test by digest."""
-        return self.state / "files"
-
-    @property
-    def incoming(self) -> Path:
-        """Incomplete uploads, and traces whose results are not in the ledger yet."""
-        return self.state / "incoming"
-
-    @property
-    def aside(self) -> Path:
-        """Damaged inputs, and folders of attempts that cannot be removed."""
-        return self.state / "aside"
-
     def put_aside(self, path: Path) -> Path:
         """Move a file or folder out of the way; return its new path. Raises ``OSError``."""
         self.aside.mkdir(mode=0o700, exist_ok=True)
         return path.rename(self.aside / f"{path.name}.{os.urandom(4).hex()}")
-
-    @property
-    def marker(self) -> Path:
-        """Marker, readable only by processes that share the daemon's file system."""
-        return self.state / "marker.json"
-
-    @property
-    def log(self) -> Path:
-        """Log of the daemon, one JSON object per line."""
-        return self.state / "daemon.log"
-
-    @property
-    def worker_log(self) -> Path:
-        """Standard error of the local worker, its children and a dying daemon."""
-        return self.state / "worker.log"
-
-    @property
-    def search_log(self) -> Path:
-        """Output of detached searches."""
-        return self.state / "search.log"
 
     @property
     def folders(self) -> tuple[Path, ...]:

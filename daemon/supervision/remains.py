@@ -11,8 +11,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from .plan import PROGRAM
-
+PROGRAM: Final = (
+    "import sys; sys.path.append(sys.argv[1]);from supervision.supervisor import main; main()"
+)
+"""Program of a supervisor, without our packages; it also identifies supervisors in /proc."""
 MARKER: Final = "SCENARIO_STACK"
 """Environment variable of all processes of a stack; its value is the stack's token."""
 KILL_LIMIT: Final = 10.0

@@ -20,20 +20,13 @@ import subprocess
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from .child import become_supervisor, prepare_child
 from .event_loop import EventLoop
 from .output_file import OutputFile
-from .plan import (
-    ALARM,
-    ENVIRONMENT,
-    RELAY_EXIT,
-    RELAY_OUTPUT,
-    STACK_OUTPUT,
-    StackPlan,
-)
 from .remains import (
     KILL_LIMIT,
     MARKER,
@@ -45,10 +38,46 @@ from .remains import (
 )
 from .shared_memory import remove_shared_memory
 
+STACK_OUTPUT: Final = "stack.output"
+RELAY_OUTPUT: Final = "relay.output"
+ENVIRONMENT: Final = "environment"
+"""Environment of the stack as the setup command writes it, entries ended by a NUL."""
+RELAY_EXIT: Final = "relay.exit"
+"""Exit code of the relay in a container, as the script there writes it."""
+ALARM: Final = "scenario: "
+"""Prefix of the errors of our own shell scripts."""
+
 _CONTAINER_POLL: Final = 0.5
 _LONGEST_LINE: Final = 4096
 _MOST_ALARMS: Final = 100
 """Alarms reported of a stack; this few never fill the wire to the holder."""
+
+
+@dataclass(frozen=True)
+class StackPlan:
+    """Commands of a stack, and its time limits.
+
+    ``setup`` is a command that writes the environment of the stack to :data:`ENVIRONMENT`, or
+    empty. ``stack`` and ``relay`` are commands whose programs are searched in that environment;
+    ``relay_variables`` are for the relay alone. ``domain`` is the stack's. Lines of the stack's
+    output that contain one of ``alarms`` are reported. ``engine`` and ``name`` describe a
+    container. The stack ends with the process ``holder``. ``grace`` [s] follows each of SIGINT and
+    SIGTERM; ``setup_limit`` [s] is for the setup files.
+    """
+
+    token: str
+    folder: str
+    domain: int
+    setup: list[str]
+    stack: list[str]
+    relay: list[str]
+    relay_variables: dict[str, str]
+    alarms: list[str]
+    engine: str
+    name: str
+    holder: int
+    grace: float
+    setup_limit: float
 
 
 class Supervisor(EventLoop):

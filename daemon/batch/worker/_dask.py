@@ -1,5 +1,8 @@
 """A Dask cluster as the backend of a worker: each leased run is a future of the cluster.
 
+The future is a call of :func:`execute_run`, which returns result and trace. A Dask worker may not
+fork, so it starts zygotes for its runs, as other workers do, and keeps them.
+
 Dask loses results with its scheduler. Running runs then end without blame, and are leased again
 with the next scheduler. Runs of a cluster have no live view.
 """
@@ -9,22 +12,29 @@ from __future__ import annotations
 import hashlib
 import logging
 import math
+import os
+import tempfile
 import threading
+import time
+from collections import defaultdict
 from collections.abc import Callable
 from concurrent.futures import CancelledError
 from contextlib import suppress
+from multiprocessing.connection import wait
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
-from distributed import Client, Future, KilledWorker
+from distributed import Client, Future, KilledWorker, get_worker
 from distributed.security import Security
 
-from daemon.batch.errors import WorkerBroken
+from daemon.batch.errors import DaemonError, WorkerBroken
+from daemon.batch.paths import STATE_VARIABLE
 from daemon.batch.run_process import FILES, RESULT, TRACE, WatchDetail
 from daemon.batch.worker._attempts import Attempt, AttemptEnd, Waitable
-from daemon.batch.worker._dask_task import execute_run
 from daemon.batch.worker._wakeups import WakeupSocket
+from daemon.batch.worker._zygotes import ZygotePool
 from daemon.model.execution import RunLimits
+from daemon.model.messages import Lease
 from daemon.model.spec import RunResult, RunSpec, install_hint, own_version
 from grammars.text import codec
 from grammars.text.files import write_atomically
@@ -32,6 +42,10 @@ from grammars.text.files import write_atomically
 _TIMEOUT: Final = 5.0
 _PERIOD: Final = 1.0
 """Period of checks of the cluster's workers [s]."""
+_TICK: Final = 0.2
+"""Period of checks whether a run was cancelled [s]."""
+_idle: Final[defaultdict[str, list[ZygotePool]]] = defaultdict(list)
+"""Idle pools of this Dask worker, by executor; each executes one run at a time."""
 
 
 class DaskExecution:
@@ -234,3 +248,81 @@ class DaskPool:
             self._log(trouble or f"the Dask scheduler {self._address} has workers again")
         self._slots, self.trouble = slots, trouble
         self._wakeup.wake()
+
+
+def execute_run(
+    executor: str, lease: bytes, limits: bytes, scene: bytes, files: dict[str, bytes]
+) -> tuple[bytes, bytes, bytes]:
+    """Execute a run as a task of Dask; lease and limits are JSON.
+
+    Return an :class:`AttemptEnd` in JSON, and result and trace, which may be empty. JSON avoids
+    unpickling objects of another version.
+    """
+    worker = get_worker()
+    key = worker.get_current_task()
+    os.environ.setdefault(STATE_VARIABLE, worker.local_directory)
+    with tempfile.TemporaryDirectory(prefix="scenario-", dir=worker.local_directory) as name:
+        folder = Path(name)
+        leased = codec.from_json(Lease, lease)
+        attempt = Attempt.prepare(folder / f"attempt-{leased.attempt}", leased)
+        scene_file = folder / "scene.json"
+        scene_file.write_bytes(scene)
+        if files:
+            (folder / "files").mkdir()
+            for digest, data in files.items():
+                (folder / "files" / digest).write_bytes(data)
+                (folder / "files" / digest).chmod(0o400)
+            attempt.link_files(folder / "files")
+        idle = _idle[executor]
+        try:
+            pool = idle.pop()
+        except IndexError:
+            pool = ZygotePool(1, executor)
+        try:
+            end = _execute(
+                pool,
+                attempt,
+                scene_file,
+                codec.from_json(RunLimits, limits),
+                lambda: _is_active(worker, key),
+            )
+        except (DaemonError, OSError, ValueError) as error:
+            end = AttemptEnd(f"not started: {error}")
+        finally:
+            idle.append(pool)
+        if not attempt.finished:
+            return codec.to_json(end), b"", b""
+        paths = (attempt.folder / RESULT, attempt.folder / TRACE)
+        return codec.to_json(end), paths[0].read_bytes(), paths[1].read_bytes()
+
+
+def _is_active(worker: Any, key: str) -> bool:
+    """Return whether a task is active in the worker's own table (distributed 2026.8).
+
+    Dask cannot stop the thread of a task whose future was cancelled or whose client died.
+    """
+    task = worker.state.tasks.get(key)
+    return task is not None and task.state in ("executing", "long-running")
+
+
+def _execute(
+    pool: ZygotePool,
+    attempt: Attempt,
+    scene: Path,
+    limits: RunLimits,
+    is_active: Callable[[], bool],
+) -> AttemptEnd:
+    pool.listen()  # its zygotes may have ended since
+    while not pool.prepare(attempt.lease.spec, scene, limits):
+        if not is_active():
+            return AttemptEnd("stopped")
+        wait(pool.waitables, _TICK)
+        pool.listen()
+    execution = pool.start(attempt, scene, limits)
+    while (end := execution.end) is None:
+        wait(execution.waitables, max(0.001, min(_TICK, execution.deadline - time.monotonic())))
+        execution.listen()
+        if not is_active():
+            execution.kill("stopped")
+    execution.close()
+    return end

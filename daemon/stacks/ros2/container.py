@@ -18,8 +18,8 @@ from typing import Final
 
 from daemon.model.sut import SutFailure
 from daemon.stacks.ros2.keys import Ros2Container
-from daemon.supervision.plan import ALARM, RELAY_EXIT
 from daemon.supervision.remains import MARKER
+from daemon.supervision.supervisor import ALARM, RELAY_EXIT
 
 _ENGINE_LIMIT: Final = 30.0
 """Time limit for an engine to inspect an image [s]."""

@@ -50,22 +50,17 @@ from daemon.stacks.ros2.isolation import (
 )
 from daemon.stacks.ros2.settings import PlaceholderError, Ros2Settings, fill_settings
 from daemon.supervision.output_file import OutputFile
-from daemon.supervision.plan import (
-    ENVIRONMENT,
-    PROGRAM,
-    RELAY_OUTPUT,
-    STACK_OUTPUT,
-    StackPlan,
-)
 from daemon.supervision.remains import (
     KILL_LIMIT,
     MARKER,
+    PROGRAM,
     end_container,
     end_marked,
     marked_processes,
     parent_of,
 )
 from daemon.supervision.shared_memory import remove_shared_memory
+from daemon.supervision.supervisor import ENVIRONMENT, RELAY_OUTPUT, STACK_OUTPUT, StackPlan
 from grammars.text import codec
 from grammars.text.files import write_atomically
 from grammars.text.terminal_text import printable, without_escapes
