@@ -11,7 +11,7 @@ import pytest
 from daemon.batch.doctor import check_leftovers
 from daemon.batch.run_process import LEASE, RESULT
 from daemon.batch.worker import _attempts
-from daemon.batch.worker._attempts import AdoptedWork, Spool
+from daemon.batch.worker._attempts import Spool
 from daemon.model.messages import Lease
 from tests.make import make_spec
 
@@ -31,14 +31,14 @@ def test_finished_attempts_and_all_other_leases_are_adopted_once(places):
     with closing(Spool(places, "heir", print)) as heir:
         with closing(Spool(places, "living", print)) as living:
             living.open(lease(2))
-            assert heir.adopt() == AdoptedWork()
+            assert heir.adopt() == ([], [])
             living.discard(living.open(lease(2)))
         leave(places)
-        adopted = heir.adopt()
-        assert adopted.unfinished == (lease(1),)
-        assert [(found.lease, found.finished) for found in adopted.finished] == [(lease(0), True)]
+        finished, unfinished = heir.adopt()
+        assert unfinished == [lease(1)]
+        assert [(found.lease, found.finished) for found in finished] == [(lease(0), True)]
         assert [path.name for path in places.spool.iterdir()] == ["heir"]
-        assert heir.adopt() == AdoptedWork()
+        assert heir.adopt() == ([], [])
 
 
 def test_attempts_of_a_run_that_was_deleted_and_submitted_again_keep_apart(places):
@@ -83,7 +83,7 @@ def test_whatever_lies_in_an_attempts_place_stops_neither_its_worker_nor_the_nex
         assert not os.path.lexists(attempt.folder)
         spoil(spool.open(lease(1)).folder)
     with closing(Spool(places, "heir", print)) as heir:
-        assert heir.adopt().finished == ()
+        assert heir.adopt()[0] == []
         assert [path.name for path in places.spool.iterdir()] == ["heir"]
 
 
@@ -107,7 +107,7 @@ def test_what_cannot_be_taken_over_is_tried_less_and_less_often(places, monkeypa
         looks = []
         for _ in range(600):
             now.time += 1.0
-            if heir.adopt().unfinished:
+            if heir.adopt()[1]:
                 looks.append(now.time)
         assert 5 <= len(looks) <= 12
         places.aside.unlink()

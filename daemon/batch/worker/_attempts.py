@@ -82,14 +82,6 @@ class Attempt:
         return read_output(self.folder)[-_SHOWN_OUTPUT:].decode("utf-8", "replace").strip()
 
 
-@dataclass(frozen=True, slots=True)
-class AdoptedWork:
-    """Work of dead workers: attempts with results, and leases without one."""
-
-    finished: tuple[Attempt, ...] = ()
-    unfinished: tuple[Lease, ...] = ()
-
-
 class Spool:
     """This worker's part of the spool.
 
@@ -151,17 +143,18 @@ class Spool:
             self._problems.add(problem)
             self._log(problem)
 
-    def adopt(self) -> AdoptedWork:
-        """Take over the work of dead workers: their finished attempts become this worker's.
+    def adopt(self) -> tuple[list[Attempt], list[Lease]]:
+        """Take over the work of dead workers: attempts with results, and leases without one.
 
-        The folders of unfinished attempts are removed; the caller must return their leases.
+        The attempts become this worker's. The folders of the others are removed; the caller must
+        return their leases.
         """
-        if time.monotonic() < self._adopt_at:
-            return AdoptedWork()
-        self._remains = [folder for folder in self._remains if not self._remove(folder)]
-        failed = bool(self._remains)
         finished: list[Attempt] = []
         unfinished: list[Lease] = []
+        if time.monotonic() < self._adopt_at:
+            return finished, unfinished
+        self._remains = [folder for folder in self._remains if not self._remove(folder)]
+        failed = bool(self._remains)
         for folder in self._others():
             try:
                 failed |= not self._adopt_folder(folder, finished, unfinished)
@@ -170,7 +163,7 @@ class Spool:
                 failed = True
         self._pause = min(2.0 * self._pause or _FIRST_PAUSE, _LONGEST_PAUSE) if failed else 0.0
         self._adopt_at = time.monotonic() + self._pause
-        return AdoptedWork(tuple(finished), tuple(unfinished))
+        return finished, unfinished
 
     def _others(self) -> list[Path]:
         try:

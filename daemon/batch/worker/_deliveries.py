@@ -31,7 +31,7 @@ from daemon.batch.errors import (
 )
 from daemon.batch.run_process import TRACE
 from daemon.batch.stores import file_sha256, upload
-from daemon.batch.worker._attempts import AdoptedWork, Attempt, Spool
+from daemon.batch.worker._attempts import Attempt, Spool
 from daemon.batch.worker._connection import DaemonConnection, WorkerPaths
 from daemon.batch.worker._wakeups import BackgroundAsks
 from daemon.model.messages import (
@@ -144,10 +144,11 @@ class Deliveries:
         self.finished += self._foreign
         self._foreign.clear()
 
-    def adopt(self, work: AdoptedWork) -> None:
+    def adopt(self) -> None:
         """Take over the work of dead workers."""
-        self.finished += work.finished
-        for lease in work.unfinished:
+        finished, unfinished = self._spool.adopt()
+        self.finished += finished
+        for lease in unfinished:
             # Certain, unlike a lost connection: the lock of its spool is free.
             self.give_back(lease, "its worker died", died=True)
 

@@ -23,7 +23,7 @@ from collections import deque
 from collections.abc import Callable, Hashable
 from concurrent.futures import Future
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from multiprocessing.connection import wait
 from pathlib import Path
@@ -255,7 +255,7 @@ class WorkerLoop:
                 # A renewal lists all leases here. A run granted in a pending answer would be absent
                 # and taken back; one whose result is being recorded would be listed and dropped. So
                 # a renewal waits for all answers, and blocks new requests.
-                self._deliveries.adopt(self._spool.adopt())
+                self._deliveries.adopt()
                 if len(self._asks) or self._deliveries.releases:
                     return
                 self._renew()
@@ -321,17 +321,14 @@ class WorkerLoop:
         # A leased run that waits for its kernels also takes a slot.
         count = len(self._executions) + len(self._leased)
         info = self._info(min(count, max(self._backend.slots, len(self._executions))))
-        usage = self._meter.measure()
-        return replace(
+        info = replace(
             info,
             trouble=trouble,
             preparation=self._preparation,
             notice=self._deliveries.foreign_words,
-            cpu=usage.cpu,
-            memory=usage.memory,
-            memory_total=usage.memory_total,
             progress=self._live.progress(),
         )
+        return self._meter.measure(info)
 
     def _current_executions(self) -> list[Execution]:
         """Return the executions that are not abandoned."""
@@ -485,15 +482,6 @@ class WorkerLoop:
                 return
 
 
-@dataclass(frozen=True, slots=True)
-class Usage:
-    """Usage of a worker and its children, as in :class:`daemon.model.status.WorkerRow`."""
-
-    cpu: float
-    memory: int
-    memory_total: int
-
-
 class UsageMeter:
     """Measures this process and its descendants, at most once a second."""
 
@@ -501,20 +489,19 @@ class UsageMeter:
         self._process = psutil.Process()
         self._cores = psutil.cpu_count() or 1
         self._total = psutil.virtual_memory().total
-        self._measured_at = time.monotonic()
-        self._seconds, memory = self._look()
-        self._usage = Usage(0.0, memory, self._total)
+        self._measured_at, self._cpu = time.monotonic(), 0.0
+        self._seconds, self._memory = self._look()
 
-    def measure(self) -> Usage:
-        """Return the usage since the last measurement, or the last one if that is recent."""
+    def measure(self, info: WorkerInfo) -> WorkerInfo:
+        """Add the usage since the last measurement, or the last one if that is recent."""
         passed = time.monotonic() - self._measured_at
         if passed >= _USAGE_PERIOD:
-            seconds, memory = self._look()
-            cpu = (seconds - self._seconds) / (passed * self._cores)
-            self._usage = Usage(min(1.0, max(0.0, cpu)), memory, self._total)
+            previous = self._seconds
+            self._seconds, self._memory = self._look()
+            cpu = (self._seconds - previous) / (passed * self._cores)
+            self._cpu = min(1.0, max(0.0, cpu))
             self._measured_at += passed
-            self._seconds = seconds
-        return self._usage
+        return replace(info, cpu=self._cpu, memory=self._memory, memory_total=self._total)
 
     def _look(self) -> tuple[float, int]:
         """Return the processor time so far [s] and the memory [B]."""

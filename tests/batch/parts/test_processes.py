@@ -15,6 +15,7 @@ import psutil
 import pytest
 
 from daemon.batch.worker import _loop
+from daemon.batch.worker._connection import describe_worker
 from daemon.batch.worker._loop import UsageMeter
 from daemon.model.verdicts import RunState
 from daemon.supervision.child import when_stdin_ends
@@ -218,16 +219,17 @@ input()
 def test_memory_and_processor_time_of_children_count(monkeypatch):
     monkeypatch.setattr(_loop, "_USAGE_PERIOD", 0.0)
     meter = UsageMeter()
-    before = meter.measure()
+    me = describe_worker()
+    before = meter.measure(me)
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
     with subprocess.Popen([sys.executable, "-c", PROGRAM], **pipes) as child:
         child.stdout.readline()
-        during = meter.measure()
+        during = meter.measure(me)
         child.communicate(b"\n")
     assert during.memory - before.memory > 0.9 * ALLOCATED
     assert 0.0 < during.cpu <= 1.0
     assert before.memory_total == psutil.virtual_memory().total
-    assert meter.measure().memory < during.memory - 0.9 * ALLOCATED
+    assert meter.measure(me).memory < during.memory - 0.9 * ALLOCATED
     # They are looked at once in a period at most.
     monkeypatch.setattr(_loop, "_USAGE_PERIOD", 3600.0)
-    assert meter.measure() is meter.measure()
+    assert meter.measure(me) == meter.measure(me)
