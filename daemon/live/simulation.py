@@ -78,7 +78,7 @@ class MessageOutlet(Protocol):
 
 
 class LiveSimulation:
-    """The world of a specification, stepped by :meth:`run` or, in tests, by :meth:`step`.
+    """The world of a specification, stepped by :meth:`running` or, in tests, by :meth:`step`.
 
     Requests of other threads (pause, speed, reset) take effect at its next step. ``sut`` makes a
     system that drives the robot while no commands come from outside.
@@ -110,7 +110,7 @@ class LiveSimulation:
         self._driven: tuple[str, float] = ("", -math.inf)
         self._note = ""
         self._worlds = 0
-        self._loop: RunLoop | None = None
+        self._loop: RunLoop  # from the first step on
         self.status = LiveStatus(0.0, self._speed, self._speed, False, False, "", spec.limit)
 
     def add_outlet(self, outlet: MessageOutlet) -> None:
@@ -149,11 +149,6 @@ class LiveSimulation:
         """Begin the same world anew, from the same seed."""
         self._requests.put(self._begin)
 
-    def run(self, stop: threading.Event) -> None:
-        """Step by the clock until ``stop`` is set."""
-        while not stop.is_set():
-            stop.wait(self.step())
-
     @contextmanager
     def running(self) -> Iterator[LiveThread]:
         """Run in a thread of its own as long as the context lasts."""
@@ -166,7 +161,7 @@ class LiveSimulation:
 
     def step(self) -> float:
         """Do everything due by now; return the time until the next step [s, wall clock]."""
-        if self._loop is None:
+        if not self._worlds:
             self._begin()
         while not self._requests.empty():
             self._requests.get()()
@@ -192,23 +187,24 @@ class LiveSimulation:
         inner = self._make_sut() if self._make_sut is not None else None
         self._stream = stream
         self._driver = LiveDriver(self._outside, inner, tuple(self._listeners), self._commanded)
-        self._loop = loop = RunLoop(self.spec, self.scene, stream, sut=self._driver)
+        self._loop = RunLoop(self.spec, self.scene, stream, sut=self._driver)
         try:
-            loop.begin()
+            self._loop.begin()
         except SutError as error:
             self._dismiss(error)
-        self._anchor(self._clock())
-        self._measured = (self._clock(), 0.0, self._speed)
+        self._measure_anew()
 
-    def _anchor(self, now: float) -> None:
+    def _anchor(self) -> None:
         """Count from here: the target is a line through this point, so errors do not add up."""
-        assert self._loop is not None
-        self._wall, self._start = now, self._loop.world.time
+        self._wall, self._start = self._clock(), self._loop.world.time
+
+    def _measure_anew(self) -> None:
+        """Count and measure the reached speed from here."""
+        self._anchor()
+        self._measured = (self._clock(), self._start, self._speed)
 
     def _catch_up(self, now: float) -> None:
-        loop = self._loop
-        assert loop is not None
-        world, until = loop.world, now + _SLICE
+        world, until = self._loop.world, now + _SLICE
         target = self._start + (now - self._wall) * self._speed
         # Rounding must not delay a tick that is due at this instant.
         last = math.floor(target * TICK_RATE + 1e-6)
@@ -216,19 +212,18 @@ class LiveSimulation:
         more = True
         while more:
             try:
-                loop.advance(max(world.tick, min(last, world.tick + _CHUNK)))
+                self._loop.advance(max(world.tick, min(last, world.tick + _CHUNK)))
             except SutError as error:
                 self._dismiss(error)
             more = world.tick < last and self._clock() < until
         if (last - world.tick) / TICK_RATE > _MOST_LAG * self._speed:
             self._late_until = self._clock() + _WINDOW
-            self._anchor(self._clock())
+            self._anchor()
 
     def _dismiss(self, error: SutError) -> None:
         """Go on without the system that crashed."""
         self._driver.dismiss()
         self._note = error.note
-        assert self._loop is not None
         time = self._loop.world.time
         for event in error.events:
             self._stream.event(time, event.source, event.text, level=event.level)
@@ -236,15 +231,14 @@ class LiveSimulation:
 
     def _tell(self, now: float) -> None:
         """Publish the status, and a snapshot if somebody looks."""
-        loop = self._loop
-        assert loop is not None
+        time = self._loop.world.time
         since, simulated, reached = self._measured
         if now - since >= _WINDOW:
-            reached = (loop.world.time - simulated) / (now - since)
-            self._measured = (now, loop.world.time, reached)
+            reached = (time - simulated) / (now - since)
+            self._measured = (now, time, reached)
         driver, until = self._driven
         self.status = LiveStatus(
-            time=loop.world.time,
+            time=time,
             speed=self._speed,
             reached=reached,
             paused=self._paused,
@@ -258,25 +252,21 @@ class LiveSimulation:
             outlet.status(self.status)
         if self.watched and now >= self._view_due:
             self._view_due = now + _VIEW_PERIOD
-            self.view = loop.snapshot(loop.world.time)
+            self.view = self._loop.snapshot(time)
 
     def _rest(self, now: float) -> float:
-        loop = self._loop
-        assert loop is not None
         if self._paused:
             return _IDLE
-        due = self._wall + (loop.next_due() / TICK_RATE - self._start) / self._speed
+        due = self._wall + (self._loop.next_due() / TICK_RATE - self._start) / self._speed
         return min(max(due - now, 0.0), _IDLE)
 
     def _pause(self, paused: bool) -> None:
         self._paused = paused
-        self._anchor(self._clock())
-        self._measured = (self._clock(), self._start, self._speed)
+        self._measure_anew()
 
     def _set_speed(self, speed: float) -> None:
         self._speed, self._late_until = speed, -math.inf
-        self._anchor(self._clock())
-        self._measured = (self._clock(), self._start, self._speed)
+        self._measure_anew()
 
     def _commanded(self, source: str) -> None:
         self._driven = (source or self.spec.sut.name, self._clock() + _DRIVER_SHOWN)
@@ -300,7 +290,8 @@ class LiveThread(threading.Thread):
     def run(self) -> None:
         """Step until :meth:`end`."""
         try:
-            self._simulation.run(self._stop_asked)
+            while not self._stop_asked.is_set():
+                self._stop_asked.wait(self._simulation.step())
         except Exception as error:
             # A thread cannot raise to anybody: the view of the world reports it.
             self.failure = error
