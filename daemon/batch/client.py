@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from functools import partial
@@ -85,38 +84,21 @@ class _Feed(threading.Thread, Generic[T]):
         super().__init__(name=f"listens to {key}", daemon=True)
         self._read = read
         self._call = call
-        self._waiting: deque[bytes] = deque(maxlen=capacity)
-        self._arrived = threading.Condition()
-        self._closing = False
-        self._subscriber = session.declare_subscriber(key, self._receive)
+        self._subscriber = session.declare_subscriber(key, zenoh.handlers.RingChannel(capacity))
         self.start()
-
-    def _receive(self, sample: zenoh.Sample) -> None:
-        with self._arrived:
-            self._waiting.append(sample.payload.to_bytes())
-            self._arrived.notify()
 
     def run(self) -> None:
         """Forward samples until closed."""
-        while (payload := self._next()) is not None:
+        for sample in self._subscriber:
             try:
-                value = self._read(payload)
+                value = self._read(sample.payload.to_bytes())
             except ValueError:
                 continue  # not from our daemon; nothing relies on publications
             self._call(value)
 
-    def _next(self) -> bytes | None:
-        with self._arrived:
-            self._arrived.wait_for(lambda: self._waiting or self._closing)
-            return None if self._closing else self._waiting.popleft()
-
     def close(self) -> None:
         """Stop; afterwards no call is in progress, unless this is one."""
-        # Before the thread ends, so that it forwards every sample that arrives.
         self._subscriber.undeclare()  # type: ignore[no-untyped-call]
-        with self._arrived:
-            self._closing = True
-            self._arrived.notify()
         if self is not threading.current_thread():
             self.join()
 
