@@ -71,10 +71,9 @@ class Site:
         self.paths = StatePaths(folder)
         self.paths.make_folders()
         self.asks, self.uploads = BackgroundAsks(), BackgroundAsks()
-        self.spool, self.trouble = Spool(self.paths, "w", print), WorkerTrouble(print, int)
+        self.spool, self.trouble = Spool(self.paths, "w"), WorkerTrouble(int)
         paths, asks = WorkerPaths(self.paths, shared), (self.asks, self.uploads)
-        rest = (self.spool, self.trouble, "w", lambda _: None)
-        self.deliveries = Deliveries(self.daemon, paths, *asks, *rest)
+        self.deliveries = Deliveries(self.daemon, paths, *asks, self.spool, self.trouble, "w")
         spec = make_spec()
         self.attempt = self.spool.open(Lease("c.0", "c", 1, 7, "c/S1.pilot.0.mcap", spec))
         self.trace = self.attempt.folder / TRACE
@@ -261,7 +260,7 @@ def test_what_is_of_another_ledger_waits_for_it(site):
 def test_pauses_double_until_a_success(monkeypatch):
     now = 100.0
     monkeypatch.setattr(time, "monotonic", lambda: now)
-    trouble, whole = WorkerTrouble(print, int), 1.0
+    trouble, whole = WorkerTrouble(int), 1.0
     for _ in range(12):
         trouble.note("the disk is full")
         assert 0.75 * whole <= trouble.until - now <= 1.25 * whole

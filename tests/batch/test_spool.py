@@ -22,14 +22,14 @@ def lease(position):
 
 def leave(places):
     """A worker that dies with two attempts, the first of them finished."""
-    with closing(Spool(places, "dead", print)) as spool:
+    with closing(Spool(places, "dead")) as spool:
         (spool.open(lease(0)).folder / RESULT).touch()
         spool.open(lease(1))
 
 
 def test_finished_attempts_and_all_other_leases_are_adopted_once(places):
-    with closing(Spool(places, "heir", print)) as heir:
-        with closing(Spool(places, "living", print)) as living:
+    with closing(Spool(places, "heir")) as heir:
+        with closing(Spool(places, "living")) as living:
             living.open(lease(2))
             assert heir.adopt() == ([], [])
             living.discard(living.open(lease(2)))
@@ -42,7 +42,7 @@ def test_finished_attempts_and_all_other_leases_are_adopted_once(places):
 
 
 def test_attempts_of_a_run_that_was_deleted_and_submitted_again_keep_apart(places):
-    with closing(Spool(places, "one", print)) as spool:
+    with closing(Spool(places, "one")) as spool:
         before, again = spool.open(lease(0)), spool.open(replace(lease(0), token=9))
         spool.discard(before)
         assert (again.folder / LEASE).exists()
@@ -76,24 +76,25 @@ def put_loop(folder):
 
 @pytest.mark.parametrize("spoil", [put_link, put_pipe, put_loop])
 def test_whatever_lies_in_an_attempts_place_stops_neither_its_worker_nor_the_next(places, spoil):
-    with closing(Spool(places, "one", print)) as spool:
+    with closing(Spool(places, "one")) as spool:
         attempt = spool.open(lease(0))
         spoil(attempt.folder)
         spool.discard(attempt)
         assert not os.path.lexists(attempt.folder)
         spoil(spool.open(lease(1)).folder)
-    with closing(Spool(places, "heir", print)) as heir:
+    with closing(Spool(places, "heir")) as heir:
         assert heir.adopt()[0] == []
         assert [path.name for path in places.spool.iterdir()] == ["heir"]
 
 
-def test_a_folder_that_cannot_be_removed_is_put_aside_and_named_by_the_doctor(places, immutable):
-    words = []
-    with closing(Spool(places, "one", words.append)) as spool:
+def test_a_folder_that_cannot_be_removed_is_put_aside_and_named_by_the_doctor(
+    places, immutable, capsys
+):
+    with closing(Spool(places, "one")) as spool:
         attempt = spool.open(lease(0))
         spool.discard(attempt)
         assert not attempt.folder.parent.exists()
-    assert "Operation not permitted" in words[0]
+    assert "Operation not permitted" in capsys.readouterr().err
     messages = [finding.message for finding in check_leftovers(places, 0.0)]
     assert any("moved aside, damaged or not removable, 1:" in one for one in messages)
 
@@ -103,7 +104,7 @@ def test_what_cannot_be_taken_over_is_tried_less_and_less_often(places, monkeypa
     monkeypatch.setattr(_attempts, "time", SimpleNamespace(monotonic=lambda: now.time))
     leave(places)
     places.aside.write_text("no folder")
-    with closing(Spool(places, "heir", print)) as heir:
+    with closing(Spool(places, "heir")) as heir:
         looks = []
         for _ in range(600):
             now.time += 1.0

@@ -13,10 +13,12 @@ from __future__ import annotations
 import fcntl
 import os
 import shutil
+import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from datetime import datetime
 from multiprocessing.connection import Connection
 from pathlib import Path
 from socket import socket
@@ -28,6 +30,7 @@ from daemon.model.ids import is_id, is_run_id
 from daemon.model.messages import LARGEST_REQUEST, Lease
 from daemon.model.spec import RunResult
 from grammars.text import codec
+from grammars.text.terminal_text import printable
 
 _LOCK: Final = "lock"
 _SHOWN_OUTPUT: Final = 2000
@@ -85,14 +88,13 @@ class Attempt:
 class Spool:
     """This worker's part of the spool.
 
-    Its disk may become unusable while the worker works. Then no result is lost, ``log`` gets the
+    Its disk may become unusable while the worker works. Then no result is lost, the log has the
     reason once, and failed removals and adoptions are tried again, less and less often. A folder
     that cannot be removed is put aside.
     """
 
-    def __init__(self, paths: StatePaths, worker: str, log: Callable[[str], None]) -> None:
+    def __init__(self, paths: StatePaths, worker: str) -> None:
         self._paths = paths
-        self._log = log
         self._remains: list[Path] = []
         self._adopt_at = self._pause = 0.0
         self._problems: set[str] = set()
@@ -141,7 +143,7 @@ class Spool:
     def _report(self, problem: str) -> None:
         if problem not in self._problems:
             self._problems.add(problem)
-            self._log(problem)
+            log(problem)
 
     def adopt(self) -> tuple[list[Attempt], list[Lease]]:
         """Take over the work of dead workers: attempts with results, and leases without one.
@@ -256,3 +258,11 @@ class AttemptEnd:
 
 Waitable: TypeAlias = Connection | socket | int
 """An argument of :func:`multiprocessing.connection.wait`."""
+
+
+def log(message: str) -> None:
+    """Print a message of this worker with the time."""
+    now = datetime.now().astimezone().isoformat(timespec="milliseconds")
+    # A full disk must not end a worker whose log is on it.
+    with suppress(OSError):
+        print(now, printable(message), file=sys.stderr, flush=True)

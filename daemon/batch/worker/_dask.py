@@ -30,7 +30,7 @@ from distributed.security import Security
 from daemon.batch.errors import DaemonError, WorkerBroken
 from daemon.batch.paths import STATE_VARIABLE
 from daemon.batch.run_process import FILES, RESULT, TRACE, WatchDetail
-from daemon.batch.worker._attempts import Attempt, AttemptEnd, Waitable
+from daemon.batch.worker._attempts import Attempt, AttemptEnd, Waitable, log
 from daemon.batch.worker._wakeups import WakeupSocket
 from daemon.batch.worker._zygotes import ZygotePool
 from daemon.model.execution import RunLimits
@@ -118,15 +118,12 @@ class DaskPool:
 
     preparation = None
 
-    def __init__(
-        self, address: str, executor: str, slots: int | None, log: Callable[[str], None]
-    ) -> None:
+    def __init__(self, address: str, executor: str, slots: int | None) -> None:
         self._slots = 0
         self.trouble = ""
         self._address = address
         self._executor = executor
         self._most = math.inf if slots is None else slots
-        self._log = log
         self._client: Client | None = None
         self._versions: dict[str, str] = {}
         self._wakeup = WakeupSocket()
@@ -245,7 +242,7 @@ class DaskPool:
         if (slots, trouble) == (self._slots, self.trouble):
             return
         if trouble != self.trouble:
-            self._log(trouble or f"the Dask scheduler {self._address} has workers again")
+            log(trouble or f"the Dask scheduler {self._address} has workers again")
         self._slots, self.trouble = slots, trouble
         self._wakeup.wake()
 

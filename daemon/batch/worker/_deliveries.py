@@ -31,7 +31,7 @@ from daemon.batch.errors import (
 )
 from daemon.batch.run_process import TRACE
 from daemon.batch.stores import file_sha256, upload
-from daemon.batch.worker._attempts import Attempt, Spool
+from daemon.batch.worker._attempts import Attempt, Spool, log
 from daemon.batch.worker._connection import DaemonConnection, WorkerPaths
 from daemon.batch.worker._wakeups import BackgroundAsks
 from daemon.model.messages import (
@@ -61,11 +61,10 @@ class WorkerTrouble:
     """A trouble of the worker's environment: a full disk, no processes, a damaged scene.
 
     Each repetition after a pause doubles the next pause; one success ends it. ``changed`` is called
-    at its beginning and end; ``log`` gets the end too.
+    at its beginning and end.
     """
 
-    def __init__(self, log: Callable[[str], None], changed: Callable[[], None]) -> None:
-        self._log = log
+    def __init__(self, changed: Callable[[], None]) -> None:
         self._changed = changed
         self.words = ""
         """Its description, empty without one."""
@@ -88,7 +87,7 @@ class WorkerTrouble:
     def clear(self) -> None:
         """Note a success."""
         if self.words:
-            self._log(f"over: {self.words}")
+            log(f"over: {self.words}")
             self._changed()
         self.words, self.until, self._pause = "", 0.0, 0.0
 
@@ -110,7 +109,6 @@ class Deliveries:
         spool: Spool,
         trouble: WorkerTrouble,
         worker: str,
-        log: Callable[[str], None],
     ) -> None:
         self._daemon = daemon
         self._paths = paths
@@ -118,7 +116,6 @@ class Deliveries:
         self._uploads = uploads
         self._spool = spool
         self._worker = worker
-        self._log = log
         self.trouble = trouble
         self.finished: list[Attempt] = []
         self.releases: list[ReleaseRequest] = []
@@ -173,7 +170,7 @@ class Deliveries:
     def give_back_attempt(self, attempt: Attempt, why: str, *, blame: bool) -> None:
         """Return the lease of an attempt without a result, and remove the attempt."""
         lease = attempt.lease
-        self._log(f"{lease.run} attempt {lease.attempt}: {why}")
+        log(f"{lease.run} attempt {lease.attempt}: {why}")
         self.give_back(lease, why, blame=blame)
         self._spool.discard(attempt)
 
@@ -210,7 +207,7 @@ class Deliveries:
 
         upload(trace, put, self._count_moved)
         seconds = time.monotonic() - start
-        self._log(f"{lease.run}: {info.size} bytes sent in {seconds:.2f} s")
+        log(f"{lease.run}: {info.size} bytes sent in {seconds:.2f} s")
         return False
 
     def _count_moved(self, count: int) -> None:
@@ -249,7 +246,7 @@ class Deliveries:
         except (Refused, Failed, OtherLedger) as error:
             # The lease is another worker's by now, or unknown. A failing daemon must not block
             # renewals and deliveries: without a renewal the lease lapses anyway.
-            self._log(f"{release.run}: not given back, {error}")
+            log(f"{release.run}: not given back, {error}")
         if release in self.releases:  # it may have been sent twice
             self.releases.remove(release)
 
@@ -272,13 +269,13 @@ class Deliveries:
         except OtherLedger as error:
             self.finished.remove(attempt)
             self._foreign.append(attempt)
-            self._log(f"{attempt.lease.run}: kept in {attempt.folder}, {error}")
+            log(f"{attempt.lease.run}: kept in {attempt.folder}, {error}")
         except (DaemonError, OSError, ValueError) as error:
             if isinstance(error, Unreachable) and not isinstance(error, Unavailable):
                 raise
             # For example a full disk, a failing daemon, a malformed answer: the spool keeps it.
             words = " ".join(str(error).split())[:_LONGEST_PROBLEM]
-            self._log(f"{attempt.lease.run}: delivered later, {words}")
+            log(f"{attempt.lease.run}: delivered later, {words}")
             self.trouble.note(f"results cannot be delivered: {words}")
         else:
             if not delivered:

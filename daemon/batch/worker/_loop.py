@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Hashable
+from collections.abc import Hashable
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import replace
@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 import psutil
 
 from daemon.batch.errors import DaemonError, OtherLedger, Refused, Unavailable, Unreachable
-from daemon.batch.worker._attempts import Attempt, AttemptEnd, Spool
+from daemon.batch.worker._attempts import Attempt, AttemptEnd, Spool, log
 from daemon.batch.worker._connection import (
     DaemonConnection,
     InputCache,
@@ -98,7 +98,7 @@ class WorkerLoop:
     def __init__(
         self,
         daemon: DaemonConnection,
-        info: Callable[[int], WorkerInfo],
+        me: WorkerInfo,
         paths: WorkerPaths,
         spool: Spool,
         backend: Backend,
@@ -106,17 +106,16 @@ class WorkerLoop:
         *,
         limits: RunLimits,
         renew: float,
-        log: Callable[[str], None],
     ) -> None:
         self._daemon = daemon
-        self._info = info
+        self._me = me
         self._paths = paths.state
         # A renewal waits for the requests, but not for traces.
         self._asks, self._uploads = BackgroundAsks(), BackgroundAsks(_MOST_UPLOADS)
         # Troubles of executing and of delivering: each ends with a success.
-        self._trouble, undelivered = (WorkerTrouble(log, self._renew_soon) for _ in range(2))
+        self._trouble, undelivered = (WorkerTrouble(self._renew_soon) for _ in range(2))
         self._deliveries = Deliveries(
-            daemon, paths, self._asks, self._uploads, spool, undelivered, info(0).id, log
+            daemon, paths, self._asks, self._uploads, spool, undelivered, me.id
         )
         self._inputs = InputCache(daemon, paths)
         # One thread: runs of a campaign share their inputs. Renewals do not wait for it.
@@ -130,7 +129,6 @@ class WorkerLoop:
         self._signals = signals
         self._limits = limits
         self._renew_period = renew
-        self._log = log
         self._executions: list[Execution] = []
         # Tokens of executions that are being ended because the ledger has dropped their leases.
         self._abandoned: set[int] = set()
@@ -147,7 +145,7 @@ class WorkerLoop:
         # Remedies by kind of system under test that is not installed here, and never leased again.
         self._missing_suts: dict[str, str] = {}
         self._meter = UsageMeter()
-        self._live = LivePublisher(daemon.session, info(0).id, daemon.name)
+        self._live = LivePublisher(daemon.session, me.id, daemon.name)
 
     def run(self) -> bool:
         """Work until a stop signal, then finish or return the runs.
@@ -239,7 +237,7 @@ class WorkerLoop:
 
     def _give_back_missing_sut(self, attempt: Attempt, why: str) -> None:
         """Return a run whose system under test is not installed here, and lease no more such."""
-        kind, me = attempt.lease.spec.sut.kind, self._info(0)
+        kind, me = attempt.lease.spec.sut.kind, self._me
         remedy = f'install the system under test "{kind}" for worker {me.id} on {me.host}'
         self._missing_suts[kind] = f"{remedy}, and start it again"
         words = f"{why}\n{self._missing_suts[kind]}"
@@ -306,7 +304,7 @@ class WorkerLoop:
 
     def _log_refusal(self, error: DaemonError) -> None:
         if str(error) != self._refusal:  # the same answer comes every second
-            self._log(f"the daemon refused: {error}" if isinstance(error, Refused) else str(error))
+            log(f"the daemon refused: {error}" if isinstance(error, Refused) else str(error))
         self._refusal = str(error)
 
     def _deliver(self) -> None:
@@ -320,9 +318,11 @@ class WorkerLoop:
         trouble = next(filter(None, (*words, *self._missing_suts.values())), "")
         # A leased run that waits for its kernels also takes a slot.
         count = len(self._executions) + len(self._leased)
-        info = self._info(min(count, max(self._backend.slots, len(self._executions))))
+        slots = self._backend.slots
         info = replace(
-            info,
+            self._me,
+            slots=slots,
+            busy=min(count, max(slots, len(self._executions))),
             trouble=trouble,
             preparation=self._preparation,
             notice=self._deliveries.foreign_words,
@@ -350,7 +350,7 @@ class WorkerLoop:
             lease = execution.attempt.lease
             # A run that has finished is delivered all the same: the daemon decides about it.
             if lease.token in dropped and not execution.attempt.finished:
-                self._log(f"{lease.run}: no longer wanted here, stopped")
+                log(f"{lease.run}: no longer wanted here, stopped")
                 self._abandoned.add(lease.token)
                 execution.kill()
 
@@ -380,7 +380,7 @@ class WorkerLoop:
     def _is_disk_short(self) -> bool:
         previous, self._shortage = self._shortage, self._paths.disk_shortage()
         if self._shortage != previous:
-            self._log(self._shortage or "the disk has space again")
+            log(self._shortage or "the disk has space again")
             self._renew_soon()
         return bool(self._shortage)
 
@@ -452,7 +452,7 @@ class WorkerLoop:
             # No disk, no process, no scene: not the run's fault.
             if attempt is not None:
                 self._spool.discard(attempt)
-            self._log(f"{lease.run}: not started, {error}")
+            log(f"{lease.run}: not started, {error}")
             words = f"not started: {error}"
             damaged = error.digest if isinstance(error, InputDamaged) else ""
             self._deliveries.give_back(lease, words, damaged=damaged)
@@ -478,7 +478,7 @@ class WorkerLoop:
             wait([self._asks.receiver, self._uploads.receiver], remaining)
             self._take_answers()
             if self._deliveries.trouble.words or self._silent_until or time.monotonic() > deadline:
-                self._log("stopped with undelivered results, which stay in the spool")
+                log("stopped with undelivered results, which stay in the spool")
                 return
 
 

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import os
-import sys
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from dataclasses import replace
-from datetime import datetime
 from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Final, Literal
@@ -15,7 +13,7 @@ from daemon.batch import bus
 from daemon.batch.errors import Unreachable, WorkerBroken
 from daemon.batch.paths import StatePaths, is_encrypted
 from daemon.batch.security import find_credentials
-from daemon.batch.worker._attempts import Spool
+from daemon.batch.worker._attempts import Spool, log
 from daemon.batch.worker._connection import DaemonConnection, choose_paths, describe_worker
 from daemon.batch.worker._loop import Backend, WorkerLoop
 from daemon.batch.worker._wakeups import WorkerSignals
@@ -29,7 +27,6 @@ from daemon.model.execution import (
 from daemon.model.messages import ALIVE, WORK, WelcomeReply
 from daemon.model.verbs import Role
 from daemon.supervision.child import lower_session, when_stdin_ends
-from grammars.text.terminal_text import printable
 
 _ASK_AGAIN: Final = 1.0
 """Period of registrations while no daemon answers [s]."""
@@ -109,20 +106,18 @@ def _serve(
         stack.enter_context(session.declare_subscriber(WORK, lambda _: signals.wake()))
         loop = WorkerLoop(
             daemon,
-            lambda busy: replace(me, busy=busy, slots=backend.slots),
+            me,
             paths,
             spool,
             backend,
             signals,
             limits=limits or RunLimits(),
             renew=welcome.renew,
-            log=_log,
         )
-        _log(
-            f"{me.id} works for {daemon.endpoint} with {backend.slots} slots in {paths.state.state}"
-        )
+        where = paths.state.state
+        log(f"{me.id} works for {daemon.endpoint} with {backend.slots} slots in {where}")
         has_other_ledger = loop.run()
-        _log(f"{me.id} stops")
+        log(f"{me.id} stops")
     return has_other_ledger
 
 
@@ -140,7 +135,7 @@ def _ask_again(daemon: DaemonConnection, signals: WorkerSignals) -> WelcomeReply
 def _open_spool(paths: StatePaths, worker: str) -> Spool:
     """Make the worker's part of the spool; raises :class:`WorkerBroken`."""
     try:
-        return Spool(paths, worker, _log)
+        return Spool(paths, worker)
     except OSError as error:
         raise WorkerBroken(f"this worker cannot store results: {error}") from error
 
@@ -158,14 +153,7 @@ def _open_backend(slots: int | None, executor: str, dask: str, stack: ExitStack)
         raise WorkerBroken(
             f"a Dask cluster needs the extra: pip install 'scenario-tui[dask]' ({error})"
         ) from error
-    cluster = DaskPool(dask, executor, slots, _log)
+    cluster = DaskPool(dask, executor, slots)
     stack.callback(cluster.close)
     cluster.open()
     return cluster
-
-
-def _log(message: str) -> None:
-    now = datetime.now().astimezone().isoformat(timespec="milliseconds")
-    # A full disk must not end a worker whose log is on it.
-    with suppress(OSError):
-        print(now, printable(message), file=sys.stderr, flush=True)
