@@ -14,7 +14,6 @@ from grammars.model.map_files import unpack_map
 from grammars.model.scene import Scene
 from templates.occupancy import building_grid, with_objects
 
-
 _MOST_BUILDINGS: Final = 4
 _buildings: Final[dict[tuple[object, ...], OccupancyGrid]] = {}
 """The last maps of buildings, for the runs of a process and its children: drawing the published

@@ -198,13 +198,6 @@ def error_reply(words: str, error: object) -> ErrorReply:
     return ErrorReply(words, next(kinds, ErrorKind.FAILED), rejection)
 
 
-def reply_error(reply: ErrorReply) -> DaemonError:
-    """Return the exception that an error reply raises in the client."""
-    if reply.rejection is not None:
-        return Rejected(reply.problem, reply.rejection)
-    return _RAISED[reply.kind](reply.problem)
-
-
 def ask(
     session: zenoh.Session,
     endpoint: str,
@@ -216,7 +209,7 @@ def ask(
     """Ask the daemon and return its validated answer.
 
     Raises :class:`Unreachable` after :data:`_PATIENCE` without a reply, and after a timeout. An
-    error reply raises the exception of its kind (:func:`reply_error`), with the daemon's words.
+    error reply raises the exception of its kind, with the daemon's words.
     Raises :class:`Refused` if the key of the ``credentials`` lacks the right: the bus would drop
     the request silently.
     """
@@ -280,9 +273,11 @@ def _validated_answer(kind: type[A], answer: zenoh.Sample) -> A:
 
 def _error_reply(payload: bytes, endpoint: str, timeout: float) -> DaemonError:
     try:
-        problem = codec.from_json(ErrorReply, payload)
+        reply = codec.from_json(ErrorReply, payload)
     except ValueError:
         # Zenoh's own error replies (its timeout) are plain text, never one of our problems.
         where = endpoint_text(endpoint)
         return Unreachable(f"the daemon at {where} did not answer within {timeout:g} s")
-    return reply_error(problem)
+    if reply.rejection is not None:
+        return Rejected(reply.problem, reply.rejection)
+    return _RAISED[reply.kind](reply.problem)

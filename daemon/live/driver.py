@@ -33,40 +33,6 @@ _MOST_REPORTS: Final = 1000
 """Reports that wait while the world is paused; older ones are dropped."""
 
 
-class OutsideInput:
-    """The latest velocity command and the reports of a stack outside; for any thread."""
-
-    def __init__(self) -> None:
-        self._commands: deque[tuple[Twist2, str]] = deque(maxlen=1)
-        self._reports: deque[Decision] = deque(maxlen=_MOST_REPORTS)
-
-    def command(self, twist: Twist2, source: str) -> None:
-        """Store a command in the body frame; raises ``ValueError`` if it is not finite."""
-        if not all(map(math.isfinite, (twist.vx, twist.vy, twist.wz))):
-            raise ValueError(f"a velocity command must be finite, not {twist}")
-        self._commands.append((twist, source))
-
-    def take_command(self) -> tuple[Twist2, str] | None:
-        """Return the new command, if any: each is carried out once.
-
-        So the timeout of the drive counts from the last command, as on the real base.
-        """
-        return self._commands.pop() if self._commands else None
-
-    def report(self, report: Decision) -> None:
-        """Store plans, estimates and events of a stack; its command and progress do not count."""
-        self._reports.append(report)
-
-    def take_report(self) -> Decision:
-        """Return all reports since the last call, merged."""
-        merged = Decision(None, _NOWHERE)
-        while self._reports:
-            one = self._reports.popleft()
-            new = {name: getattr(one, name) for name in _SHOWN if getattr(one, name) is not None}
-            merged = replace(merged, events=(*merged.events, *one.events), **new)
-        return merged
-
-
 class RobotListener(Protocol):
     """Receiver of a robot's data; the thread of the simulation calls both methods."""
 
@@ -80,18 +46,19 @@ class RobotListener(Protocol):
 class LiveDriver:
     """A system under test made of commands from outside and an optional inner system.
 
-    ``on_command`` is called with the source of each command that is carried out.
+    Commands and reports of a stack outside come from any thread. ``on_command`` is called with the
+    source of each command that is carried out.
     """
 
     def __init__(
         self,
-        outside: OutsideInput,
         inner: SystemUnderTest | None = None,
         listeners: Sequence[RobotListener] = (),
         on_command: Callable[[str], None] = lambda _: None,
     ) -> None:
-        self._outside, self._listeners, self._on_command = outside, listeners, on_command
-        self._inner = inner
+        self._inner, self._listeners, self._on_command = inner, listeners, on_command
+        self._commands: deque[tuple[Twist2, str]] = deque(maxlen=1)
+        self._reports: deque[Decision] = deque(maxlen=_MOST_REPORTS)
         self._every = round(inner.period * TICK_RATE) if inner else PERIOD
         self._ticks = math.gcd(PERIOD, self._every)
         self._due = 0
@@ -114,10 +81,22 @@ class LiveDriver:
     def _inner_needs_truth(self) -> bool:
         return self._inner is not None and self._inner.needs_ground_truth
 
-    @property
-    def progress(self) -> Progress:
-        """Mission progress of the inner system."""
-        return self._progress
+    def command(self, twist: Twist2, source: str) -> None:
+        """Store a command in the body frame; raises ``ValueError`` if it is not finite."""
+        if not all(map(math.isfinite, (twist.vx, twist.vy, twist.wz))):
+            raise ValueError(f"a velocity command must be finite, not {twist}")
+        self._commands.append((twist, source))
+
+    def take_command(self) -> tuple[Twist2, str] | None:
+        """Return the new command, if any: each is carried out once.
+
+        So the timeout of the drive counts from the last command, as on the real base.
+        """
+        return self._commands.pop() if self._commands else None
+
+    def report(self, report: Decision) -> None:
+        """Store plans, estimates and events of a stack; its command and progress do not count."""
+        self._reports.append(report)
 
     def dismiss(self) -> None:
         """Remove the inner system."""
@@ -134,7 +113,7 @@ class LiveDriver:
         """Inform the listeners; carry out the latest command, else that of the inner system."""
         for listener in self._listeners:
             listener.observe(observation)
-        command = self._outside.take_command()
+        command = self.take_command()
         decision = self._ask(observation)
         if not isinstance(decision, Decision):
             return decision  # the run loop refuses it with a message
@@ -151,7 +130,7 @@ class LiveDriver:
     def _ask(self, observation: Observation) -> Decision:
         """Update the inner system when it is due and its mission is not over."""
         if self._inner is None or self._progress.state != "active":
-            return replace(self._outside.take_report(), progress=self._progress)
+            return self._merged_reports()
         # Collect data between its updates: its period may be any number of ticks.
         self._odometry.extend(observation.odometry)
         self._scans.extend(observation.scans)
@@ -171,3 +150,12 @@ class LiveDriver:
         if isinstance(decision, Decision):
             self._progress = decision.progress
         return decision
+
+    def _merged_reports(self) -> Decision:
+        """Return all reports since the last call as one."""
+        merged = Decision(None, self._progress)
+        while self._reports:
+            one = self._reports.popleft()
+            new = {name: getattr(one, name) for name in _SHOWN if getattr(one, name) is not None}
+            merged = replace(merged, events=(*merged.events, *one.events), **new)
+        return merged

@@ -285,14 +285,10 @@ def _reset_service(simulation: LiveSimulation) -> Service:
         simulation.reset()
         return b"{}"
 
-    def schema(name: str) -> MessageSchema:
-        data = json.dumps({"type": "object", "properties": {}}).encode()
-        return MessageSchema(
-            encoding="json", schema=Schema(name=name, encoding="jsonschema", data=data)
-        )
-
-    kind = "std_srvs/srv/Empty"
-    described = ServiceSchema(
-        kind, request=schema(f"{kind}_Request"), response=schema(f"{kind}_Response")
+    kind, empty = "std_srvs/srv/Empty", b'{"type": "object", "properties": {}}'
+    request, response = (
+        MessageSchema(encoding="json", schema=Schema(name=name, encoding="jsonschema", data=empty))
+        for name in (f"{kind}_Request", f"{kind}_Response")
     )
+    described = ServiceSchema(kind, request=request, response=response)
     return Service("/reset_world", schema=described, handler=reset)

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Final, Protocol
 
-from daemon.live.driver import LiveDriver, OutsideInput, RobotListener
+from daemon.live.driver import LiveDriver, RobotListener
 from daemon.model.spec import RunSpec, Snapshot
 from daemon.model.sut import TICK_RATE, Decision, SystemUnderTest
 from daemon.run import SceneMismatchError
@@ -102,7 +102,6 @@ class LiveSimulation:
         self.watched = False
         self._make_sut, self._clock = sut, clock
         self._requests: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
-        self._outside = OutsideInput()
         self._outlets: list[MessageOutlet] = []
         self._listeners: list[RobotListener] = []
         self._speed, self._paused = check_speed(speed), False
@@ -110,6 +109,7 @@ class LiveSimulation:
         self._driven: tuple[str, float] = ("", -math.inf)
         self._note = ""
         self._worlds = 0
+        self._driver = LiveDriver()
         self._loop: RunLoop  # from the first step on
         self.status = LiveStatus(0.0, self._speed, self._speed, False, False, "", spec.limit)
 
@@ -126,11 +126,11 @@ class LiveSimulation:
 
         Raises ``ValueError`` for numbers that are not finite.
         """
-        self._outside.command(twist, source)
+        self._driver.command(twist, source)
 
     def report(self, report: Decision) -> None:
         """Show estimate, cloud, particles, plans and events of a stack outside."""
-        self._outside.report(report)
+        self._driver.report(report)
 
     def pause(self, paused: bool) -> None:
         """Pause, or go on."""
@@ -168,7 +168,7 @@ class LiveSimulation:
         now = self._clock()
         if self._paused:
             # Drop commands to a paused world: they are not meant for later.
-            self._outside.take_command()
+            self._driver.take_command()
         else:
             self._catch_up(now)
         self._tell(now)
@@ -181,12 +181,10 @@ class LiveSimulation:
                 outlet.begin()
         self._worlds += 1
         self._note = ""
-        self._outside.take_command()
-        self._outside.take_report()
         stream = MessageStream(self.spec, self.scene, self._send, self._has_listeners)
         inner = self._make_sut() if self._make_sut is not None else None
         self._stream = stream
-        self._driver = LiveDriver(self._outside, inner, tuple(self._listeners), self._commanded)
+        self._driver = LiveDriver(inner, tuple(self._listeners), self._commanded)
         self._loop = RunLoop(self.spec, self.scene, stream, sut=self._driver)
         try:
             self._loop.begin()
