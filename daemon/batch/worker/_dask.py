@@ -16,7 +16,6 @@ import os
 import tempfile
 import threading
 import time
-from collections import defaultdict
 from collections.abc import Callable
 from concurrent.futures import CancelledError
 from contextlib import suppress
@@ -44,8 +43,9 @@ _PERIOD: Final = 1.0
 """Period of checks of the cluster's workers [s]."""
 _TICK: Final = 0.2
 """Period of checks whether a run was cancelled [s]."""
-_idle: Final[defaultdict[str, list[ZygotePool]]] = defaultdict(list)
-"""Idle pools of this Dask worker, by executor; each executes one run at a time."""
+_pools: Final = threading.local()
+"""Pools of each thread of a Dask worker, by executor: a zygote ends with the thread that started it
+(prctl(2))."""
 
 
 class DaskExecution:
@@ -270,11 +270,7 @@ def execute_run(
                 (folder / "files" / digest).write_bytes(data)
                 (folder / "files" / digest).chmod(0o400)
             attempt.link_files(folder / "files")
-        idle = _idle[executor]
-        try:
-            pool = idle.pop()
-        except IndexError:
-            pool = ZygotePool(1, executor)
+        pool: ZygotePool = vars(_pools).setdefault(executor, ZygotePool(1, executor))
         try:
             end = _execute(
                 pool,
@@ -285,8 +281,6 @@ def execute_run(
             )
         except (DaemonError, OSError, ValueError) as error:
             end = AttemptEnd(f"not started: {error}")
-        finally:
-            idle.append(pool)
         if not attempt.finished:
             return codec.to_json(end), b"", b""
         paths = (attempt.folder / RESULT, attempt.folder / TRACE)
