@@ -195,6 +195,7 @@ def _start(
     settings: Mapping[str, object] = {},
     **more: object,
 ) -> subprocess.Popen[bytes]:
+    """Start the daemon of a state directory, with ``more`` parameters of its ``serve``."""
     try:
         quota = parse_size(os.environ.get(QUOTA_VARIABLE) or "0B")
     except ValueError as error:
