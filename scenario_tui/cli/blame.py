@@ -41,7 +41,7 @@ def blame(
         ),
     ] = "",
     runs: Annotated[
-        int, typer.Option("--runs", "-n", min=1, max=100_000, help="Maximum number of runs.")
+        int, typer.Option("-n", min=1, max=100_000, help="Maximum number of runs.")
     ] = 100,
     campaign: Annotated[
         Path | None,

@@ -117,9 +117,7 @@ def compare(
             help="Fail if a verdict is worse, or a margin or a duration by more than this.",
         ),
     ] = None,
-    everything: Annotated[
-        bool, typer.Option("--all", help="List unchanged quantities as well.")
-    ] = False,
+    everything: Annotated[bool, "--all", "List unchanged quantities as well."] = False,
 ) -> Answer[ComparedCampaigns]:
     """Compare two campaigns: verdicts, margins, measures, cell by cell.
 

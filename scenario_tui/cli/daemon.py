@@ -28,9 +28,7 @@ Commands: TypeAlias = Annotated[
         "from other machines.",
     ),
 ]
-PrintUnit: TypeAlias = Annotated[
-    bool, typer.Option("--print-unit", help="Print a systemd user unit for this command and exit.")
-]
+PrintUnit: TypeAlias = Annotated[bool, "Print a systemd user unit for this command and exit."]
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,10 +58,7 @@ def daemon(
             "connects through the state directory.",
         ),
     ] = "",
-    insecure: Annotated[
-        bool,
-        typer.Option("--insecure", help="Listen to the network on plain tcp/, without any keys."),
-    ] = False,
+    insecure: Annotated[bool, "Listen to the network on plain tcp/, without any keys."] = False,
     slots: Annotated[
         int | None,
         typer.Option(
@@ -91,11 +86,9 @@ def daemon(
     print_unit: PrintUnit = False,
     end: Annotated[
         bool,
-        typer.Option(
-            "--stop",
-            help="Stop the running daemon: runs get a while to finish; the next daemon continues "
-            "with the queue.",
-        ),
+        "--stop",
+        "Stop the running daemon: runs get a while to finish; the next daemon continues with the "
+        "queue.",
     ] = False,
 ) -> Answer[LeavingDaemon] | None:  # fmt: skip
     """Run the daemon in the foreground, or stop it.

@@ -106,7 +106,6 @@ def export(
     out: Annotated[
         Path,
         typer.Option(
-            "--out",
             "-o",
             metavar="PATH",
             help="Folder to write to; for the picture of a run, also a file such as run.svg.",

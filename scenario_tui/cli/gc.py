@@ -36,9 +36,7 @@ def gc(
         int | None,
         typer.Option(metavar="SIZE", parser=parse_size, help="Remove until they fit: 20GiB."),
     ] = None,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", "-n", help="List what would go; remove nothing.")
-    ] = False,
+    dry_run: Annotated[bool, "-n", "List what would go; remove nothing."] = False,
     state: State = None,
 ) -> Answer[Removal]:
     """Remove unused files, and the oldest traces of finished campaigns.

@@ -42,9 +42,7 @@ def import_(
     ],
     out: Annotated[
         Path | None,
-        typer.Option(
-            "--out", "-o", metavar="NAME", help="Write NAME.walls.yaml. Default: the file's name."
-        ),
+        typer.Option("-o", metavar="NAME", help="Write NAME.walls.yaml. Default: the file's name."),
     ] = None,
     tolerance: Annotated[
         float,

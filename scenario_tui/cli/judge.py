@@ -32,7 +32,6 @@ def judge(
     oracles: Annotated[
         Path | None,
         typer.Option(
-            "--oracles",
             "-o",
             metavar="FILE",
             help="Oracle layer to judge by, such as navigation.oracles.yaml. "

@@ -37,7 +37,7 @@ Hosts: TypeAlias = Annotated[
     ),
 ]
 Days: TypeAlias = Annotated[
-    int, typer.Option("--days", min=1, max=3650, help="Days for which a certificate is valid.")
+    int, typer.Option(min=1, max=3650, help="Days for which a certificate is valid.")
 ]
 KeyName: TypeAlias = Annotated[
     str, typer.Argument(metavar="KEY", help="Name of a key in `scenario keys list`.")
@@ -120,9 +120,7 @@ def revoke(key: KeyName, keys: Keys = None) -> Answer[KeyList]:
 @command_of(app, "bundle")
 def bundle(
     key: KeyName,
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FILE.tar", help="The archive to write.")
-    ],
+    output: Annotated[Path, typer.Option("-o", metavar="FILE.tar", help="The archive to write.")],
     keys: Keys = None,
 ) -> None:
     """Pack a key for another machine; it is secret, so carry it safely (scp, a USB stick).

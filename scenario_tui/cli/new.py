@@ -91,11 +91,9 @@ def new(
     ] = False,
     listing: Annotated[
         bool,
-        typer.Option(
-            "--layers",
-            help="Write nothing; list the layers that a campaign in the folder NAME can name: "
-            "robots, systems under test, plans, … Default: this folder.",
-        ),
+        "--layers",
+        "Write nothing; list the layers that a campaign in the folder NAME can name: "
+        "robots, systems under test, plans, … Default: this folder.",
     ] = False,
 ) -> Answer[NewCampaign] | Answer[LayerList]:
     """Write a small campaign that runs, for you to change.

@@ -283,8 +283,8 @@ def as_typed(command: Callable[..., Any]) -> Callable[..., Any]:
     """Return a command as typer calls it; it writes the answer and returns the exit code.
 
     A parameter ``target`` becomes ``--connect``, ``--state`` and ``--keys``, and a command that
-    answers gets ``--json``, which writes the value. A text in the annotation of an option is its
-    help.
+    answers gets ``--json``, which writes the value. Texts in the annotation of an option are its
+    further names and its help.
     """
     signature = inspect.signature(command)
     # Annotations are text (PEP 563), and the type of the answer is not imported at run time.
@@ -330,11 +330,17 @@ def as_typed(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _option(name: str, annotation: Any) -> Any:
-    """Return an annotation with the option of its help text; flags get no ``--no-NAME``."""
+    """Return an annotation with the option of its texts, called ``--NAME`` unless they say more."""
     if get_origin(annotation) is not Annotated:
         return annotation
-    kind, option = get_args(annotation)
-    option = typer.Option(help=option) if isinstance(option, str) else option
-    if kind is bool and not option.param_decls:
-        option.param_decls = (f"--{name.replace('_', '-')}",)
+    kind, *notes = get_args(annotation)
+    option = notes[-1]
+    if isinstance(option, str):
+        option = typer.Option(*notes[:-1], help=option)
+    # In an annotation, typer keeps the first name as the default value.
+    first = () if option.default is ... else (option.default,)
+    names = (*first, *(option.param_decls or ()))
+    # Without a name, typer would add --no-NAME to a flag.
+    if (names or kind is bool) and not any(one.startswith("--") for one in names):
+        option.default, option.param_decls = ..., (f"--{name.replace('_', '-')}", *names)
     return Annotated[kind, option]

@@ -48,9 +48,7 @@ def report(
     ] = "",
     output: Annotated[
         Path | None,
-        typer.Option(
-            "--output", "-o", metavar="FILE", help="The page to write. Default: report.html."
-        ),
+        typer.Option("-o", metavar="FILE", help="The page to write. Default: report.html."),
     ] = None,
     figures: Annotated[
         Path | None,

@@ -59,10 +59,7 @@ def search(
         str, typer.Argument(metavar="NAME", help="Search in the file. Default: the only one.")
     ] = "",
     budget: Annotated[
-        str,
-        typer.Option(
-            "--budget", "-n", metavar="AMOUNT", help='200 (runs), "200 runs", "10 min", or both.'
-        ),
+        str, typer.Option("-n", metavar="AMOUNT", help='200 (runs), "200 runs", "10 min", or both.')
     ] = "",
     stop: Annotated[
         str,
@@ -82,9 +79,7 @@ def search(
     fresh: Annotated[
         bool, "Start anew. Otherwise the same search continues where it stopped."
     ] = False,
-    detach: Annotated[
-        bool, typer.Option("--detach", "-d", help="Run the search in the background.")
-    ] = False,
+    detach: Annotated[bool, "-d", "Run the search in the background."] = False,
     out: Annotated[
         Path | None,
         out_folder("Folder for the failing scenario. Default: scenario-results/search/SEARCH/."),

@@ -72,8 +72,7 @@ class _Servers:
 def serve(
     campaign: CampaignFile,
     scenario: Annotated[
-        str,
-        typer.Option("--scenario", "-s", metavar="NAME", help="Default: the first of the file."),
+        str, typer.Option("-s", metavar="NAME", help="Default: the first of the file.")
     ] = "",
     sut: Annotated[
         str,

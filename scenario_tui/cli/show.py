@@ -43,13 +43,10 @@ def show(
     log: Annotated[
         bool, "Show the log instead: attempts, mission, contacts, messages of the SUT."
     ] = False,
-    everything: Annotated[
-        bool, typer.Option("--all", help="Show the log with all lines of all outputs.")
-    ] = False,
+    everything: Annotated[bool, "--all", "Show the log with all lines of all outputs."] = False,
     output: Annotated[
         str,
         typer.Option(
-            "--output",
             "-o",
             metavar="NAME",
             help="Show only this output of the system under test, such as stack.txt.",

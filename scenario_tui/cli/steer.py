@@ -142,10 +142,8 @@ def delete(
             autocompletion=completion.offers(completion.campaigns),
         ),
     ],
-    yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask.")] = False,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", "-n", help="List what would go; remove nothing.")
-    ] = False,
+    yes: Annotated[bool, "-y", "Do not ask."] = False,
+    dry_run: Annotated[bool, "-n", "List what would go; remove nothing."] = False,
     *,
     target: DaemonTarget,
 ) -> Answer[Deletion]:

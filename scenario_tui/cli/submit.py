@@ -32,9 +32,7 @@ if TYPE_CHECKING:
 def submit(
     campaign: CampaignFile,
     target: DaemonTarget,
-    watch: Annotated[
-        bool, typer.Option("--watch", "-w", help="Show progress until the campaign ends.")
-    ] = False,
+    watch: Annotated[bool, "-w", "Show progress until the campaign ends."] = False,
     fresh: Annotated[
         bool,
         "Run everything anew. Otherwise a run whose specification has a result keeps it, "

@@ -35,7 +35,6 @@ def vary(
     number: Annotated[
         int | None,
         typer.Option(
-            "--number",
             "-n",
             min=1,
             max=100_000,

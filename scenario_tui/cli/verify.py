@@ -57,7 +57,6 @@ def verify(
     repeats: Annotated[
         int | None,
         typer.Option(
-            "--repeats",
             "-n",
             min=1,
             max=1000,
@@ -66,10 +65,7 @@ def verify(
         ),
     ] = None,
     every: Annotated[
-        bool,
-        typer.Option(
-            "--all", help="Every run of a campaign, not only one per scenario and system."
-        ),
+        bool, "--all", "Every run of a campaign, not only one per scenario and system."
     ] = False,
     wall: Wall = None,
     *,

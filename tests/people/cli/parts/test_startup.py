@@ -110,3 +110,11 @@ def test_help_says_of_a_command_what_the_command_says():
         said = inspect.cleandoc(command.help or "").partition("\n\n")[0]
         assert about == " ".join(said.split()), name
         assert command.name == name
+
+
+def test_an_option_has_one_long_name():
+    groups = [load_command(name) for name in COMMANDS]
+    groups += [one for group in groups for one in getattr(group, "commands", {}).values()]
+    for command in groups:
+        for option in command.params:
+            assert sum(name.startswith("--") for name in option.opts) <= 1, option.opts
