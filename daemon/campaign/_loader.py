@@ -40,14 +40,7 @@ from grammars.floorplan import FloorPlan
 from grammars.model.free_space import inscribed_radius
 from grammars.oracle import check_joint_limits, check_references
 from grammars.preflight import places_of
-from grammars.text.diagnostics import (
-    Finding,
-    InputError,
-    Severity,
-    Where,
-    gather,
-    raise_all,
-)
+from grammars.text.diagnostics import Finding, InputError, Severity, Where, gather, raise_all
 from grammars.text.documents import YamlDocument, load_yaml, read_model
 
 

@@ -18,14 +18,7 @@ from typing import Annotated, Any, Final, TypeAlias
 
 from pydantic import Field
 
-from grammars.text.diagnostics import (
-    Finding,
-    InputError,
-    Severity,
-    Where,
-    did_you_mean,
-    gather,
-)
+from grammars.text.diagnostics import Finding, InputError, Severity, Where, did_you_mean, gather
 from grammars.text.documents import (
     ONE_OR_MORE,
     KeyPath,

@@ -22,13 +22,7 @@ from grammars.floorplan import WALLS_ENDING
 from grammars.model.mission_files import MissionText
 from grammars.model.robot_files import RobotText
 from grammars.text.diagnostics import Finding, InputError, Where, did_you_mean
-from grammars.text.documents import (
-    KeyPath,
-    StrictModel,
-    YamlDocument,
-    read_model,
-    written_fields,
-)
+from grammars.text.documents import KeyPath, StrictModel, YamlDocument, read_model, written_fields
 from grammars.text.overrides import Override, key_paths
 from grammars.text.quantity import QuantityField, read_quantity, unit_of
 from grammars.text.sources import is_jsonld

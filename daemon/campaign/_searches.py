@@ -13,12 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from daemon.campaign._layers import CampaignCell, Draft
-from daemon.campaign._search_file import (
-    SearchText,
-    read_budget,
-    read_confirm,
-    read_stop,
-)
+from daemon.campaign._search_file import SearchText, read_budget, read_confirm, read_stop
 from daemon.campaign._search_values import (
     LayerValue,
     SearchLayer,

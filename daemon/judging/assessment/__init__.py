@@ -15,11 +15,7 @@ from daemon.judging.assessment._campaign_difference import (
     VerdictChange,
     compare_campaigns,
 )
-from daemon.judging.assessment._cell_verdicts import (
-    base_name,
-    expected_verdict,
-    severity,
-)
+from daemon.judging.assessment._cell_verdicts import base_name, expected_verdict, severity
 from daemon.judging.assessment._marks import Expectations, find_marks
 
 __all__ = [

@@ -22,12 +22,7 @@ from daemon.judging.assessment._cell_verdicts import (
     measured_value,
     trusted_verdicts,
 )
-from daemon.judging.statistics import (
-    EACH_SIDE,
-    MeanDifference,
-    mean_difference,
-    mean_interval,
-)
+from daemon.judging.statistics import EACH_SIDE, MeanDifference, mean_difference, mean_interval
 from daemon.model.assessments import (
     DELAY,
     MISSING_STATES,

@@ -13,13 +13,7 @@ import time as wall_clock
 from collections.abc import Iterator, Mapping
 from typing import Final
 
-from daemon.model.sut import (
-    Briefing,
-    Decision,
-    Observation,
-    SutEvent,
-    SutFailure,
-)
+from daemon.model.sut import Briefing, Decision, Observation, SutEvent, SutFailure
 from daemon.stacks.ros2 import sensors
 from daemon.stacks.ros2.bring_up import BringUp, StackSession
 from daemon.stacks.ros2.endpoints import measured_messages
