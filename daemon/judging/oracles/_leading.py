@@ -59,7 +59,7 @@ from daemon.judging.oracles._predicate import (
     scope_of,
     window_of,
 )
-from daemon.judging.oracles._sampler import PluginError, SignalSampler
+from daemon.judging.oracles._sampler import SignalSampler
 from daemon.judging.oracles._series import SignalSeries
 from daemon.judging.oracles._validity import trace_problems
 from daemon.model.spec import LeadingMargin, OracleText
@@ -78,7 +78,6 @@ from grammars.oracle import (
     obstacle_names,
     thing_of,
 )
-from grammars.text.diagnostics import InputError
 from grammars.text.expressions import Comparison, Expression, Function
 
 _LEAST: Final = 1e-6
@@ -127,19 +126,16 @@ def _unit_or_empty(oracle: Oracle | None) -> str:
 
 
 def _leading_margin(text: OracleText, verdict: Verdict, sampler: SignalSampler) -> LeadingMargin:
-    lead = None
-    try:
-        oracle = bind_oracle(text, sampler.trace)
-        unit = leading_unit(oracle)
-        lead = _lead(oracle, verdict, sampler)
-    except (InputError, PluginError, ValueError):
-        # There is a verdict, so this is a plug-in that answers differently the second time.
-        unit = verdict.unit
+    # The verdict shows that the oracle is usable, and the sampler keeps the signals of plug-ins.
+    oracle = bind_oracle(text, sampler.trace)
+    lead = _lead(oracle, verdict, sampler)
     lead = lead or _Lead(_verdict_margin(verdict), verdict.evidence)
     about = lead.evidence.object or verdict.evidence.object
     moment = verdict.evidence.time if lead.evidence.time is None else lead.evidence.time
     waypoint = lead.waypoint or _waypoint_ahead(moment, sampler)
-    return LeadingMargin(text.name, _signed(verdict, lead.margin), unit, about, waypoint)
+    return LeadingMargin(
+        text.name, _signed(verdict, lead.margin), leading_unit(oracle), about, waypoint
+    )
 
 
 def _waypoint_ahead(moment: float | None, sampler: SignalSampler) -> str:

@@ -20,16 +20,14 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, Final, Literal, TypeAlias, TypeVar
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import TypeAdapter
 
 from daemon.stacks.ros2 import relay
-from grammars.text.documents import plain_message
 
 _SILENCE: Final = 30.0
 """Wall clock after which a relay that writes and reads nothing hangs [s]."""
 _LOOK_PERIOD: Final = 0.1
 _REMEDY: Final = "take the relay of this installation (scenario sut relay prints it)"
-_UNCLEAR: Final = "an answer of the relay cannot be understood"
 _LARGEST: Final = 256 << 20
 """Largest answer [bytes]."""
 _LONGEST_REASON: Final = 4096
@@ -378,12 +376,9 @@ class RelayLink:
             ) from None
         except (EOFError, OSError) as error:
             raise self._lost(f"the relay is gone: {str(error) or 'it has ended'}") from None
-        except ValidationError as error:
-            first = error.errors(include_url=False, include_input=False)[0]
-            place = ".".join(str(part) for part in first["loc"])
-            raise self._lost(f"{_UNCLEAR}: {place} {plain_message(first)}") from None
         except (LookupError, TypeError, ValueError, RecursionError) as error:
-            raise self._lost(f"{_UNCLEAR}: {type(error).__name__}: {error}") from None
+            words = " ".join(f"{type(error).__name__}: {error}".split())
+            raise self._lost(f"an answer of the relay cannot be understood: {words}") from None
         self.close()
         raise LinkRefused(str(head["refused"])[:_LONGEST_REASON])
 

@@ -6,7 +6,7 @@ A damaged message causes one warning and is ignored.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final, Literal
 
@@ -49,6 +49,11 @@ _PLANE: Final = (0, 1, 5)
 """Rows of x, y and yaw in a (6, 6) covariance."""
 _PARTICLE: Final = np.dtype([("position", "<f8", 3), ("orientation", "<f8", 4), ("weight", "<f8")])
 _SHOWN_PARTICLES: Final = 100
+_DECODERS: Final[Mapping[str, Callable[[bytes, float], StackReport]]] = {
+    "behavior tree": decode_tree_log,
+    "collision monitor": decode_collision,
+    "speed limit": decode_speed_limit,
+}
 _TREE_DEPTH: Final = 100
 """Number of logs that may wait for a cycle; a tree ticks up to a hundred times a second."""
 
@@ -305,17 +310,10 @@ def _read_report(
     """
     names: dict[str, Literal["map", "odom"]] = {frames.map: "map", frames.odom: "odom"}
     try:
-        match report:
-            case "behavior tree":
-                return decode_tree_log(message.data, now)
-            case "collision monitor":
-                return decode_collision(message.data, now)
-            case "speed limit":
-                return decode_speed_limit(message.data, now)
-            case "global costmap":
-                return decode_costmap(message.data, now, "global", names)
-            case "local costmap":
-                return decode_costmap(message.data, now, "local", names)
+        if report in _DECODERS:
+            return _DECODERS[report](message.data, now)
+        scope: Literal["local", "global"] = "local" if report == "local costmap" else "global"
+        return decode_costmap(message.data, now, scope, names)
     except ValueError:
         raise
     except Exception as error:
