@@ -321,14 +321,11 @@ def _missing_slots(
         if len(missing) == len(scenarios) > 1:
             # A slot that is empty in all scenarios is one mistake.
             where = document.where(("scenarios",))
-            problems.append(Finding(where, f"no scenario names {_with_any(key)}", hint))
+            named = key if key == "oracles" else with_article(key)
+            problems.append(Finding(where, f"no scenario names {named}", hint))
             continue
         problems += [Finding(s.where, f'scenario "{s.name}" names no {key}', hint) for s in missing]
     return problems
-
-
-def _with_any(key: str) -> str:
-    return key if key == "oracles" else with_article(key)
 
 
 def _oracle_files(text: CampaignFile) -> str:

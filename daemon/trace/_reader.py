@@ -169,7 +169,7 @@ def decode_trace(
         command=command,
         estimate=estimate,
         cloud=cloud,
-        cloud_count=_cloud_count(recording),
+        cloud_count=_fields(recording, layouts.count())["count"].astype(np.int64),
         joints=joints,
         contacts=_contacts(recording),
         progress=_progress(recording),
@@ -274,11 +274,6 @@ def _track(
         columns["covariance"] = covariance.reshape(-1, 3, 3)
     values: dict[str, Any] = {each.name: columns.get(each.name) for each in fields(kind)}
     return kind(**values | constants)
-
-
-def _cloud_count(recording: McapContents) -> npt.NDArray[np.int64]:
-    """Decode ``/particle_cloud/count``."""
-    return _fields(recording, layouts.count())["count"].astype(np.int64)
 
 
 def _joints(recording: McapContents, names: tuple[str, ...]) -> JointTrack:

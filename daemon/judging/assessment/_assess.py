@@ -364,12 +364,9 @@ def _compared(reference: ReferenceValue, assessment: Assessment) -> Iterator[Ref
             verdicts = (oracle for oracle in cell.oracles if oracle.oracle == reference.oracle)
             yield from (_of_verdict(reference, verdict) for verdict in verdicts)
         else:
-            values = _measured(cell, reference.oracle)
+            measures = {measure.oracle: measure.values for measure in cell.measures}
+            values = measures.get(reference.oracle, ())
             yield _of_values(reference, cell.scenario, cell.sut, values)
-
-
-def _measured(cell: CellAssessment, name: str) -> tuple[float, ...]:
-    return next((m.values for m in cell.measures if m.oracle == name), ())
 
 
 def _of_verdict(reference: ReferenceValue, verdict: CellVerdict) -> ReferenceComparison:

@@ -251,7 +251,8 @@ class SignalSampler:
             depth, objects, names = self._contacts(thing)
             values = depth if name == "contact.depth" else (objects >= 0).astype(np.float64)
             return SignalSeries(values, objects, names)
-        truth, count = self.trace.ground_truth, len(self.time_base.time)
+        trace, count = self.trace, len(self.time_base.time)
+        truth = trace.ground_truth
         plain: dict[str, Callable[[], Floats]] = {
             "speed": lambda: np.hypot(truth.vx[:count], truth.vy[:count]),
             "speed.angular": lambda: np.abs(truth.wz[:count]),
@@ -260,7 +261,7 @@ class SignalSampler:
             "mission.leg": lambda: self._leg() + 1.0,
             "mission.leg.elapsed": self._leg_elapsed,
             "mission.reached": self._reached,
-            "mission.remaining": self._remaining,
+            "mission.remaining": lambda: len(trace.spec.mission.waypoints) - self._reached(),
             "mission.distance": self._distance_to_go,
         }
         return SignalSeries(plain[name]())
@@ -332,9 +333,6 @@ class SignalSampler:
 
     def _reached(self) -> Floats:
         return self._progress([float(p.reached) for p in self.trace.progress])
-
-    def _remaining(self) -> Floats:
-        return float(len(self.trace.spec.mission.waypoints)) - self._reached()
 
     def _distance_to_go(self) -> Floats:
         waypoints = self.trace.spec.mission.waypoints
