@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Final, Literal, TypeAlias
 
 from pydantic import (
-    AfterValidator,
     BeforeValidator,
     ConfigDict,
     Field,
@@ -19,7 +18,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from daemon.campaign._search_file import SearchText
+from daemon.campaign._search_file import SearchText, checked
 from daemon.model.assessments import PolicyRule, RepeatPolicy
 from daemon.model.search import SEARCH_NAME
 from daemon.model.spec import MapSettings
@@ -271,11 +270,6 @@ def read_rule(text: str) -> tuple[PolicyRule, float]:
     return "rate", rate
 
 
-def _check_rule(text: str) -> str:
-    read_rule(text)
-    return text
-
-
 def _repeats_mapping(value: Any) -> Any:
     """Turn a plain number of repeats into ``{n: number}``."""
     # bool is an int in Python: "repeats: true" would be one run.
@@ -289,7 +283,7 @@ class _RepeatsText(StrictModel):
 
     n: int = Field(ge=1, le=_MOST_REPEATS)
     """Runs of every scenario; the same repeat has the same noise in each of them."""
-    rule: Annotated[str, AfterValidator(_check_rule)] = Field(default="all", alias="pass")
+    rule: Annotated[str, checked(read_rule)] = Field(default="all", alias="pass")
     """all: every run passes; rate >= 80 %: the runs show this pass rate (exact, 95 %);
     mean: the runs show that the mean margin is not below 0 (t, 95 %)."""
     until: Literal["decided"] | None = None

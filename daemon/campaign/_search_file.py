@@ -175,7 +175,7 @@ def read_confirm(text: str) -> int:
     return int(count[1])
 
 
-def _checked(read: Callable[[str], Any]) -> AfterValidator:
+def checked(read: Callable[[str], Any]) -> AfterValidator:
     """Return a validator that keeps a text and refuses an unreadable one."""
 
     def check(text: str) -> str:
@@ -237,15 +237,15 @@ class SearchText(StrictModel):
     )  # fmt: skip
     """Conditions on every run: comparisons of parameters and quantities, a < b, a + 1 s <= b, also
     joined by and, or and not."""
-    budget: Annotated[str, _checked(read_budget), text_or(int, unit="runs")] = "60 runs"
+    budget: Annotated[str, checked(read_budget), text_or(int, unit="runs")] = "60 runs"
     """Runs, or wall time, or both: 60 runs, 10 min; the first one spent ends the search."""
-    stop: Annotated[str, _checked(read_stop)] = "budget"
+    stop: Annotated[str, checked(read_stop)] = "budget"
     """End of the search: first failure, a number of failures (5 failures), when settled (without
     further improvement), or budget."""
     method: str = Field(default="auto", min_length=1)
     """auto, halton, random, tpe, cma or boundary. auto: 16 runs of a scrambled
     Halton sequence, then TPE, and CMA-ES from 150 runs on."""
-    confirm: Annotated[str, _checked(read_confirm), text_or(int, unit="repeats")] = "5 repeats"
+    confirm: Annotated[str, checked(read_confirm), text_or(int, unit="repeats")] = "5 repeats"
     """Number of runs that repeat a reported failure with other noise."""
     then: _Steps = Field(default=["nearest", "shrink"])
     """Steps after a failure. nearest: find the smallest change of the scenario that still fails;

@@ -64,19 +64,6 @@ class MessageBlock:
         return sizes
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class MessageTable:
-    """Message records of many channels, one behind the other in ``data``.
-
-    ``channels``, ``times`` [ns] and ``offsets`` [bytes] are (n,), in the order of the records.
-    """
-
-    channels: IntArray
-    times: IntArray
-    offsets: IntArray
-    data: ByteArray
-
-
 def split_blocks(
     blocks: Iterable[MessageBlock], before: int | None
 ) -> tuple[list[MessageBlock], list[MessageBlock]]:
@@ -97,11 +84,12 @@ def split_blocks(
     return early, late
 
 
-def interleave(blocks: Sequence[MessageBlock]) -> MessageTable:
-    """Sort the messages of some blocks by time.
+def _interleave(blocks: Sequence[MessageBlock]) -> tuple[IntArray, IntArray, IntArray, ByteArray]:
+    """Sort the messages of some blocks by time, one behind the other in one array of bytes.
 
-    Messages of one instant are sorted by channel. Messages of a block keep their order, even if
-    their times go back, so that a reader notices it.
+    Return channels, times [ns] and offsets (n,), and the bytes. Messages of one instant are sorted
+    by channel. Messages of a block keep their order, even if their times go back, so that a reader
+    notices it.
     """
     counts = [len(block.times) for block in blocks]
     channels = np.repeat([block.channel for block in blocks], counts)
@@ -119,7 +107,7 @@ def interleave(blocks: Sequence[MessageBlock]) -> MessageTable:
     for block, each, count in zip(blocks, sizes, counts, strict=True):
         _scatter(block, each, data, places[first : first + count])
         first += count
-    return MessageTable(channels[order], times[order], offsets, data)
+    return channels[order], times[order], offsets, data
 
 
 def records_at_any_place(data: bytes | memoryview | ByteArray, size: int) -> ByteArray:
@@ -288,15 +276,15 @@ class McapWriter:
         blocks = [block for block in blocks if len(block.times)]
         if not blocks:
             return
-        table = interleave(blocks)
+        channels, times, offsets, messages = _interleave(blocks)
         # Schemas and channels go into the first chunk and are compressed with it.
         declarations = () if self._chunks else (*self._schemas, *self._channels)
         head = b"".join(map(_record_bytes, declarations))
-        data = b"".join((head, table.data.data)) if head else table.data.data
+        data = b"".join((head, messages.data)) if head else messages.data
         compressed = self._compressor.compress(data)
         offset = self._size
         length = _CHUNK_HEAD.size + len(compressed)
-        start, end = int(table.times.min()), int(table.times.max())
+        start, end = int(times.min()), int(times.max())
         self._write(
             _CHUNK_HEAD.pack(
                 Opcode.CHUNK, length - 9, start, end, len(data), zlib.crc32(data),
@@ -304,7 +292,7 @@ class McapWriter:
             )
         )  # fmt: skip
         self._write(compressed)
-        index, index_offsets = self._index(table, len(head), self._size)
+        index, index_offsets = self._index(channels, times, offsets + len(head))
         self._write(index)
         self._chunks.append(
             records.ChunkIndex(
@@ -358,19 +346,18 @@ class McapWriter:
             self._stream.truncate()
             self._data_end = None
 
-    def _index(self, table: MessageTable, base: int, position: int) -> tuple[bytes, dict[int, int]]:
-        """Return the message indexes of a chunk and the position of each in the file.
-
-        The messages begin ``base`` bytes after the start of the chunk's data.
-        """
+    def _index(
+        self, channels: IntArray, times: IntArray, offsets: IntArray
+    ) -> tuple[bytes, dict[int, int]]:
+        """Return the message indexes of a chunk and the position of each in the file."""
         # By channel, and in each by time, which is the order for readers. The sort is stable:
         # messages of one instant stay in the order of their recording.
-        order = np.lexsort((table.times, table.channels))
-        channels, first = np.unique(table.channels[order], return_index=True)
+        order = np.lexsort((times, channels))
+        numbers, first = np.unique(channels[order], return_index=True)
         entries = np.empty((len(order), 2), _INDEX_NUMBER)
-        entries[:, 0], entries[:, 1] = table.times[order], table.offsets[order] + base
-        parts, index_offsets = [], {}
-        for channel, rows in zip(channels.tolist(), np.split(entries, first[1:]), strict=True):
+        entries[:, 0], entries[:, 1] = times[order], offsets[order]
+        parts, index_offsets, position = [], {}, self._size
+        for channel, rows in zip(numbers.tolist(), np.split(entries, first[1:]), strict=True):
             data = rows.tobytes()
             index_offsets[channel] = position
             parts.append(_INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + len(data), channel, len(data)))
