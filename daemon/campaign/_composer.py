@@ -24,7 +24,7 @@ from typing import Final
 
 from daemon.campaign._campaign import repeat_seed
 from daemon.campaign._layers import CampaignCell, LayerLibrary
-from daemon.campaign._scenarios import LayerReference, ResolvedScenario, required
+from daemon.campaign._scenarios import ResolvedScenario, required
 from daemon.model.spec import Script
 from grammars.floorplan import FloorPlan
 from grammars.model.behaviour import (
@@ -84,20 +84,19 @@ class Composer:
             del self._scenes[next(iter(self._scenes))]
         mission, _ = library.mission(required(scenario.mission))
         resolved = self.behaviours(scenario, scene, layers, [repeat])
-        remains = RemainingWorld(scene, mission, tuple(one.behaviours for one in resolved))
-        remains = leave_out(scenario.without, remains)
-        return replace(
+        changed = replace(
             base,
             name=scenario.name + variant,
             scenario=scenario,
             plan=plan,
             layers=layers,
-            scene=remains.scene,
-            mission=remains.mission,
+            scene=scene,
+            mission=mission,
             robot=robot,
             suts=suts,
-            behaviours=remains.behaviours,
+            behaviours=tuple(one.behaviours for one in resolved),
         )
+        return leave_out(changed)
 
     def scene(self, plan: FloorPlan, objects: Sequence[SceneryLayer]) -> Scene:
         """Return the scene of a plan and object layers; equal ones are the same object."""
@@ -145,25 +144,16 @@ class Composer:
         return f"@{name.rpartition('_')[2]}", plan
 
 
-@dataclass(frozen=True, slots=True)
-class RemainingWorld:
-    """A scene, a mission and the behaviours of each repeat, before or after parts are left out."""
-
-    scene: Scene
-    mission: Mission
-    behaviours: tuple[Script, ...]
-
-
-def leave_out(without: Sequence[LayerReference], whole: RemainingWorld) -> RemainingWorld:
-    """Return a world without some parts, as if they had never been part of it.
+def leave_out(cell: CampaignCell) -> CampaignCell:
+    """Return a cell without the parts that its scenario leaves out, as if there were none.
 
     Raises :class:`InputError` for missing parts, if no waypoint remains, and for behaviours that
     wait for a part that is left out: their run would be another one, not a smaller one.
     """
-    if not without:
-        return whole
-    parts = _find_parts(without, whole)
-    scene, mission = whole.scene, whole.mission
+    if not cell.scenario.without:
+        return cell
+    parts = _find_parts(cell)
+    scene, mission = cell.scene, cell.mission
     objects = tuple(body for body in scene.objects if body.name not in parts.objects)
     # Like the compiler: only scenes with movers keep the frames of their routes.
     frames = scene.frames if any(is_mover(body.joints) for body in objects) else ()
@@ -173,11 +163,12 @@ def leave_out(without: Sequence[LayerReference], whole: RemainingWorld) -> Remai
         hint = "keep one for the robot to drive to"
         raise InputError(Finding(where, "no waypoint of the mission is left", hint))
     # Many repeats share one script, and still do afterwards.
-    scripts = {id(script): parts.script(script, whole) for script in whole.behaviours}
-    return RemainingWorld(
-        replace(scene, objects=objects, frames=frames),
-        replace(mission, waypoints=waypoints),
-        tuple(scripts[id(script)] for script in whole.behaviours),
+    scripts = {id(script): parts.script(script, mission) for script in cell.behaviours}
+    return replace(
+        cell,
+        scene=replace(scene, objects=objects, frames=frames),
+        mission=replace(mission, waypoints=waypoints),
+        behaviours=tuple(scripts[id(script)] for script in cell.behaviours),
     )
 
 
@@ -192,19 +183,19 @@ class _LeftOutParts:
     waypoints: dict[int, Where] = field(default_factory=dict)
     behaviours: dict[str, Where] = field(default_factory=dict)
 
-    def script(self, script: Script, whole: RemainingWorld) -> Script:
+    def script(self, script: Script, mission: Mission) -> Script:
         """Return the remaining behaviours, with legs numbered anew."""
         return tuple(
-            self._adapted(behaviour, whole)
+            self._adapted(behaviour, mission)
             for behaviour in script
             if _object_of(behaviour.joint) not in self.objects
             and self.behaviours.keys().isdisjoint(_subjects(behaviour))
         )
 
-    def _adapted(self, behaviour: Behaviour, whole: RemainingWorld) -> Behaviour:
+    def _adapted(self, behaviour: Behaviour, mission: Mission) -> Behaviour:
         if not isinstance(behaviour, Reaction | Walk) or behaviour.event is None:
             return behaviour
-        event, causes = self._event(behaviour.event, whole.mission)
+        event, causes = self._event(behaviour.event, mission)
         if event is None:
             name = behaviour.object if isinstance(behaviour, Walk) else behaviour.joint
             hint = f'leave "behaviour of {name}" out as well'
@@ -234,17 +225,17 @@ _WAYPOINT: Final = re.compile(r"waypoint\s+(?P<name>\S.*)")
 _BEHAVIOUR: Final = re.compile(r"behaviour\s+of\s+(?P<name>\S.*)")
 
 
-def _find_parts(without: Sequence[LayerReference], whole: RemainingWorld) -> _LeftOutParts:
+def _find_parts(cell: CampaignCell) -> _LeftOutParts:
     """Find the parts that are left out; raises :class:`InputError` for all missing ones."""
     parts, problems = _LeftOutParts(), []
-    objects = [body.name for body in whole.scene.objects]
+    objects = [body.name for body in cell.scene.objects]
     # Every repeat moves the same joints: only their motion is random.
-    subjects = {name for b in whole.behaviours[0] for name in _subjects(b)}
-    for part in without:
+    subjects = {name for b in cell.behaviours[0] for name in _subjects(b)}
+    for part in cell.scenario.without:
         if waypoint := _WAYPOINT.fullmatch(part.name):
             try:
                 number = int(waypoint["name"]) if waypoint["name"].isdecimal() else 0
-                leg = leg_number(Leg(number, "" if number else waypoint["name"]), whole.mission)
+                leg = leg_number(Leg(number, "" if number else waypoint["name"]), cell.mission)
             except ValueError as error:
                 problems.append(Finding(part.where, str(error)))
                 continue

@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 
 from daemon.campaign._campaign import EXTERNAL_REPEATS, Campaign, default_repeats
-from daemon.campaign._composer import Composer, RemainingWorld, leave_out
+from daemon.campaign._composer import Composer, leave_out
 from daemon.campaign._declarations import read_declarations, time_legs
 from daemon.campaign._file import CampaignFile, repeat_policy
 from daemon.campaign._findings import (
@@ -225,23 +225,14 @@ def _compose_cell(
     scene = composer.scene(plan, layers[: len(scenario.objects)])
     resolved = composer.behaviours(scenario, scene, layers, range(repeats))
     library.warnings.extend(resolved[0].overridden)
-    whole = RemainingWorld(scene, mission, tuple(one.behaviours for one in resolved))
-    remains = leave_out(scenario.without, whole)
-    raise_all(
-        problem
-        for oracle in oracles
-        for problem in check_references(oracle, remains.scene, remains.mission)
-    )
-    for oracle in oracles:
-        library.warnings.extend(check_joint_limits(oracle, remains.scene))
     waypoints = enumerate(mission.waypoints)
-    return CampaignCell(
+    whole = CampaignCell(
         name=name,
         scenario=scenario,
         plan=plan,
         layers=layers,
-        scene=remains.scene,
-        mission=remains.mission,
+        scene=scene,
+        mission=mission,
         mission_where=document.where(),
         places={
             **places_of(layers, plan),
@@ -252,12 +243,21 @@ def _compose_cell(
         robot=library.robot(required(scenario.robot)),
         suts=suts,
         oracles=oracles,
-        behaviours=remains.behaviours,
+        behaviours=tuple(one.behaviours for one in resolved),
         map=settings,
         limit=scenario.limit,
         limit_where=limit_place(scenario.name, draft.text, draft.document),
         given_map=given_map,
     )
+    cell = leave_out(whole)
+    raise_all(
+        problem
+        for oracle in oracles
+        for problem in check_references(oracle, cell.scene, cell.mission)
+    )
+    for oracle in oracles:
+        library.warnings.extend(check_joint_limits(oracle, cell.scene))
+    return cell
 
 
 def _announce_repeats(suts: Iterable[SutReference], document: YamlDocument) -> Iterator[Finding]:
