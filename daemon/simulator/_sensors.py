@@ -15,18 +15,18 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from daemon.model.kernels import kernel
+from daemon.model.kernels import kernel, machine_code
 from daemon.model.sut import Odometry
-from grammars.model.geometry import Floats, Pose2, Twist2, wrap_angle
+from grammars.model.geometry import Floats, Point2, Pose2, Twist2, wrap_angle
 from grammars.model.robot import Laser, OdometryNoise
 
-Slots = npt.NDArray[np.int32]
+Slots: TypeAlias = npt.NDArray[np.int32]
+Triple: TypeAlias = tuple[float, float, float]
 
 _POSE: Final = struct.Struct("=3d")
 _TOLERANCE = 1e-9
@@ -36,12 +36,12 @@ _DRAWN_AHEAD = 256
 """Number of normal deviates that odometry draws at a time; even, because a sample takes two."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LaserPlane:
+class LaserPlane(NamedTuple):
     """Surfaces at one height, shared by all lasers there.
 
     ``static`` segments (n, 4) are in the world; ``moving`` ones (m, 4) in the frame of the body in
-    row ``moving_slot`` of the table of bodies, sorted by it.
+    row ``moving_slot`` of the table of bodies (x, y, angle, ...), sorted by it. The solid side of
+    every segment is on its left.
     """
 
     static: Floats
@@ -49,37 +49,41 @@ class LaserPlane:
     moving_slot: Slots
 
 
+class LaserRays(NamedTuple):
+    """Rays of a laser in its frame, and their ``inverse`` ranges [1/m], 1/``reach`` for none.
+
+    ``first`` is the angle of ray 0 [rad], ``density`` the number of rays per radian, ``reach`` the
+    longest range [m]. The other two are cosine and sine of each ray.
+    """
+
+    first: float
+    density: float
+    reach: float
+    cosines: Floats
+    sines: Floats
+    inverse: Floats
+
+
 @kernel
 def _draw_segment(
-    px: float,
-    py: float,
-    qx: float,
-    qy: float,
-    from_angle: float,
-    to_angle: float,
-    first: float,
-    density: float,
-    cosines: Floats,
-    sines: Floats,
-    inverse: Floats,
+    p: Point2, q: Point2, from_angle: float, to_angle: float, rays: LaserRays
 ) -> None:
     """Draw a segment that faces the sensor (sensor frame) into the buffer of inverse ranges.
 
-    Seen from the sensor it runs clockwise. ``first`` is the angle of ray 0, ``density`` the
-    number of rays per radian.
+    Seen from the sensor it runs clockwise, from ``p`` to ``q``.
     """
-    cross = px * qy - py * qx
+    cosines, sines, inverse, density = rays.cosines, rays.sines, rays.inverse, rays.density
+    cross = p[0] * q[1] - p[1] * q[0]
     span = from_angle - to_angle
     if span < 0.0:
         span += 2.0 * math.pi
     turn = 2.0 * math.pi * density
-    begin = (to_angle - first - _TOLERANCE) * density
+    begin = (to_angle - rays.first - _TOLERANCE) * density
     begin -= turn * math.floor(begin / turn)
     end = begin + (span + 2.0 * _TOLERANCE) * density
-    along, across = (qy - py) / cross, (px - qx) / cross
-    rays = cosines.shape[0]
+    along, across = (q[1] - p[1]) / cross, (p[0] - q[0]) / cross
     while end >= 0.0:
-        for i in range(max(0, math.ceil(begin)), min(rays, math.floor(end) + 1)):
+        for i in range(max(0, math.ceil(begin)), min(cosines.shape[0], math.floor(end) + 1)):
             value = along * cosines[i] + across * sines[i]
             if value > inverse[i]:
                 inverse[i] = value
@@ -106,29 +110,16 @@ def _is_hidden(px: float, py: float, qx: float, qy: float, reach2: float) -> boo
 # One function, because its two loops share the frame of the sensor and its arrays.
 @kernel
 def cast_rays(
-    base: tuple[float, float, float],
-    mount: tuple[float, float, float],
-    static: Floats,
-    moving: Floats,
-    moving_slot: Slots,
-    bodies: Floats,
-    first: float,
-    density: float,
-    reach: float,
-    cosines: Floats,
-    sines: Floats,
-    inverse: Floats,
+    base: Triple, mount: Triple, plane: LaserPlane, bodies: Floats, rays: LaserRays
 ) -> None:
     """Cast all rays of a laser mounted on a base (both poses x, y, yaw); exact to rounding.
 
-    ``static`` (n, 4) are world segments, ``moving`` (m, 4) segments in the frame of the body in
-    row ``moving_slot`` of ``bodies`` (x, y, angle, ...). The solid side of every segment is on
-    its left. Surfaces are visible only from outside, which halves the work and is exact while the
-    sensor is outside of solids. Writes ``inverse`` ranges [1/m], 1/reach without a surface within
-    ``reach``.
+    Surfaces are visible only from outside, which halves the work and is exact while the sensor is
+    outside of solids. Writes the inverse ranges.
     """
-    inverse[:] = 1.0 / reach
-    reach2 = reach * reach
+    rays.inverse[:] = 1.0 / rays.reach
+    reach2 = rays.reach * rays.reach
+    static, moving, moving_slot = plane
     c, s = math.cos(base[2]), math.sin(base[2])
     x, y = base[0] + c * mount[0] - s * mount[1], base[1] + s * mount[0] + c * mount[1]
     yaw = base[2] + mount[2]
@@ -152,9 +143,7 @@ def cast_rays(
             from_angle = math.atan2(py, px)
         to_angle = math.atan2(qy, qx)
         has_angle = True
-        _draw_segment(
-            px, py, qx, qy, from_angle, to_angle, first, density, cosines, sines, inverse,
-        )  # fmt: skip
+        _draw_segment((px, py), (qx, qy), from_angle, to_angle, rays)
     # Moving segments are sorted by body, so each body's frame is computed once.
     slot = -1
     bc = bs = bx = by = 0.0
@@ -171,26 +160,29 @@ def cast_rays(
         qy = by + bs * moving[k, 2] + bc * moving[k, 3]
         if _is_hidden(px, py, qx, qy, reach2):
             continue
-        _draw_segment(
-            px, py, qx, qy, math.atan2(py, px), math.atan2(qy, qx), first, density, cosines,
-            sines, inverse,
-        )  # fmt: skip
+        _draw_segment((px, py), (qx, qy), math.atan2(py, px), math.atan2(qy, qx), rays)
+
+
+class LaserErrors(NamedTuple):
+    """Errors of a laser: ranges below ``blind`` are -inf, others at least ``nearest`` [m].
+
+    ``noise`` are standard normal deviates of the rays, times ``sigma`` [m]. A ray is lost if its
+    ``chance`` is below ``dropout``. Both are empty without such errors.
+    """
+
+    noise: Floats
+    sigma: float
+    chance: Floats
+    dropout: float
+    blind: float
+    nearest: float
 
 
 @kernel
-def _add_noise(
-    inverse: Floats,
-    noise: Floats,
-    sigma: float,
-    chance: Floats,
-    dropout: float,
-    blind: float,
-    nearest: float,
-    farthest: float,
-    ranges: npt.NDArray[np.float32],
-) -> None:
-    """Turn exact inverse ranges into measured ones (REP 117); -inf below ``blind``."""
-    nothing = 1.0 / farthest
+def _measure(rays: LaserRays, errors: LaserErrors, ranges: npt.NDArray[np.float32]) -> None:
+    """Write the measured ``ranges`` (REP 117)."""
+    inverse, (noise, sigma, chance, dropout, blind, nearest) = rays.inverse, errors
+    nothing = 1.0 / rays.reach
     for i in range(inverse.shape[0]):
         distance = 1.0 / inverse[i]
         # Lost rays come first, regardless of surfaces. "Too near" depends on the true distance,
@@ -204,7 +196,7 @@ def _add_noise(
         else:
             if noise.shape[0] > 0:
                 distance += sigma * noise[i]
-            ranges[i] = min(farthest, max(nearest, distance))
+            ranges[i] = min(rays.reach, max(nearest, distance))
 
 
 class LaserScanner:
@@ -221,17 +213,22 @@ class LaserScanner:
         noise: np.random.Generator,
         dropout: np.random.Generator,
     ) -> None:
-        self._laser, self._plane = laser, plane
         step = (laser.angle_max - laser.angle_min) / max(1, laser.rays - 1) or 1.0
         angles = laser.angle_min + np.arange(laser.rays) * step
-        self._density = 1.0 / step
-        self._mount = (laser.mount.x, laser.mount.y, laser.mount.yaw)
-        self._cosines, self._sines = np.cos(angles), np.sin(angles)
-        self._inverse = np.empty(laser.rays)
-        self._blind = laser.range_min if laser.too_near == "infinite" else 0.0
+        self._plane, self._mount = plane, (laser.mount.x, laser.mount.y, laser.mount.yaw)
+        self._rays = rays = LaserRays(
+            laser.angle_min, 1.0 / step, laser.range_max, np.cos(angles), np.sin(angles),
+            np.empty(laser.rays),
+        )  # fmt: skip
         self._noise_stream, self._dropout_stream = noise, dropout
-        self._noise = np.empty(laser.rays if laser.noise > 0.0 else 0)
-        self._chance = np.empty(laser.rays if laser.dropout > 0.0 else 0)
+        self._errors = errors = LaserErrors(
+            np.empty(laser.rays if laser.noise > 0.0 else 0), laser.noise,
+            np.empty(laser.rays if laser.dropout > 0.0 else 0), laser.dropout,
+            laser.range_min if laser.too_near == "infinite" else 0.0, laser.range_min,
+        )  # fmt: skip
+        at, bodies, ranges = (0.0, 0.0, 0.0), np.empty((0, 6)), np.empty(0, dtype=np.float32)
+        self._cast_rays = machine_code(cast_rays, at, at, plane, bodies, rays)
+        self._measure = machine_code(_measure, rays, errors, ranges)
         self._cast_state = (0, b"")
 
     def _cast(self, base: Pose2, bodies: Floats, version: int) -> None:
@@ -241,12 +238,8 @@ class LaserScanner:
         if state == self._cast_state:
             return
         self._cast_state = state
-        laser, plane = self._laser, self._plane
-        cast_rays(
-            (base.x, base.y, base.yaw), self._mount, plane.static, plane.moving,
-            plane.moving_slot, bodies, laser.angle_min, self._density, laser.range_max,
-            self._cosines, self._sines, self._inverse,
-        )  # fmt: skip
+        at = (base.x, base.y, base.yaw)
+        self._cast_rays(at, self._mount, self._plane, bodies, self._rays)
 
     def scan(self, base: Pose2, bodies: Floats, version: int) -> npt.NDArray[np.float32]:
         """Return one measured sweep, shape (rays,).
@@ -256,17 +249,14 @@ class LaserScanner:
         Noisy ranges are clamped to the range of the sensor.
         """
         self._cast(base, bodies, version)
-        laser = self._laser
+        errors = self._errors
         # Draw for every ray, also for those without a return (see the class).
-        if self._noise.size:
-            self._noise_stream.standard_normal(out=self._noise)
-        if self._chance.size:
-            self._dropout_stream.random(out=self._chance)
-        ranges = np.empty(laser.rays, dtype=np.float32)
-        _add_noise(
-            self._inverse, self._noise, laser.noise, self._chance, laser.dropout,
-            self._blind, laser.range_min, laser.range_max, ranges,
-        )  # fmt: skip
+        if errors.noise.size:
+            self._noise_stream.standard_normal(out=errors.noise)
+        if errors.chance.size:
+            self._dropout_stream.random(out=errors.chance)
+        ranges = np.empty(self._rays.inverse.size, dtype=np.float32)
+        self._measure(self._rays, errors, ranges)
         return ranges
 
 

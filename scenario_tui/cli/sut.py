@@ -121,7 +121,7 @@ def _defaults(sut: LoadedSut, read: RosParameters | None) -> dict[str, dict[str,
 
 def _ros_defaults(sut: LoadedSut, read: RosParameters) -> dict[str, dict[str, Any]]:
     """Return the defaults of the ROS 1 stack by namespace."""
-    from daemon.stacks.ros1.planners import GLOBAL, LOCAL, namespace_of
+    from daemon.stacks.ros1.configuration import namespace_of
 
     planners = read.move_base.base_global_planner, read.move_base.base_local_planner
     wide, near = (f"move_base/{namespace_of(name)}" for name in planners)
@@ -135,9 +135,8 @@ def _ros_defaults(sut: LoadedSut, read: RosParameters) -> dict[str, dict[str, An
         "move_base/rotate_recovery": read.rotate_recovery,
         "dispatcher": read.dispatcher,
     }
-    left_out = {*_NOT_ROS_PARAMETERS}
-    for name, planner in zip(planners, (GLOBAL, LOCAL), strict=True):
-        left_out |= set(planner[name].without_effect)
+    models = read.global_planner, read.local_planner
+    left_out = {*_NOT_ROS_PARAMETERS, *(name for model in models for name in model.without_effect)}
     return {
         namespace: {
             field.name: getattr(model, field.name)

@@ -32,7 +32,7 @@ from daemon.stacks.ros1.costmap.master_grid import merge_window
 from daemon.stacks.ros1.dwa.controller import Dwa
 from daemon.stacks.ros1.quirks import FAST
 from daemon.stacks.ros1.trajectory_planner._parameters import strafe_speeds
-from daemon.stacks.ros1.trajectory_planner._settings import settings_of
+from daemon.stacks.ros1.trajectory_planner._rollout import settings_of
 from daemon.stacks.ros1.trajectory_planner.controller import TrajectoryPlanner
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.grid import FREE, OCCUPIED, OccupancyGrid

@@ -3,13 +3,17 @@
 The tree has the namespaces of a parameter server: ``amcl``, and ``move_base`` with
 ``global_costmap``, ``local_costmap``, the planners and the recoveries in it. Three sections are
 not ROS's: ``dispatcher``, ``topics`` and ``quirks``.
+
+move_base loads a planner by its full name (``navfn/NavfnROS``). The last part of the name is the
+namespace of its parameters. Only the namespaces of the two planners in use are read.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any, Final
+from typing import Any, Final, TypeAlias, TypeVar
 
 from daemon.stacks.findings import FindingCollector, ParameterFinding, ParameterFindings
 from daemon.stacks.ros1.amcl import AmclParameters, usual_frames
@@ -24,22 +28,36 @@ from daemon.stacks.ros1.move_base import (
     MoveBaseParameters,
     RotateRecoveryParameters,
 )
+from daemon.stacks.ros1.navfn import GlobalPlannerParameters, NavfnParameters
 from daemon.stacks.ros1.parameters import ParameterTree, read_section
-from daemon.stacks.ros1.planners import (
-    DWA,
-    NAMESPACES,
-    TRAJECTORY,
-    GlobalPlannerChoice,
-    LocalPlannerChoice,
-    namespace_of,
-    read_global_planner,
-    read_local_planner,
-    say_unread,
-)
 from daemon.stacks.ros1.quirks import DEFAULT_PROFILE, Quirks, read_quirks
+from daemon.stacks.ros1.trajectory_planner import TrajectoryPlannerParameters
 from daemon.stacks.ros1.wiring import COSTMAPS, TopicParameters, Topics, read_costmaps
 from grammars.text.diagnostics import did_you_mean
 
+GlobalPlannerChoice: TypeAlias = NavfnParameters | GlobalPlannerParameters
+LocalPlannerChoice: TypeAlias = DwaParameters | TrajectoryPlannerParameters
+P = TypeVar("P", GlobalPlannerChoice, LocalPlannerChoice)
+
+_DWA: Final = "dwa_local_planner/DWAPlannerROS"
+_TRAJECTORY: Final = "base_local_planner/TrajectoryPlannerROS"
+GLOBAL: Final[Mapping[str, type[GlobalPlannerChoice]]] = {
+    "navfn/NavfnROS": NavfnParameters,
+    "global_planner/GlobalPlanner": GlobalPlannerParameters,
+}
+LOCAL: Final[Mapping[str, type[LocalPlannerChoice]]] = {
+    _DWA: DwaParameters,
+    _TRAJECTORY: TrajectoryPlannerParameters,
+}
+
+
+def namespace_of(planner: str) -> str:
+    """Return the namespace of a plugin's parameters: the last part of its name."""
+    return re.split(r"[/:]", planner)[-1]
+
+
+_PLANNERS: Final = frozenset(namespace_of(name) for name in (*GLOBAL, *LOCAL))
+"""Namespaces of the built-in planners."""
 _SECTIONS: Final = ("amcl", "move_base", "dispatcher", "topics", "quirks")
 _BODY: Final = ("footprint", "robot_radius", "obstacle_range", "raytrace_range")
 """Names that costmaps look up in the namespace of move_base if their own lacks them."""
@@ -81,9 +99,9 @@ def read_ros(parameters: Mapping[str, Any]) -> RosParameters:
     tree = ParameterTree(parameters, report)
     quirks = read_quirks(parameters.get("quirks", DEFAULT_PROFILE), ("quirks",), report)
     move_base = _read_move_base(tree)
-    local_planner = read_local_planner(
-        tree, move_base.base_local_planner, move_base.controller_frequency
-    )
+    # DWA and TrajectoryPlannerROS inherit this parameter unless they have their own.
+    inherited = {"controller_frequency": move_base.controller_frequency}
+    local_planner = _read_planner(tree, "local", move_base.base_local_planner, LOCAL, inherited)
     names = read_section(TopicParameters, tree.at("topics"), ("topics",), report)
     localisation = read_section(
         AmclParameters,
@@ -94,8 +112,8 @@ def read_ros(parameters: Mapping[str, Any]) -> RosParameters:
     )
     costmaps, topics = read_costmaps(tree, names, localisation)
     resets = _read_resets(tree, move_base, costmaps)
-    global_planner = read_global_planner(tree, move_base.base_global_planner)
-    say_unread(tree, (move_base.base_global_planner, move_base.base_local_planner))
+    global_planner = _read_planner(tree, "global", move_base.base_global_planner, GLOBAL, {})
+    _ignore_other_planners(tree, move_base)
     return RosParameters(
         amcl=localisation,
         move_base=move_base,
@@ -131,8 +149,8 @@ def _read_move_base(tree: ParameterTree) -> MoveBaseParameters:
     names = [name for entry in _listed(entries) if (name := entry.get("name"))]
     recoveries = {"rotate_recovery", "conservative_reset", "aggressive_reset", *map(str, names)}
     if "DWAPlannerROS" in entries and "base_local_planner" not in entries:
-        message = f"base_local_planner is not given: ROS takes {TRAJECTORY}, and nobody reads this"
-        hint = f"write base_local_planner: {DWA}"
+        message = f"base_local_planner is not given: ROS takes {_TRAJECTORY}, and nobody reads this"
+        hint = f"write base_local_planner: {_DWA}"
         tree.report.warn(("move_base", "DWAPlannerROS"), message, hint)
     if "footprint_padding" in entries:
         message = "costmap_2d looks for it in the namespaces of the costmaps only"
@@ -143,13 +161,51 @@ def _read_move_base(tree: ParameterTree) -> MoveBaseParameters:
         entries,
         ("move_base",),
         tree.report,
-        elsewhere=frozenset({*COSTMAPS, *NAMESPACES, *recoveries, *_BODY, "footprint_padding"}),
+        elsewhere=frozenset({*COSTMAPS, *_PLANNERS, *recoveries, *_BODY, "footprint_padding"}),
     )
 
 
 def _listed(entries: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     listed = entries.get("recovery_behaviors")
     return [e for e in listed if isinstance(e, Mapping)] if isinstance(listed, list) else []
+
+
+def _read_planner(
+    tree: ParameterTree,
+    kind: str,
+    plugin: str,
+    planners: Mapping[str, type[P]],
+    inherited: Mapping[str, Any],
+) -> P:
+    """Return a planner's parameters; refuse a planner that is not built in."""
+    if plugin in planners:
+        path = ("move_base", namespace_of(plugin))
+        return read_section(
+            planners[plugin], tree.at(*path), path, tree.report, inherited=inherited
+        )
+    place = ("move_base", f"base_{kind}_planner")
+    near = [full for full in planners if namespace_of(full) == namespace_of(plugin.strip())]
+    if near:
+        message = f'pluginlib knows no {kind} planner "{plugin}": a name is taken to the letter'
+        tree.report.refuse(place, message, f"write {near[0]}")
+    else:
+        message = f"the {kind} planner {plugin} is not built in, {', '.join(planners)} are"
+        hint = "to test a stack that uses it, bring that stack itself as the system under test"
+        tree.report.refuse(place, message, f"{hint} (docs/ros2.md)")
+    return next(iter(planners.values()))()
+
+
+def _ignore_other_planners(tree: ParameterTree, move_base: MoveBaseParameters) -> None:
+    """Report the values in namespaces of planners that are not in use.
+
+    ``TrajectoryPlannerROS`` is exempt: the recovery that turns on the spot reads it.
+    """
+    plugins = (move_base.base_global_planner, move_base.base_local_planner)
+    read = {"TrajectoryPlannerROS", *map(namespace_of, plugins)}
+    reason = f"the planners are {' and '.join(plugins)}"
+    for space in sorted(_PLANNERS - read):
+        for name in tree.at("move_base", space):
+            tree.report.ignore(("move_base", space, name), reason)
 
 
 def _read_resets(

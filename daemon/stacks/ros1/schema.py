@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any, Final, TypeAlias
 
 from daemon.stacks.ros1 import amcl, move_base
+from daemon.stacks.ros1.configuration import GLOBAL, LOCAL, namespace_of
 from daemon.stacks.ros1.costmap import layers
 from daemon.stacks.ros1.parameters import Section
-from daemon.stacks.ros1.planners import GLOBAL, LOCAL, namespace_of
 from daemon.stacks.ros1.quirks import DEFAULT_PROFILE, PROFILES, Quirks
 from daemon.stacks.ros1.wiring import TopicParameters
 from grammars.editor import editor_schema, nullable

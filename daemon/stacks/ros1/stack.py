@@ -43,31 +43,22 @@ import numpy as np
 from daemon.model.sut import (
     TICK_RATE,
     Briefing,
-    Cloud,
     Decision,
-    Estimate,
     LaserScan,
     Observation,
 )
-from daemon.stacks.ros1.amcl import AmclParameters
 from daemon.stacks.ros1.amcl.node import Amcl, AmclPose
 from daemon.stacks.ros1.configuration import RosParameters
 from daemon.stacks.ros1.costmap import LayeredCostmap
 from daemon.stacks.ros1.costmap.costmap import Costmap
 from daemon.stacks.ros1.dwa.controller import Dwa
-from daemon.stacks.ros1.global_planner import GlobalPlannerParameters
-from daemon.stacks.ros1.global_planner.planner import GlobalPlanner
 from daemon.stacks.ros1.move_base.control import MoveBase, MoveBaseStatus, PlannerThread
 from daemon.stacks.ros1.move_base.dispatcher import WaypointDispatcher
 from daemon.stacks.ros1.move_base.recoveries import make_recoveries
-from daemon.stacks.ros1.navfn.planner import Navfn
+from daemon.stacks.ros1.navfn import GlobalPlannerParameters
+from daemon.stacks.ros1.navfn.planner import GlobalPlanner, Navfn
 from daemon.stacks.ros1.scan_buffer import ObservedCostmap, ScanBuffer
-from daemon.stacks.ros1.telemetry import (
-    CostmapRecorder,
-    EstimateRecorder,
-    LocalPlanRecorder,
-    PlanRecorder,
-)
+from daemon.stacks.ros1.telemetry import Telemetry
 from daemon.stacks.ros1.timers import TIME_TOLERANCE, UpdateTimer
 from daemon.stacks.ros1.trajectory_planner import TrajectoryPlannerParameters
 from daemon.stacks.ros1.trajectory_planner.controller import TrajectoryPlanner
@@ -75,11 +66,24 @@ from daemon.stacks.ros1.transforms import CostmapFrame, TransformBuffer
 from grammars.model.geometry import Floats
 
 
-class Navigation:
-    """All nodes of the stack for one run; the module documents the order of :meth:`update`."""
+class RosStack:
+    """The ROS navigation stack; fulfils ``daemon.model.sut.SystemUnderTest``.
 
-    def __init__(self, briefing: Briefing, parameters: RosParameters) -> None:
-        p, lasers = parameters, briefing.robot.lasers
+    The module documents the order of events in :meth:`update`.
+    """
+
+    needs_ground_truth = False
+
+    def __init__(self, parameters: RosParameters) -> None:
+        self.parameters = parameters
+        self.period = common_step(
+            parameters.move_base.controller_frequency, parameters.rotate_recovery.frequency
+        )
+        """Seconds of simulated time between two updates."""
+
+    def start(self, briefing: Briefing) -> None:
+        """Start the nodes; raises ``ValueError`` for parameters that do not fit the map."""
+        p, lasers = self.parameters, briefing.robot.lasers
         # First, because its kernels take longest to compile.
         controller = _make_controller(p, p.local_costmap.padded_footprint())
         self._transforms = TransformBuffer(
@@ -93,37 +97,36 @@ class Navigation:
         self._heard_by_amcl = wiring.amcl
         self._unprocessed_scans: deque[LaserScan] = deque(maxlen=100 * len(lasers))
         self._scans = ScanBuffer(lasers, self._transforms, keep=_longest_kept(p))
-        self._global = self._observed(p, p.global_costmap, wiring.global_costmap, briefing)
-        self._local = self._observed(p, p.local_costmap, wiring.local_costmap, briefing)
+        self._global = self._observed(p.global_costmap, wiring.global_costmap, briefing)
+        self._local = self._observed(p.local_costmap, wiring.local_costmap, briefing)
         self._global_timer = UpdateTimer(p.global_costmap.update_frequency)
         self._local_timer = UpdateTimer(p.local_costmap.update_frequency)
-        self._set_up_move_base(p, controller)
+        self._set_up_move_base(controller)
         self._dispatcher = WaypointDispatcher(
             p.dispatcher, briefing.mission.waypoints, self._move_base.serve_plan
         )
-        self._plans, self._local_plans = PlanRecorder(), LocalPlanRecorder()
-        self._costmaps = CostmapRecorder(p.local_costmap.publish_frequency, p.local_costmap.frame)
-        self._estimates = EstimateRecorder(_start_covariance(p.amcl))
+        # The spread of the particles AMCL begins with.
+        spread = np.diag((p.amcl.initial_cov_xx, p.amcl.initial_cov_yy, p.amcl.initial_cov_aa))
+        near = p.local_costmap
+        self._telemetry = Telemetry(spread, near.publish_frequency, near.frame)
         self._events = self._status.log
 
     def _observed(
-        self,
-        parameters: RosParameters,
-        layered: LayeredCostmap,
-        audible: Collection[str],
-        briefing: Briefing,
+        self, layered: LayeredCostmap, audible: Collection[str], briefing: Briefing
     ) -> ObservedCostmap:
-        lasers, footprint = briefing.robot.lasers, layered.padded_footprint()
-        hears = partial(parameters.topics.lasers_on, lasers=[laser.name for laser in lasers])
-        costmap = Costmap(layered, footprint, parameters.quirks, briefing.map, hears)
+        p, names = self.parameters, [laser.name for laser in briefing.robot.lasers]
+        hears = partial(p.topics.lasers_on, lasers=names)
+        footprint = layered.padded_footprint()
+        costmap = Costmap(layered, footprint, p.quirks, briefing.map, hears)
         frame = CostmapFrame(layered.frame, self._transforms)
         return ObservedCostmap(costmap, frame, self._scans, audible)
 
-    def _set_up_move_base(self, p: RosParameters, controller: Dwa | TrajectoryPlanner) -> None:
-        footprint = p.local_costmap.padded_footprint()
+    def _set_up_move_base(self, controller: Dwa | TrajectoryPlanner) -> None:
+        p = self.parameters
         recoveries = make_recoveries(
-            p.move_base, p.rotate_recovery, p.resets, p.quirks, footprint, self._global, self._local
-        )
+            p.move_base, p.rotate_recovery, p.resets, p.quirks,
+            p.local_costmap.padded_footprint(), self._global, self._local,
+        )  # fmt: skip
         self._status = MoveBaseStatus()
         self._planner = PlannerThread(
             p.move_base, p.quirks, self._status, _make_global_planner(p), self._global
@@ -134,7 +137,7 @@ class Navigation:
         )  # fmt: skip
 
     def update(self, observation: Observation) -> Decision:
-        """Take the observation and run every node that is due."""
+        """Take the observation, run every node that is due, and return the decision."""
         # The numbers refer to the module's docstring.
         now = observation.time
         for sample in observation.odometry:  # 1
@@ -189,23 +192,20 @@ class Navigation:
             self._move_base.accept(now, self._global.frame.take(goal))
 
     def _decide(self, now: float, published: AmclPose | None) -> Decision:
-        estimate: Estimate | None
-        cloud: Cloud | None = None
-        particles = None
-        transforms, wide = self._transforms, self._global.frame
-        if published is not None:
-            estimate, cloud = self._estimates.record_published(published)
-            particles = self._estimates.record_particles(now, self._amcl.particles)
+        transforms, telemetry, wide = self._transforms, self._telemetry, self._global.frame
+        if published is None:
+            odom, base = transforms.map_to_odom, transforms.odom_to_base
+            estimate, cloud = telemetry.dead_reckoned(transforms.time, odom, base), None
+            particles = None
         else:
-            estimate = self._estimates.record_dead_reckoned(
-                transforms.time, transforms.map_to_odom, transforms.odom_to_base
-            )
+            estimate, cloud = telemetry.published(published)
+            particles = telemetry.particles(now, self._amcl.particles)
         plan_frame = None if wide.name == "map" else wide.in_map
-        plan = self._plans.take(now, self._status.plan, plan_frame)
-        local_plan = self._local_plans.take(
+        plan = telemetry.plan(now, self._status.plan, plan_frame)
+        local_plan = telemetry.local_plan(
             now, self._move_base.take_trajectory(), self._local.frame.in_map
         )
-        costmap = self._costmaps.take(now, self._local.costmap.grid)
+        costmap = telemetry.costmap(now, self._local.costmap.grid)
         command, progress = self._move_base.take_command(), self._dispatcher.progress
         events = tuple(self._events)
         self._events.clear()
@@ -237,35 +237,6 @@ def _longest_kept(parameters: RosParameters) -> float:
     costmaps = (parameters.global_costmap, parameters.local_costmap)
     sources = [source for costmap in costmaps for _, source in costmap.laser_sources()]
     return max((source.observation_persistence for source in sources), default=0.0)
-
-
-def _start_covariance(parameters: AmclParameters) -> Floats:
-    """Return the spread (3, 3) of the particles AMCL begins with."""
-    return np.diag(
-        (parameters.initial_cov_xx, parameters.initial_cov_yy, parameters.initial_cov_aa)
-    )
-
-
-class RosStack:
-    """The ROS navigation stack; fulfils ``daemon.model.sut.SystemUnderTest``."""
-
-    needs_ground_truth = False
-
-    def __init__(self, parameters: RosParameters) -> None:
-        self.parameters = parameters
-        self.period = common_step(
-            parameters.move_base.controller_frequency, parameters.rotate_recovery.frequency
-        )
-        """Seconds of simulated time between two updates."""
-        self._navigation: Navigation
-
-    def start(self, briefing: Briefing) -> None:
-        """Start the nodes; raises ``ValueError`` for parameters that do not fit the map."""
-        self._navigation = Navigation(briefing, self.parameters)
-
-    def update(self, observation: Observation) -> Decision:
-        """Run the nodes and return their decision."""
-        return self._navigation.update(observation)
 
 
 def common_step(*frequencies: float) -> float:

@@ -1,4 +1,4 @@
-"""Recorders of the stack's internal state for the trace.
+"""Record of the stack's internal state for the trace.
 
 * Every pose that AMCL publishes, with the stamp of its scan and the summary of the particles. In
   between, once a second, the stack's estimate (map <- odom of AMCL, odom <- base of the wheels)
@@ -53,92 +53,69 @@ _PLAN_TOLERANCE: Final = 0.1
 """Largest deviation of a plan that counts as the recorded one [m]."""
 
 
-class PlanRecorder:
-    """Recorder of the global plans that differ from the previous one."""
+class Telemetry:
+    """Recorder of a run; each method returns what is to be recorded now, or ``None``.
 
-    def __init__(self) -> None:
-        self._interval = MinimumInterval(_PERIOD)
-        self._last = np.empty((0, 2))
-        self._seen: Floats | None = None
+    ``covariance`` (3, 3) is that of the start. The ``rate`` [Hz] is that of the local costmap, 0
+    for none, and ``frame`` its frame.
+    """
 
-    def take(
+    def __init__(self, covariance: Floats, rate: float, frame: Literal["map", "odom"]) -> None:
+        self._covariance, self._frame = covariance, frame
+        self._last_plan, self._seen_plan = np.empty((0, 2)), np.empty((0, 3))
+        self._plans, self._local_plans = (
+            MinimumInterval(_PERIOD),
+            MinimumInterval(_LOCAL_PLAN_PERIOD),
+        )
+        self._estimates, self._particles = MinimumInterval(_PERIOD), MinimumInterval(_PERIOD)
+        period = max(_PERIOD, 1.0 / rate) if rate > 0.0 else math.inf
+        self._costmaps = MinimumInterval(period, due=0.0 if rate > 0.0 else math.inf)
+
+    def plan(
         self, now: float, plan: Floats | None, frame_in_map: Pose2 | None = None
     ) -> Floats | None:
-        """Return the points (n, 2) to record of ``plan`` (n, 3), from start to goal, or ``None``.
+        """Return the points (n, 2) of ``plan`` (n, 3), from start to goal.
 
         ``frame_in_map`` is the pose in map of the plan's frame, if that is not map. Points run
         from the goal backwards, so two plans along the same way have the same points except for
         those behind the robot.
         """
         # At most one plan a second is compared, whether it turns out to be new or not.
-        if plan is None or plan is self._seen or not self._interval.begin(now):
+        if plan is None or plan is self._seen_plan or not self._plans.begin(now):
             return None
-        self._seen = plan
+        self._seen_plan = plan
         thin = thin_plan(plan, _PLAN_SPACING)
         if frame_in_map is not None:
             thin = _placed(thin, frame_in_map)
         # The last point is the start, which moves with the robot.
-        way = thin[:-1]
-        if len(way) < len(self._last):
-            deviations = np.abs(way - self._last[: len(way)])
+        way, last = thin[:-1], self._last_plan
+        if len(way) < len(last):
+            deviations = np.abs(way - last[: len(way)])
             if deviations.max(initial=0.0) <= _PLAN_TOLERANCE:
                 return None
-        self._last = thin
+        self._last_plan = thin
         return np.ascontiguousarray(thin[::-1])
 
-
-def _placed(points: Floats, frame: Pose2) -> Floats:
-    """Transform ``points`` (n, 2) from a frame at the pose ``frame`` into its parent frame."""
-    c, s = math.cos(frame.yaw), math.sin(frame.yaw)
-    moved: Floats = points @ np.array(((c, s), (-s, c)))
-    moved += (frame.x, frame.y)
-    return moved
-
-
-class LocalPlanRecorder:
-    """Recorder of the controller's trajectories in the map frame, five times a second."""
-
-    def __init__(self) -> None:
-        self._interval = MinimumInterval(_LOCAL_PLAN_PERIOD)
-
-    def take(self, now: float, points: Floats | None, frame_in_map: Pose2) -> Floats | None:
-        """Return ``points`` (n, 2) in map when a record is due; their frame has a pose in map."""
-        if points is None or len(points) == 0 or not self._interval.begin(now):
+    def local_plan(self, now: float, points: Floats | None, frame_in_map: Pose2) -> Floats | None:
+        """Return a trajectory (n, 2) of the controller in map; its frame has a pose in map."""
+        if points is None or len(points) == 0 or not self._local_plans.begin(now):
             return None
         return _placed(points, frame_in_map)
 
-
-class CostmapRecorder:
-    """Recorder of the local costmap in ``frame`` at ``rate`` [Hz], at most 1 Hz; 0 records none."""
-
-    def __init__(self, rate: float, frame: Literal["map", "odom"]) -> None:
-        self._frame = frame
-        period = max(_PERIOD, 1.0 / rate) if rate > 0.0 else math.inf
-        self._interval = MinimumInterval(period, due=0.0 if rate > 0.0 else math.inf)
-
-    def take(self, now: float, grid: CostGrid) -> CostmapPicture | None:
-        """Return a copy of ``grid`` when a record is due, or ``None``."""
-        if not self._interval.begin(now):
+    def costmap(self, now: float, grid: CostGrid) -> CostmapPicture | None:
+        """Return a copy of the local costmap."""
+        if not self._costmaps.begin(now):
             return None
         return CostmapPicture(now, self._frame, grid.resolution, grid.x, grid.y, grid.cells.copy())
 
-
-class EstimateRecorder:
-    """Recorder of estimates and particles; ``covariance`` (3, 3) is that of the start."""
-
-    def __init__(self, covariance: Floats) -> None:
-        self._covariance = covariance
-        self._estimates = MinimumInterval(_PERIOD)
-        self._particles = MinimumInterval(_PERIOD)
-
-    def record_published(self, latest: AmclPose) -> tuple[Estimate, Cloud]:
+    def published(self, latest: AmclPose) -> tuple[Estimate, Cloud]:
         """Return the estimate AMCL has just published, and the summary of its particles."""
         self._covariance = latest.covariance
         self._estimates.restart(latest.time)
         estimate = Estimate(latest.time, latest.pose, latest.covariance)
         return estimate, Cloud(latest.time, latest.count, latest.mean, latest.covariance)
 
-    def record_dead_reckoned(self, time: float, odom: Pose2, base: Pose2) -> Estimate | None:
+    def dead_reckoned(self, time: float, odom: Pose2, base: Pose2) -> Estimate | None:
         """Return the stack's estimate of the pose if the latest record is a second old.
 
         ``odom`` is the latest pose of odom in map, ``base`` that of the base in odom.
@@ -147,8 +124,16 @@ class EstimateRecorder:
             return None
         return Estimate(time, odom @ base, self._covariance)
 
-    def record_particles(self, now: float, poses: Floats) -> Floats | None:
-        """Return at most a hundred of ``poses`` (n, 3) when a record is due, or ``None``."""
+    def particles(self, now: float, poses: Floats) -> Floats | None:
+        """Return at most a hundred of ``poses`` (n, 3)."""
         if not self._particles.begin(now):
             return None
         return poses[:: math.ceil(len(poses) / _PARTICLES)].copy()
+
+
+def _placed(points: Floats, frame: Pose2) -> Floats:
+    """Transform ``points`` (n, 2) from a frame at the pose ``frame`` into its parent frame."""
+    c, s = math.cos(frame.yaw), math.sin(frame.yaw)
+    moved: Floats = points @ np.array(((c, s), (-s, c)))
+    moved += (frame.x, frame.y)
+    return moved

@@ -23,14 +23,13 @@ from daemon.stacks.ros1.costmap.layers import (
     VoxelLayer,
 )
 from daemon.stacks.ros1.dwa import DwaParameters
-from daemon.stacks.ros1.global_planner import GlobalPlannerParameters
 from daemon.stacks.ros1.move_base import (
     ClearCostmapParameters,
     DispatcherParameters,
     MoveBaseParameters,
     RotateRecoveryParameters,
 )
-from daemon.stacks.ros1.navfn import NavfnParameters
+from daemon.stacks.ros1.navfn import GlobalPlannerParameters, NavfnParameters
 from daemon.stacks.ros1.parameters import read_section
 from daemon.stacks.ros1.trajectory_planner import TrajectoryPlannerParameters
 from tests.stacks.cases import cases, written

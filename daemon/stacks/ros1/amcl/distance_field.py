@@ -13,9 +13,9 @@ A field is made once per map; a process keeps those of the last few maps.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass
 from functools import lru_cache
-from hashlib import blake2b
 from typing import TypeAlias
 
 import numpy as np
@@ -63,24 +63,11 @@ class DistanceField:
         return result
 
 
-@dataclass(frozen=True, slots=True)
-class _MapKey:
-    """Key of a map, equal for maps with equal cells."""
-
-    digest: bytes
-    shape: tuple[int, ...]
-    radius: int
-    resolution: float
-    brushfire: bool
-    cells: npt.NDArray[np.int8] = field(compare=False)
-
-
 def distance_field(grid: OccupancyGrid, cap: float, *, brushfire: bool) -> DistanceField:
     """Return the distances of a map, capped at ``cap`` [m]; equal maps share them.
 
     With ``brushfire`` they spread as in the original, otherwise they are exact.
     """
-    cells = np.ascontiguousarray(grid.cells)
     if brushfire:
         # Messages carry the resolution in single precision, in which a cell of 5 cm is a little
         # larger: within 2 m there are 39 whole cells, not 40 (``CachedDistanceMap``).
@@ -90,26 +77,29 @@ def distance_field(grid: OccupancyGrid, cap: float, *, brushfire: bool) -> Dista
         # Rounding must not lose a whole cell.
         resolution = grid.resolution
         radius = int(cap / resolution + 1e-6)
-    digest = blake2b(cells.data).digest()
-    return _distance_field(_MapKey(digest, cells.shape, radius, resolution, brushfire, cells))
+    occupied = np.packbits(grid.cells == OCCUPIED).tobytes()
+    return _distance_field(occupied, grid.cells.shape, radius, resolution, brushfire)
 
 
 @lru_cache(maxsize=_KEPT_FIELDS)
-def _distance_field(key: _MapKey) -> DistanceField:
-    occupied = (key.cells == OCCUPIED).view(np.uint8)
-    if key.brushfire:
-        squared = spread_distances(occupied, key.radius)
+def _distance_field(
+    bits: bytes, shape: tuple[int, ...], radius: int, resolution: float, brushfire: bool
+) -> DistanceField:
+    cells = np.unpackbits(np.frombuffer(bits, dtype=np.uint8), count=math.prod(shape))
+    occupied = cells.reshape(shape)
+    if brushfire:
+        squared = spread_distances(occupied, radius)
     else:
-        squared = _framed(occupied, key.radius)
+        squared = _framed(occupied, radius)
         distances = distance_transform(occupied)
-        near = distances <= key.radius
+        near = distances <= radius
         rounded = (distances[near] ** 2 + np.float32(0.5)).astype(np.int32)
         squared[1:-1, 1:-1][near] = rounded
     # The type decides which machine code is needed, so it follows from the radius alone.
-    short = key.radius * key.radius + 1 <= _MOST_SHORT
+    short = radius * radius + 1 <= _MOST_SHORT
     result: SquaredCells = squared.astype(np.uint16) if short else squared
     result.setflags(write=False)
-    return DistanceField(result, key.radius, key.resolution)
+    return DistanceField(result, radius, resolution)
 
 
 def _framed(occupied: npt.NDArray[np.uint8], radius: int) -> Integers:

@@ -49,39 +49,26 @@ class Sensor(NamedTuple):
     table: Floats
 
 
-class LaserModel:
-    """Model of the weights of particles by scans of one laser on one map."""
-
-    def __init__(
-        self, parameters: AmclParameters, quirks: Quirks, grid: OccupancyGrid, laser: Laser
-    ) -> None:
-        p, most = parameters, parameters.max_particles
-        field = distance_field(
-            grid, p.laser_likelihood_max_dist, brushfire=quirks.amcl_brushfire_distances
-        )
-        # Messages carry single precision: a return at the very limit must stay at the limit.
-        limits = _range_limits(p, float(np.float32(laser.range_min)),
-                               float(np.float32(laser.range_max)))  # fmt: skip
-        indices, shift = beam_indices(p, laser.rays), 0.5 if quirks.amcl_half_cell_shift else 0.0
-        bearings = (laser.angle_min + indices * laser.angle_increment).tolist()
-        # numpy's cosine differs from that of C in the last bits.
-        angles = [laser.mount.yaw + bearing for bearing in bearings]
-        beams = np.array([[math.cos(a) for a in angles], [math.sin(a) for a in angles]])
-        self._sensor = Sensor(
-            indices, beams, laser.mount.x, laser.mount.y, *limits, field.squared, grid.x, grid.y,
-            grid.resolution, shift, _likelihoods(p, field, limits[1]),
-        )  # fmt: skip
-        self._sums, self._corner = np.empty(most), np.empty((2, most))
-        self._cells = np.empty(most, dtype=np.int32)
-
-    def weigh(self, ranges: Singles, cloud: Particles, count: int) -> float:
-        """Multiply the first ``count`` weights by the likelihood of a scan; return their sum.
-
-        Lost rays (NaN) count nothing.
-        """
-        return weigh_particles(
-            self._sensor, ranges, cloud, count, self._corner, self._cells, self._sums
-        )
+def make_sensor(
+    parameters: AmclParameters, quirks: Quirks, grid: OccupancyGrid, laser: Laser
+) -> Sensor:
+    """Return the model of a laser on a map."""
+    p = parameters
+    field = distance_field(
+        grid, p.laser_likelihood_max_dist, brushfire=quirks.amcl_brushfire_distances
+    )
+    # Messages carry single precision: a return at the very limit must stay at the limit.
+    limits = _range_limits(p, float(np.float32(laser.range_min)),
+                           float(np.float32(laser.range_max)))  # fmt: skip
+    indices, shift = beam_indices(p, laser.rays), 0.5 if quirks.amcl_half_cell_shift else 0.0
+    bearings = (laser.angle_min + indices * laser.angle_increment).tolist()
+    # numpy's cosine differs from that of C in the last bits.
+    angles = [laser.mount.yaw + bearing for bearing in bearings]
+    beams = np.array([[math.cos(a) for a in angles], [math.sin(a) for a in angles]])
+    return Sensor(
+        indices, beams, laser.mount.x, laser.mount.y, *limits, field.squared, grid.x, grid.y,
+        grid.resolution, shift, _likelihoods(p, field, limits[1]),
+    )  # fmt: skip
 
 
 def _likelihoods(parameters: AmclParameters, field: DistanceField, range_max: float) -> Floats:
@@ -113,22 +100,16 @@ def _range_limits(parameters: AmclParameters, least: float, most: float) -> tupl
 
 
 @kernel
-def weigh_particles(
-    sensor: Sensor,
-    ranges: Singles,
-    cloud: Particles,
-    count: int,
-    corner: Floats,
-    cells: Integers,
-    sums: Floats,
-) -> float:
-    """Multiply weights by 1 plus the sum over beams of ``table``; return the sum of the products.
+def weigh_particles(sensor: Sensor, ranges: Singles, cloud: Particles, count: int) -> float:
+    """Multiply the first ``count`` weights by the likelihood of a scan; return their sum.
 
-    ``corner`` (2, n), ``cells`` and ``sums`` (n,) are scratch. The outer loop is over beams, the
-    inner ones over particles, so each sum has the order of the beams. The loop for the cells has
-    no look-ups and no dependencies, so it runs on several particles at once.
+    The likelihood is 1 plus the sum over beams of ``table``. Lost rays (NaN) count nothing. The
+    outer loop is over beams, the inner ones over particles, so each sum has the order of the
+    beams. The loop for the cells has no look-ups and no dependencies, so it runs on several
+    particles at once.
     """
     poses, directions, weights = cloud.poses, cloud.directions, cloud.weights
+    corner, cells, sums = np.empty((2, count)), np.empty(count, dtype=np.int32), np.empty(count)
     beams, table = sensor.beams, sensor.table
     rows, columns = sensor.squared.shape
     flat = sensor.squared.reshape(rows * columns)

@@ -9,9 +9,8 @@ import numpy as np
 
 from daemon.stacks.kernels import Singles
 from daemon.stacks.ros1.amcl._parameters import AmclParameters
-from daemon.stacks.ros1.amcl.laser_model import LaserModel
-from daemon.stacks.ros1.amcl.motion_model import motion_between
-from daemon.stacks.ros1.amcl.particle_filter import ParticleFilter
+from daemon.stacks.ros1.amcl.laser_model import make_sensor
+from daemon.stacks.ros1.amcl.particle_filter import ParticleFilter, motion_between
 from daemon.stacks.ros1.quirks import Quirks
 from grammars.model.geometry import Floats, Pose2, wrap_angle
 from grammars.model.grid import OccupancyGrid
@@ -55,7 +54,7 @@ class Amcl:
         self._parameters = parameters
         self._rays = {laser.name: laser.rays for laser in lasers}
         self._sensors = {
-            laser.name: LaserModel(parameters, quirks, grid, laser) for laser in lasers
+            laser.name: make_sensor(parameters, quirks, grid, laser) for laser in lasers
         }
         # The first scan of each laser counts without any motion (``lasers_update_``).
         self._due = dict.fromkeys(self._sensors, True)
@@ -63,25 +62,16 @@ class Amcl:
         self._filter = ParticleFilter(parameters, quirks, grid, start, random)
         self._odom: Pose2 | None = None
         self._updates = 0
-        self._map_to_odom = Pose2()
-
-    @property
-    def map_to_odom(self) -> Pose2:
+        self.map_to_odom = Pose2()
         """Pose of odom in map of the latest publication; identity before the first scan.
 
         The original broadcasts it at every scan, ``transform_tolerance`` ahead of its stamp.
         """
-        return self._map_to_odom
 
     @property
     def particles(self) -> Floats:
         """Particles, shape (n, 3): x, y, yaw; a view that the next scan changes."""
         return self._filter.poses
-
-    @property
-    def weights(self) -> Floats:
-        """Weights of the particles, shape (n,); a view that the next scan changes."""
-        return self._filter.weights
 
     def scan(self, time: float, ranges: Singles, odom: Pose2, laser: str = "") -> AmclPose | None:
         """Take a scan of ``laser``; ``odom`` is the pose of base_link in odom at its stamp.
@@ -123,6 +113,6 @@ class Amcl:
         )
 
     def _publish(self, time: float, odom: Pose2) -> AmclPose:
-        summary = self._filter.summary
-        self._map_to_odom = summary.pose @ odom.inverse()
-        return AmclPose(time, summary.pose, summary.covariance, summary.mean, self._filter.count)
+        filtered = self._filter
+        self.map_to_odom = filtered.pose @ odom.inverse()
+        return AmclPose(time, filtered.pose, filtered.covariance, filtered.mean, filtered.count)

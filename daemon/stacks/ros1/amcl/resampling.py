@@ -122,14 +122,13 @@ def fill_bins(bins: Bins, poses: Floats, count: int) -> None:
 
 
 @kernel
-def label_clusters(bins: Bins, labels: Integers, stack: Integers) -> int:
-    """Write the cluster of each bin and return the number of clusters.
+def label_clusters(bins: Bins) -> tuple[Integers, int]:
+    """Return the cluster of each bin, and the number of clusters.
 
     A cluster is a connected component over 26 neighbours, numbered by its first bin.
     """
     keys, used = bins.keys, bins.used[0]
-    for k in range(used):
-        labels[k] = -1
+    labels, stack = np.full(used, -1, dtype=np.int32), np.empty(used, dtype=np.int32)
     clusters = 0
     for first in range(used):
         if labels[first] >= 0:
@@ -150,7 +149,7 @@ def label_clusters(bins: Bins, labels: Integers, stack: Integers) -> int:
                     stack[waiting] = other
                     waiting += 1
         clusters += 1
-    return clusters
+    return labels, clusters
 
 
 def particle_limits(parameters: AmclParameters) -> Integers:
@@ -178,21 +177,19 @@ def resample(
     limits: Integers,
     new: Particles,
     bins: Bins,
-    cumulative: Floats,
-    guide: Integers,
 ) -> int:
     """Draw particles with replacement into ``new`` and into the empty bins; return their number.
 
     With probability ``injection`` a particle comes from the ``free`` cells instead, uniformly, at
     their lower-left corners, with any heading. ``draws`` are uniform in [0, 1), shape (max,) or,
-    with injection, (3 max,): particle or cell, heading, whether to inject. ``cumulative``
-    (max + 1,) and ``guide`` (max,) are scratch. Weights are not written.
+    with injection, (3 max,): particle or cell, heading, whether to inject. Weights are not written.
 
     A table of equal strips of [0, 1) gives the start of the search through the cumulative weights
     (Chen and Asau 1974). The result is that of a search from the beginning.
     """
     # One loop, because the number of draws depends on the bins filled so far.
     most = limits.shape[0] - 1
+    cumulative, guide = np.empty(count + 1), np.empty(count, dtype=np.int32)
     cumulative[0] = 0.0
     for i in range(count):
         cumulative[i + 1] = cumulative[i] + cloud.weights[i]

@@ -15,19 +15,20 @@ from daemon.stacks.ros1.costmap._grids import OVERDUE, QUEUED, Cells, Frame, Gri
 from daemon.stacks.ros1.costmap._inflation import (
     column_gaps,
     inflate,
+    inflate_in_order,
     inflation_table,
 )
-from daemon.stacks.ros1.costmap._inflation_queue import inflate_in_order
 from daemon.stacks.ros1.costmap._live_layers import (
     InflatingLayer,
     LiveLayer,
     MapLayer,
     SensedLayer,
     Workspace,
+    placed,
     shift_cells,
+    show_map,
 )
 from daemon.stacks.ros1.costmap._observations import Hears, SensedScan
-from daemon.stacks.ros1.costmap._static_layer import placed, show_map
 from daemon.stacks.ros1.costmap.layers import (
     InflationLayer,
     LayeredCostmap,

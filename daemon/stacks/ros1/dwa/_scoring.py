@@ -1,8 +1,9 @@
-"""Cost of a trajectory: the critics in the original's order."""
+"""Cost of a trajectory: the critics in the original's order, and the distances they need."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -13,15 +14,25 @@ from daemon.stacks.ros1.base_local_planner.map_grid import (
     FIT,
     Bits,
     Cells,
+    all_reached,
+    compute_distances,
     contains_cell,
     distance_at,
+    empty_set,
+    mark_plan_cells,
+    passable_cells,
     place_of,
+    unrestricted_distances,
+    write_reach,
+    write_single_cell,
 )
-from daemon.stacks.ros1.dwa._settings import DwaSettings
-from daemon.stacks.ros1.dwa.samples import footprint_scale, translation_speed
+from daemon.stacks.ros1.cost_grid import CostGrid
+from daemon.stacks.ros1.dwa.samples import DwaSettings, footprint_scale, translation_speed
 from grammars.model.geometry import Floats
 
 PATH, GOAL, FRONT = range(3)
+UNKNOWN: Final = -2
+"""Source of distances that belong to another costmap."""
 
 
 class ScoringGrid(NamedTuple):
@@ -185,3 +196,110 @@ def score_trajectory(
     return _cost_of_end_cells(
         obstacle, ends // f.cells.size, ends % f.cells.size, moving[2], weights, f
     )
+
+
+def allocate_scoring_grid(
+    local: CostGrid, settings: DwaSettings, outline: Floats, banned: Integers
+) -> ScoringGrid:
+    """Return the scoring grid of a costmap; it shares cells and ``banned`` with their owners."""
+    shape = local.cells.shape
+    rows = 0 if settings.perimeter_only else shape[0]
+    return ScoringGrid(
+        cells=local.cells,
+        frame=np.array((local.x, local.y, local.resolution)),
+        outline=outline,
+        distances=np.array([unrestricted_distances(shape)] * 3),
+        digits=np.zeros(3, dtype=np.int32),
+        banned=banned,
+        spans=np.zeros((rows, 2), dtype=np.int32),
+    )
+
+
+class DistanceBuffers(NamedTuple):
+    """Scratch for spreading distances.
+
+    Sets of cells are as in :mod:`daemon.stacks.ros1.base_local_planner.map_grid`; distances spread
+    through ``passable``. ``sources`` (3, 2) holds the target cell of the distances of goal and
+    front, -1 for none, and 1 if they were spread completely. A change of ``passable`` makes them
+    :data:`UNKNOWN`.
+    """
+
+    seeds: Bits
+    passable: Bits
+    targets: Bits
+    fronts: Bits
+    sources: Integers
+
+
+def allocate_sets(shape: tuple[int, ...]) -> DistanceBuffers:
+    """Return scratch for spreading distances on a costmap of ``shape``."""
+    return DistanceBuffers(
+        seeds=empty_set(shape),
+        passable=empty_set(shape),
+        targets=empty_set(shape),
+        fronts=np.array([empty_set(shape)] * 2),
+        sources=np.full((3, 2), UNKNOWN, dtype=np.int32),
+    )
+
+
+@kernel
+def fill_distances(
+    state: Floats,
+    plan: Floats,
+    front_end: Floats,
+    reach: tuple[float, float],
+    weights: Floats,
+    f: ScoringGrid,
+    d: DistanceBuffers,
+) -> None:
+    """Fill the distances of ``f`` around the robot within the reach of its centre and its nose.
+
+    ``plan`` has the poses (x, y) near the robot in the costmap's frame, ``front_end`` is the
+    last of them pushed ahead. ``reach`` [m] is that of the centre and of the nose. Path and
+    alignment share their distances, which have the same targets (dwa_local_planner
+    ``updatePlanAndLocalCosts``). Critics without weight get none.
+    """
+    columns = f.cells.shape[1]
+    centre, nose = reach
+    source = -1
+    for which in range(3):
+        if which != GOAL:
+            end = front_end if which == FRONT else plan[-1]
+            source = mark_plan_cells(plan, end, f.cells, f.frame, d.seeds)
+        # The weights of path and goal.
+        if weights[3 if which == PATH else 4] == 0.0:
+            continue
+        near = centre if which == GOAL else nose
+        write_reach(state[0], state[1], near, f.frame, f.cells.shape, d.targets)
+        out = f.distances[which]
+        if which != PATH:
+            # The end of the plan often stays in its cell, and the costmap rarely changes.
+            if d.sources[which, 0] == source and (
+                d.sources[which, 1] == 1 or all_reached(out, d.targets)
+            ):
+                continue
+            if source >= 0:
+                write_single_cell(source // columns, source % columns, d.seeds)
+        f.digits[which] = compute_distances(d.seeds, d.passable, d.targets, out, d.fronts)
+        d.sources[which, 0] = source
+        # Spreading ends when all targets are reached or no cell remains.
+        d.sources[which, 1] = 0 if all_reached(out, d.targets) else 1
+
+
+def complete_distances(
+    plan: Floats, cells: Cells, frame: Floats, field: ScoringGrid, weights: Floats
+) -> ScoringGrid:
+    """Return ``field`` with the distances of an earlier sampling cycle in every cell.
+
+    That cycle had this ``plan`` on a costmap of ``cells`` and ``frame``, and needed its distances
+    only near the robot. A check may need them elsewhere: the costmap may have moved since, but the
+    distances have not (``MapGridCostFunction``).
+    """
+    distances, digits = np.empty_like(field.distances), field.digits.copy()
+    earlier = field._replace(cells=cells, frame=frame, distances=distances, digits=digits)
+    sets = allocate_sets(cells.shape)
+    passable_cells(cells, sets.passable)
+    # An infinite reach from the corner covers the whole costmap.
+    everywhere = (math.inf, math.inf)
+    fill_distances(frame, plan, plan[-1], everywhere, weights, earlier, sets)
+    return field._replace(distances=distances, digits=digits)

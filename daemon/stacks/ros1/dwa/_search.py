@@ -12,6 +12,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers
 from daemon.stacks.ros1.base_local_planner.footprint import footprint_cost
@@ -25,9 +27,9 @@ from daemon.stacks.ros1.dwa._scoring import (
     score_trajectory,
     total_cost,
 )
-from daemon.stacks.ros1.dwa._settings import DwaSettings
 from daemon.stacks.ros1.dwa.samples import (
     SLACK,
+    DwaSettings,
     footprint_scale,
     points_for_turn,
     points_for_way,
@@ -61,6 +63,26 @@ class SearchBuffers(NamedTuple):
     points: Floats
     moving: Floats
     answer: Floats
+
+
+def allocate_buffers(shape: tuple[int, ...], settings: DwaSettings, longest: int) -> SearchBuffers:
+    """Return buffers for a costmap of ``shape`` and trajectories of up to ``longest`` points."""
+    s = settings
+    numbers = [max(2, n) + 1 for n in (s.vx_samples, s.vy_samples, s.vth_samples)]
+    pairs, most = numbers[0] * numbers[1], math.prod(numbers)
+    return SearchBuffers(
+        samples=np.zeros((3, max(numbers))),
+        counts=np.zeros(3, dtype=np.int32),
+        pairs=np.zeros((pairs, 5)),
+        arcs=np.zeros((longest, 5)),
+        ends=np.zeros((most, 2), dtype=np.int32),
+        by_cell=np.zeros((3, shape[0] * shape[1]), dtype=np.int32),
+        lower=np.zeros(most),
+        least=np.zeros(pairs),
+        points=np.zeros((longest, 5)),
+        moving=np.zeros(3),
+        answer=np.zeros(5),
+    )
 
 
 @kernel

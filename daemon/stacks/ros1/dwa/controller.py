@@ -26,20 +26,26 @@ from daemon.stacks.ros1.base_local_planner.controller import (
 from daemon.stacks.ros1.base_local_planner.followed_plan import FollowedPlan
 from daemon.stacks.ros1.base_local_planner.map_grid import Cells, passable_cells
 from daemon.stacks.ros1.cost_grid import CostGrid
-from daemon.stacks.ros1.dwa._distances import (
+from daemon.stacks.ros1.dwa._parameters import DwaParameters
+from daemon.stacks.ros1.dwa._scoring import (
     UNKNOWN,
     DistanceBuffers,
-    LastCycleDistances,
-    allocate_buffers,
+    ScoringGrid,
     allocate_scoring_grid,
     allocate_sets,
+    complete_distances,
+    critic_weights,
     fill_distances,
+    score_trajectory,
 )
-from daemon.stacks.ros1.dwa._parameters import DwaParameters
-from daemon.stacks.ros1.dwa._scoring import ScoringGrid, critic_weights, score_trajectory
-from daemon.stacks.ros1.dwa._search import SearchBuffers, find_best_sample
-from daemon.stacks.ros1.dwa._settings import DwaSettings, longest_trajectory, settings_of
-from daemon.stacks.ros1.dwa.samples import sample_speeds, simulate_trajectory
+from daemon.stacks.ros1.dwa._search import SearchBuffers, allocate_buffers, find_best_sample
+from daemon.stacks.ros1.dwa.samples import (
+    DwaSettings,
+    longest_trajectory,
+    sample_speeds,
+    settings_of,
+    simulate_trajectory,
+)
 from daemon.stacks.ros1.quirks import Quirks
 from grammars.model.geometry import Floats, Pose2, Twist2, wrap_angle
 
@@ -200,7 +206,8 @@ class Dwa:
         self._settings: DwaSettings | None = None
         self._seen: int | None = None
         self._snapshot: Cells
-        self._last: LastCycleDistances | None = None
+        self._last: tuple[Floats, Cells, Floats] | None = None
+        """Plan, cells and frame of the last sampling cycle."""
         self._field: ScoringGrid
         self._sets: DistanceBuffers
         self._room: SearchBuffers
@@ -320,7 +327,7 @@ class Dwa:
         reach = (centre, centre + abs(settings.forward_point_distance))
         fill(state, window, front_end, reach, weights, field, sets)
         n = find(state, weights, settings, field, room)
-        self._last = LastCycleDistances(window, self._snapshot, field.frame)
+        self._last = window.copy(), self._snapshot, field.frame.copy()
         if n == 0:
             return NO_VELOCITY
         vx, vy, wz = velocity = room.answer[:3].tolist()
@@ -336,7 +343,7 @@ class Dwa:
         assert s is not None
         points, moving = self._room.points, self._room.moving
         if self._last is not None:
-            field = self._last.complete(field, weights)
+            field = complete_distances(*self._last, field, weights)
         sample = np.array((twist.vx, twist.vy, twist.wz), dtype=np.float32)
         vx, vy, wz = sample.tolist()
         n = simulate_trajectory(self._state, vx, vy, wz, s, points, moving)

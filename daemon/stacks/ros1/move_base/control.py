@@ -18,11 +18,10 @@ from enum import StrEnum
 from typing import Final
 
 from daemon.stacks.ros1.dwa.controller import Dwa
-from daemon.stacks.ros1.global_planner.planner import GlobalPlanner
 from daemon.stacks.ros1.move_base._parameters import MoveBaseParameters
 from daemon.stacks.ros1.move_base.dispatcher import Outcome
 from daemon.stacks.ros1.move_base.recoveries import Recovery
-from daemon.stacks.ros1.navfn.planner import Navfn
+from daemon.stacks.ros1.navfn.planner import GlobalPlanner, Navfn
 from daemon.stacks.ros1.quirks import Quirks
 from daemon.stacks.ros1.scan_buffer import ObservedCostmap
 from daemon.stacks.ros1.timers import TIME_TOLERANCE, LoopRate, is_after

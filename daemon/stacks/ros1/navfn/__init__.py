@@ -1,8 +1,12 @@
-"""navfn, the global planner of ROS Noetic's move_base (``navfn/NavfnROS``).
+"""Global planners of ROS Noetic: navfn (``navfn/NavfnROS``), ``global_planner/GlobalPlanner``.
+
+GlobalPlanner is built in as it is usually configured: with the wave and the descent of navfn, but
+other costs and ends. A*, plain potentials, paths from cell to cell and orientations other than
+forward are refused. Every update is that of the originals (by Konolige; by Lu and Marder-Eppstein),
+because the result depends on their order.
 
 A wave spreads from the robot over the global costmap until it reaches the goal, and the path
-descends from there (Konolige's gradient method). Every update is that of the original, because the
-result depends on their order.
+descends from there (Konolige's gradient method).
 
 The whole wave covers everything nearer than the goal, and little of that matters. A potential
 spread backward from the goal gives the remaining way from each cell. If a goal repeats, the wave
@@ -22,6 +26,6 @@ small random maps with margins from 100 to 2500, instead of the 2000 and more us
 These counts come from a log of the wave read backward; tests compare the wave's doubts with it.
 """
 
-from daemon.stacks.ros1.navfn._parameters import NavfnParameters
+from daemon.stacks.ros1.navfn._parameters import GlobalPlannerParameters, NavfnParameters
 
-__all__ = ["NavfnParameters"]
+__all__ = ["GlobalPlannerParameters", "NavfnParameters"]

@@ -21,7 +21,6 @@ from daemon.stacks.ros1.navfn.propagation import (
     Wave,
     interpolate_potential,
 )
-from grammars.model.geometry import Floats
 
 STEP: Final = np.float32(0.5)
 """Length of a step [cells]."""
@@ -68,16 +67,6 @@ def _gradient(
         scale = np.float32(1.0) / norm
         return scale * dx, scale * dy
     return np.float32(0.0), np.float32(0.0)
-
-
-@kernel
-def _gradients(
-    potentials: Singles, n: int, m: int, columns: int, as_navfn: bool
-) -> tuple[np.float32, np.float32, np.float32, np.float32]:
-    """Return the gradients of two cells."""
-    ax, ay = _gradient(potentials, n, columns, as_navfn)
-    bx, by = _gradient(potentials, m, columns, as_navfn)
-    return ax, ay, bx, by
 
 
 @kernel
@@ -172,28 +161,12 @@ def descend_gradient(
             mark, mark_n, mark_dx, mark_dy = count, n, dx, dy
         # With steps of half a cell, every other point comes from the same cells.
         if n != previous:
-            # After a step of one cell to the side, the gradients of two cells are known.
-            step = 0 if edge else n - previous
             previous, edge = n, at_edge(potentials, n - columns - 1, columns)
-            if edge:
-                pass
-            elif step == 1:
-                ax, ay, cx, cy = bx, by, ex, ey
-                bx, by, ex, ey = _gradients(potentials, n + 1, n + columns + 1, columns, as_navfn)
-            elif step == -1:
-                bx, by, ex, ey = ax, ay, cx, cy
-                ax, ay, cx, cy = _gradients(potentials, n, n + columns, columns, as_navfn)
-            elif step == columns:
-                ax, ay, bx, by = cx, cy, ex, ey
-                cx, cy, ex, ey = _gradients(
-                    potentials, n + columns, n + columns + 1, columns, as_navfn
-                )
-            elif step == -columns:
-                cx, cy, ex, ey = ax, ay, bx, by
-                ax, ay, bx, by = _gradients(potentials, n, n + 1, columns, as_navfn)
-            else:
-                ax, ay, cx, cy = _gradients(potentials, n, n + columns, columns, as_navfn)
-                bx, by, ex, ey = _gradients(potentials, n + 1, n + columns + 1, columns, as_navfn)
+            if not edge:
+                ax, ay = _gradient(potentials, n, columns, as_navfn)
+                bx, by = _gradient(potentials, n + 1, columns, as_navfn)
+                cx, cy = _gradient(potentials, n + columns, columns, as_navfn)
+                ex, ey = _gradient(potentials, n + columns + 1, columns, as_navfn)
         if swinging or edge:
             n = _lowest_around(potentials, n, columns)
             dx, dy = np.float32(0.0), np.float32(0.0)
@@ -248,19 +221,3 @@ def fill_around_goal(wave: Wave, goal_costs: Singles, goal: int, count: int) -> 
             wave.reached[count] = n
             count += 1
     return count
-
-
-@kernel
-def path_to_poses(
-    path: Singles, shift: float, resolution: float, x: float, y: float, poses: Floats
-) -> None:
-    """Write a path, cells from the goal, as x, y, yaw 0 from the start into ``poses``, (n, 3).
-
-    ``shift`` [cells] is added; the corner of cell (0, 0) lies at ``x``, ``y``.
-    """
-    count = path.shape[0]
-    for i in range(count):
-        k = count - 1 - i
-        poses[i, 0] = (np.float64(path[k, 0]) + shift) * resolution + x
-        poses[i, 1] = (np.float64(path[k, 1]) + shift) * resolution + y
-        poses[i, 2] = 0.0

@@ -13,7 +13,7 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from daemon.stacks.kernels import Singles
-from daemon.stacks.ros1.cost_grid import FREE_SPACE, CostGrid
+from daemon.stacks.ros1.cost_grid import FREE_SPACE, CostGrid, Window
 from daemon.stacks.ros1.navfn.descent import descend_gradient, fill_around_goal
 from daemon.stacks.ros1.navfn.propagation import (
     BUFFER,
@@ -21,7 +21,6 @@ from daemon.stacks.ros1.navfn.propagation import (
     UNREACHED,
     VALUE,
     CellCosts,
-    Window,
     copy_window,
     new_wave,
     propagate_wave,
@@ -73,12 +72,15 @@ class FieldRules:
 
     ``goal_costs`` (256,) by state are for exact ends; without them ends are cells. They give the
     cells around the goal a potential. The start seeds four cells by the ``neutral`` cost.
+
+    With ``is_guided`` margins in units of navfn's costs restrict waves.
     """
 
     costs: CellCosts
     threshold: np.float32
     outline: bool
     as_navfn: bool
+    is_guided: bool = True
     neutral: int = 0
     goal_costs: Singles | None = None
 
@@ -103,7 +105,7 @@ class PotentialField:
         self.grid, self.columns = grid, int(columns)
         self.whole, self.restricted = 0, 0
         self._shape, self._rules = grid.cells.shape, rules
-        self._margins, self._worthwhile = margins, worthwhile
+        self._margins, self._worthwhile = margins if rules.is_guided else (), worthwhile
         self._wave = new_wave(rules.costs, size, columns, _AROUND_GOAL)
         self._doubtful = np.empty(size, dtype=np.int32)
         self._count, self._level, self._steady = 0, 0, 0

@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers, Singles
-from daemon.stacks.ros1.cost_grid import INSCRIBED, NO_INFORMATION
+from daemon.stacks.ros1.cost_grid import INSCRIBED, NO_INFORMATION, Window
 
 SPARE_ROWS: Final = 8
 """Rows enough for all neighbours, even on a map one cell wide."""
@@ -41,8 +41,6 @@ BUFFER: Final = 10_000
 THRESHOLD_STEP: Final = 100.0
 
 Bytes: TypeAlias = npt.NDArray[np.uint8]
-Window: TypeAlias = tuple[int, int, int, int]
-"""Half-open: first column, first row, end column, end row."""
 States: TypeAlias = npt.NDArray[np.uint16]
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers, Singles
+from daemon.stacks.ros1.cost_grid import Window
 from daemon.stacks.ros1.navfn.descent import at_edge
 from daemon.stacks.ros1.navfn.propagation import (
     BLOCKED,
@@ -28,7 +29,6 @@ from daemon.stacks.ros1.navfn.propagation import (
     CellCosts,
     States,
     Wave,
-    Window,
     cell_costs,
     interpolate_potential,
     new_wave,

@@ -26,11 +26,6 @@ from daemon.stacks.ros1.base_local_planner.followed_plan import FollowedPlan
 from daemon.stacks.ros1.base_local_planner.map_grid import passable_cells
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.quirks import Quirks
-from daemon.stacks.ros1.trajectory_planner._distances import (
-    allocate_buffers,
-    allocate_grid,
-    fill_distances,
-)
 from daemon.stacks.ros1.trajectory_planner._parameters import (
     TrajectoryPlannerParameters,
     in_range,
@@ -42,8 +37,11 @@ from daemon.stacks.ros1.trajectory_planner._rollout import (
     LEADS_NOWHERE,
     LEGAL,
     RolloutGrid,
+    RolloutSettings,
+    longest_trajectory,
     normalize_angle,
     score_trajectory,
+    settings_of,
     simulate_trajectory,
 )
 from daemon.stacks.ros1.trajectory_planner._search import (
@@ -53,13 +51,11 @@ from daemon.stacks.ros1.trajectory_planner._search import (
     NO_RIGHT_STRAFE,
     NO_RIGHT_TURN,
     RolloutBuffers,
+    allocate_buffers,
+    allocate_grid,
+    fill_distances,
     find_best,
     find_best_arc,
-)
-from daemon.stacks.ros1.trajectory_planner._settings import (
-    RolloutSettings,
-    longest_trajectory,
-    settings_of,
 )
 from grammars.model.geometry import Floats, Pose2, Twist2, wrap_angle
 

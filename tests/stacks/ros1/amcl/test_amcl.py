@@ -125,9 +125,9 @@ def test_each_laser_weighs_once_for_each_motion():
     amcl = two_lasers(p)
 
     def weighs(laser, odom):
-        before = amcl.weights.copy()
+        before = amcl._filter.weights.copy()
         amcl.scan(0.0, see(WALLS, START @ odom, laser=laser), odom, laser.name)
-        return not np.array_equal(before, amcl.weights)
+        return not np.array_equal(before, amcl._filter.weights)
 
     # Its first scan counts for each, then none until the robot has moved.
     assert weighs(FRONT, Pose2())
@@ -174,7 +174,7 @@ def test_updates_are_those_of_the_plain_version(model, lasers):
         published = amcl.scan(0.1 * k, ranges, pose, laser.name)
         resampled = reference.update(ranges, pose, laser)
         np.testing.assert_allclose(amcl.particles, reference.poses, atol=1e-9)
-        np.testing.assert_allclose(amcl.weights, reference.weights, rtol=1e-9)
+        np.testing.assert_allclose(amcl._filter.weights, reference.weights, rtol=1e-9)
         # The first one tells what it believed before.
         assert (published is not None) == (resampled or k == 0)
         if published is not None:

@@ -6,9 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daemon.stacks.ros1.amcl.laser_model import LaserModel, beam_indices
-from daemon.stacks.ros1.amcl.motion_model import motion_between, move_particles
-from daemon.stacks.ros1.amcl.particle_filter import summarise
+from daemon.stacks.ros1.amcl.laser_model import beam_indices, make_sensor, weigh_particles
+from daemon.stacks.ros1.amcl.particle_filter import motion_between, move_particles, summarise
 from daemon.stacks.ros1.amcl.resampling import (
     FreeCells,
     Particles,
@@ -108,8 +107,7 @@ def drawn(
     new, bins = new_cloud(most), new_bins(most)
     count = resample(
         Particles(columns, directions, everyone), len(poses), injection, draws,
-        FreeCells(free, 40, -1.0, -2.0, 0.05), particle_limits(p), new, bins, np.empty(most + 1),
-        np.empty(most, dtype=np.int32),
+        FreeCells(free, 40, -1.0, -2.0, 0.05), particle_limits(p), new, bins,
     )  # fmt: skip
     result = new.poses[:, :count].T
     assert len({plain.bin_of(pose) for pose in result}) == bins.used[0]
@@ -176,13 +174,10 @@ def summarised(poses, weights):
     count, columns = len(poses), np.ascontiguousarray(poses.T)
     bins = new_bins(count)
     fill_bins(bins, columns, count)
-    labels, stack = np.empty(count, dtype=np.int32), np.empty(count, dtype=np.int32)
-    clusters = label_clusters(bins, labels, stack)
+    labels, _ = label_clusters(bins)
     assert labels[bins.of].tolist() == plain.clusters(poses)
     directions = np.array([np.cos(columns[2]), np.sin(columns[2])])
-    result, cloud = np.empty(10), Particles(columns, directions, weights)
-    summarise(cloud, count, bins, labels, clusters, np.empty((count, 5)), result)
-    return result
+    return summarise(Particles(columns, directions, weights), count, bins)
 
 
 def a_cloud(count, spread, seed):
@@ -224,12 +219,13 @@ def weigh(
     laser=LASER, original=True):  # fmt: skip
     """Weights of poses (n, 3) that all weighed 1 before."""
     p = replace(p, max_particles=max(len(poses), p.min_particles))
-    sensor = LaserModel(p, FAST if original else FIXED, grid, laser)
+    sensor = make_sensor(p, FAST if original else FIXED, grid, laser)
     weights = np.ones(len(poses))
     directions = np.array([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
     columns = np.ascontiguousarray(poses.T)
     cloud = Particles(columns, directions, weights)
-    total = sensor.weigh(np.asarray(ranges, dtype=np.float32), cloud, len(poses))
+    ranges = np.asarray(ranges, dtype=np.float32)
+    total = weigh_particles(sensor, ranges, cloud, len(poses))
     assert total == pytest.approx(weights.sum())
     return weights
 

@@ -14,16 +14,19 @@ from daemon.stacks.kernels import Integers
 from daemon.stacks.ros1.base_local_planner.map_grid import passable_cells
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.dwa import DwaParameters
-from daemon.stacks.ros1.dwa._distances import (
-    allocate_buffers,
+from daemon.stacks.ros1.dwa._scoring import (
     allocate_scoring_grid,
     allocate_sets,
+    critic_weights,
     fill_distances,
 )
-from daemon.stacks.ros1.dwa._scoring import critic_weights
-from daemon.stacks.ros1.dwa._search import find_best_sample
-from daemon.stacks.ros1.dwa._settings import DwaSettings, longest_trajectory, settings_of
-from daemon.stacks.ros1.dwa.samples import sample_speeds
+from daemon.stacks.ros1.dwa._search import allocate_buffers, find_best_sample
+from daemon.stacks.ros1.dwa.samples import (
+    DwaSettings,
+    longest_trajectory,
+    sample_speeds,
+    settings_of,
+)
 from daemon.stacks.ros1.parameters import read_section
 from daemon.stacks.ros1.quirks import FAST
 from grammars.model.geometry import Floats

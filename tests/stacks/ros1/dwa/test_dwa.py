@@ -9,10 +9,9 @@ import pytest
 from daemon.stacks.ros1.base_local_planner.footprint import footprint_cost
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.dwa import DwaParameters
-from daemon.stacks.ros1.dwa._distances import allocate_scoring_grid
-from daemon.stacks.ros1.dwa._settings import longest_trajectory, settings_of
+from daemon.stacks.ros1.dwa._scoring import allocate_scoring_grid
 from daemon.stacks.ros1.dwa.controller import Dwa, Oscillation
-from daemon.stacks.ros1.dwa.samples import footprint_scale
+from daemon.stacks.ros1.dwa.samples import footprint_scale, longest_trajectory, settings_of
 from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2, Twist2
 from tests.stacks.ros1.dwa.helpers import A2S, OMNI, SMALL, Problem, blobs, settings, singles

@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.stacks.ros1.cost_grid import CostGrid
-from daemon.stacks.ros1.global_planner import GlobalPlannerParameters
-from daemon.stacks.ros1.global_planner.planner import GlobalPlanner, potential_field
+from daemon.stacks.ros1.navfn import GlobalPlannerParameters
+from daemon.stacks.ros1.navfn.field import PotentialField
+from daemon.stacks.ros1.navfn.planner import GlobalPlanner
 from daemon.stacks.ros1.navfn.propagation import propagate_wave
 from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2
@@ -97,7 +98,7 @@ def test_plans_are_those_of_the_original(settings_of_it, points, expected):
 def a_planner(grid, parameters, quirks, **given):
     """Return a planner whose field has other margins, or is sooner restricted."""
     planner = GlobalPlanner(parameters, quirks)
-    planner._field = potential_field(grid, parameters, quirks, **given)
+    planner._field = PotentialField(grid, planner._rules, **given)
     return planner
 
 

@@ -6,10 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.stacks.ros1.cost_grid import CostGrid
-from daemon.stacks.ros1.global_planner import GlobalPlannerParameters
-from daemon.stacks.ros1.global_planner.planner import GlobalPlanner
-from daemon.stacks.ros1.navfn import NavfnParameters
-from daemon.stacks.ros1.navfn.planner import Navfn
+from daemon.stacks.ros1.navfn import GlobalPlannerParameters, NavfnParameters
+from daemon.stacks.ros1.navfn.planner import GlobalPlanner, Navfn
 from daemon.stacks.ros1.navfn.propagation import UNREACHED, propagate_wave, seed_cell
 from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2

@@ -10,9 +10,13 @@ from hypothesis import strategies as st
 from daemon.stacks.ros1.quirks import FAST, FIXED
 from daemon.stacks.ros1.trajectory_planner import TrajectoryPlannerParameters
 from daemon.stacks.ros1.trajectory_planner._parameters import slowest_turn_at_goal, strafe_speeds
-from daemon.stacks.ros1.trajectory_planner._rollout import count_points, normalize_angle
+from daemon.stacks.ros1.trajectory_planner._rollout import (
+    count_points,
+    longest_trajectory,
+    normalize_angle,
+    settings_of,
+)
 from daemon.stacks.ros1.trajectory_planner._search import velocity_window
-from daemon.stacks.ros1.trajectory_planner._settings import longest_trajectory, settings_of
 from daemon.stacks.ros1.trajectory_planner.controller import TrajectoryPlanner
 from grammars.model.geometry import Pose2, Twist2, wrap_angle
 from tests.stacks.ros1.dwa.helpers import LARGE, SMALL, blobs
