@@ -18,16 +18,16 @@ from daemon.simulator import World
 from daemon.stacks.ros1.amcl.distance_field import distance_field
 from daemon.stacks.ros1.amcl.node import Amcl
 from daemon.stacks.ros1.cost_grid import CostGrid
-from daemon.stacks.ros1.costmap import (
+from daemon.stacks.ros1.costmap import SensedScan
+from daemon.stacks.ros1.costmap._inflation import inflate
+from daemon.stacks.ros1.costmap.costmap import Costmap
+from daemon.stacks.ros1.costmap.layers import (
     InflationLayer,
     LayeredCostmap,
     ObservationSource,
     ObstacleLayer,
-    SensedScan,
     StaticLayer,
 )
-from daemon.stacks.ros1.costmap._inflation import inflate
-from daemon.stacks.ros1.costmap.costmap import Costmap
 from daemon.stacks.ros1.costmap.master_grid import merge_window
 from daemon.stacks.ros1.dwa.controller import Dwa
 from daemon.stacks.ros1.quirks import FAST
@@ -62,6 +62,13 @@ SEEN = ObstacleLayer(
                                raytrace_range=3.5),)
 )  # fmt: skip
 INFLATION = InflationLayer(inflation_radius=0.5, cost_scaling_factor=3.0)
+
+
+def heard(topic):
+    """Return the name of the only laser."""
+    return ("",)
+
+
 GLOBAL = LayeredCostmap((StaticLayer(), SEEN, INFLATION), footprint=FOOTPRINT)
 LOCAL = LayeredCostmap(
     (SEEN, replace(INFLATION, inflation_radius=0.55, cost_scaling_factor=5.0)), "odom",
@@ -284,10 +291,11 @@ def costmaps():
     """Yield the building and the updates of both costmaps."""
     scene, robot, world_map = building_c()
     steps = drive(scene, robot)
-    build = partial(Costmap, GLOBAL, GLOBAL.padded_footprint(), FAST, world_map)
+    build = partial(Costmap, GLOBAL, GLOBAL.padded_footprint(), FAST, world_map, heard)
     first, again = microseconds(build) / 1e3, microseconds(build) / 1e3
     yield Measurement("global costmap, built", first, "ms", Reference("again", again))
-    whole, local = build(), Costmap(LOCAL, LOCAL.padded_footprint(), FAST)
+    local = Costmap(LOCAL, LOCAL.padded_footprint(), FAST, world_map, heard)
+    whole = build()
     times, plain, locally = [], [], []
     for k, (base, scan, exact) in enumerate(steps):
         times.append(microseconds(partial(whole.update, base, (scan,))))

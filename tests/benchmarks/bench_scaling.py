@@ -119,7 +119,7 @@ def rays():
 def _updates(scene, robot, grid):
     steps = bench_kernels.drive(scene, robot)[:300]
     parameters = bench_kernels.GLOBAL
-    costmap = Costmap(parameters, parameters.padded_footprint(), FAST, grid)
+    costmap = Costmap(parameters, parameters.padded_footprint(), FAST, grid, bench_kernels.heard)
 
     def work():
         for base, scan, _ in steps:

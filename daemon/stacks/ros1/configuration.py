@@ -16,7 +16,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, Final, TypeAlias, TypeVar
 
 from daemon.stacks.findings import FindingCollector, ParameterFinding, ParameterFindings
-from daemon.stacks.ros1.amcl import AmclParameters, usual_frames
+from daemon.stacks.ros1.amcl import AmclParameters
 from daemon.stacks.ros1.costmap.layers import LayeredCostmap
 from daemon.stacks.ros1.dwa import DwaParameters
 from daemon.stacks.ros1.move_base import (
@@ -29,7 +29,7 @@ from daemon.stacks.ros1.move_base import (
     RotateRecoveryParameters,
 )
 from daemon.stacks.ros1.navfn import GlobalPlannerParameters, NavfnParameters
-from daemon.stacks.ros1.parameters import ParameterTree, read_section
+from daemon.stacks.ros1.parameters import Entry, ParameterNamespace, ParameterTree, read_section
 from daemon.stacks.ros1.quirks import DEFAULT_PROFILE, Quirks, read_quirks
 from daemon.stacks.ros1.trajectory_planner import TrajectoryPlannerParameters
 from daemon.stacks.ros1.wiring import COSTMAPS, TopicParameters, Topics, read_costmaps
@@ -102,14 +102,8 @@ def read_ros(parameters: Mapping[str, Any]) -> RosParameters:
     # DWA and TrajectoryPlannerROS inherit this parameter unless they have their own.
     inherited = {"controller_frequency": move_base.controller_frequency}
     local_planner = _read_planner(tree, "local", move_base.base_local_planner, LOCAL, inherited)
-    names = read_section(TopicParameters, tree.at("topics"), ("topics",), report)
-    localisation = read_section(
-        AmclParameters,
-        tree.at("amcl"),
-        ("amcl",),
-        report,
-        without_effect=usual_frames(tree.at("amcl")),
-    )
+    names, amcl = read_section(TopicParameters, tree.at("topics"), report), tree.at("amcl")
+    localisation = read_section(AmclParameters, amcl, report, without_effect=_usual_frames(amcl))
     costmaps, topics = read_costmaps(tree, names, localisation)
     resets = _read_resets(tree, move_base, costmaps)
     global_planner = _read_planner(tree, "global", move_base.base_global_planner, GLOBAL, {})
@@ -123,9 +117,7 @@ def read_ros(parameters: Mapping[str, Any]) -> RosParameters:
         local_planner=local_planner,
         rotate_recovery=_read_rotation(tree, move_base, local_planner, quirks),
         resets=resets,
-        dispatcher=read_section(
-            DispatcherParameters, tree.at("dispatcher"), ("dispatcher",), report
-        ),
+        dispatcher=read_section(DispatcherParameters, tree.at("dispatcher"), report),
         topics=topics,
         quirks=quirks,
         findings=report.findings(),
@@ -145,29 +137,37 @@ def _check_sections(parameters: Mapping[str, Any], report: FindingCollector) -> 
 
 
 def _read_move_base(tree: ParameterTree) -> MoveBaseParameters:
-    entries = tree.at("move_base")
-    names = [name for entry in _listed(entries) if (name := entry.get("name"))]
-    recoveries = {"rotate_recovery", "conservative_reset", "aggressive_reset", *map(str, names)}
-    if "DWAPlannerROS" in entries and "base_local_planner" not in entries:
+    space = tree.at("move_base")
+    listed = space.value("recovery_behaviors")
+    names = [
+        str(each["name"])
+        for each in (listed if isinstance(listed, list) else [])
+        if isinstance(each, Mapping) and each.get("name")
+    ]
+    recoveries = {"rotate_recovery", "conservative_reset", "aggressive_reset", *names}
+    if "DWAPlannerROS" in space.entries and "base_local_planner" not in space.entries:
         message = f"base_local_planner is not given: ROS takes {_TRAJECTORY}, and nobody reads this"
         hint = f"write base_local_planner: {_DWA}"
         tree.report.warn(("move_base", "DWAPlannerROS"), message, hint)
-    if "footprint_padding" in entries:
+    if "footprint_padding" in space.entries:
         message = "costmap_2d looks for it in the namespaces of the costmaps only"
         hint = "write it under global_costmap and local_costmap"
         tree.report.warn(("move_base", "footprint_padding"), message, hint)
     return read_section(
         MoveBaseParameters,
-        entries,
-        ("move_base",),
+        space,
         tree.report,
-        elsewhere=frozenset({*COSTMAPS, *_PLANNERS, *recoveries, *_BODY, "footprint_padding"}),
+        elsewhere={*COSTMAPS, *_PLANNERS, *recoveries, *_BODY, "footprint_padding"},
     )
 
 
-def _listed(entries: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    listed = entries.get("recovery_behaviors")
-    return [e for e in listed if isinstance(e, Mapping)] if isinstance(listed, list) else []
+def _usual_frames(amcl: ParameterNamespace) -> dict[str, str]:
+    """Return the frame names of AMCL that have no effect, each with the reason."""
+    return {
+        name: f"costmaps call this frame {usual} anyway"
+        for name, usual in (("global_frame_id", "map"), ("odom_frame_id", "odom"))
+        if str(amcl.value(name)).strip("/") == usual
+    }
 
 
 def _read_planner(
@@ -179,10 +179,8 @@ def _read_planner(
 ) -> P:
     """Return a planner's parameters; refuse a planner that is not built in."""
     if plugin in planners:
-        path = ("move_base", namespace_of(plugin))
-        return read_section(
-            planners[plugin], tree.at(*path), path, tree.report, inherited=inherited
-        )
+        space = tree.at("move_base", namespace_of(plugin))
+        return read_section(planners[plugin], space, tree.report, inherited=inherited)
     place = ("move_base", f"base_{kind}_planner")
     near = [full for full in planners if namespace_of(full) == namespace_of(plugin.strip())]
     if near:
@@ -204,8 +202,8 @@ def _ignore_other_planners(tree: ParameterTree, move_base: MoveBaseParameters) -
     read = {"TrajectoryPlannerROS", *map(namespace_of, plugins)}
     reason = f"the planners are {' and '.join(plugins)}"
     for space in sorted(_PLANNERS - read):
-        for name in tree.at("move_base", space):
-            tree.report.ignore(("move_base", space, name), reason)
+        for entry in tree.at("move_base", space).entries.values():
+            tree.report.ignore(entry.place, reason)
 
 
 def _read_resets(
@@ -215,17 +213,18 @@ def _read_resets(
     names: Iterable[str] = ("conservative_reset", "aggressive_reset")
     if move_base.recovery_behaviors is not None:
         names = [each.name for each in move_base.recovery_behaviors if each.type == CLEAR]
-    paths = {name: ("move_base", name) for name in names}
+    spaces = {name: tree.at("move_base", name) for name in names}
     resets = {
-        name: read_section(ClearCostmapParameters, tree.at(*path), path, tree.report)
-        for name, path in paths.items()
+        name: read_section(ClearCostmapParameters, space, tree.report)
+        for name, space in spaces.items()
     }
     layers = {layer.name for costmap in costmaps for layer in costmap.layers}
     for name, reset in resets.items():
-        if "layer_names" in tree.at(*paths[name]) and not layers & set(reset.layer_names):
+        listed = spaces[name].entries.get("layer_names")
+        if listed is not None and not layers & set(reset.layer_names):
             message = f"no costmap has a layer of these names, so {name} clears nothing"
             hint = f"their layers are {', '.join(sorted(layers))}"
-            tree.report.warn((*paths[name], "layer_names"), message, hint)
+            tree.report.warn(listed.place, message, hint)
     return resets
 
 
@@ -237,17 +236,15 @@ def _read_rotation(
 ) -> RotateRecoveryParameters:
     """Return the turn on the spot: its own namespace, and limits from another one."""
     turns = [b.name for b in move_base.recovery_behaviors or () if b.type == ROTATE]
-    own = ("move_base", turns[0] if turns else "rotate_recovery")
-    places: dict[str, tuple[str, ...]] = {name: (*own, name) for name in tree.at(*own)}
-    for name in [name for name in places if name not in _ROTATION_OWN]:
+    own = tree.at("move_base", turns[0] if turns else "rotate_recovery")
+    for name in [name for name in own.entries if name not in _ROTATION_OWN]:
         hint, message = did_you_mean(name, _ROTATION_OWN), f'nothing reads a parameter "{name}"'
-        finding = ParameterFinding(places.pop(name), message, hint, unread=True)
+        finding = ParameterFinding(own.entries.pop(name).place, message, hint, unread=True)
         tree.report.problems.append(finding)
     reads_dwa = isinstance(planner, DwaParameters) and not quirks.rotate_reads_other_namespace
     if not reads_dwa:
-        places |= _limit_places(tree, move_base.base_local_planner)
-    entries = {name: tree.at(*place[:-1])[place[-1]] for name, place in places.items()}
-    turn = read_section(RotateRecoveryParameters, entries, own, tree.report, places=places)
+        own.entries |= _limits(tree, move_base.base_local_planner)
+    turn = read_section(RotateRecoveryParameters, own, tree.report)
     if isinstance(planner, DwaParameters) and reads_dwa:
         return replace(
             turn,
@@ -259,20 +256,20 @@ def _read_rotation(
     return turn
 
 
-def _limit_places(tree: ParameterTree, local_planner: str) -> dict[str, tuple[str, ...]]:
-    """Return the places of the turn's limits in ``TrajectoryPlannerROS``, by name.
+def _limits(tree: ParameterTree, local_planner: str) -> dict[str, Entry]:
+    """Return the turn's limits in ``TrajectoryPlannerROS``, by name.
 
     Other names there have no effect unless that controller drives.
     """
-    path = ("move_base", "TrajectoryPlannerROS")
     names = {field.name for field in fields(RotateRecoveryParameters)} - _ROTATION_OWN
-    entries = tree.at(*path)
+    space = tree.at("move_base", "TrajectoryPlannerROS")
+    entries = space.entries
     # Of two names of a limit the newer one counts (nav_core ``loadParameterWithDeprecation``).
     limits = {OTHER_NAMES[name]: name for name in entries if name in OTHER_NAMES}
     limits |= {name: name for name in entries if name in names}
-    if namespace_of(local_planner) != path[-1]:
+    if namespace_of(local_planner) != space.path[-1]:
         reason = f"{local_planner} drives; rotate_recovery reads only the limits"
-        for name in entries:
+        for name, entry in entries.items():
             if name not in limits.values():
-                tree.report.ignore((*path, name), reason)
-    return {limit: (*path, name) for limit, name in limits.items()}
+                tree.report.ignore(entry.place, reason)
+    return {limit: entries[name] for limit, name in limits.items()}

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Annotated, Any, ClassVar, Final, NamedTuple, TypeAlias, TypeVar
 
@@ -28,6 +28,43 @@ ALTERNATIVE: Final = "(either)"
 """Prefix of tags of alternatives (:class:`pydantic.Tag`), which do not belong to a place."""
 
 
+class Entry(NamedTuple):
+    """A value and its place."""
+
+    value: Any
+    place: ParameterLocation
+
+
+@dataclass(slots=True)
+class ParameterNamespace:
+    """Parameters of one namespace by name; nested namespaces are mappings."""
+
+    path: ParameterLocation
+    entries: dict[str, Entry] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any], path: ParameterLocation) -> ParameterNamespace:
+        """Return the namespace at ``path``."""
+        return cls(path, {name: Entry(value, (*path, name)) for name, value in values.items()})
+
+    def below(self, name: str) -> ParameterNamespace:
+        """Return the namespace ``name`` in this one, empty if it does not exist."""
+        entry = self.entries.get(name)
+        if entry is None or not isinstance(entry.value, Mapping):
+            return ParameterNamespace((*self.path, name))
+        return ParameterNamespace.of(entry.value, entry.place)
+
+    def value(self, name: str) -> Any:
+        """Return the value of ``name``, ``None`` without an entry."""
+        entry = self.entries.get(name)
+        return None if entry is None else entry.value
+
+    def words(self, name: str) -> list[str]:
+        """Return the words of the text ``name``, an empty list without a text."""
+        text = self.value(name)
+        return text.split() if isinstance(text, str) else []
+
+
 @dataclass(frozen=True, slots=True)
 class ParameterTree:
     """A tree of parameters; a missing namespace counts as empty."""
@@ -35,17 +72,15 @@ class ParameterTree:
     data: Mapping[str, Any]
     report: FindingCollector
 
-    def at(self, *path: str) -> Mapping[str, Any]:
+    def at(self, *path: str) -> ParameterNamespace:
         """Return a namespace; report an error if the value is not a namespace."""
-        node: Mapping[str, Any] = self.data
-        for depth, name in enumerate(path):
-            below = node.get(name, {})
-            if not isinstance(below, Mapping):
-                place = path[: depth + 1]
-                self.report.refuse(place, "must be keys with values")
-                return {}
-            node = below
-        return node
+        space = ParameterNamespace.of(self.data, ())
+        for name in path:
+            if name in space.entries and not isinstance(space.value(name), Mapping):
+                self.report.refuse(space.entries[name].place, "must be keys with values")
+                return ParameterNamespace(path)
+            space = space.below(name)
+        return space
 
 
 class Objection(NamedTuple):
@@ -77,35 +112,31 @@ class Section:
 
 def read_section(
     model: type[M],
-    entries: Mapping[str, Any],
-    path: ParameterLocation,
+    space: ParameterNamespace,
     report: FindingCollector,
     *,
     inherited: Mapping[str, Any] | None = None,
     without_effect: Mapping[str, str] | None = None,
-    elsewhere: frozenset[str] = frozenset(),
-    places: Mapping[str, ParameterLocation] | None = None,
+    elsewhere: Collection[str] = (),
 ) -> M:
-    """Return ``model`` (a pydantic dataclass) with the values of the ``entries`` at ``path``.
+    """Return ``model`` (a pydantic dataclass) with the values of a namespace.
 
     ``inherited`` are values for names without an entry. ``without_effect`` holds further names
-    without effect here, with the reason. Names in ``elsewhere`` belong to other readers.
-    ``places`` locates values that do not stand at ``path``. Errors and warnings go to ``report``.
-    A bad value becomes a default, and the rules of the model are then skipped.
+    without effect here, with the reason. Names in ``elsewhere`` belong to other readers. Errors
+    and warnings go to ``report``. A bad value becomes a default, and the rules of the model are
+    then skipped.
     """
     kind: Any = model
-    adapters = _adapters(kind)
-    idle, moved = {**model.without_effect, **(without_effect or {})}, places or {}
+    adapters, idle = _adapters(kind), {**model.without_effect, **(without_effect or {})}
     values: dict[str, Any] = {}
     errors = len(report.fatal)
-    for name, value in entries.items():
-        place = moved.get(name, (*path, name))
+    for name, (value, place) in space.entries.items():
         if name in idle:
             report.ignore(place, idle[name])
         if name in adapters:
             _take(name, adapters[name], value, place, values, report)
         elif name in model.renamed:
-            _say_renamed(place, name, model.renamed[name], entries, idle, report)
+            _say_renamed(place, name, model.renamed[name], space.entries, idle, report)
         elif name not in elsewhere and name not in idle:
             where = report.fatal if model.strict else report.problems
             where.append(_unknown_name(place, value, (*adapters, *idle), elsewhere))
@@ -113,8 +144,8 @@ def read_section(
     # With a default in the place of a bad value, objections would not be about the file.
     objections = list(section.rules()) if len(report.fatal) == errors else []
     for each in [one for one in objections if one.fatal] or objections:
-        anchor = next((name for name in each.names if name in values), None)
-        place = path if anchor is None else moved.get(anchor, (*path, anchor))
+        places = (space.entries[name].place for name in each.names if name in values)
+        place = next(places, space.path)
         (report.refuse if each.fatal else report.warn)(place, each.text)
     return section
 

@@ -49,8 +49,8 @@ from daemon.model.sut import (
 )
 from daemon.stacks.ros1.amcl.node import Amcl, AmclPose
 from daemon.stacks.ros1.configuration import RosParameters
-from daemon.stacks.ros1.costmap import LayeredCostmap
 from daemon.stacks.ros1.costmap.costmap import Costmap
+from daemon.stacks.ros1.costmap.layers import LayeredCostmap
 from daemon.stacks.ros1.dwa.controller import Dwa
 from daemon.stacks.ros1.move_base.control import MoveBase, MoveBaseStatus, PlannerThread
 from daemon.stacks.ros1.move_base.dispatcher import WaypointDispatcher

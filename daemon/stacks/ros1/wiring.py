@@ -214,13 +214,13 @@ def read_costmaps(
 
 def _read_costmap(tree: ParameterTree, name: str, context: CostmapContext) -> LayeredCostmap:
     report, path, title = tree.report, ("move_base", name), name.replace("_", " ")
-    entries, is_local = tree.at(*path), name == "local_costmap"
+    space, is_local = tree.at(*path), name == "local_costmap"
     # MoveBase::executeCycle asks the controller's costmap alone whether it is current.
     context = replace(context, stops_robot=is_local)
-    costmap = CostmapReader(entries, path, report, context).read()
-    if "publish_frequency" in entries and not is_local:
+    costmap = CostmapReader(space, report, context).read()
+    if "publish_frequency" in space.entries and not is_local:
         report.ignore((*path, "publish_frequency"), "only the local costmap is shown")
-    if entries and "global_frame" not in entries and is_local:
+    if space.entries and "global_frame" not in space.entries and is_local:
         message = "global_frame is missing: ROS takes map, a local costmap usually has odom"
         report.warn(path, message, "write global_frame: odom, or map if you want map")
     if not any(isinstance(layer, ObstacleLayer) for layer in costmap.layers):

@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 from daemon.stacks.findings import FindingCollector, ParameterError
 from daemon.stacks.ros1.configuration import RosParameters, read_ros
 from daemon.stacks.ros1.costmap.reading import CostmapContext, CostmapReader
+from daemon.stacks.ros1.parameters import ParameterNamespace
 from daemon.stacks.ros1.wiring import advise_for_robot
 from grammars.model.robot import Laser, Mount
 from tests.stacks.cases import cases, written
@@ -94,14 +95,15 @@ def read_costmap(given):
     """Return a costmap, and what was said of it."""
     report, heard = FindingCollector(), given.pop("(heard)", None)
     context = CostmapContext(
-        above=given.pop("(above)", {}),
+        above=ParameterNamespace.of(given.pop("(above)", {}), ()),
         frames=given.pop("(frames)", {"map": "map", "odom": "odom"}),
         resolve=lambda name: f"/{name.lstrip('/')}",
         maps=tuple(given.pop("(maps)", ["/map"])),
         may_carry_scan=lambda topic: heard is None or topic in heard,
         stops_robot=given.pop("(stops robot)", False),
     )
-    return CostmapReader(given, ("costmap",), report, context).read(), report
+    space = ParameterNamespace.of(given, ("costmap",))
+    return CostmapReader(space, report, context).read(), report
 
 
 def test_costmaps_are_read_as_they_are_written(golden):

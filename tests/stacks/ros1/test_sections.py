@@ -30,7 +30,7 @@ from daemon.stacks.ros1.move_base import (
     RotateRecoveryParameters,
 )
 from daemon.stacks.ros1.navfn import GlobalPlannerParameters, NavfnParameters
-from daemon.stacks.ros1.parameters import read_section
+from daemon.stacks.ros1.parameters import ParameterNamespace, read_section
 from daemon.stacks.ros1.trajectory_planner import TrajectoryPlannerParameters
 from tests.stacks.cases import cases, written
 from tests.stacks.ros1.dwa.helpers import A2S, OMNI
@@ -86,7 +86,7 @@ def objections(head):
         rules = model(**base | changes).rules()
     except ValidationError:
         report = FindingCollector()
-        read_section(model, changes, (), report, inherited=base)
+        read_section(model, ParameterNamespace.of(changes, ()), report, inherited=base)
         return [f"error {problem}" for problem in report.fatal]
     return [
         f"{'error' if rule.fatal else 'doubt'} {' '.join(rule.names)}: {rule.text}"

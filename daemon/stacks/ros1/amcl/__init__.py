@@ -4,6 +4,6 @@ Written anew from the behaviour of the package (navigation ``noetic-devel``) aft
 and Fox, Probabilistic Robotics (2005), and Fox (2003).
 """
 
-from daemon.stacks.ros1.amcl._parameters import AmclParameters, usual_frames
+from daemon.stacks.ros1.amcl._parameters import AmclParameters
 
-__all__ = ["AmclParameters", "usual_frames"]
+__all__ = ["AmclParameters"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, ClassVar, Final, Literal, TypeAlias
+from typing import Annotated, ClassVar, Literal, TypeAlias
 
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass
@@ -142,15 +142,3 @@ class AmclParameters(Section):
                 f"min_particles ({self.min_particles}) is more than max_particles "
                 f"({self.max_particles}): raise max_particles or lower min_particles",
             )
-
-
-_USUAL_NAMES: Final = {"global_frame_id": "map", "odom_frame_id": "odom"}
-
-
-def usual_frames(entries: Mapping[str, Any]) -> dict[str, str]:
-    """Return the frame names in ``entries`` that have no effect, each with the reason."""
-    return {
-        name: f"costmaps call this frame {usual} anyway"
-        for name, usual in _USUAL_NAMES.items()
-        if str(entries.get(name)).strip("/") == usual
-    }

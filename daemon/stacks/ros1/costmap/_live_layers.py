@@ -67,51 +67,25 @@ _NO_POINTS: Final = np.empty((0, 2), dtype=np.float32)
 
 
 class EndPoints:
-    """Scans of a cycle, with the end points of their rays in the costmap's frame."""
+    """End points of the rays of scans in the costmap's frame."""
 
     def __init__(self) -> None:
-        self.scans: Sequence[SensedScan] = ()
         self._directions: dict[str, tuple[Floats, Floats]] = {}
-        self._room: Singles = _NO_POINTS
-        self._last: tuple[int, bool, bool] | None = None
-        self._reaching = _NO_LASER, _NO_POINTS
         self._project = machine_code(
             project, _NO_LASER, np.empty(0, np.float32), np.empty((0, 2)), False, _NO_POINTS
         )
 
-    def take(self, scans: Sequence[SensedScan]) -> None:
-        """Take the scans; raises ``ValueError`` if the numbers of ranges and angles differ."""
-        self.scans, self._last = scans, None
-        for scan in scans:
-            if len(scan.ranges) != len(scan.angles):
-                message = f"a scan has {len(scan.ranges)} ranges at {len(scan.angles)} angles"
-                raise ValueError(message)
-
     def reaching(self, observation: ObservedScan) -> tuple[LaserPose, Singles]:
-        """Return the laser and the end points (n, 2) [m] that reach the source.
-
-        A call for another scan overwrites them.
-        """
-        if self._last == (
-            observation.scan,
-            observation.source.inf_is_valid,
-            observation.has_points,
-        ):
-            return self._reaching
-        self._last = observation.scan, observation.source.inf_is_valid, observation.has_points
-        scan, count = self.scans[observation.scan], 0
-        pose = scan.pose
+        """Return the laser and the end points (n, 2) [m] that reach the source."""
+        scan, pose = observation.scan, observation.scan.pose
         laser = LaserPose(pose.x, pose.y, pose.yaw, scan.height, scan.range_min, scan.range_max)
-        if observation.has_points:
-            if len(self._room) < len(scan.ranges):
-                self._room = np.empty((len(scan.ranges), 2), dtype=np.float32)
-            # Machine code does not check types, so ensure the one it was compiled for.
-            ranges = np.ascontiguousarray(scan.ranges, dtype=np.float32)
-            count = self._project(
-                laser, ranges, self._rays(scan), observation.source.inf_is_valid, self._room
-            )
-        self._reaching = laser, self._room[:count]
-        return self._reaching
+        if not observation.has_points:
+            return laser, _NO_POINTS
+        points = np.empty((len(scan.ranges), 2), dtype=np.float32)
+        # Machine code does not check types, so ensure the one it was compiled for.
+        ranges = np.ascontiguousarray(scan.ranges, dtype=np.float32)
+        infinite = observation.source.inf_is_valid
+        return laser, points[: self._project(laser, ranges, self._rays(scan), infinite, points)]
 
     def _rays(self, scan: SensedScan) -> Floats:
         """Return unit vectors (n, 2) along the rays; a laser keeps its angles for a run."""
@@ -137,13 +111,17 @@ class Workspace:
         """Scratch for the spans of a polygon."""
         self.base = Pose2()
         """Pose of the robot in the costmap's frame."""
+        self.scans: Sequence[SensedScan] = ()
         self.end_points = EndPoints()
 
     def begin(self, base: Pose2, scans: Sequence[SensedScan]) -> None:
-        """Begin a cycle; raises ``ValueError`` for malformed scans."""
-        self.base = base
+        """Begin a cycle; raises ``ValueError`` for a scan without a range at each angle."""
+        self.base, self.scans = base, scans
         self.changes.bounds[:] = _NOWHERE
-        self.end_points.take(scans)
+        for scan in scans:
+            if len(scan.ranges) != len(scan.angles):
+                message = f"a scan has {len(scan.ranges)} ranges at {len(scan.angles)} angles"
+                raise ValueError(message)
 
     def extend(self, x0: float, y0: float, x1: float, y1: float) -> None:
         """Extend the bounds to include a rectangle [m]."""
@@ -306,7 +284,7 @@ class SensedLayer:
         layer: ObstacleLayer,
         default: int,
         footprint: Floats,
-        hears: Hears | None,
+        hears: Hears,
         grid: Grid,
         work: Workspace,
     ) -> None:
@@ -337,20 +315,17 @@ class SensedLayer:
     def extend_bounds(self, work: Workspace) -> None:
         """Clear and mark by the observations, then free the footprint."""
         self._cleared.use(work)
-        target, points = self._target(work), work.end_points
-        observations = self._observations.observations(points.scans)
+        target, reaching = self._target(work), work.end_points.reaching
+        observations = self._observations.observations(work.scans)
+        seen = [(each, *reaching(each)) for each in observations]
         # All sources clear before one marks, as in ``updateBounds``, so that marked cells survive
         # the rays of other sources.
-        for observation in observations:
+        for observation, laser, points in seen:
             if observation.source.clearing:
-                self._clear(
-                    *target, *points.reaching(observation), observation.source.raytrace_range
-                )
-        for observation in observations:
+                self._clear(*target, laser, points, observation.source.raytrace_range)
+        for observation, laser, points in seen:
             if observation.marks:
-                self._mark(
-                    *target, *points.reaching(observation), observation.source.obstacle_range
-                )
+                self._mark(*target, laser, points, observation.source.obstacle_range)
         # The footprint comes last: the robot's place is free in spite of marks. Its columns of
         # voxels do not change.
         if self._frees_footprint:

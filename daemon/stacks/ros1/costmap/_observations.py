@@ -48,9 +48,9 @@ class SensedScan:
 
 
 class ObservedScan(NamedTuple):
-    """A scan, by its number, for one source of an obstacle layer."""
+    """A scan for one source of an obstacle layer."""
 
-    scan: int
+    scan: SensedScan
     source: ObservationSource
     has_points: bool
     """Its returns reach the source."""
@@ -60,57 +60,46 @@ class ObservedScan(NamedTuple):
 class ObservationTable:
     """Observations of each source of one obstacle layer, in their order."""
 
-    def __init__(self, layer: ObstacleLayer, hears: Hears | None) -> None:
-        self._sources = tuple(
-            (source, None if hears is None else frozenset(hears(source.topic)))
-            for source in layer.sources
-        )
+    def __init__(self, layer: ObstacleLayer, hears: Hears) -> None:
+        self._sources = [(source, frozenset(hears(source.topic))) for source in layer.sources]
         self._max_height = layer.max_obstacle_height
-        self._entries: list[tuple[int, int, float]] = []
-        self._observations: list[ObservedScan] = []
 
     def observations(self, scans: Sequence[SensedScan]) -> list[ObservedScan]:
         """Return the observations among ``scans``, in the order of the original's buffers."""
-        entries = [
-            (index, number, scans[number].height)
-            for index, (source, lasers) in enumerate(self._sources)
-            for number in kept_scans(source, lasers, scans)
+        return [
+            ObservedScan(
+                scan,
+                source,
+                hears_height(source, scan.height),
+                source.marking and point_height(scan.height) <= self._max_height,
+            )
+            for source, lasers in self._sources
+            for scan in kept_scans(source, lasers, scans)
         ]
-        # Usually the numbers are those of the previous cycle, so the observations stay.
-        if entries != self._entries:
-            self._entries = entries
-            self._observations = [self._observation(*item) for item in entries]
-        return self._observations
-
-    def _observation(self, index: int, number: int, height: float) -> ObservedScan:
-        source = self._sources[index][0]
-        marks = source.marking and point_height(height) <= self._max_height
-        return ObservedScan(number, source, hears_height(source, height), marks)
 
 
 def kept_scans(
-    source: ObservationSource, lasers: Collection[str] | None, scans: Sequence[SensedScan]
-) -> list[int]:
-    """Return the numbers of the ``scans`` (oldest first) that ``source`` knows, newest first.
+    source: ObservationSource, lasers: Collection[str], scans: Sequence[SensedScan]
+) -> list[SensedScan]:
+    """Return those of the ``scans`` (oldest first) that ``source`` knows, newest first.
 
-    It hears ``lasers``; ``None`` stands for all.
+    It hears ``lasers``.
     """
-    numbers: list[int] = []
+    kept: list[SensedScan] = []
     latest = 0.0
-    for number in range(len(scans) - 1, -1, -1):
-        scan = scans[number]
-        if lasers is not None and scan.laser not in lasers:
+    for scan in reversed(scans):
+        if scan.laser not in lasers:
             continue
         if source.observation_persistence == 0.0:
-            return [number]
-        if not numbers:
+            return [scan]
+        if not kept:
             latest = scan.time if scan.received is None else scan.received
         # Durations are whole nanoseconds in ROS; stamps here are sums of binary fractions.
         age = round((latest - scan.time) * _NANOSECONDS)
         if age > round(source.observation_persistence * _NANOSECONDS):
             break
-        numbers.append(number)
-    return numbers
+        kept.append(scan)
+    return kept
 
 
 def hears_height(source: ObservationSource, height: float) -> bool:

@@ -34,7 +34,7 @@ from daemon.stacks.ros1.costmap.layers import (
     LayeredCostmap,
     ObstacleLayer,
     StaticLayer,
-    radii,
+    inscribed_radius,
 )
 from daemon.stacks.ros1.costmap.master_grid import (
     Inflated,
@@ -109,23 +109,20 @@ class Costmap:
         parameters: LayeredCostmap,
         footprint: Floats,
         quirks: Quirks,
-        static: OccupancyGrid | None = None,
-        hears: Hears | None = None,
+        world: OccupancyGrid,
+        hears: Hears,
     ) -> None:
         """Prepare the layers; ``footprint`` (k, 2) [m] is padded already.
 
-        ``static`` is the map for static layers. A fixed grid takes its size and place from it,
-        regardless of its frame. ``hears`` gives the lasers on a topic; without it every source
-        hears every laser. Raises ``ValueError`` for an inflation radius of more than 250 cells,
-        and for a static layer without a map.
+        ``world`` is the map for static layers. A fixed grid with such a layer takes its size and
+        place from it, regardless of its frame. ``hears`` gives the lasers on a topic. Raises
+        ``ValueError`` for an inflation radius of more than 250 cells.
         """
         self._rolling, self._quirks = parameters.rolling_window, quirks
         shows_map = any(isinstance(layer, StaticLayer) for layer in parameters.layers)
-        if shows_map and static is None:
-            raise ValueError("a static layer shows the map, but the costmap has no map")
-        if static is not None and shows_map and not self._rolling:
-            min_x, min_y, resolution = static.x, static.y, static.resolution
-            rows, columns = static.cells.shape
+        if shows_map and not self._rolling:
+            min_x, min_y, resolution = world.x, world.y, world.resolution
+            rows, columns = world.cells.shape
         else:
             min_x, min_y = parameters.origin_x, parameters.origin_y
             resolution = parameters.resolution
@@ -136,7 +133,7 @@ class Costmap:
         self._master = Grid(cells, frame)
         self._work, self._reset = Workspace(rows, columns), False
         self._changed: Numbers = np.empty(4, dtype=np.int64)
-        self._inscribed, _ = radii(footprint)
+        self._inscribed = inscribed_radius(footprint)
         layers: list[LiveLayer] = []
         merged: list[MapLayer | SensedLayer] = []
         own: Cells = np.empty((len(parameters.layers), cells.size), dtype=np.uint8)
@@ -154,8 +151,8 @@ class Costmap:
                 grid = Grid(row, frame)
                 merged.append(SensedLayer(layer, unseen, footprint, hears, grid, self._work))
                 layers.append(merged[-1])
-            elif static is not None:
-                map_layer = MapLayer(layer, static, None if self._rolling else row)
+            else:
+                map_layer = MapLayer(layer, world, None if self._rolling else row)
                 layers.append(map_layer)
                 merged += [] if self._rolling else [map_layer]
         self._layers = tuple(layers)

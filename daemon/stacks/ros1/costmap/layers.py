@@ -12,7 +12,7 @@ other namespaces are factories, so that editors do not show them.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Annotated, ClassVar, Final, Literal, TypeAlias
 
 import numpy as np
@@ -227,17 +227,15 @@ SEARCHED_UPWARDS: Final = ("footprint", "robot_radius")
 """Names that a costmap also looks up in the namespace of move_base (``footprint.cpp``)."""
 
 
-def radii(points: Floats | Sequence[Point2]) -> tuple[float, float]:
-    """Return the inscribed and the circumscribed radius [m] of a polygon about the origin.
+def inscribed_radius(points: Floats) -> float:
+    """Return the distance [m] from the origin to the nearest edge of a polygon (k, 2).
 
-    The inscribed one is the distance from the origin to the nearest edge, even if the origin lies
-    outside (costmap_2d ``calculateMinAndMaxDistances``).
+    The origin may lie outside (costmap_2d ``calculateMinAndMaxDistances``).
     """
-    corners = [(float(x), float(y)) for x, y in points]
+    corners: list[Point2] = points.tolist()
     following = corners[1:] + corners[:1]
     edges = [_to_segment(a, b) for a, b in zip(corners, following, strict=True)]
-    away = [math.hypot(x, y) for x, y in corners]
-    return min(edges + away), max(away)
+    return min(*edges, *(math.hypot(x, y) for x, y in corners))
 
 
 def _to_segment(a: Point2, b: Point2) -> float:

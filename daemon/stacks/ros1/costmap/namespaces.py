@@ -9,10 +9,11 @@ parameters replace those of the layers (``copyParentParameters``).
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
-from typing import Any, Final
+from dataclasses import dataclass
+from typing import Final
 
 from daemon.stacks.findings import FindingCollector, ParameterLocation
+from daemon.stacks.ros1.parameters import Entry, ParameterNamespace
 
 STATIC, OBSTACLE = "costmap_2d::StaticLayer", "costmap_2d::ObstacleLayer"
 VOXEL, INFLATION = "costmap_2d::VoxelLayer", "costmap_2d::InflationLayer"
@@ -31,44 +32,6 @@ COPIED_NAMES: Final = frozenset(
     name for names in COPIED.values() for name in names if name != "track_unknown_space"
 )
 """The copied names that the costmap itself does not read."""
-
-
-@dataclass(frozen=True, slots=True)
-class Entry:
-    """A value and its place."""
-
-    value: Any
-    place: ParameterLocation
-
-
-@dataclass(slots=True)
-class ParameterNamespace:
-    """Parameters of one namespace by name; nested namespaces are mappings."""
-
-    path: ParameterLocation
-    entries: dict[str, Entry] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, values: Mapping[str, Any], path: ParameterLocation) -> ParameterNamespace:
-        """Return the namespace at ``path``."""
-        return cls(path, {name: Entry(value, (*path, name)) for name, value in values.items()})
-
-    def below(self, name: str) -> ParameterNamespace:
-        """Return the namespace ``name`` in this one, empty if it does not exist."""
-        entry = self.entries.get(name)
-        if entry is None or not isinstance(entry.value, Mapping):
-            return ParameterNamespace((*self.path, name))
-        return ParameterNamespace.of(entry.value, entry.place)
-
-    def value(self, name: str) -> Any:
-        """Return the value of ``name``, ``None`` without an entry."""
-        entry = self.entries.get(name)
-        return None if entry is None else entry.value
-
-    def words(self, name: str) -> list[str]:
-        """Return the words of the text ``name``, an empty list without a text."""
-        text = self.value(name)
-        return text.split() if isinstance(text, str) else []
 
 
 @dataclass(frozen=True, slots=True)

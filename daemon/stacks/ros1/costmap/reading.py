@@ -12,7 +12,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final, Literal, TypeAlias, TypeVar
 
-from daemon.stacks.findings import FindingCollector, ParameterLocation
+from daemon.stacks.findings import FindingCollector
 from daemon.stacks.ros1.costmap.layers import (
     SEARCHED_UPWARDS,
     THREE_VALUES,
@@ -31,12 +31,10 @@ from daemon.stacks.ros1.costmap.namespaces import (
     OBSTACLE,
     STATIC,
     VOXEL,
-    Entry,
-    ParameterNamespace,
     PlannedLayer,
     plan_layers,
 )
-from daemon.stacks.ros1.parameters import Section, read_section
+from daemon.stacks.ros1.parameters import Entry, ParameterNamespace, Section, read_section
 
 M = TypeVar("M", bound=Section)
 Frame: TypeAlias = Literal["map", "odom"]
@@ -73,7 +71,7 @@ class CostmapContext:
     stops if a source of this costmap is late.
     """
 
-    above: Mapping[str, Any]
+    above: ParameterNamespace
     frames: Mapping[str, Frame]
     resolve: Callable[[str], str]
     maps: tuple[str, ...]
@@ -82,18 +80,13 @@ class CostmapContext:
 
 
 class CostmapReader:
-    """Reader of the costmap in the namespace ``values`` at ``path``; findings go to ``report``."""
+    """Reader of the costmap in a namespace; findings go to ``report``."""
 
     def __init__(
-        self,
-        values: Mapping[str, Any],
-        path: ParameterLocation,
-        report: FindingCollector,
-        context: CostmapContext,
+        self, space: ParameterNamespace, report: FindingCollector, context: CostmapContext
     ) -> None:
         self._report, self._context = report, context
-        self._planned, self._own = plan_layers(ParameterNamespace.of(values, path), report)
-        self._above = ParameterNamespace.of(context.above, path[:-1])
+        self._planned, self._own = plan_layers(space, report)
 
     def read(self) -> LayeredCostmap:
         """Return the costmap with the layers that are on."""
@@ -140,15 +133,7 @@ class CostmapReader:
             if isinstance(frame, str) and frame.startswith("/"):
                 message = f"tf2 refuses frames that begin with a slash: {effect}"
                 self._report.warn(space.entries[name].place, message, f"write {frame.lstrip('/')}")
-        return read_section(
-            model,
-            {name: entry.value for name, entry in space.entries.items()},
-            space.path,
-            self._report,
-            without_effect=idle,
-            elsewhere=frozenset(elsewhere),
-            places={name: entry.place for name, entry in space.entries.items()},
-        )
+        return read_section(model, space, self._report, without_effect=idle, elsewhere=elsewhere)
 
     def _ignore(self, space: ParameterNamespace, name: str, reason: str) -> None:
         if name in space.entries:
@@ -161,12 +146,13 @@ class CostmapReader:
         """Return footprint and radius from the nearest enclosing namespace."""
         body: dict[str, Entry] = {
             name: space.entries[name]
-            for space in (self._above, self._own)
+            for space in (self._context.above, self._own)
             for name in SEARCHED_UPWARDS
             if name in space.entries
         }
         if "footprint" in body:
-            footprint = replace(body["footprint"], value=_parse_footprint(body["footprint"].value))
+            value, place = body["footprint"]
+            footprint = Entry(_parse_footprint(value), place)
             if footprint.value in ([], ""):
                 del body["footprint"]
             else:
@@ -300,7 +286,7 @@ class CostmapReader:
     ) -> ParameterNamespace:
         """Return a source's namespace with ranges from enclosing ones (``searchParam``)."""
         entries = dict(space.entries)
-        for above in (layer, self._own, self._above):
+        for above in (layer, self._own, self._context.above):
             for name in _RANGES:
                 if name in above.entries:
                     entries.setdefault(name, above.entries[name])

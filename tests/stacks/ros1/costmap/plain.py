@@ -5,12 +5,12 @@ import math
 
 import numpy as np
 
-from daemon.stacks.ros1.costmap import (
+from daemon.stacks.ros1.costmap.layers import (
     InflationLayer,
     ObstacleLayer,
     StaticLayer,
     VoxelLayer,
-    radii,
+    inscribed_radius,
 )
 
 LETHAL, UNKNOWN, INSCRIBED = 254, 255, 253
@@ -461,7 +461,7 @@ class PlainCostmap:
                     self.cells[y, x] = max(own, int(self.cells[y, x])) if maximum else own
 
     def inflate(self, layer, window):
-        inscribed, _ = radii(self.footprint)
+        inscribed = inscribed_radius(self.footprint)
         radius = math.ceil(layer.inflation_radius / self.master.res)
         rows, columns = self.cells.shape
         if radius == 0:

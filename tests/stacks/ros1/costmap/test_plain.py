@@ -7,16 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daemon.stacks.ros1.costmap import (
+from daemon.stacks.ros1.costmap import SensedScan
+from daemon.stacks.ros1.costmap.costmap import Costmap
+from daemon.stacks.ros1.costmap.layers import (
     InflationLayer,
     LayeredCostmap,
     ObservationSource,
     ObstacleLayer,
-    SensedScan,
     StaticLayer,
     VoxelLayer,
 )
-from daemon.stacks.ros1.costmap.costmap import Costmap
 from daemon.stacks.ros1.quirks import FAST, FIXED
 from grammars.model.geometry import Pose2
 from grammars.model.grid import OccupancyGrid

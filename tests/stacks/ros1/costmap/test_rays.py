@@ -14,15 +14,12 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from daemon.stacks.ros1.costmap import (
-    LayeredCostmap,
-    ObservationSource,
-    ObstacleLayer,
-    SensedScan,
-)
+from daemon.stacks.ros1.costmap import SensedScan
 from daemon.stacks.ros1.costmap.costmap import Costmap
+from daemon.stacks.ros1.costmap.layers import LayeredCostmap, ObservationSource, ObstacleLayer
 from daemon.stacks.ros1.quirks import FAST
 from grammars.model.geometry import Pose2
+from grammars.model.grid import OccupancyGrid
 from tests.stacks.cases import cases, written
 
 RAYS = Path(__file__).with_name("rays.txt")
@@ -43,7 +40,9 @@ def build(size=(12, 8), origin=(0.0, 0.0), under=None, **source):
         (layer,), "map", resolution=1.0, width=float(size[0]), height=float(size[1]),
         origin_x=float(origin[0]), origin_y=float(origin[1]), track_unknown_space=True,
     )  # fmt: skip
-    return Costmap(parameters, np.array(under or SMALL, dtype=float), FAST)
+    nothing = OccupancyGrid(1.0, 0.0, 0.0, np.zeros((1, 1), dtype=np.int8))
+    outline = np.array(under or SMALL, dtype=float)
+    return Costmap(parameters, outline, FAST, nothing, lambda topic: ("",))
 
 
 def scan_of(begin, ends, yaw=0.0, limits=(0.05, 60.0)):

@@ -27,7 +27,7 @@ from daemon.stacks.ros1.dwa.samples import (
     sample_speeds,
     settings_of,
 )
-from daemon.stacks.ros1.parameters import read_section
+from daemon.stacks.ros1.parameters import ParameterNamespace, read_section
 from daemon.stacks.ros1.quirks import FAST
 from grammars.model.geometry import Floats
 from tests.stacks.ros1.dwa import plain
@@ -35,8 +35,7 @@ from tests.stacks.ros1.dwa import plain
 FILE = Path(__file__).parents[4] / "campaigns/suts/fro-diff/dwa_local_planner_params.yaml"
 A2S = read_section(
     DwaParameters,
-    yaml.safe_load(FILE.read_text("utf-8"))["DWAPlannerROS"],
-    ("DWAPlannerROS",),
+    ParameterNamespace.of(yaml.safe_load(FILE.read_text("utf-8")), ()).below("DWAPlannerROS"),
     FindingCollector(),
 )
 OMNI = replace(
