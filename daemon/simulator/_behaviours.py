@@ -212,18 +212,11 @@ class TriggeredJoint:
         self._fires = fires
         self._fired = False
 
-    @property
-    def threshold(self) -> float:
-        """Distance of the next crossing; infinite if the trigger cannot act any more."""
-        behaviour = self._behaviour
-        if not self._fired:
-            return behaviour.distance
-        return math.inf if behaviour.rearm is None else behaviour.rearm
-
     def check(self, base: Pose2, footprint: Floats) -> float:
         """Fire or re-arm if needed; return a way of the base [m] without a further crossing."""
-        threshold = self.threshold
-        if math.isinf(threshold):
+        behaviour = self._behaviour
+        threshold = behaviour.rearm if self._fired else behaviour.distance
+        if threshold is None or math.isinf(threshold):  # it cannot act any more
             return math.inf
         # The cheap bound comes first: the robot is usually far from most doors, and the distance of
         # polygons is then unnecessary.

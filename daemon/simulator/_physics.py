@@ -65,15 +65,15 @@ def transform_array(pose: Pose2, points: Floats) -> Floats:
     return result
 
 
-def area_and_centroid(ring: Ring) -> tuple[float, Point2]:
-    """Return the area [m^2] and centroid of a simple polygon (shoelace formula)."""
+def centroid(ring: Ring) -> Point2:
+    """Return the centroid of a simple polygon (shoelace formula)."""
     area = x = y = 0.0
     for x1, y1, x2, y2 in ring_edges(ring):
         cross = x1 * y2 - x2 * y1
         area += cross
         x += (x1 + x2) * cross
         y += (y1 + y2) * cross
-    return abs(area) / 2.0, (x / (3.0 * area), y / (3.0 * area))
+    return x / (3.0 * area), y / (3.0 * area)
 
 
 def mass_properties(parts: Sequence[tuple[Ring, float]]) -> tuple[float, Point2, float]:
@@ -81,7 +81,7 @@ def mass_properties(parts: Sequence[tuple[Ring, float]]) -> tuple[float, Point2,
 
     The mass of a polygon is spread evenly over its area.
     """
-    centroids = [area_and_centroid(ring)[1] for ring, _ in parts]
+    centroids = [centroid(ring) for ring, _ in parts]
     mass = sum(m for _, m in parts)
     x = sum(m * c[0] for (_, m), c in zip(parts, centroids, strict=True)) / mass
     y = sum(m * c[1] for (_, m), c in zip(parts, centroids, strict=True)) / mass

@@ -22,7 +22,7 @@ from daemon.simulator._behaviours import (
 )
 from daemon.simulator._joints import JointDrive, JointJumper
 from daemon.simulator._mobile_base import MobileBase
-from daemon.simulator._physics import area_and_centroid, ring_array, transform_array
+from daemon.simulator._physics import centroid, ring_array, transform_array
 from daemon.simulator._walkers import Walker
 from grammars.model.behaviour import (
     Behaviour,
@@ -176,7 +176,7 @@ class BehaviourScheduler:
         self._reacting: list[JointActuator] = []
         self._walkers: list[Walker] = []
         self._tick = 0
-        self._doorways = {d.name: area_and_centroid(d.footprint)[1] for d in scene.doorways}
+        self._doorways = {d.name: centroid(d.footprint) for d in scene.doorways}
         positions: dict[str, Callable[[], float]] = {
             name: drive.position for name, drive in drives.items()
         }

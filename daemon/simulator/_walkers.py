@@ -54,13 +54,14 @@ class _Leg:
 class RouteFollower:
     """Place of a walk as an exact function of time, until it has to stop for the robot.
 
-    Times are seconds since the begin of the walk and must not decrease from call to call.
+    ``done`` is true after its end. Times are seconds since its begin and must not decrease from
+    call to call.
     """
 
     def __init__(self, walk: Walk) -> None:
         self._walk, self.route = walk, Route(walk)
         self._leg = self._first_leg()
-        self._done = self._stopped = False
+        self.done = self._stopped = False
         self._braked_from = 0.0
         self._rest_until = 0.0
         self._turn_from = 0.0
@@ -98,13 +99,13 @@ class RouteFollower:
 
     def _roll(self, time: float) -> None:
         """Advance to the leg at ``time``, or to the rest before it."""
-        while not (self._done or self._stopped):
+        while not (self.done or self._stopped):
             arrival = self._begin + self._profile.duration
             if time < arrival:
                 return
             following = self._next_leg()
             if following is None:
-                self._done = True
+                self.done = True
                 return
             # A pause lasts at least as long as the turn.
             self._arrived, self._turn_from = arrival, self._leg.turned
@@ -139,15 +140,10 @@ class RouteFollower:
         way, speed = self._profile.at(min(passed, self._profile.duration))
         return self._from + way, speed
 
-    @property
-    def done(self) -> bool:
-        """True after the end of the walk."""
-        return self._done
-
     def heading(self, time: float) -> tuple[float, float] | None:
         """Return the unit vector of the present or intended direction, ``None`` while at rest."""
         self._roll(time)
-        if self._done or time < self._rest_until:
+        if self.done or time < self._rest_until:
             return None
         leg = self._leg
         x, y = self.route.direction(leg.origin + leg.way * self._state(time)[0])

@@ -218,10 +218,7 @@ class World:
 
     def take_events(self) -> tuple[WorldEvent, ...]:
         """Return the events of behaviours since the last call, in order."""
-        if not self._events:
-            return ()
-        events = tuple(self._events)
-        self._events.clear()
+        events, self._events = tuple(self._events), []
         return events
 
     def _report(self, source: str, text: str) -> None:

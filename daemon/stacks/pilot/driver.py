@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from daemon.model.sut import Briefing, Decision, Observation, Progress
-from daemon.stacks.pilot._parameters import PilotParameters
+from daemon.stacks.pilot import PilotParameters
+from daemon.stacks.pilot.localisation import Sensing
 from daemon.stacks.pilot.maps import first_blocked, map_field
 from daemon.stacks.pilot.motion import (
     ESCAPES,
@@ -20,7 +21,6 @@ from daemon.stacks.pilot.motion import (
     stoppable,
 )
 from daemon.stacks.pilot.planner import PlannedPath, Planner
-from daemon.stacks.pilot.sensing import Sensing
 from grammars.model.geometry import Floats, Pose2, Twist2, wrap_angle
 from grammars.model.mission import Waypoint
 

@@ -1,5 +1,7 @@
 """Localisation: odometry predicts the pose, scans matched to the map correct it.
 
+:class:`Sensing` makes the pose, the surroundings and the obstacles of observations.
+
 Gauss-Newton on the signed distance of the returns to the painted walls, as in direct scan
 matching on a map gradient (Kohlbrecher et al. 2011, Hector SLAM), but signed: a wall pulls from
 both sides and its painted thickness does no harm. The odometry enters through its information
@@ -9,14 +11,15 @@ matrix, so the solution is the update of an iterated Kalman filter.
 from __future__ import annotations
 
 import math
-from typing import Final, TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from daemon.model.kernels import kernel, machine_code
-from daemon.model.sut import Estimate, Odometry
-from daemon.stacks.pilot._parameters import PilotParameters
-from daemon.stacks.pilot.maps import MapField, interpolate
+from daemon.model.sut import Briefing, Estimate, LaserScan, Observation, Odometry
+from daemon.stacks.pilot import PilotParameters
+from daemon.stacks.pilot.maps import MapField, Scan, UnmappedObstacles, interpolate, project
 from grammars.model.geometry import Floats, Point2, Pose2, wrap_angle
 from grammars.model.robot import Laser, OdometryNoise
 
@@ -172,21 +175,6 @@ def match_scan(
     return pose[0], pose[1], pose[2]
 
 
-@kernel
-def spread(covariance: Floats, dx: float, dy: float, along: float, around: float) -> None:
-    """Let a covariance (3, 3) grow by a displacement [m], in place.
-
-    ``along`` [m^2] is the variance of each translation, ``around`` [rad^2] that of the turn.
-    """
-    heading = (covariance[0, 2], covariance[1, 2], covariance[2, 2])
-    lever = (-dy, dx, 0.0)
-    for k in range(3):
-        for j in range(3):
-            covariance[k, j] += lever[k] * heading[j] + lever[j] * heading[k]
-            covariance[k, j] += lever[k] * lever[j] * heading[2]
-        covariance[k, k] += along if k < 2 else around
-
-
 _WIDE: Final = 0.45
 """Width of the matcher's weights when the pose is unsure [m]."""
 _RASTER: Final = 0.015
@@ -266,9 +254,93 @@ class Localiser:
 
     def _spread(self) -> None:
         """Let the covariance grow by the way since its last growth."""
-        noise, previous = self._noise, self._spread_at
+        noise, previous, covariance = self._noise, self._spread_at, self._covariance
         along = (_CAUTION * noise.translation**2 + _LEAST_NOISE) * self._distance
         around = (_CAUTION * noise.rotation**2 + _LEAST_NOISE) * self._turn
         around += (_CAUTION * noise.drift**2 + _LEAST_NOISE) * self._distance
-        spread(self._covariance, self.pose.x - previous.x, self.pose.y - previous.y, along, around)
+        # An error of the heading moves the base across the way.
+        lever = np.array((previous.y - self.pose.y, self.pose.x - previous.x, 0.0))
+        across = np.outer(lever, covariance[:, 2])
+        covariance += across + across.T
+        covariance += np.outer(lever, lever) * covariance[2, 2]
+        covariance += np.diag((along, along, around))
         self._spread_at, self._distance, self._turn = self.pose, 0.0, 0.0
+
+
+class Surroundings(NamedTuple):
+    """Points around the base: ``points`` (n, 2) in the map.
+
+    The first m are the returns of the latest scan of each laser; ``is_wall`` (m,) flags those on
+    walls of the map. The others are remembered obstacles.
+    """
+
+    points: Floats
+    is_wall: npt.NDArray[np.uint8]
+
+
+class Sensing:
+    """State of the pose, the latest scan of each laser and the obstacles.
+
+    All lasers see obstacles. The map is drawn at the height of the first laser. Only lasers at
+    that height also correct the pose, because other heights may have other walls.
+
+    Attributes:
+        obstacles: the obstacles that the map lacks.
+        around: the surroundings at the latest scan.
+    """
+
+    def __init__(self, briefing: Briefing, field: MapField, parameters: PilotParameters) -> None:
+        robot = briefing.robot
+        self._lasers = {laser.name: laser for laser in robot.lasers}
+        self._map_height = robot.laser.z
+        scan = np.empty(0, dtype=np.float32), (0.0,) * 3, (0.0,) * 4
+        self._project = machine_code(project, field, scan)
+        self._localiser = Localiser(field, robot.odometry, briefing.start, parameters)
+        self._field = field
+        scans = parameters.obstacle_memory * sum(laser.rate for laser in robot.lasers)
+        self.obstacles = UnmappedObstacles(field, max(1, round(scans)))
+        nothing = np.empty((0, 2)), np.empty(0, dtype=np.uint8)
+        self._returns = dict.fromkeys(self._lasers, nothing)
+        self.around = Surroundings(*nothing)
+
+    @property
+    def pose(self) -> Pose2:
+        """The estimated pose of the base in the map."""
+        return self._localiser.pose
+
+    def take(self, observation: Observation) -> Estimate | None:
+        """Take a new observation; return a new estimate when it has a scan."""
+        localiser = self._localiser
+        samples = list(observation.odometry)
+        for scan in observation.scans:
+            while samples and samples[0].time <= scan.time:
+                localiser.move(samples.pop(0))
+            localiser.move_until(scan.time)
+            self._look(scan)
+        for sample in samples:
+            localiser.move(sample)
+        localiser.move_until(observation.time)
+        return localiser.estimate(observation.time) if observation.scans else None
+
+    def _look(self, scan: LaserScan) -> None:
+        """Correct the pose by a scan, then update the obstacles and the surroundings."""
+        laser = self._lasers[scan.laser]
+        if laser.z == self._map_height:
+            _, _, sure = self._project(self._field, self._placed(scan, laser))
+            self._localiser.correct(sure, laser)
+        placed = self._placed(scan, laser)
+        points, is_wall, _ = self._project(self._field, placed)
+        self.obstacles.update(placed, points, is_wall)
+        self._returns[scan.laser] = points, is_wall
+        returns, flags = zip(*self._returns.values(), strict=True)
+        everything = np.concatenate((*returns, self.obstacles.centres))
+        self.around = Surroundings(everything, np.concatenate(flags))
+
+    def _placed(self, scan: LaserScan, laser: Laser) -> Scan:
+        """Return a scan at the pose; raises ``ValueError`` for a wrong number of rays."""
+        if scan.ranges.shape != (laser.rays,):
+            raise ValueError(f"a scan of {scan.ranges.size} rays from a laser of {laser.rays}")
+        at = self.pose @ laser.mount
+        reach = laser.range_min, laser.range_max
+        angles = laser.angle_min, laser.angle_increment
+        return scan.ranges, (at.x, at.y, at.yaw), (*angles, *reach)

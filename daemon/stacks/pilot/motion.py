@@ -14,10 +14,10 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from daemon.model.kernels import kernel, machine_code
-from daemon.stacks.pilot._parameters import PilotParameters
+from daemon.stacks.pilot import PilotParameters
+from daemon.stacks.pilot.localisation import Surroundings
 from daemon.stacks.pilot.maps import MapField, interpolate
 from daemon.stacks.pilot.planner import PlannedPath
-from daemon.stacks.pilot.sensing import Surroundings
 from grammars.model.geometry import Floats, Point2, Pose2, Ring, Twist2, wrap_angle
 from grammars.model.robot import Drive
 
@@ -139,14 +139,14 @@ class Hull(NamedTuple):
     rim: Floats
 
 
-def hull_of(footprint: Ring, spacing: float = 0.1) -> Hull:
-    """Return the hull of a ring, counter-clockwise, with points at most ``spacing`` [m] apart."""
+def hull_of(footprint: Ring) -> Hull:
+    """Return the hull of a ring, counter-clockwise, with points at most 0.1 m apart."""
     planes, rim = [], []
     for (ax, ay), (bx, by) in zip(footprint, footprint[1:] + footprint[:1], strict=True):
         length = math.hypot(bx - ax, by - ay)
         nx, ny = (by - ay) / length, (ax - bx) / length
         planes.append((nx, ny, nx * ax + ny * ay))
-        steps = math.ceil(length / spacing)
+        steps = math.ceil(length / 0.1)
         rim += [(ax + (bx - ax) * k / steps, ay + (by - ay) * k / steps) for k in range(steps)]
     return Hull(np.array(planes), np.array(rim))
 

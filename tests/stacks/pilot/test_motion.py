@@ -7,10 +7,9 @@ import pytest
 
 from daemon.model.sut import Odometry
 from daemon.stacks.pilot import PilotParameters
-from daemon.stacks.pilot.localisation import Localiser
+from daemon.stacks.pilot.localisation import Localiser, Surroundings
 from daemon.stacks.pilot.maps import map_field
 from daemon.stacks.pilot.motion import CollisionGuard, DriveLimits, hull_of
-from daemon.stacks.pilot.sensing import Surroundings
 from grammars.model.geometry import Pose2, Twist2, wrap_angle
 from grammars.model.robot import OdometryNoise
 from tests.stacks.pilot.world import DOOR, ONE_DOORWAY, OUTER, SIZE, a_robot, cast, draw, edges
