@@ -107,7 +107,7 @@ class Pilot:
         self._events.clear()
         self._new_plan = None
         estimate = self._sensing.take(observation)
-        pose, now = self._sensing.pose, observation.time
+        pose, now = self._sensing.localiser.pose, observation.time
         target = self._target_velocity(now, pose)
         if self._state == "active":
             # Accelerations first, the guard last: it has the final word.
@@ -134,10 +134,10 @@ class Pilot:
             goal = self._waypoints[self._reached]
             if not self._is_reached(pose, goal):
                 return self._towards(now, pose, goal)
-            self._log(f"waypoint {self._reached + 1} reached")
+            self._events.append(f"waypoint {self._reached + 1} reached")
             self._begin_waypoint()
         self._state = "succeeded"
-        self._log("mission complete")
+        self._events.append("mission complete")
         return STILL
 
     def _is_reached(self, pose: Pose2, goal: Waypoint) -> bool:
@@ -206,7 +206,7 @@ class Pilot:
         wait = self._parameters.wait_before_replanning
         if hit < 0:
             if self._blockage is not None and self._blockage.announced:
-                self._log("the way is free again")
+                self._events.append("the way is free again")
                 self._standing = 0.0
             self._blockage = None
             return
@@ -216,14 +216,14 @@ class Pilot:
             return
         path = self._plan_around(pose, goal)
         if path is not None:
-            self._log("replanning around an obstacle")
+            self._events.append("replanning around an obstacle")
             self._blockage = None
             self._take(path)
             return
         blockage.retry = now + max(wait, now - blockage.since)
         if not blockage.announced:
             blockage.announced = True
-            self._log("blocked, waiting")
+            self._events.append("blocked, waiting")
 
     def _get_free_if_needed(self, now: float, pose: Pose2) -> None:
         """Start a way out if something comes close, leans on the robot or holds it.
@@ -261,11 +261,8 @@ class Pilot:
         if longest > _SHORTEST:
             self._attempts += 1
             self._pursuit = None
-            self._log(words.format(best))
+            self._events.append(words.format(best))
 
     def _give_up(self, why: str) -> None:
         self._state = "aborted"
-        self._log(f"giving up: {why}")
-
-    def _log(self, sentence: str) -> None:
-        self._events.append(sentence)
+        self._events.append(f"giving up: {why}")

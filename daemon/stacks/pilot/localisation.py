@@ -285,6 +285,7 @@ class Sensing:
     that height also correct the pose, because other heights may have other walls.
 
     Attributes:
+        localiser: the estimate of the pose.
         obstacles: the obstacles that the map lacks.
         around: the surroundings at the latest scan.
     """
@@ -295,7 +296,7 @@ class Sensing:
         self._map_height = robot.laser.z
         scan = np.empty(0, dtype=np.float32), (0.0,) * 3, (0.0,) * 4
         self._project = machine_code(project, field, scan)
-        self._localiser = Localiser(field, robot.odometry, briefing.start, parameters)
+        self.localiser = Localiser(field, robot.odometry, briefing.start, parameters)
         self._field = field
         scans = parameters.obstacle_memory * sum(laser.rate for laser in robot.lasers)
         self.obstacles = UnmappedObstacles(field, max(1, round(scans)))
@@ -303,14 +304,9 @@ class Sensing:
         self._returns = dict.fromkeys(self._lasers, nothing)
         self.around = Surroundings(*nothing)
 
-    @property
-    def pose(self) -> Pose2:
-        """The estimated pose of the base in the map."""
-        return self._localiser.pose
-
     def take(self, observation: Observation) -> Estimate | None:
         """Take a new observation; return a new estimate when it has a scan."""
-        localiser = self._localiser
+        localiser = self.localiser
         samples = list(observation.odometry)
         for scan in observation.scans:
             while samples and samples[0].time <= scan.time:
@@ -327,7 +323,7 @@ class Sensing:
         laser = self._lasers[scan.laser]
         if laser.z == self._map_height:
             _, _, sure = self._project(self._field, self._placed(scan, laser))
-            self._localiser.correct(sure, laser)
+            self.localiser.correct(sure, laser)
         placed = self._placed(scan, laser)
         points, is_wall, _ = self._project(self._field, placed)
         self.obstacles.update(placed, points, is_wall)
@@ -340,7 +336,7 @@ class Sensing:
         """Return a scan at the pose; raises ``ValueError`` for a wrong number of rays."""
         if scan.ranges.shape != (laser.rays,):
             raise ValueError(f"a scan of {scan.ranges.size} rays from a laser of {laser.rays}")
-        at = self.pose @ laser.mount
+        at = self.localiser.pose @ laser.mount
         reach = laser.range_min, laser.range_max
         angles = laser.angle_min, laser.angle_increment
         return scan.ranges, (at.x, at.y, at.yaw), (*angles, *reach)
