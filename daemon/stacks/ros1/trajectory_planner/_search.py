@@ -1,11 +1,8 @@
 """Search for the best trajectory (``createTrajectories``), and the distances it needs.
 
-The original follows and scores arcs in turn and keeps the first of the cheapest. Then it tries
-turns on the spot; one replaces the best so far if it costs no more and looks nearer to the goal.
-If no motion is legal, it tries strafing and at last backs up. Here arcs first get a lower bound of
-their cost, without footprints, and are scored in the order of their bounds until no bound can win.
-Bounds sum the same terms in the same order as the cost, with a smaller term of the footprint, so
-that rounding keeps them below the cost. Ties go to the arc that the original meets first.
+It follows and scores arcs in turn and keeps the first of the cheapest. Then it tries turns on the
+spot; one replaces the best so far if it costs no more and looks nearer to the goal. If no motion is
+legal, it tries strafing and at last backs up.
 """
 
 from __future__ import annotations
@@ -17,7 +14,6 @@ import numpy as np
 
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers
-from daemon.stacks.ros1.base_local_planner.footprint import footprint_cost
 from daemon.stacks.ros1.base_local_planner.map_grid import (
     Bits,
     add_cell,
@@ -33,15 +29,12 @@ from daemon.stacks.ros1.base_local_planner.map_grid import (
 )
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.trajectory_planner._rollout import (
-    CENTRE,
     COLLIDES,
     TERMS,
     RolloutGrid,
     RolloutSettings,
-    follow_cells,
     score_trajectory,
     simulate_trajectory,
-    total_cost,
 )
 from grammars.model.geometry import Floats
 
@@ -63,9 +56,8 @@ class RolloutBuffers(NamedTuple):
     ``seeds``, ``passable``, ``standing``, ``targets`` and ``fronts`` are sets of cells as in
     :mod:`daemon.stacks.ros1.base_local_planner.map_grid`. ``standing`` is ``passable`` with the
     cells under the robot; ``columns`` (columns, 2) holds the first and last row under it.
-    ``window`` (2, 2) is the dynamic window, ``arcs`` (most, 3) the velocities of arcs and ``lower``
-    (most,) bounds of their costs. ``points`` (longest trajectory, 5), ``terms`` and ``best`` are
-    a trajectory and its values.
+    ``window`` (2, 2) is the dynamic window, ``arcs`` (most, 3) are the velocities of arcs.
+    ``points`` (longest trajectory, 5), ``terms`` and ``best`` are a trajectory and its values.
     """
 
     seeds: Bits
@@ -76,7 +68,6 @@ class RolloutBuffers(NamedTuple):
     columns: Integers
     window: Floats
     arcs: Floats
-    lower: Floats
     points: Floats
     terms: Floats
     best: Floats
@@ -222,42 +213,18 @@ def list_arcs(window: Floats, s: RolloutSettings, out: Floats) -> int:
 def find_best_arc(
     state: Floats, plan: Floats, s: RolloutSettings, f: RolloutGrid, r: RolloutBuffers
 ) -> None:
-    """Write the best arc to ``r.best``, if any is legal.
+    """Write the best arc to ``r.best``, if any is legal: the first of the cheapest.
 
     ``r.window`` is the dynamic window, ``plan`` (poses, 2) the plan near the robot.
     """
-    points, terms, arcs, lower = r.points, r.terms, r.arcs, r.lower
-    count = list_arcs(r.window, s, arcs)
-    points[0, 0], points[0, 1], points[0, 2] = state[0], state[1], state[2]
-    points[0, 3], points[0, 4] = math.cos(state[2]), math.sin(state[2])
-    # Every arc begins at the robot.
-    here = footprint_cost(f.cells, f.frame, f.outline, 1.0, points[0], f.spans)
-    if here < 0:
-        return
-    for k in range(count):
-        lower[k] = math.inf
-        n = simulate_trajectory(state, arcs[k, 0], arcs[k, 1], arcs[k, 2], s, points)
-        if follow_cells(points, n, plan, s, f, terms) == n:
-            lower[k] = total_cost(max(terms[CENTRE], float(here)), terms, s)
-    cheapest, winner = math.inf, -1
-    for _ in range(count):
-        first = 0
-        for k in range(1, count):
-            if lower[k] < lower[first]:
-                first = k
-        low, lower[first] = lower[first], math.inf
-        # Equal bounds must still be scored: an earlier arc wins a tie.
-        if low == math.inf or low > cheapest:
-            break
-        if low == cheapest and first > winner:
-            continue
-        n = simulate_trajectory(state, arcs[first, 0], arcs[first, 1], arcs[first, 2], s, points)
-        cost = score_trajectory(points, n, plan, cheapest, s, f, terms)
-        if cost >= 0.0 and (cost < cheapest or first < winner):
-            cheapest, winner = cost, first
-    if winner >= 0:
-        r.best[VX], r.best[VY], r.best[WZ] = arcs[winner, 0], arcs[winner, 1], arcs[winner, 2]
-        r.best[COST] = cheapest
+    arcs, best = r.arcs, r.best
+    cheapest = math.inf
+    for k in range(list_arcs(r.window, s, arcs)):
+        n = simulate_trajectory(state, arcs[k, 0], arcs[k, 1], arcs[k, 2], s, r.points)
+        cost = score_trajectory(r.points, n, plan, cheapest, s, f, r.terms)
+        if 0.0 <= cost < cheapest:
+            cheapest = cost
+            best[VX], best[VY], best[WZ], best[COST] = arcs[k, 0], arcs[k, 1], arcs[k, 2], cost
 
 
 @kernel
@@ -361,7 +328,6 @@ def allocate_buffers(
         columns=np.zeros((shape[1], 2), dtype=np.int32),
         window=np.zeros((2, 2)),
         arcs=np.zeros((arcs, 3)),
-        lower=np.zeros(arcs),
         points=np.zeros((longest, 5)),
         terms=np.zeros(TERMS),
         best=np.zeros(5),
