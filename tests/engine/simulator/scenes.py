@@ -113,8 +113,8 @@ def true_ranges(world, laser=None):
     """Return the ranges [m] a scan is made from, inf where the laser meets nothing."""
     scanner = world._scanner(laser)
     scanner._cast(world.pose(), world._bodies.at(world.tick), world._bodies.version)
-    nothing = 1.0 / scanner._laser.range_max
-    return np.where(scanner._inverse > nothing, 1.0 / scanner._inverse, np.inf)
+    rays = scanner._rays
+    return np.where(rays.inverse > 1.0 / rays.reach, 1.0 / rays.inverse, np.inf)
 
 
 def ray_angles(laser, base):

@@ -183,21 +183,10 @@ def resample(
     With probability ``injection`` a particle comes from the ``free`` cells instead, uniformly, at
     their lower-left corners, with any heading. ``draws`` are uniform in [0, 1), shape (max,) or,
     with injection, (3 max,): particle or cell, heading, whether to inject. Weights are not written.
-
-    A table of equal strips of [0, 1) gives the start of the search through the cumulative weights
-    (Chen and Asau 1974). The result is that of a search from the beginning.
     """
     # One loop, because the number of draws depends on the bins filled so far.
     most = limits.shape[0] - 1
-    cumulative, guide = np.empty(count + 1), np.empty(count, dtype=np.int32)
-    cumulative[0] = 0.0
-    for i in range(count):
-        cumulative[i + 1] = cumulative[i] + cloud.weights[i]
-    i = 0
-    for strip in range(count):
-        while i < count - 1 and cumulative[i + 1] <= strip / count:
-            i += 1
-        guide[strip] = i
+    cumulative = np.cumsum(cloud.weights[:count])
     poses, directions = new.poses, new.directions
     for number in range(most):
         r = draws[number]
@@ -210,11 +199,7 @@ def resample(
             directions[0, number] = math.cos(yaw)
             directions[1, number] = math.sin(yaw)
         else:
-            i = guide[min(int(r * count), count - 1)]
-            while i > 0 and cumulative[i] > r:
-                i -= 1
-            while i < count - 1 and cumulative[i + 1] <= r:
-                i += 1
+            i = min(np.searchsorted(cumulative, r, side="right"), count - 1)
             for axis in range(3):
                 poses[axis, number] = cloud.poses[axis, i]
             directions[0, number] = cloud.directions[0, i]

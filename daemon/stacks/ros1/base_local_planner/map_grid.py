@@ -112,20 +112,20 @@ def write_single_cell(row: int, column: int, out: Bits) -> None:
 
 
 @kernel
-def compute_distances(seeds: Bits, passable: Bits, targets: Bits, out: Bits, front: Bits) -> int:
+def compute_distances(seeds: Bits, passable: Bits, targets: Bits, out: Bits) -> int:
     """Write the distances [steps] from the nearest seed to ``out``, until all ``targets`` have one.
 
     A cell that is not passable is reached but spreads no further and is not fit to stand in,
-    unless it is a seed. ``front`` (2, ...) is scratch for two sets with empty rims. Returns the
-    number of digits in use; the others are undefined.
+    unless it is a seed. Returns the number of digits in use; the others are undefined.
     """
     words, rows = seeds.shape
+    front = np.zeros((2, words, rows), dtype=np.uint64)
     # Only rows [low, high) near the front can change.
     low, high = rows - 1, 1
     for word in range(1, words - 1):
         for row in range(1, rows - 1):
             bits = seeds[word, row]
-            front[0, word, row], front[1, word, row] = bits, _NONE
+            front[0, word, row] = bits
             out[REACHED, word, row] = bits
             if bits != _NONE:
                 low, high = min(low, row), max(high, row + 1)

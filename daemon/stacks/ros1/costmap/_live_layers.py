@@ -20,7 +20,6 @@ from daemon.stacks.ros1.costmap._grids import (
     Changes,
     Frame,
     Grid,
-    Numbers,
     cell_at,
     cell_value,
 )
@@ -99,16 +98,14 @@ class EndPoints:
 class Workspace:
     """Shared state of the layers of one costmap: the cycle's scans and the list of changes."""
 
-    def __init__(self, rows: int, columns: int) -> None:
-        size = rows * columns
+    def __init__(self, size: int) -> None:
+        """Prepare for grids of ``size`` cells."""
         self.changes = Changes(
             np.zeros(size, dtype=np.uint8),
             np.empty(size, dtype=np.int32),
             np.zeros(2, dtype=np.int64),
             np.empty(4),
         )
-        self.spans: Numbers = np.zeros((2, columns), dtype=np.int64)
-        """Scratch for the spans of a polygon."""
         self.base = Pose2()
         """Pose of the robot in the costmap's frame."""
         self.scans: Sequence[SensedScan] = ()
@@ -302,9 +299,8 @@ class SensedLayer:
             kernels = (clear_voxels, mark_voxels)
         sample = (*self._target(work), _NO_LASER, _NO_POINTS, 0.0)
         self._clear, self._mark = (machine_code(each, *sample) for each in kernels)
-        self._free = machine_code(
-            free_footprint, grid, work.changes, self._footprint, 0.0, 0.0, 0.0, work.spans
-        )
+        at = (0.0, 0.0, 0.0)
+        self._free = machine_code(free_footprint, grid, work.changes, self._footprint, *at)
 
     def _target(self, work: Workspace) -> tuple[Grid | Changes | Voxels, ...]:
         """Return the records that clearing and marking change."""
@@ -330,9 +326,7 @@ class SensedLayer:
         # voxels do not change.
         if self._frees_footprint:
             base = work.base
-            self._free(
-                self.grid, work.changes, self._footprint, base.x, base.y, base.yaw, work.spans
-            )
+            self._free(self.grid, work.changes, self._footprint, base.x, base.y, base.yaw)
 
     def shift(self, frame: Frame, right: int, up: int) -> None:
         """Move to ``frame``, which lies ``right`` and ``up`` [cells] from the last one."""

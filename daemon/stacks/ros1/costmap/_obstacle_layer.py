@@ -153,21 +153,19 @@ def mark(grid: Grid, changes: Changes, laser: LaserPose, points: Singles, reach:
 
 
 @kernel
-def polygon_spans(corners: Floats, frame: Frame, spans: Numbers) -> tuple[int, int]:
-    """Return the half-open range of columns under a convex polygon.
+def polygon_spans(corners: Floats, frame: Frame) -> Numbers:
+    """Return the lowest and the highest row of each column under a convex polygon, (2, columns).
 
-    ``spans`` (2, columns) receive the lowest and the highest row of each column. The range is
-    empty if a corner lies off the grid (costmap_2d ``setConvexPolygonCost``).
+    All columns are empty, the lowest row above the highest, if a corner lies off the grid
+    (costmap_2d ``setConvexPolygonCost``).
     """
     count = corners.shape[0]
-    begin, end = frame.columns, 0
+    spans = np.empty((2, frame.columns), dtype=np.int64)
+    spans[0], spans[1] = frame.rows, -1
     for i in range(count):
         column, _ = cell_at(frame, corners[i, 0], corners[i, 1])
         if column < 0:
-            return 0, 0
-        begin, end = min(begin, column), max(end, column + 1)
-    for column in range(begin, end):
-        spans[0, column], spans[1, column] = frame.rows, -1
+            return spans
     for i in range(count):
         k = (i + 1) % count
         x, y = cell_at(frame, corners[i, 0], corners[i, 1])
@@ -187,12 +185,12 @@ def polygon_spans(corners: Floats, frame: Frame, spans: Numbers) -> tuple[int, i
             y += step_y if not flat or aside else 0
             if long == 0:
                 break
-    return begin, end
+    return spans
 
 
 @kernel
 def free_footprint(
-    grid: Grid, changes: Changes, footprint: Floats, x: float, y: float, yaw: float, spans: Numbers
+    grid: Grid, changes: Changes, footprint: Floats, x: float, y: float, yaw: float
 ) -> None:
     """Free the cells under the ``footprint`` (k, 2) with the robot at (x, y, yaw)."""
     c, s = math.cos(yaw), math.sin(yaw)
@@ -201,8 +199,8 @@ def free_footprint(
         corners[k, 0] = x + (footprint[k, 0] * c - footprint[k, 1] * s)
         corners[k, 1] = y + (footprint[k, 0] * s + footprint[k, 1] * c)
         grow_bounds(changes.bounds, corners[k, 0], corners[k, 1])
-    begin, end = polygon_spans(corners, grid.frame, spans)
-    for column in range(begin, end):
+    spans = polygon_spans(corners, grid.frame)
+    for column in range(grid.frame.columns):
         for row in range(spans[0, column], spans[1, column] + 1):
             cell = row * grid.frame.columns + column
             if grid.cells[cell] != FREE_SPACE:

@@ -131,7 +131,7 @@ class Costmap:
         cells = np.full(rows * columns, default, dtype=np.uint8)
         frame = Frame(rows, columns, float(min_x), float(min_y), float(resolution))
         self._master = Grid(cells, frame)
-        self._work, self._reset = Workspace(rows, columns), False
+        self._work, self._reset = Workspace(rows * columns), False
         self._changed: Numbers = np.empty(4, dtype=np.int64)
         self._inscribed = inscribed_radius(footprint)
         layers: list[LiveLayer] = []

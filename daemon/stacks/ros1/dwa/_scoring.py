@@ -39,17 +39,24 @@ class ScoringGrid(NamedTuple):
     """The grid on which trajectories are scored.
 
     ``frame`` is x, y and resolution of the ``cells``; ``outline`` the footprint, (corners, 2) in
-    metres. ``distances`` stacks the grid distances from the path, the goal and the goal pushed
-    ahead (``PATH``, ``GOAL``, ``FRONT``); ``digits`` (3,) are in use. ``banned`` (6,) are the signs
-    of vx, vy, wz that oscillation forbids: negative vx, positive vx, and so on. ``spans`` is
-    scratch for the inside of a footprint, without rows if only the outline counts.
+    metres. Distances spread through ``passable``, a set of cells as in
+    :mod:`daemon.stacks.ros1.base_local_planner.map_grid`. ``distances`` stacks those from the path,
+    the goal and the goal pushed ahead (``PATH``, ``GOAL``, ``FRONT``); ``digits`` (3,) are in use.
+    ``sources`` (3, 2) holds the target cell of the distances of goal and front, -1 for none, and 1
+    if they were spread completely. A change of ``passable`` makes them :data:`UNKNOWN`.
+
+    ``banned`` (6,) are the signs of vx, vy, wz that oscillation forbids: negative vx, positive vx,
+    and so on. ``spans`` is scratch for the inside of a footprint, without rows if only the outline
+    counts.
     """
 
     cells: Cells
     frame: Floats
     outline: Floats
+    passable: Bits
     distances: Bits
     digits: Integers
+    sources: Integers
     banned: Integers
     spans: Integers
 
@@ -208,37 +215,12 @@ def allocate_scoring_grid(
         cells=local.cells,
         frame=np.array((local.x, local.y, local.resolution)),
         outline=outline,
+        passable=empty_set(shape),
         distances=np.array([unrestricted_distances(shape)] * 3),
         digits=np.zeros(3, dtype=np.int32),
+        sources=np.full((3, 2), UNKNOWN, dtype=np.int32),
         banned=banned,
         spans=np.zeros((rows, 2), dtype=np.int32),
-    )
-
-
-class DistanceBuffers(NamedTuple):
-    """Scratch for spreading distances.
-
-    Sets of cells are as in :mod:`daemon.stacks.ros1.base_local_planner.map_grid`; distances spread
-    through ``passable``. ``sources`` (3, 2) holds the target cell of the distances of goal and
-    front, -1 for none, and 1 if they were spread completely. A change of ``passable`` makes them
-    :data:`UNKNOWN`.
-    """
-
-    seeds: Bits
-    passable: Bits
-    targets: Bits
-    fronts: Bits
-    sources: Integers
-
-
-def allocate_sets(shape: tuple[int, ...]) -> DistanceBuffers:
-    """Return scratch for spreading distances on a costmap of ``shape``."""
-    return DistanceBuffers(
-        seeds=empty_set(shape),
-        passable=empty_set(shape),
-        targets=empty_set(shape),
-        fronts=np.array([empty_set(shape)] * 2),
-        sources=np.full((3, 2), UNKNOWN, dtype=np.int32),
     )
 
 
@@ -250,7 +232,6 @@ def fill_distances(
     reach: tuple[float, float],
     weights: Floats,
     f: ScoringGrid,
-    d: DistanceBuffers,
 ) -> None:
     """Fill the distances of ``f`` around the robot within the reach of its centre and its nose.
 
@@ -261,29 +242,30 @@ def fill_distances(
     """
     columns = f.cells.shape[1]
     centre, nose = reach
+    seeds, targets = np.empty_like(f.passable), np.empty_like(f.passable)
     source = -1
     for which in range(3):
         if which != GOAL:
             end = front_end if which == FRONT else plan[-1]
-            source = mark_plan_cells(plan, end, f.cells, f.frame, d.seeds)
+            source = mark_plan_cells(plan, end, f.cells, f.frame, seeds)
         # The weights of path and goal.
         if weights[3 if which == PATH else 4] == 0.0:
             continue
         near = centre if which == GOAL else nose
-        write_reach(state[0], state[1], near, f.frame, f.cells.shape, d.targets)
+        write_reach(state[0], state[1], near, f.frame, f.cells.shape, targets)
         out = f.distances[which]
         if which != PATH:
             # The end of the plan often stays in its cell, and the costmap rarely changes.
-            if d.sources[which, 0] == source and (
-                d.sources[which, 1] == 1 or all_reached(out, d.targets)
+            if f.sources[which, 0] == source and (
+                f.sources[which, 1] == 1 or all_reached(out, targets)
             ):
                 continue
             if source >= 0:
-                write_single_cell(source // columns, source % columns, d.seeds)
-        f.digits[which] = compute_distances(d.seeds, d.passable, d.targets, out, d.fronts)
-        d.sources[which, 0] = source
+                write_single_cell(source // columns, source % columns, seeds)
+        f.digits[which] = compute_distances(seeds, f.passable, targets, out)
+        f.sources[which, 0] = source
         # Spreading ends when all targets are reached or no cell remains.
-        d.sources[which, 1] = 0 if all_reached(out, d.targets) else 1
+        f.sources[which, 1] = 0 if all_reached(out, targets) else 1
 
 
 def complete_distances(
@@ -295,11 +277,11 @@ def complete_distances(
     only near the robot. A check may need them elsewhere: the costmap may have moved since, but the
     distances have not (``MapGridCostFunction``).
     """
+    passable, sources = np.zeros_like(field.passable), np.full_like(field.sources, UNKNOWN)
+    passable_cells(cells, passable)
     distances, digits = np.empty_like(field.distances), field.digits.copy()
-    earlier = field._replace(cells=cells, frame=frame, distances=distances, digits=digits)
-    sets = allocate_sets(cells.shape)
-    passable_cells(cells, sets.passable)
+    earlier = field._replace(cells=cells, frame=frame, passable=passable, sources=sources,
+                             distances=distances, digits=digits)  # fmt: skip
     # An infinite reach from the corner covers the whole costmap.
-    everywhere = (math.inf, math.inf)
-    fill_distances(frame, plan, plan[-1], everywhere, weights, earlier, sets)
+    fill_distances(frame, plan, plan[-1], (math.inf, math.inf), weights, earlier)
     return field._replace(distances=distances, digits=digits)

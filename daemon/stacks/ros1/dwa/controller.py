@@ -7,9 +7,8 @@ of the goal (stop, then turn).
 from __future__ import annotations
 
 import math
-import struct
 from collections.abc import Callable, Sequence
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -29,10 +28,8 @@ from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.dwa._parameters import DwaParameters
 from daemon.stacks.ros1.dwa._scoring import (
     UNKNOWN,
-    DistanceBuffers,
     ScoringGrid,
     allocate_scoring_grid,
-    allocate_sets,
     complete_distances,
     critic_weights,
     fill_distances,
@@ -50,8 +47,6 @@ from daemon.stacks.ros1.quirks import Quirks
 from grammars.model.geometry import Floats, Pose2, Twist2, wrap_angle
 
 _VX, _VY, _WZ = 0, 2, 4
-_SINGLES: Final = struct.Struct("6f")
-"""Format that rounds a state to single precision, as the original stores poses and speeds."""
 
 
 class Oscillation:
@@ -201,15 +196,12 @@ class Dwa:
         self._plan = FollowedPlan()
         self._front_end = np.zeros(2)
         self._state = np.zeros(6)
-        self._single: tuple[float, ...] = (0.0,) * 6
-        self._fastest = (0.0, 0.0, 0.0)
         self._settings: DwaSettings | None = None
         self._seen: int | None = None
         self._snapshot: Cells
         self._last: tuple[Floats, Cells, Floats] | None = None
         """Plan, cells and frame of the last sampling cycle."""
         self._field: ScoringGrid
-        self._sets: DistanceBuffers
         self._room: SearchBuffers
         self._critics: tuple[Floats, Floats]
         self._weights: Floats
@@ -221,12 +213,12 @@ class Dwa:
         grid = CostGrid(0.05, 0.0, 0.0, np.zeros((1, 1), dtype=np.uint8))
         settings = settings_of(self._p, self._quirks, grid.resolution, self._period_default)
         field = allocate_scoring_grid(grid, settings, self._outline, self._oscillation.banned)
-        sets, room = allocate_sets((1, 1)), allocate_buffers((1, 1), settings, 1)
+        room = allocate_buffers((1, 1), settings, 1)
         state, point, window = np.zeros(6), np.zeros(2), np.zeros((1, 2))
         reach, weights = (0.0, 0.0), critic_weights(settings, False)
         return (
             machine_code(sample_speeds, state, point, settings, room.samples, room.counts),
-            machine_code(fill_distances, state, window, point, reach, weights, field, sets),
+            machine_code(fill_distances, state, window, point, reach, weights, field),
             machine_code(find_best_sample, state, weights, settings, field, room),
         )
 
@@ -275,15 +267,14 @@ class Dwa:
             self._field = allocate_scoring_grid(
                 local, settings, self._outline, self._oscillation.banned
             )
-            self._sets = allocate_sets(local.cells.shape)
             longest = longest_trajectory(settings, 0.0, 0.0, 0.0)
             self._room = allocate_buffers(local.cells.shape, settings, longest)
-            self._last, self._seen, self._fastest = None, None, (0.0, 0.0, 0.0)
+            self._last, self._seen = None, None
         elif self._field.cells is not local.cells:
             self._field, self._seen = self._field._replace(cells=local.cells), None
         if local.version != self._seen:
-            if passable_cells(local.cells, self._sets.passable):
-                self._sets.sources[:] = UNKNOWN
+            if passable_cells(local.cells, self._field.passable):
+                self._field.sources[:] = UNKNOWN
             self._snapshot = local.cells.copy()
             self._seen = local.version
         frame = self._field.frame
@@ -294,21 +285,16 @@ class Dwa:
         self, pose: Pose2, twist: Twist2, settings: DwaSettings, local: CostGrid
     ) -> None:
         row = (pose.x, pose.y, pose.yaw, twist.vx, twist.vy, twist.wz)
-        self._single = single = _SINGLES.unpack(_SINGLES.pack(*row))
-        self._state[:] = single
-        vx, vy, wz = abs(twist.vx), abs(twist.vy), abs(twist.wz)
-        most = self._fastest
-        if vx <= most[0] and vy <= most[1] and wz <= most[2]:
-            return
-        self._fastest = most = (max(vx, most[0]), max(vy, most[1]), max(wz, most[2]))
-        needed = longest_trajectory(settings, *most)
+        # The original stores poses and speeds in single precision.
+        self._state[:] = np.array(row, dtype=np.float32)
+        needed = longest_trajectory(settings, twist.vx, twist.vy, twist.wz)
         if needed > len(self._room.points):
             self._room = allocate_buffers(local.cells.shape, settings, needed)
 
     def _aim(self, window: Floats, settings: DwaSettings) -> None:
         """Push the end of the window ahead and decide whether the nose counts."""
         x, y = window[-1].tolist()
-        at_x, at_y, _, _, _, _ = self._single
+        at_x, at_y = self._state[:2].tolist()
         forward = self._p.forward_point_distance
         angle = math.atan2(y - at_y, x - at_x)
         end = self._front_end
@@ -319,20 +305,20 @@ class Dwa:
 
     def _sample(self, window: Floats, settings: DwaSettings) -> ControllerAnswer:
         state, weights, field, room = self._state, self._weights, self._field, self._room
-        end, front_end, sets = window[-1], self._front_end, self._sets
+        end, front_end = window[-1], self._front_end
         sample, fill, find = self._machine
         # Samples first, because their speeds bound the distances needed. Filling the whole costmap
         # would cost more than following every trajectory.
         centre = sample(state, end, settings, room.samples, room.counts)
         reach = (centre, centre + abs(settings.forward_point_distance))
-        fill(state, window, front_end, reach, weights, field, sets)
+        fill(state, window, front_end, reach, weights, field)
         n = find(state, weights, settings, field, room)
         self._last = window.copy(), self._snapshot, field.frame.copy()
         if n == 0:
             return NO_VELOCITY
         vx, vy, wz = velocity = room.answer[:3].tolist()
         twist = Twist2(vx, vy, wrap_angle(wz))
-        self._oscillation.record(self._single, velocity, self._p.min_vel_trans)
+        self._oscillation.record(self._state.tolist(), velocity, self._p.min_vel_trans)
         return ControllerAnswer(True, twist, room.points[:n, :2].copy())
 
     def _is_legal(self, twist: Twist2) -> bool:

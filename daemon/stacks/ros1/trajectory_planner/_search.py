@@ -53,19 +53,12 @@ NO_BEST: Final = (0.0, 0.0, 0.0, COLLIDES, math.inf)
 class RolloutBuffers(NamedTuple):
     """Buffers of a search, allocated once: every cycle overwrites them.
 
-    ``seeds``, ``passable``, ``standing``, ``targets`` and ``fronts`` are sets of cells as in
-    :mod:`daemon.stacks.ros1.base_local_planner.map_grid`. ``standing`` is ``passable`` with the
-    cells under the robot; ``columns`` (columns, 2) holds the first and last row under it.
+    ``passable`` is a set of cells as in :mod:`daemon.stacks.ros1.base_local_planner.map_grid`.
     ``window`` (2, 2) is the dynamic window, ``arcs`` (most, 3) are the velocities of arcs.
     ``points`` (longest trajectory, 5), ``terms`` and ``best`` are a trajectory and its values.
     """
 
-    seeds: Bits
     passable: Bits
-    standing: Bits
-    targets: Bits
-    fronts: Bits
-    columns: Integers
     window: Floats
     arcs: Floats
     points: Floats
@@ -94,14 +87,13 @@ def add_footprint_cells(
     outline: Floats,
     frame: Floats,
     shape: tuple[int, int],
-    spans: Integers,
     out: Bits,
 ) -> None:
     """Add the cells under the robot to ``out`` (base_local_planner ``getFootprintCells``).
 
-    Each column is filled from its first to its last cell of the outline (``spans``, shape
-    (columns, 2)). With a corner off the grid only the sides before it count, without the inside;
-    with fewer than two corners only the cell of the centre.
+    Each column is filled from its first to its last cell of the outline. With a corner off the grid
+    only the sides before it count, without the inside; with fewer than two corners only the cell of
+    the centre.
     """
     rows, columns = shape
     corners = outline.shape[0]
@@ -110,6 +102,7 @@ def add_footprint_cells(
         if row >= 0:
             add_cell(out, row, column)
         return
+    spans = np.empty((columns, 2), dtype=np.int32)
     spans[:, 0], spans[:, 1] = rows, -1
     c, d = math.cos(state[2]), math.sin(state[2])
     before_row, before_column = place_of(state[0], state[1], frame, rows, columns)
@@ -150,7 +143,7 @@ def fill_distances(
 
     ``r.window`` receives the dynamic window at ``distance`` [m] from the end of the ``plan``. Cells
     under the robot count as free on the way to the path but not to the goal (``findBestPath``
-    marks them in one of the two grids). ``r.standing`` must equal ``r.passable`` before.
+    marks them in one of the two grids).
     """
     velocity_window(state, distance, s, r.window)
     ahead = max(abs(state[3]), abs(r.window[0, 0]), abs(r.window[0, 1]), abs(s.escape_vel))
@@ -161,14 +154,16 @@ def fill_distances(
             sideways = max(sideways, abs(vy))
     reach = math.hypot(ahead, sideways) * s.sim_time
     shape, columns = f.cells.shape, f.cells.shape[1]
-    add_footprint_cells(state, f.outline, f.frame, shape, r.columns, r.standing)
-    last = mark_plan_cells(plan, plan[-1], f.cells, f.frame, r.seeds)
-    write_reach(state[0], state[1], reach, f.frame, shape, r.targets)
-    f.digits[0] = compute_distances(r.seeds, r.standing, r.targets, f.path, r.fronts)
+    seeds, targets = np.empty_like(r.passable), np.empty_like(r.passable)
+    standing = r.passable.copy()
+    add_footprint_cells(state, f.outline, f.frame, shape, standing)
+    last = mark_plan_cells(plan, plan[-1], f.cells, f.frame, seeds)
+    write_reach(state[0], state[1], reach, f.frame, shape, targets)
+    f.digits[0] = compute_distances(seeds, standing, targets, f.path)
     if last >= 0:
-        write_single_cell(last // columns, last % columns, r.seeds)
-    write_reach(state[0], state[1], reach + s.heading_lookahead, f.frame, shape, r.targets)
-    f.digits[1] = compute_distances(r.seeds, r.passable, r.targets, f.goal, r.fronts)
+        write_single_cell(last // columns, last % columns, seeds)
+    write_reach(state[0], state[1], reach + s.heading_lookahead, f.frame, shape, targets)
+    f.digits[1] = compute_distances(seeds, r.passable, targets, f.goal)
 
 
 @kernel
@@ -320,12 +315,7 @@ def allocate_buffers(
     """Return buffers for a costmap of ``shape`` and trajectories of up to ``longest`` points."""
     arcs = settings.vx_samples * settings.vtheta_samples + 2
     return RolloutBuffers(
-        seeds=empty_set(shape),
         passable=empty_set(shape),
-        standing=empty_set(shape),
-        targets=empty_set(shape),
-        fronts=np.array([empty_set(shape), empty_set(shape)]),
-        columns=np.zeros((shape[1], 2), dtype=np.int32),
         window=np.zeros((2, 2)),
         arcs=np.zeros((arcs, 3)),
         points=np.zeros((longest, 5)),

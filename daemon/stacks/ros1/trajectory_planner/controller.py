@@ -249,7 +249,6 @@ class TrajectoryPlanner:
         at = (x, y)
         end_x, end_y = window[-1].tolist()
         fill, find_arc, find = self._machine
-        room.standing[:] = room.passable
         fill(state, window, _length(end_x - x, end_y - y), strafes, s, grid, room)
         room.best[:] = NO_BEST
         # A robot that escapes drives no arcs.

@@ -16,7 +16,6 @@ from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.dwa import DwaParameters
 from daemon.stacks.ros1.dwa._scoring import (
     allocate_scoring_grid,
-    allocate_sets,
     critic_weights,
     fill_distances,
 )
@@ -79,15 +78,14 @@ class Problem:
         s, shape = self.settings, self.local.cells.shape
         field = allocate_scoring_grid(self.local, s, self.outline, self.banned)
         room = allocate_buffers(shape, s, longest_trajectory(s, *self.state[3:].tolist()))
-        sets = allocate_sets(shape)
-        passable_cells(self.local.cells, sets.passable)
+        passable_cells(self.local.cells, field.passable)
         state, plan = self.state, self.plan
         weights = critic_weights(s, self.aligned)
 
         def search():
             near = sample_speeds(state, plan[-1], s, room.samples, room.counts)
             reach = (near, near + abs(s.forward_point_distance))
-            fill_distances(state, plan, self.front_end, reach, weights, field, sets)
+            fill_distances(state, plan, self.front_end, reach, weights, field)
             return find_best_sample(state, weights, s, field, room)
 
         return search, room

@@ -144,7 +144,7 @@ def test_distances_are_those_of_a_queue(seed):
     low, first = int(rng.integers(columns)), int(rng.integers(rows))
     write_box(low, columns, first, rows, wanted)
     out = unrestricted_distances(cells.shape)
-    compute_distances(seeds, passable, wanted, out, np.array([seeds, seeds]))
+    compute_distances(seeds, passable, wanted, out)
     expected = plain.distances(np.array(found, dtype=np.int32), cells)
     got = as_integers(out, (rows, columns))
     np.testing.assert_array_equal(got[first:, low:], expected[first:, low:])
