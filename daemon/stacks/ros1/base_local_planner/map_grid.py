@@ -60,22 +60,16 @@ def contains_cell(cells: Bits, row: int, column: int) -> bool:
 
 
 @kernel
-def passable_cells(cells: Cells, out: Bits) -> bool:
-    """Write the set of cells that distances spread through: known and below inscribed.
-
-    Returns whether ``out`` changed.
-    """
+def passable_cells(cells: Cells, out: Bits) -> None:
+    """Write the set of cells that distances spread through: known and below inscribed."""
     rows, columns = cells.shape
-    different = _NONE
     for word in range((columns + 63) // 64):
         part = cells[:, 64 * word : min(64 * word + 64, columns)]
         for row in range(rows):
             bits = _NONE
             for k in range(part.shape[1]):
                 bits |= np.uint64(part[row, k] < INSCRIBED) << np.uint64(k)
-            different |= out[word + 1, row + 1] ^ bits
             out[word + 1, row + 1] = bits
-    return bool(different != _NONE)
 
 
 @kernel
@@ -180,16 +174,6 @@ def compute_distances(seeds: Bits, passable: Bits, targets: Bits, out: Bits) -> 
             fit = passable[word, row] | seeds[word, row]
             out[FIT, word, row] = out[REACHED, word, row] & fit
     return used
-
-
-@kernel
-def all_reached(distances: Bits, targets: Bits) -> bool:
-    """Tell whether all cells of ``targets`` are reached."""
-    missing = _NONE
-    for word in range(1, targets.shape[0] - 1):
-        for row in range(1, targets.shape[1] - 1):
-            missing |= targets[word, row] & ~distances[REACHED, word, row]
-    return bool(missing == _NONE)
 
 
 @kernel

@@ -139,18 +139,11 @@ class DwaParameters(Section):
             )
         if p.max_vel_trans == 0.0:
             yield Objection(("max_vel_trans",), "max_vel_trans is 0: the robot can never drive")
-        if p.min_vel_x > p.max_vel_x:
-            yield Objection(
-                ("min_vel_x", "max_vel_x"),
-                f"min_vel_x {p.min_vel_x} is above max_vel_x {p.max_vel_x}: there is no "
-                "speed between",
-            )
-        if p.min_vel_y > p.max_vel_y:
-            yield Objection(
-                ("min_vel_y", "max_vel_y"),
-                f"min_vel_y {p.min_vel_y} is above max_vel_y {p.max_vel_y}: there is no "
-                "speed between",
-            )
+        for low, high in (("min_vel_x", "max_vel_x"), ("min_vel_y", "max_vel_y")):
+            least, most = getattr(p, low), getattr(p, high)
+            if least > most:
+                text = f"{low} {least} is above {high} {most}: there is no speed between"
+                yield Objection((low, high), text)
         if (
             min(abs(p.min_vel_x), abs(p.max_vel_x)) > p.max_vel_trans + 1e-4
             and p.min_vel_x * p.max_vel_x > 0.0

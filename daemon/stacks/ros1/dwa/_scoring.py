@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from daemon.stacks.ros1.base_local_planner.map_grid import (
     FIT,
     Bits,
     Cells,
-    all_reached,
     compute_distances,
     contains_cell,
     distance_at,
@@ -31,8 +30,6 @@ from daemon.stacks.ros1.dwa.samples import DwaSettings, footprint_scale, transla
 from grammars.model.geometry import Floats
 
 PATH, GOAL, FRONT = range(3)
-UNKNOWN: Final = -2
-"""Source of distances that belong to another costmap."""
 
 
 class ScoringGrid(NamedTuple):
@@ -42,8 +39,6 @@ class ScoringGrid(NamedTuple):
     metres. Distances spread through ``passable``, a set of cells as in
     :mod:`daemon.stacks.ros1.base_local_planner.map_grid`. ``distances`` stacks those from the path,
     the goal and the goal pushed ahead (``PATH``, ``GOAL``, ``FRONT``); ``digits`` (3,) are in use.
-    ``sources`` (3, 2) holds the target cell of the distances of goal and front, -1 for none, and 1
-    if they were spread completely. A change of ``passable`` makes them :data:`UNKNOWN`.
 
     ``banned`` (6,) are the signs of vx, vy, wz that oscillation forbids: negative vx, positive vx,
     and so on. ``spans`` is scratch for the inside of a footprint, without rows if only the outline
@@ -56,7 +51,6 @@ class ScoringGrid(NamedTuple):
     passable: Bits
     distances: Bits
     digits: Integers
-    sources: Integers
     banned: Integers
     spans: Integers
 
@@ -218,7 +212,6 @@ def allocate_scoring_grid(
         passable=empty_set(shape),
         distances=np.array([unrestricted_distances(shape)] * 3),
         digits=np.zeros(3, dtype=np.int32),
-        sources=np.full((3, 2), UNKNOWN, dtype=np.int32),
         banned=banned,
         spans=np.zeros((rows, 2), dtype=np.int32),
     )
@@ -253,19 +246,9 @@ def fill_distances(
             continue
         near = centre if which == GOAL else nose
         write_reach(state[0], state[1], near, f.frame, f.cells.shape, targets)
-        out = f.distances[which]
-        if which != PATH:
-            # The end of the plan often stays in its cell, and the costmap rarely changes.
-            if f.sources[which, 0] == source and (
-                f.sources[which, 1] == 1 or all_reached(out, targets)
-            ):
-                continue
-            if source >= 0:
-                write_single_cell(source // columns, source % columns, seeds)
-        f.digits[which] = compute_distances(seeds, f.passable, targets, out)
-        f.sources[which, 0] = source
-        # Spreading ends when all targets are reached or no cell remains.
-        f.sources[which, 1] = 0 if all_reached(out, targets) else 1
+        if which != PATH and source >= 0:
+            write_single_cell(source // columns, source % columns, seeds)
+        f.digits[which] = compute_distances(seeds, f.passable, targets, f.distances[which])
 
 
 def complete_distances(
@@ -277,11 +260,12 @@ def complete_distances(
     only near the robot. A check may need them elsewhere: the costmap may have moved since, but the
     distances have not (``MapGridCostFunction``).
     """
-    passable, sources = np.zeros_like(field.passable), np.full_like(field.sources, UNKNOWN)
+    passable = np.zeros_like(field.passable)
     passable_cells(cells, passable)
     distances, digits = np.empty_like(field.distances), field.digits.copy()
-    earlier = field._replace(cells=cells, frame=frame, passable=passable, sources=sources,
-                             distances=distances, digits=digits)  # fmt: skip
+    earlier = field._replace(
+        cells=cells, frame=frame, passable=passable, distances=distances, digits=digits
+    )
     # An infinite reach from the corner covers the whole costmap.
     fill_distances(frame, plan, plan[-1], (math.inf, math.inf), weights, earlier)
     return field._replace(distances=distances, digits=digits)

@@ -27,7 +27,6 @@ from daemon.stacks.ros1.base_local_planner.map_grid import Cells, passable_cells
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.dwa._parameters import DwaParameters
 from daemon.stacks.ros1.dwa._scoring import (
-    UNKNOWN,
     ScoringGrid,
     allocate_scoring_grid,
     complete_distances,
@@ -273,8 +272,7 @@ class Dwa:
         elif self._field.cells is not local.cells:
             self._field, self._seen = self._field._replace(cells=local.cells), None
         if local.version != self._seen:
-            if passable_cells(local.cells, self._field.passable):
-                self._field.sources[:] = UNKNOWN
+            passable_cells(local.cells, self._field.passable)
             self._snapshot = local.cells.copy()
             self._seen = local.version
         frame = self._field.frame
