@@ -9,93 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields
-from typing import TYPE_CHECKING, Annotated, Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Any, Final
 
-from pydantic import ConfigDict, Field, ValidationError
-from pydantic.dataclasses import dataclass
-
-from daemon.stacks.findings import ParameterError, ParameterFinding
 from daemon.stacks.kind import StackKind, speed_over_ground
-from grammars.text.diagnostics import did_you_mean
-from grammars.text.documents import plain_message
+from daemon.stacks.pilot._parameters import PilotParameters, read_parameters
 
 if TYPE_CHECKING:
     from daemon.model.sut import SystemUnderTest
     from grammars.model.robot import Robot
 
 __all__ = ["PILOT", "PilotParameters"]
-
-_Positive: TypeAlias = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-_NotNegative: TypeAlias = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
-_Count: TypeAlias = Annotated[int, Field(ge=0, le=1000)]
-
-
-@dataclass(frozen=True, slots=True, config=ConfigDict(extra="forbid", strict=True))
-class PilotParameters:
-    """Settings of the pilot: plain numbers in SI units, radians."""
-
-    start_sigma: _Positive = 0.05
-    """[m] Standard deviation of the start position that the pilot receives."""
-    start_yaw_sigma: _Positive = 0.03
-    """[rad] Standard deviation of the start heading that the pilot receives."""
-    max_speed: _Positive = 0.5
-    """[m/s] Also bounded by the drive."""
-    max_turn: _Positive = 1.0
-    """[rad/s] Also bounded by the drive."""
-    acceleration: _Positive = 0.5
-    """[m/s^2] Also bounded by the drive."""
-    lookahead: _Positive = 0.45
-    """[m] Of the pure pursuit at low speed."""
-    goal_tolerance: _Positive = 0.15
-    """[m] A waypoint is reached within this distance of the estimated position."""
-    yaw_tolerance: _Positive = 0.1
-    """[rad] Tolerance of the heading at a waypoint that has one."""
-    preferred_clearance: _Positive = 1.0
-    """[m] Clearance of the base's centre to walls where there is room."""
-    obstacle_memory: _Positive = 45.0
-    """[s] An obstacle out of sight is forgotten after this time. Less than patience, so that the
-    robot looks again before it gives up."""
-    safety_margin: _NotNegative = 0.05
-    """[m] Margin around the footprint in motion."""
-    stop_distance: _NotNegative = 0.3
-    """[m] Distance at full speed to obstacles ahead that the map lacks, in proportion less at lower
-    speed. Obstacles beside the robot may come nearer: a person, for instance."""
-    blocked_distance: _NotNegative = 0.8
-    """[m] Waiting distance before an obstacle in the way; it leaves a door room to swing."""
-    wait_before_replanning: _NotNegative = 3.0
-    """[s] A blocked robot waits this long before it looks for another way."""
-    patience: _Positive = 60.0
-    """[s] The pilot gives the mission up after waiting this long without any way."""
-    recoveries: _Count = 6
-    """Number of attempts to get free without progress in between."""
-
-
-def read_parameters(values: Mapping[str, object]) -> PilotParameters:
-    """Return validated parameters; raises :class:`ParameterError` with all errors."""
-    names = tuple(field.name for field in fields(PilotParameters))
-    problems = [
-        ParameterFinding(
-            (name,), f'no parameter "{name}" in the pilot', did_you_mean(str(name), names)
-        )
-        for name in values
-        if name not in names
-    ]
-    usable: dict[str, Any] = {name: values[name] for name in names if name in values}
-    parameters = PilotParameters()
-    try:
-        parameters = PilotParameters(**usable)
-    except ValidationError as error:
-        problems += [
-            ParameterFinding(
-                issue["loc"],
-                f"{plain_message(issue)} (given: {issue['input']!r})",
-                "write a plain number in SI units" if issue["type"] == "float_type" else "",
-            )
-            for issue in error.errors()
-        ]
-    if problems:
-        raise ParameterError(problems)
-    return parameters
 
 
 class _PilotKind(StackKind[PilotParameters]):

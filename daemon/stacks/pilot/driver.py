@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from daemon.model.sut import Briefing, Decision, Observation, Progress
-from daemon.stacks.pilot import PilotParameters
+from daemon.stacks.pilot._parameters import PilotParameters
 from daemon.stacks.pilot.localisation import Sensing
 from daemon.stacks.pilot.maps import first_blocked, map_field
 from daemon.stacks.pilot.motion import (

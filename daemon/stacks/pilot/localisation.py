@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from daemon.model.kernels import kernel, machine_code
 from daemon.model.sut import Briefing, Estimate, LaserScan, Observation, Odometry
-from daemon.stacks.pilot import PilotParameters
+from daemon.stacks.pilot._parameters import PilotParameters
 from daemon.stacks.pilot.maps import MapField, Scan, UnmappedObstacles, interpolate, project
 from grammars.model.geometry import Floats, Point2, Pose2, wrap_angle
 from grammars.model.robot import Laser, OdometryNoise

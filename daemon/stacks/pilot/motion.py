@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from daemon.model.kernels import kernel, machine_code
-from daemon.stacks.pilot import PilotParameters
+from daemon.stacks.pilot._parameters import PilotParameters
 from daemon.stacks.pilot.localisation import Surroundings
 from daemon.stacks.pilot.maps import MapField, interpolate
 from daemon.stacks.pilot.planner import PlannedPath

@@ -58,7 +58,7 @@ from daemon.stacks.ros1.move_base.recoveries import make_recoveries
 from daemon.stacks.ros1.navfn import GlobalPlannerParameters
 from daemon.stacks.ros1.navfn.planner import GlobalPlanner, Navfn
 from daemon.stacks.ros1.scan_buffer import ObservedCostmap, ScanBuffer
-from daemon.stacks.ros1.telemetry import Telemetry
+from daemon.stacks.ros1.telemetry import StackRecorder
 from daemon.stacks.ros1.timers import TIME_TOLERANCE, UpdateTimer
 from daemon.stacks.ros1.trajectory_planner import TrajectoryPlannerParameters
 from daemon.stacks.ros1.trajectory_planner.controller import TrajectoryPlanner
@@ -108,7 +108,7 @@ class RosStack:
         # The spread of the particles AMCL begins with.
         spread = np.diag((p.amcl.initial_cov_xx, p.amcl.initial_cov_yy, p.amcl.initial_cov_aa))
         near = p.local_costmap
-        self._telemetry = Telemetry(spread, near.publish_frequency, near.frame)
+        self._telemetry = StackRecorder(spread, near.publish_frequency, near.frame)
         self._events = self._status.log
 
     def _observed(

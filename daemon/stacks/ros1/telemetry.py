@@ -53,7 +53,7 @@ _PLAN_TOLERANCE: Final = 0.1
 """Largest deviation of a plan that counts as the recorded one [m]."""
 
 
-class Telemetry:
+class StackRecorder:
     """Recorder of a run; each method returns what is to be recorded now, or ``None``.
 
     ``covariance`` (3, 3) is that of the start. The ``rate`` [Hz] is that of the local costmap, 0

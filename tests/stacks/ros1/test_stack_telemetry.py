@@ -9,13 +9,13 @@ from hypothesis import strategies as st
 
 from daemon.stacks.ros1.amcl.node import AmclPose
 from daemon.stacks.ros1.cost_grid import CostGrid
-from daemon.stacks.ros1.telemetry import Telemetry, thin_plan
+from daemon.stacks.ros1.telemetry import StackRecorder, thin_plan
 from grammars.model.geometry import Pose2
 
 
 def a_log(rate=0.0):
     """Return a record that begins with a spread of 1, of a local costmap in odom."""
-    return Telemetry(np.eye(3), rate, "odom")
+    return StackRecorder(np.eye(3), rate, "odom")
 
 
 def line(start, end=10.0, y=0.0):
