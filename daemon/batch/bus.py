@@ -42,14 +42,7 @@ from daemon.batch.security import (
     denial_text,
     handshake_problem,
 )
-from daemon.model.messages import (
-    ASK,
-    LARGEST_SUBMISSION,
-    OWNER,
-    PROTOCOL,
-    ErrorKind,
-    ErrorReply,
-)
+from daemon.model.messages import ASK, LARGEST_SUBMISSION, OWNER, PROTOCOL, ErrorKind, ErrorReply
 from daemon.model.spec import own_version
 from daemon.model.verbs import Verb
 from grammars.text import codec

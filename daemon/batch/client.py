@@ -17,11 +17,7 @@ from daemon.batch.security import Credentials, find_credentials, strip_control_c
 from daemon.batch.stores import upload
 from daemon.model.attachments import user_files_folder
 from daemon.model.live_judgement import LiveJudgement, unpack_judgement
-from daemon.model.messages import (
-    EVENTS,
-    JUDGED,
-    LIVE,
-)
+from daemon.model.messages import EVENTS, JUDGED, LIVE
 from daemon.model.spec import RunSpec
 from daemon.model.status import ChangeEvent, LiveSnapshot, SubmissionReceipt
 from daemon.model.submission import Submission

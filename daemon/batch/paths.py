@@ -20,7 +20,6 @@ import ipaddress
 import os
 import re
 import shutil
-from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -145,9 +144,9 @@ class StatePaths:
     """Output of detached searches."""
 
     @classmethod
-    def find(cls, state: Path | None = None, environ: Mapping[str, str] = os.environ) -> StatePaths:
+    def find(cls, state: Path | None = None) -> StatePaths:
         """Choose the directory: the argument, ``SCENARIO_STATE`` or the user's state folder."""
-        path = state or environ.get(STATE_VARIABLE) or platformdirs.user_state_path("scenario")
+        path = state or os.environ.get(STATE_VARIABLE) or platformdirs.user_state_path("scenario")
         return cls(Path(path).expanduser().absolute())
 
     @property
@@ -300,9 +299,7 @@ class Endpoint:
     origin: Literal["--connect", "SCENARIO_CONNECT", "daemon.json", "default"]
 
 
-def find_endpoint(
-    connect: str = "", state: Path | None = None, environ: Mapping[str, str] = os.environ
-) -> Endpoint:
+def find_endpoint(connect: str = "", state: Path | None = None) -> Endpoint:
     """Choose the endpoint: ``connect``, ``SCENARIO_CONNECT``, ``daemon.json``, the default.
 
     The default is the socket of the state directory, so a client reaches another person's daemon
@@ -310,9 +307,9 @@ def find_endpoint(
     """
     if connect:
         return Endpoint(connect, "--connect")
-    if environ.get("SCENARIO_CONNECT"):
-        return Endpoint(parse_endpoint(environ["SCENARIO_CONNECT"]), "SCENARIO_CONNECT")
-    paths = StatePaths.find(state, environ)
+    if named := os.environ.get("SCENARIO_CONNECT"):
+        return Endpoint(parse_endpoint(named), "SCENARIO_CONNECT")
+    paths = StatePaths.find(state)
     endpoint = paths.known_endpoint()
     if endpoint is not None:
         return Endpoint(endpoint, "daemon.json")

@@ -183,7 +183,7 @@ def test_whatever_lies_there_is_a_line_with_a_remedy(places, spoil, subject):
     spoil(places)
     subjects = {f.subject for f in found(places) if f.level is FindingLevel.PROBLEM}
     assert subjects == ({subject} if subject else set())
-    find_endpoint(state=places.state, environ={})
+    find_endpoint(state=places.state)
 
 
 def test_a_ledger_that_somebody_holds_is_not_called_damaged(places, monkeypatch):

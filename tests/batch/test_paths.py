@@ -71,31 +71,34 @@ def test_run_ids_are_campaign_and_index():
         ("no", "no"),
     ],
 )
-def test_people_know_a_socket_by_its_path_and_may_type_it(tmp_path, endpoint, text):
+def test_people_know_a_socket_by_its_path_and_may_type_it(tmp_path, monkeypatch, endpoint, text):
     assert endpoint_text(endpoint) == text
     assert parse_endpoint(text) == endpoint
-    assert find_endpoint("", tmp_path, {"SCENARIO_CONNECT": text}).address == endpoint
+    monkeypatch.setenv("SCENARIO_CONNECT", text)
+    assert find_endpoint("", tmp_path).address == endpoint
 
 
-def test_the_state_directory_is_the_argument_then_the_environment(tmp_path):
-    environ = {"SCENARIO_STATE": str(tmp_path / "env")}
-    assert StatePaths.find(tmp_path / "arg", environ).state == tmp_path / "arg"
-    assert StatePaths.find(None, environ).state == tmp_path / "env"
-    assert StatePaths.find(None, {}).state.name == "scenario"
+def test_the_state_directory_is_the_argument_then_the_environment(tmp_path, monkeypatch):
+    monkeypatch.setenv("SCENARIO_STATE", str(tmp_path / "env"))
+    assert StatePaths.find(tmp_path / "arg").state == tmp_path / "arg"
+    assert StatePaths.find().state == tmp_path / "env"
+    monkeypatch.delenv("SCENARIO_STATE")
+    assert StatePaths.find().state.name == "scenario"
 
 
-def test_the_endpoint_is_argument_environment_contact_default(tmp_path):
-    environ = {"SCENARIO_STATE": str(tmp_path)}
+def test_the_endpoint_is_argument_environment_contact_default(tmp_path, monkeypatch):
+    monkeypatch.delenv("SCENARIO_CONNECT", raising=False)
+    monkeypatch.setenv("SCENARIO_STATE", str(tmp_path))
     places = StatePaths(tmp_path)
-    assert find_endpoint("", None, environ) == Endpoint(places.endpoint, "default")
+    assert find_endpoint() == Endpoint(places.endpoint, "default")
     places.contact_file.write_text("{half")
     assert places.read_contact() is None
     contact = DaemonContact("tcp/127.0.0.1:1234", 1, "0", 0.0)
     write_atomically(places.contact_file, codec.to_json(contact))
-    assert find_endpoint("", None, environ).address == "tcp/127.0.0.1:1234"
-    environ["SCENARIO_CONNECT"] = "tcp/h:1"
-    assert find_endpoint("", None, environ).origin == "SCENARIO_CONNECT"
-    assert find_endpoint("tcp/h:2", None, environ).origin == "--connect"
+    assert find_endpoint().address == "tcp/127.0.0.1:1234"
+    monkeypatch.setenv("SCENARIO_CONNECT", "tcp/h:1")
+    assert find_endpoint().origin == "SCENARIO_CONNECT"
+    assert find_endpoint("tcp/h:2").origin == "--connect"
 
 
 @pytest.mark.parametrize(

@@ -17,13 +17,7 @@ from daemon.batch import bus
 from daemon.batch.errors import Refused, WorkerBroken
 from daemon.batch.paths import StatePaths
 from daemon.batch.security import Credentials
-from daemon.batch.stores import (
-    download,
-    file_sha256,
-    is_intact,
-    read_marker,
-    trim_cache,
-)
+from daemon.batch.stores import download, file_sha256, is_intact, read_marker, trim_cache
 from daemon.batch.worker._attempts import Attempt
 from daemon.model.ids import is_id
 from daemon.model.messages import GetRequest, WelcomeReply, WorkerInfo

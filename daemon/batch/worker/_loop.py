@@ -33,12 +33,7 @@ import psutil
 
 from daemon.batch.errors import DaemonError, OtherLedger, Refused, Unavailable, Unreachable
 from daemon.batch.worker._attempts import Attempt, AttemptEnd, Spool, log
-from daemon.batch.worker._connection import (
-    DaemonConnection,
-    InputCache,
-    InputDamaged,
-    WorkerPaths,
-)
+from daemon.batch.worker._connection import DaemonConnection, InputCache, InputDamaged, WorkerPaths
 from daemon.batch.worker._deliveries import Deliveries, WorkerTrouble
 from daemon.batch.worker._live import Execution, LivePublisher
 from daemon.batch.worker._wakeups import BackgroundAsks, WorkerSignals

@@ -18,12 +18,7 @@ from daemon.batch.worker._connection import DaemonConnection, choose_paths, desc
 from daemon.batch.worker._loop import Backend, WorkerLoop
 from daemon.batch.worker._wakeups import WorkerSignals
 from daemon.batch.worker._zygotes import ZygotePool
-from daemon.model.execution import (
-    DEFAULT_EXECUTOR,
-    RunLimits,
-    available_cores,
-    decide_on_commands,
-)
+from daemon.model.execution import DEFAULT_EXECUTOR, RunLimits, available_cores, decide_on_commands
 from daemon.model.messages import ALIVE, WORK, WelcomeReply
 from daemon.model.verbs import Role
 from daemon.supervision.child import lower_session, when_stdin_ends
