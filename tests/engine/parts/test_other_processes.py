@@ -88,7 +88,7 @@ def test_a_killed_writer_leaves_a_readable_partial_file(elsewhere):
 
 def test_a_check_of_oracles_loads_nothing_that_judges():
     program = (
-        "import sys; from daemon.judging.leading_kind import leading_kind, oracle_scale; "
+        "import sys; from daemon.judging.leading_kind import oracle_scale, why_flat; "
         "print(*{'numba', 'shapely'} & sys.modules.keys())"
     )
     ended = run(program, "")

@@ -89,9 +89,7 @@ def test_none_is_started_behind_the_back_of_who_named_one_or_only_looks(
 
     monkeypatch.setattr(tui, "why_no_screen", lambda: "")
     monkeypatch.setattr("scenario_tui.dashboard.app.run_dashboard", run)
-    monkeypatch.setattr(
-        "scenario_tui.dashboard.config.read_config", lambda: Config(read_only=read_only)
-    )
+    monkeypatch.setattr(tui, "read_config", lambda: Config(read_only=read_only))
     said = scenario("tui", "--state", str(tmp_path), *arguments)
     assert said.code == 0, said.err
     assert [launcher is not None for launcher in launchers] == [started]

@@ -21,12 +21,14 @@ EXTRAS = {
     "ezdxf": "import",
     "foxglove": "foxglove",
     "pandas": "test",
+    "pyte": "test",
     "pytest": "test",
     **dict.fromkeys(("aiohttp", "aiohttp_jinja2", "textual_serve"), "web"),
 }
 """Libraries that modules import which are loaded only where an extra is asked for.
 
-The plug-in of pytest is loaded by pytest alone; of pandas there are only types.
+The plug-in of pytest is loaded by pytest alone; of pandas there are only types; pyte reads the
+recording of a terminal for a picture of the documentation.
 """
 _IMPORT = re.compile(r"^ *(?:import (\w+)[\w., ]*|from (\w+)[\w.]* import .*)$", re.M)
 FOREIGN = "raise SystemExit('somebody else')"
