@@ -143,7 +143,6 @@ def verify(
     *,
     places: StatePaths,
     wall: float = 0.0,
-    execute_run: ExecuteRun = execute,
     advance: Callable[[], None] = lambda: None,
 ) -> Verification:
     """Execute the specification in the trace at ``path`` again, ``repeats`` times one by one.
@@ -163,7 +162,7 @@ def verify(
     verdicts = oracles.judge(trace, spec.oracles)
     units = {DURATION: "s", PATH: "m", **{one.oracle: one.unit for one in verdicts}}
     executions = []
-    for one in _executions(path, trace, repeats, wall, _with_files(execute_run, spec, places)):
+    for one in _executions(path, trace, repeats, wall, _with_files(spec, places)):
         executions.append(one)
         advance()
     now = package_versions()
@@ -187,7 +186,6 @@ def verify_spec(
     *,
     places: StatePaths,
     wall: float = 0.0,
-    execute_run: ExecuteRun = execute,
     advance: Callable[[], None] = lambda: None,
 ) -> Verification:
     """Execute a specification ``repeats`` times; the first execution serves as the recording.
@@ -195,15 +193,13 @@ def verify_spec(
     Otherwise as :func:`verify`. If the first execution leaves no trace, there are no others.
     """
     with tempfile.TemporaryDirectory(prefix="scenario-verify-") as name:
-        run = _with_files(execute_run, spec, places)
+        run = _with_files(spec, places)
         (first,) = run_in_children([(spec, scene)], Path(name), wall=wall, execute_run=run)
         advance()
         if first.result is None:
             return _unverified(spec, ExecutedRun(problem=first.problem))
         trace = trace_in(Path(name), 0)
-        again = verify(
-            trace, repeats - 1, places=places, wall=wall, execute_run=execute_run, advance=advance
-        )
+        again = verify(trace, repeats - 1, places=places, wall=wall, advance=advance)
         return replace(again, trace="")
 
 
@@ -241,15 +237,15 @@ def _measure(trace: Trace, verdicts: Sequence[Verdict]) -> ExecutedRun:
     return ExecutedRun(outcome, trace.ended or "", trace.note, file_sha256(trace.path), values)
 
 
-def _with_files(execute_run: ExecuteRun, spec: RunSpec, places: StatePaths) -> ExecuteRun:
+def _with_files(spec: RunSpec, places: StatePaths) -> ExecuteRun:
     """Return an executor that finds files of the run in ``places`` if this user has none."""
     if all((user_files_folder() / digest).is_file() for digest in spec.files):
-        return execute_run
+        return execute
     if not all((places.files / digest).is_file() for digest in spec.files):
-        return execute_run
+        return execute
 
     def execute_with_files(*arguments: Any, **rest: Any) -> RunResult:
         os.environ[FILES_VARIABLE] = str(places.files)  # in the child alone
-        return execute_run(*arguments, **rest)
+        return execute(*arguments, **rest)
 
     return execute_with_files

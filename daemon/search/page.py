@@ -13,7 +13,7 @@ from markupsafe import Markup
 from daemon.analysis.charts import chart_figure, draw_charts, page_script
 from daemon.analysis.report import GLYPHS
 from daemon.analysis.report.run_maps import draw_moment, draw_recorded_way
-from daemon.model.search_answer import SearchAnswer, SearchRow
+from daemon.model.search_answer import SearchRow
 from daemon.model.spec import own_version
 from daemon.model.status import RunRow
 from daemon.model.trials import Trial, point_trials
@@ -53,9 +53,12 @@ def search_page(
     task, answer = row.task, row.answer
     trials = point_trials(task, proposals)
     steps = point_trials(task, proposals, "nearest")
-    nearest = answer.nearest.result.point if answer is not None and answer.nearest else None
+    nearest = answer.nearest.result if answer is not None and answer.nearest else None
+    compared = {"nearest failure": nearest}
+    if answer is not None:
+        compared |= {"smallest margin": answer.best, "first failure": answer.first}
     charts = [(_OVER_RUNS, margins_chart(task, trials))] if trials else []
-    charts += space_charts(task, trials, steps, nearest)
+    charts += space_charts(task, trials, steps, nearest.point if nearest else None)
     drawings = draw_charts([chart for _, chart in charts])
     figures = [
         (caption, chart_figure(chart, svg, caption or _OVER_SPACE))
@@ -86,7 +89,7 @@ def search_page(
         version=own_version(),
         figures={"margins": figures[:1], "space": figures[1:]},
         maps=dict(_maps(example, traces)) if example is not None else {},
-        compared=_compared_trials(answer),
+        compared={name: trial for name, trial in compared.items() if trial is not None},
         influence={one.parameter: one for one in answer.influence} if answer is not None else {},
         is_as_written=is_as_written,
         points=ordered[:MOST_LISTED],
@@ -110,15 +113,3 @@ def _maps(example: Trial, traces: Mapping[str, Path]) -> Iterator[tuple[str, Mar
             yield f"at {format_quantity(verdict.evidence.time, 's')}", moment
     if way := draw_recorded_way(trace, f"The way driven in {example.label}", verdict):
         yield "the whole way", way
-
-
-def _compared_trials(answer: SearchAnswer | None) -> dict[str, Trial]:
-    """Return the points to compare with the written values, by their titles."""
-    if answer is None:
-        return {}
-    trials = {
-        "nearest failure": answer.nearest.result if answer.nearest is not None else None,
-        "smallest margin": answer.best,
-        "first failure": answer.first,
-    }
-    return {name: trial for name, trial in trials.items() if trial is not None}

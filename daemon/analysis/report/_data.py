@@ -12,12 +12,12 @@ from daemon.analysis.coverage import Coverage, RunCoverage, run_coverage, sum_co
 from daemon.analysis.parallel_map import parallel_map
 from daemon.analysis.recorded import judge_row
 from daemon.analysis.report._measures import (
-    MEASURES,
     RunMeasure,
+    SafetyBuffer,
+    safety_buffer,
     standard_measures,
     standard_names,
 )
-from daemon.analysis.report._safety_buffer import SafetyBuffer, safety_buffer
 from daemon.analysis.report._tracks import RunTracks, extract_tracks
 from daemon.analysis.results import CampaignResults
 from daemon.analysis.table import results_table
@@ -145,10 +145,14 @@ def _read_run(
 
 @dataclass(frozen=True, slots=True)
 class MeasureColumn:
-    """A measure and its values in each cell (scenario, SUT), in the order of the repeats."""
+    """A measure and its values in each cell (scenario, SUT), in the order of the repeats.
+
+    ``declared`` are the campaign's own names of it.
+    """
 
     measure: RunMeasure
     values: dict[tuple[str, str], tuple[float, ...]] = field(default_factory=dict)
+    declared: list[str] = field(default_factory=list)
 
 
 def measure_columns(data: ReportData) -> tuple[MeasureColumn, ...]:
@@ -157,14 +161,14 @@ def measure_columns(data: ReportData) -> tuple[MeasureColumn, ...]:
     A declared measure with the meaning of a standard one adds its name to that column, and its
     values for missing traces.
     """
+    measures = standard_measures(data.buffer)
     columns: dict[str | tuple[str, str], MeasureColumn] = {
-        measure.name: MeasureColumn(measure) for measure in standard_measures(data.buffer)
+        measure.name: MeasureColumn(measure) for measure in measures
     }
-    names: dict[str | tuple[str, str], dict[str, None]] = {}
     runs = {run.record.id: run for run in data.runs}
     for cell in data.assessment.cells:
         place, here = (cell.scenario, cell.sut), [runs[run] for run in cell.runs]
-        for measure in MEASURES:
+        for measure in measures:
             measured = (run.tracks.measures for run in here)
             if values := tuple(run[measure.name] for run in measured if measure.name in run):
                 columns[measure.name].values[place] = values
@@ -175,14 +179,11 @@ def measure_columns(data: ReportData) -> tuple[MeasureColumn, ...]:
             text = texts.get(own.oracle, "")
             key = standard.get(own.oracle) or (own.oracle, text)
             alone = MeasureColumn(RunMeasure(own.oracle, own.unit, "", text, 2))
-            columns.setdefault(key, alone).values.setdefault(place, own.values)
-            if text:
-                names.setdefault(key, {})[own.oracle] = None
-    return tuple(
-        replace(column, measure=replace(column.measure, declared=tuple(names.get(key, ()))))
-        for key, column in columns.items()
-        if column.values
-    )
+            column = columns.setdefault(key, alone)
+            column.values.setdefault(place, own.values)
+            if text and own.oracle not in column.declared:
+                column.declared.append(own.oracle)
+    return tuple(column for column in columns.values() if column.values)
 
 
 def report_table(data: ReportData) -> pa.Table:

@@ -25,8 +25,7 @@ from daemon.analysis.report._charts import (
     trigger_chart,
 )
 from daemon.analysis.report._data import ReportData, ReportRun
-from daemon.analysis.report._measures import MEASURES, standard_names
-from daemon.analysis.report._safety_buffer import oracle_limit
+from daemon.analysis.report._measures import oracle_limit, standard_measures, standard_names
 from daemon.analysis.report._tracks import TriggerEncounter
 from daemon.analysis.report.run_maps import draw_moment, draw_ways
 from daemon.model.assessments import CellVerdict, ExpectationStatus, group_errors
@@ -242,7 +241,7 @@ def _boxes(data: ReportData) -> _Plan:
             references[name] = [*references.get(name, ()), reference]
     # The measures of the paper, and every measure with a reference.
     names = {"time in buffer", "error p95", "duration", *references}
-    for measure in MEASURES:
+    for measure in standard_measures(data.buffer):
         rows = [
             (run.record.scenario, run.record.sut, run.record.repeat, value)
             for run in data.runs

@@ -16,13 +16,9 @@ import numpy.typing as npt
 
 from daemon.analysis.report._measures import (
     SPEED_AT_TRIGGER,
+    SafetyBuffer,
     measured_values,
     standard_oracles,
-)
-from daemon.analysis.report._safety_buffer import (
-    SafetyBuffer,
-    ThinnedSamples,
-    returns_inside,
 )
 from daemon.judging.oracles import SignalSampler, footprint_box, judge
 from grammars.model.behaviour import JointEvent, Trigger, joint_event
@@ -37,7 +33,11 @@ AFTER: Final = 15.0
 """Time around a trigger in figures [s]: the approach, and the detour."""
 _RATE: Final = 5.0
 """Samples per second of that time."""
+_POINTS: Final = 4000
+"""Most points of one run: about as many as the histogram has cells, 64 by 64."""
 
+ThinnedSamples: TypeAlias = npt.NDArray[np.float32]
+"""Samples for drawing; measures are computed from all samples before."""
 Indices: TypeAlias = npt.NDArray[np.int64]
 
 
@@ -71,8 +71,9 @@ class RunTracks:
     to the nearest obstacle, negative inside. ``error``, ``sigma_x``, ``sigma_y`` [m]: localisation;
     NaN where unknown. ``returns`` (k, 2) [m]: laser returns inside the buffer, base frame.
     ``contacts`` (time, object, x, y). ``measures`` by name, in the units of
-    :data:`daemon.analysis.report._measures.MEASURES`. ``top_speed`` [m/s] and ``top_turning``
-    [rad/s] are the largest magnitudes. ``problem`` says why the tracks are empty, if they are.
+    :func:`daemon.analysis.report._measures.standard_measures`. ``top_speed`` [m/s] and
+    ``top_turning`` [rad/s] are the largest magnitudes. ``problem`` says why the tracks are empty,
+    if they are.
     """
 
     problem: str = ""
@@ -233,3 +234,28 @@ def _contacts(trace: Trace) -> tuple[tuple[float, str, float, float], ...]:
             entry = (record.time, other, record.point[0], record.point[1])
             contacts.setdefault((int(record.time), other), entry)
     return tuple(contacts.values())
+
+
+def returns_inside(trace: Trace, centre: Point2, half: Point2) -> ThinnedSamples:
+    """Return laser returns (k, 2) [m, base frame] inside the box, of every laser of the robot.
+
+    Empty if the trace was read without its scans.
+    """
+    parts = [np.empty((0, 2))]
+    for laser, scans in zip(trace.spec.robot.lasers, trace.scans or (), strict=False):
+        mount = laser.mount
+        # Lost rays and those without a return are NaN or infinite.
+        far = np.hypot(*half) + np.hypot(*centre) + np.hypot(mount.x, mount.y)
+        ranges = scans.ranges.ravel()
+        # The float32, rounded up, keeps the ranges from becoming float64.
+        near = np.flatnonzero((ranges > 0.0) & (ranges <= np.float32(far * 1.001)))
+        rays, ranges = near % laser.rays, ranges[near].astype(np.float64)
+        bearing = mount.yaw + laser.angle_min + laser.angle_increment * np.arange(laser.rays)
+        x = mount.x + ranges * np.cos(bearing)[rays] - centre[0]
+        y = mount.y + ranges * np.sin(bearing)[rays] - centre[1]
+        within = (np.abs(x) < half[0]) & (np.abs(y) < half[1])
+        parts.append(np.column_stack((x, y))[within] + centre)
+    inside = np.concatenate(parts)
+    if len(inside) > _POINTS:
+        inside = inside[np.linspace(0, len(inside) - 1, _POINTS).astype(np.int64)]
+    return inside.astype(np.float32)

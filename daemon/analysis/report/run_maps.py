@@ -26,7 +26,7 @@ from daemon.analysis.deciding import (
 )
 from daemon.analysis.object_marks import metres_text
 from daemon.analysis.report._data import ReportData
-from daemon.analysis.report._safety_buffer import SafetyBuffer, safety_buffer
+from daemon.analysis.report._measures import SafetyBuffer, safety_buffer
 from daemon.analysis.report._tracks import RunTracks, extract_tracks
 from daemon.judging import oracles
 from daemon.judging.oracles import SignalSampler

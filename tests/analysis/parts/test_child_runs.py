@@ -131,9 +131,12 @@ def stopped(*arguments, **rest):
         (stopped, "its time was up"),
     ],
 )
-def test_an_execution_that_fails_is_none_and_says_why(tmp_path, places, execute_run, problem):
+def test_an_execution_that_fails_is_none_and_says_why(
+    tmp_path, places, execute_run, problem, monkeypatch
+):
+    monkeypatch.setattr("daemon.analysis.verification.execute", execute_run)
     path, _ = recorded(tmp_path, sut=IDLE)
-    found = verify(path, 1, places=places, execute_run=execute_run)
+    found = verify(path, 1, places=places)
     assert [one.problem for one in found.executions] == [problem]
     assert not found.all_executed
     assert sum(found.outcomes.values()) == 1
