@@ -7,20 +7,12 @@ the smallest failing run as a campaign.
 
 from daemon.analysis.blame._case import Candidate, RunCase, case_of, load_case
 from daemon.analysis.blame._elements import Blame, Explanation, NoFailureError, story_lines
-from daemon.analysis.blame._runner import (
-    SLOTS,
-    BudgetSpentError,
-    CandidateRunner,
-    candidate_verdicts,
-    execute_candidates,
-)
+from daemon.analysis.blame._runner import BudgetSpentError, CandidateRunner, candidate_verdicts
 from daemon.analysis.blame._save import save_campaign
-from daemon.analysis.blame._search import BlameResult, ddmin, explain_failure
+from daemon.analysis.blame._search import ddmin, explain_failure
 
 __all__ = [
-    "SLOTS",
     "Blame",
-    "BlameResult",
     "BudgetSpentError",
     "Candidate",
     "CandidateRunner",
@@ -30,7 +22,6 @@ __all__ = [
     "candidate_verdicts",
     "case_of",
     "ddmin",
-    "execute_candidates",
     "explain_failure",
     "load_case",
     "save_campaign",

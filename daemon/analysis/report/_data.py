@@ -54,11 +54,10 @@ class ReportRun:
 
 @dataclass(frozen=True, slots=True)
 class ReportData:
-    """Input of a report; ``oracles`` are the texts of all oracles, each once."""
+    """Input of a report."""
 
     input: CampaignResults
     runs: tuple[ReportRun, ...]
-    oracles: tuple[str, ...]
     buffer: SafetyBuffer
     coverage: Coverage
 
@@ -104,7 +103,7 @@ def read_report_data(
     rows = tuple(run.record for run in runs)
     results = replace(results, rows=rows, assessment=assess(results.declared, rows))
     coverage = sum_coverage([run.coverage for run in runs if run.coverage is not None])
-    return ReportData(results, runs, texts, buffer, coverage)
+    return ReportData(results, runs, buffer, coverage)
 
 
 def _watches(specs: Iterable[RunSpec]) -> tuple[Trigger, ...]:

@@ -25,11 +25,10 @@ from daemon.analysis.report._charts import (
     trigger_chart,
 )
 from daemon.analysis.report._data import ReportData, ReportRun
-from daemon.analysis.report._measures import oracle_limit, standard_measures, standard_names
+from daemon.analysis.report._measures import error_limit, standard_measures, standard_names
 from daemon.analysis.report._tracks import TriggerEncounter
 from daemon.analysis.report.run_maps import draw_moment, draw_ways
 from daemon.model.assessments import CellVerdict, ExpectationStatus, group_errors
-from daemon.model.status import RunRow
 from daemon.model.verdicts import Outcome, Verdict
 from grammars.text.words import format_quantity
 from templates.naming import file_name, free_name, xml_text
@@ -82,7 +81,7 @@ _Plan: TypeAlias = Iterator[tuple[ReportFigure, _Map | None]]
 
 def draw_figures(data: ReportData, *, processes: int | None = None) -> tuple[ReportFigure, ...]:
     """Draw every figure of a report, except those with a missing trace."""
-    limit = oracle_limit(data.oracles, "loc.error")
+    limit = error_limit(data.oracle_texts.values())
     scales = shared_scales(_drawn(data), limit)
     plan = [
         *_moments(data),
@@ -214,7 +213,9 @@ def largest_errors(data: ReportData) -> Iterator[str]:
     """
     localised = [run for run in _drawn(data) if "error max" in run.tracks.measures]
     scenarios = dict.fromkeys(
-        run.record.scenario for run in localised if _asks_for_error(run.record)
+        run.record.scenario
+        for run in localised
+        if error_limit(verdict.text for verdict in run.record.verdicts) is not None
     )
     groups = [[run for run in localised if run.record.scenario == name] for name in scenarios]
     for group in filter(None, groups or [localised]):
@@ -224,10 +225,6 @@ def largest_errors(data: ReportData) -> Iterator[str]:
         moment = float(tracks.time[np.nanargmax(tracks.error)])
         run = f"{record.scenario} with {record.sut}, repeat {record.repeat}"
         yield f"{error} at {moment:.1f} s of {run}"
-
-
-def _asks_for_error(record: RunRow) -> bool:
-    return oracle_limit((verdict.text for verdict in record.verdicts), "loc.error") is not None
 
 
 def _boxes(data: ReportData) -> _Plan:

@@ -199,8 +199,8 @@ def _judged_parts(text: str) -> Iterator[tuple[Expression, bool | None]]:
         yield from ((part, holds) for part in walk(judged))
 
 
-def oracle_limit(texts: Iterable[str], signal: str) -> float | None:
-    """Return the smallest constant limit of ``signal`` that must hold at each sample, if any."""
+def error_limit(texts: Iterable[str]) -> float | None:
+    """Return the smallest limit [m] of the localisation error that holds at each sample, if any."""
     limits = [
         number.value
         for text in texts
@@ -208,7 +208,7 @@ def oracle_limit(texts: Iterable[str], signal: str) -> float | None:
         if holds
         and isinstance(part, Comparison)
         and isinstance(number := part.right, Number)
-        and part.left == Signal(signal)
+        and part.left == Signal("loc.error")
         and part.operator in ("<=", "<")
     ]
     return min(limits, default=None)

@@ -10,7 +10,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daemon.analysis.blame import Candidate, execute_candidates
+from daemon.analysis.blame import Candidate
+from daemon.analysis.blame._runner import execute_candidates
 from daemon.analysis.rejudge import rejudge
 from daemon.analysis.verification import DURATION, PATH, verify, verify_spec
 from daemon.batch.paths import StatePaths

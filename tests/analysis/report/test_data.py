@@ -16,8 +16,8 @@ from daemon.analysis.report import read_report_data, report_table, write_junit
 from daemon.analysis.report._data import measure_columns
 from daemon.analysis.report._measures import (
     SafetyBuffer,
+    error_limit,
     measured_values,
-    oracle_limit,
     safety_buffer,
     standard_measures,
     standard_names,
@@ -130,9 +130,9 @@ def test_the_buffer_is_that_of_the_oracles(texts, footprints, half, margin):
 
 def test_the_limit_of_a_signal_is_the_strictest():
     texts = ("always(loc.error <= 0.35 m)", "never(loc.error > 1 m)", "max(loc.error) < 30 cm")
-    assert oracle_limit(texts, "loc.error") == pytest.approx(0.3)
-    assert oracle_limit(("mean(loc.error) <= 0.1 m",), "loc.error") is None
-    assert oracle_limit(texts, "clearance") is None
+    assert error_limit(texts) == pytest.approx(0.3)
+    assert error_limit(("mean(loc.error) <= 0.1 m",)) is None
+    assert error_limit(("always(clearance <= 1 m)",)) is None
 
 
 @given(

@@ -6,7 +6,8 @@ import time
 from functools import partial
 from pathlib import Path
 
-from daemon.analysis.blame import SLOTS, Candidate
+from daemon.analysis.blame import Candidate
+from daemon.analysis.blame._runner import SLOTS
 from daemon.analysis.child_runs import run_in_children
 from daemon.campaign import load_campaign
 from daemon.model.search import Proposal
