@@ -12,7 +12,7 @@ from daemon.model.spec import MapSettings
 from grammars.model.grid import OccupancyGrid
 from grammars.model.map_files import unpack_map
 from grammars.model.scene import Scene
-from templates.occupancy import building_grid, with_objects
+from templates.occupancy import occupancy_grid, with_objects
 
 _MOST_BUILDINGS: Final = 4
 _buildings: Final[dict[tuple[object, ...], OccupancyGrid]] = {}
@@ -38,7 +38,7 @@ def run_map(
     if key not in _buildings:
         if len(_buildings) == _MOST_BUILDINGS:
             del _buildings[next(iter(_buildings))]
-        _buildings[key] = building_grid(
+        _buildings[key] = occupancy_grid(
             scene, resolution=settings.resolution, laser_height=laser_height, rule=settings.rule
         )
     building = _buildings[key]

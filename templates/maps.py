@@ -12,7 +12,7 @@ from grammars.model.grid import MapRule, OccupancyGrid
 from grammars.model.map_files import write_map
 from grammars.model.scene import Scene
 from templates.naming import file_name, free_name
-from templates.occupancy import building_grid, with_objects
+from templates.occupancy import occupancy_grid, with_objects
 from templates.world import BehaviourDraw, ExportJob
 
 _START: Final = "start"
@@ -51,7 +51,7 @@ def _building_map(
     building: Scene, resolution: float, laser_height: float, rule: MapRule
 ) -> OccupancyGrid:
     """Return the map of a scene without objects, which worlds of one building share."""
-    return building_grid(building, resolution=resolution, laser_height=laser_height, rule=rule)
+    return occupancy_grid(building, resolution=resolution, laser_height=laser_height, rule=rule)
 
 
 def write_maps(job: ExportJob) -> tuple[Path, ...]:

@@ -29,12 +29,11 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from grammars.model.geometry import Floats, Point2, Ring, turn
+from grammars.model.geometry import Floats, Ring, turn
 from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, MapRule, OccupancyGrid
 from grammars.model.kinematics import placed_links
 from grammars.model.movers import is_mover
 from grammars.model.scene import Doorway, Scene, Solid
-from grammars.text.diagnostics import did_you_mean
 from templates.polygon_cells import (
     NOISE,
     CellsOf,
@@ -59,36 +58,15 @@ def occupancy_grid(
     *,
     resolution: float = 0.05,
     laser_height: float,
-    joints: Mapping[str, float] | None = None,
     margin: float = 1.25,
     rule: MapRule = "outline",
 ) -> OccupancyGrid:
-    """Return the map of ``scene`` at the height of a laser, ``laser_height`` [m].
+    """Return the map of ``scene`` without its objects at the height of a laser [m].
 
     ``resolution`` is the size of a cell [m], ``margin`` the border around the spaces [m]. The
     origin is their lowest corner minus the margin. The map grows by whole cells for solids beyond
-    the margin. Without ``joints`` it omits objects. Otherwise ``joints`` are positions by
-    scene-wide name [rad or m]; other joints are at their start. Movers are never drawn.
-
-    Raises :class:`ValueError` for an empty scene, sizes that are not positive and unknown joints.
+    the margin. Raises :class:`ValueError` for an empty scene and sizes that are not positive.
     """
-    building = building_grid(
-        scene, resolution=resolution, laser_height=laser_height, margin=margin, rule=rule
-    )
-    if joints is None:
-        return building
-    return with_objects(building, scene, laser_height=laser_height, joints=joints, rule=rule)
-
-
-def building_grid(
-    scene: Scene,
-    *,
-    resolution: float,
-    laser_height: float,
-    margin: float = 1.25,
-    rule: MapRule = "outline",
-) -> OccupancyGrid:
-    """Return the map of ``scene`` without its objects; see :func:`occupancy_grid`."""
     if not (resolution > 0.0 and math.isfinite(resolution) and margin >= 0.0):
         raise ValueError(f"resolution {resolution} must be positive, margin {margin} not negative")
     solids = _solid_polygons(scene, laser_height)
@@ -129,10 +107,10 @@ def with_objects(
     joints: Mapping[str, float],
     rule: MapRule = "outline",
 ) -> OccupancyGrid:
-    """Return a map of :func:`building_grid` with the objects, drawn with the same settings.
+    """Return a map of :func:`occupancy_grid` with the objects, drawn with the same settings.
 
-    ``joints`` are positions by scene-wide name [rad or m]. Raises :class:`ValueError` for unknown
-    joints.
+    ``joints`` are positions by scene-wide name [rad or m]; other joints are at their start. Movers
+    are never drawn.
     """
     objects = _object_polygons(scene, laser_height, joints)
     cells = building.cells.copy()
@@ -186,28 +164,14 @@ def _beside(solids: Sequence[Ring], objects: Sequence[Ring], resolution: float) 
     """Return at least the solids with cells beside cells of an object."""
     if not (solids and objects):
         return []
-    # One cell more, for cells in which an edge only begins.
-    reach = (_BESIDE + 1) * resolution
-    low, high = (np.array([bound(ring) for ring in solids]) for bound in (_lowest, _highest))
-    lower, upper = (np.array([bound(ring) for ring in objects]) for bound in (_lowest, _highest))
-    apart: npt.NDArray[np.bool_] = (low[:, None] > upper + reach) | (high[:, None] < lower - reach)
-    near = np.flatnonzero(np.any(~np.any(apart, axis=2), axis=1))
-    return [solids[index] for index in near.tolist()]
-
-
-def _lowest(ring: Ring) -> Point2:
-    return min(x for x, _ in ring), min(y for _, y in ring)
-
-
-def _highest(ring: Ring) -> Point2:
-    return max(x for x, _ in ring), max(y for _, y in ring)
+    # One cell more, for cells in which an edge only begins; twice as far, for diagonals.
+    reach = 2.0 * (_BESIDE + 1) * resolution
+    tree = shapely.STRtree(_polygons(solids))
+    near = tree.query(_polygons(objects), predicate="dwithin", distance=reach)[1]
+    return [solids[index] for index in np.unique(near).tolist()]
 
 
 def _object_polygons(scene: Scene, height: float, joints: Mapping[str, float]) -> list[Ring]:
-    names = scene.joint_names
-    for name in joints:
-        if name not in names:
-            raise ValueError(f'unknown joint "{name}"; {did_you_mean(name, names)}')
     rings: list[Ring] = []
     for thing in scene.objects:
         if is_mover(thing.joints):

@@ -1,4 +1,4 @@
-"""Checks of behaviours: joints that cannot follow, and events and triggers that never happen."""
+"""Checks of behaviours: joints that cannot move, and events and triggers that never happen."""
 
 from __future__ import annotations
 
@@ -12,83 +12,46 @@ from grammars.model.behaviour import (
     Event,
     Hold,
     JointActs,
-    KeyFrames,
     LegBegins,
     Reaction,
     Trigger,
     Walk,
     WaypointReached,
 )
-from grammars.model.free_space import (
-    SNAP_DISTANCE,
-    inscribed_radius,
-    moving_links,
-    swept_area,
-)
+from grammars.model.free_space import SNAP_DISTANCE, inscribed_radius, moving_links, swept_area
 from grammars.model.mission import Mission
-from grammars.model.movers import PLANAR_JOINTS, is_fixed, is_mover, own_joints
+from grammars.model.movers import is_fixed, own_joints
 from grammars.model.robot import Robot
-from grammars.model.scene import Joint, Scene, SceneObject
+from grammars.model.scene import Scene
 from grammars.preflight._checked import CheckedScene, free_space
-from grammars.text.diagnostics import Findings, Where, did_you_mean
+from grammars.text.diagnostics import Findings, did_you_mean
 
 _TOLERANCE: Final = 1e-9
 _WaitingBehaviour: TypeAlias = Reaction | Walk
 
 
 def check_behaviours(checked: CheckedScene) -> bool:
-    """Report joints that are unknown, frozen, have two behaviours or would leave their limits.
-
-    Returns whether there are no problems.
-    """
-    joints = {f"{b.name}.{j.name}": (b, j) for b in checked.scene.objects for j in b.joints}
+    """Report behaviours of joints that cannot move; return whether there are none."""
+    joints = {
+        f"{body.name}.{joint.name}": (body, joint, initial)
+        for body in checked.scene.objects
+        for joint, initial in zip(body.joints, body.initial, strict=True)
+    }
     problems = Findings()
-    moving: set[str] = set()
     for behaviour in checked.behaviours:
-        name, where = behaviour.joint, checked.place(behaviour.joint)
-        if not isinstance(behaviour, Walk) and name not in joints:
-            message = f'there is no joint "{name}" in the scene'
-            problems.error(where, message, did_you_mean(name, joints))
+        if isinstance(behaviour, Walk):
             continue
-        own = behaviour.joints if isinstance(behaviour, Walk) else (name,)
-        if not moving.isdisjoint(own):
-            subject = behaviour.object if isinstance(behaviour, Walk) else name
-            problems.error(where, f"{subject} has two behaviours", "remove one")
-        moving.update(own)
-        if not isinstance(behaviour, Walk):
-            _check_behaviour(problems, where, behaviour, *joints[name])
+        name, where = behaviour.joint, checked.place(behaviour.joint)
+        body, joint, initial = joints[name]
+        holds = isinstance(behaviour, Hold)
+        stays = holds and all(abs(q - initial) <= _TOLERANCE for q in behaviour.positions)
+        if body.frozen and not stays:
+            message = f"{name} should move, but {body.name} is frozen"
+            problems.error(where, message, "remove frozen, or the behaviour")
+        elif joint.upper - joint.lower < _TOLERANCE and not holds:
+            problems.error(where, f"{name} should move, but its limits leave no room")
     checked.findings.add(problems.all)
     return not problems.all
-
-
-def _check_behaviour(
-    problems: Findings,
-    where: Where,
-    behaviour: Hold | KeyFrames | Trigger | Reaction,
-    body: SceneObject,
-    joint: Joint,
-) -> None:
-    """Report the reasons why a joint cannot follow its behaviour."""
-    name, positions = behaviour.joint, behaviour.positions
-    initial = body.initial[body.joints.index(joint)]
-    holds = isinstance(behaviour, Hold)
-    moves = not holds or any(abs(q - initial) > _TOLERANCE for q in positions)
-    if body.frozen and moves:
-        message = f"{name} should move, but {body.name} is frozen"
-        problems.error(where, message, "remove frozen, or the behaviour")
-        return
-    if is_mover(body.joints) and joint.name in PLANAR_JOINTS and not holds:
-        problems.error(where, f"{name} belongs to a mover", f"let {body.name} walk")
-        return
-    for q in dict.fromkeys(positions):
-        if not joint.lower - _TOLERANCE <= q <= joint.upper + _TOLERANCE:
-            message = f"the target {q:g} of {name} is outside its limits"
-            problems.error(where, message, f"between {joint.lower:g} and {joint.upper:g}")
-    if not body.frozen and joint.upper - joint.lower < _TOLERANCE and not holds:
-        problems.error(where, f"{name} should move, but its limits leave no room")
-    if isinstance(behaviour, Trigger) and behaviour.of == "doorway" and not body.doorway:
-        message = f"{name} measures from its doorway, but {body.name} has none"
-        problems.error(where, message, "measure from its hinge or leaf")
 
 
 def check_events(checked: CheckedScene, mission: Mission) -> None:
@@ -105,9 +68,8 @@ def check_events(checked: CheckedScene, mission: Mission) -> None:
 
 
 def _check_names(checked: CheckedScene, mission: Mission, waiting: _WaitingBehaviour) -> bool:
-    """Report unknown names in an event; return whether all names exist."""
+    """Report a leg or waypoint that the mission lacks; return whether it has it."""
     event, ids = waiting.event, [waypoint.id for waypoint in mission.waypoints]
-    scene_joints = checked.scene.joint_names
     if isinstance(event, LegBegins) and not 1 <= event.leg <= len(ids):
         message = f"there is no leg {event.leg}, mission {mission.name} has {len(ids)}"
         checked.error(waiting.joint, message, "legs count from 1")
@@ -116,12 +78,7 @@ def _check_names(checked: CheckedScene, mission: Mission, waiting: _WaitingBehav
         message = f'mission {mission.name} has no waypoint "{event.waypoint}"'
         checked.error(waiting.joint, message, did_you_mean(event.waypoint, ids))
         return False
-    joints = event.joints if isinstance(event, JointActs) else ()
-    unknown = [name for name in joints if name not in scene_joints]
-    for name in unknown:
-        message = f'there is no joint "{name}" in the scene'
-        checked.error(waiting.joint, message, did_you_mean(name, scene_joints))
-    return not unknown
+    return True
 
 
 def _never_coming(checked: CheckedScene) -> list[tuple[_WaitingBehaviour, JointActs]]:

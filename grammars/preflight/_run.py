@@ -37,7 +37,7 @@ def check_run(
 
     Errors: start or waypoint inside a wall, outside all rooms or nearer to a wall than half the
     width of the robot; unreachable waypoints, with the doorway that is too narrow; behaviours of
-    joints that do not exist, cannot move or would leave their limits; unknown events. Warnings:
+    joints that cannot move; legs and waypoints that the mission lacks. Warnings:
     waypoints behind shut doors or under a leaf; leaves that move through walls or other objects;
     triggers out of reach of the robot; events that never happen; routes through walls.
 

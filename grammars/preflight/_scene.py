@@ -10,13 +10,12 @@ import shapely
 from shapely.geometry import Polygon
 
 from grammars.model.movers import is_mover
-from grammars.model.scene import Doorway, Scene, SceneObject
+from grammars.model.scene import Doorway, Scene
 from grammars.preflight._checked import CheckedScene, Footprint, meetings, sweeps
 from grammars.preflight._doors import check_doors
 from grammars.preflight._parts import check_inside, check_meetings, check_starts, check_walls
 from grammars.text.diagnostics import Finding, Where
 
-_TOLERANCE: Final = 1e-9
 _BLOCKED: Final = 0.05
 """Largest share of a passage that a wall may cover."""
 _THRESHOLD: Final = 0.06
@@ -26,17 +25,13 @@ _THRESHOLD: Final = 0.06
 def check_scene(scene: Scene, *, places: Mapping[str, Where] | None = None) -> tuple[Finding, ...]:
     """Return the problems of a scene, independent of runs.
 
-    Errors: two objects with one name, joints that start outside their limits, leaves that start
-    inside a wall or are higher than their doorway, objects that overlap at the start. Warnings:
-    leaves that would sweep through a wall or another object somewhere in the range of their
+    Errors: leaves that start inside a wall or are higher than their doorway, objects that overlap
+    at the start. Warnings: leaves that would sweep through a wall or another object somewhere in the range of their
     joints, doors much narrower than their doorway, two doors in one doorway, objects outside the
     building, entryways closed by a wall that they do not list. ``places`` has the places of
     objects and entryways by name (see :func:`grammars.preflight.places_of`).
     """
     checked = CheckedScene(scene, places or {}, Where(scene.name))
-    _check_names(checked)
-    for body in scene.objects:
-        _check_limits(checked, body)
     for doorway in scene.doorways:
         _check_passage(checked, doorway)
     standing = [body for body in scene.objects if not is_mover(body.joints)]
@@ -58,23 +53,6 @@ def check_scene(scene: Scene, *, places: Mapping[str, Where] | None = None) -> t
     check_walls(checked, loose, "somewhere in its range")
     check_meetings(checked, swept, "somewhere in its range", clashes | overlaps)
     return checked.findings.all
-
-
-def _check_names(checked: CheckedScene) -> None:
-    names = [body.name for body in checked.scene.objects]
-    for name in dict.fromkeys(names):
-        if names.count(name) > 1:
-            checked.error(name, f'two objects have the name "{name}"')
-
-
-def _check_limits(checked: CheckedScene, body: SceneObject) -> None:
-    for joint, position in zip(body.joints, body.initial, strict=True):
-        if not joint.lower - _TOLERANCE <= position <= joint.upper + _TOLERANCE:
-            checked.error(
-                body.name,
-                f"{body.name}.{joint.name} starts at {position:g}, outside its limits",
-                f"between {joint.lower:g} and {joint.upper:g}",
-            )
 
 
 def _check_passage(checked: CheckedScene, doorway: Doorway) -> None:

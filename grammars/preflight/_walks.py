@@ -20,7 +20,6 @@ from grammars.model.movers import CORNER, PLANAR_JOINTS, Route, is_mover
 from grammars.model.scene import Link, SceneObject
 from grammars.preflight._checked import CheckedScene, Footprint
 from grammars.preflight._parts import check_inside, check_starts
-from grammars.text.diagnostics import did_you_mean
 
 _ROUTE_STEP: Final = 0.1
 _STRAIGHT: Final = 1e-9
@@ -31,8 +30,8 @@ _TURN_STEPS: Final = 46
 def check_walks(checked: CheckedScene) -> None:
     """Report problems of the routes of movers.
 
-    Errors: walks of objects that are not movers, points inside a wall or outside all rooms, routes
-    through a wall, movers that stand in one. Warnings: bodies that touch a wall, walk through still
+    Errors: walks of frozen movers, points inside a wall or outside all rooms, routes through a
+    wall, movers that stand in one. Warnings: bodies that touch a wall, walk through still
     objects (including shut doors) or rest outside the building.
     """
     bodies = {body.name: body for body in checked.scene.objects}
@@ -42,13 +41,9 @@ def check_walks(checked: CheckedScene) -> None:
     check_starts(checked, resting)
     check_inside(checked, resting)
     for walk in walks:
-        body = bodies.get(walk.object)
-        if body is None:
-            hint = did_you_mean(walk.object, bodies)
-            checked.error(walk.joint, f'there is no object "{walk.object}"', hint)
-        elif body.frozen or not is_mover(body.joints):
-            reason = "frozen" if body.frozen else "an object, not a mover"
-            checked.error(walk.joint, f"{body.name} cannot walk, it is {reason}")
+        body = bodies[walk.object]
+        if body.frozen:
+            checked.error(walk.joint, f"{body.name} cannot walk, it is frozen")
         # A route with a wrong point needs no further checks.
         elif _check_points(checked, body, walk):
             _check_way(checked, body, walk)

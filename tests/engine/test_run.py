@@ -33,7 +33,7 @@ from grammars.model.robot_files import load_robot
 from grammars.scenery import load_scenery
 from grammars.scenery.composition import compile_scene, resolve_behaviours
 from grammars.text import codec
-from templates.occupancy import occupancy_grid
+from templates.occupancy import occupancy_grid, with_objects
 from tests.engine.conftest import Runs
 from tests.engine.systems import System, later
 from tests.engine.trace.mcap_checks import complaints
@@ -200,8 +200,9 @@ def test_a_door_reacts_to_the_mission(crowd):
 def test_the_map_of_a_crowded_house_shows_no_people(crowd):
     scene, _ = crowd
     alone = replace(scene, objects=tuple(o for o in scene.objects if o.name != "visitor"))
+    building = occupancy_grid(scene, laser_height=0.3)
     crowded, empty = (
-        occupancy_grid(each, laser_height=0.3, joints={}).cells for each in (scene, alone)
+        with_objects(building, each, laser_height=0.3, joints={}).cells for each in (scene, alone)
     )
     assert np.array_equal(crowded, empty)
 

@@ -21,7 +21,7 @@ from grammars.model.kinematics import driven_joints
 from grammars.model.map_files import read_map, write_map
 from grammars.model.scene import Scene
 from scenario_tui.cli import invoke
-from templates.occupancy import occupancy_grid
+from templates.occupancy import occupancy_grid, with_objects
 
 KINDS = ("map", "sdf", "keyframes", "launch")
 """What says something about the doors of a run."""
@@ -163,9 +163,9 @@ def test_every_draw_has_the_map_of_its_runs(worlds):
     for spec in world.runs:
         trace = read_trace(executed(world, spec))
         start = dict(zip(trace.joints.names, trace.joints.position[0], strict=True))
-        expected = occupancy_grid(
-            world.scene, laser_height=spec.robot.laser.z, resolution=0.1, joints=start
-        )
+        height = spec.robot.laser.z
+        building = occupancy_grid(world.scene, laser_height=height, resolution=0.1)
+        expected = with_objects(building, world.scene, laser_height=height, joints=start)
         found = [
             name
             for name in names

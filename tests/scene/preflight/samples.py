@@ -16,12 +16,6 @@ ROBILE = load_robot(ROOT / "campaigns" / "robots" / "robile.yaml")
 DOOR = "d is a hinged_door in kitchen_doorway, hinge left, opening into kitchen\n"
 OTHER = "e is a hinged_door in way_out, hinge left, opening inwards\n"
 
-PERSON = """
-mover person
-    link body circle radius 25 cm from 0 m to 1.7 m, mass 75 kg
-v is a person in hall, x -4 m
-"""
-
 
 scene_with = functools.cache(plans.scene_with)
 """The two rooms with objects, compiled once for all tests that ask for the same ones."""
