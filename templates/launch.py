@@ -11,7 +11,6 @@ import json
 from pathlib import Path
 
 from grammars.model.geometry import Pose2
-from grammars.text.diagnostics import InputError, Where
 from templates.maps import map_file
 from templates.rendering import render
 from templates.sdf import world_file
@@ -64,13 +63,8 @@ def write_layout(job: ExportJob) -> tuple[Path, ...]:
         scans=[f"/{laser.topic}" for laser in robot.lasers] if robot else ["/scan"],
         colours=_COLOURS,
     )
-    try:
-        layout = json.loads(text)
-    except ValueError as error:
-        message = f"the layout is not JSON: {error}"
-        raise InputError.at(Where("foxglove.json.j2"), message) from error
     path = job.path(f"{job.name}.foxglove.json")
-    return (job.write(path, json.dumps(layout, ensure_ascii=False, indent=1) + "\n"),)
+    return (job.write(path, json.dumps(json.loads(text), ensure_ascii=False, indent=1) + "\n"),)
 
 
 _COLOURS = (

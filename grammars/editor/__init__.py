@@ -15,20 +15,9 @@ from importlib.resources.abc import Traversable
 from typing import Final
 from xml.sax.saxutils import escape, quoteattr
 
-from grammars.editor._schemas import (
-    QUANTITY_EXAMPLES,
-    editor_schema,
-    nullable,
-    quantity_pattern,
-)
+from grammars.editor._schemas import editor_schema, nullable
 
-__all__ = [
-    "QUANTITY_EXAMPLES",
-    "editor_schema",
-    "nullable",
-    "pack_extension",
-    "quantity_pattern",
-]
+__all__ = ["editor_schema", "nullable", "pack_extension"]
 
 _CONTENT_TYPES: Final = """\
 <?xml version="1.0" encoding="utf-8"?>

@@ -21,7 +21,6 @@ from grammars.floorplan.model import (
     Point3,
     Space,
     Wall,
-    frames,
 )
 
 __all__ = [
@@ -40,7 +39,6 @@ __all__ = [
     "RectangleNode",
     "Space",
     "Wall",
-    "frames",
     "geometric_flaws",
     "load_floorplan",
     "opening_at",

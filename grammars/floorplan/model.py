@@ -1,8 +1,9 @@
 """Compiled floor plan: world-frame geometry of spaces, walls, features and openings.
 
 Frames follow the FloorPlan language: a wall's frame is at the middle of its inner edge, x along
-the edge, y through the thickness (outwards for clockwise rooms), z up. Every frame has a published
-identifier (:func:`frames`). Units are metres and radians.
+the edge, y through the thickness (outwards for clockwise rooms), z up. Frames have published
+identifiers: ``<space>-frame``, ``<space>-wall-<i>-frame``, ``<kind>-<id>-frame`` of features and
+openings. The frame of an opening lies on the floor. Units are metres and radians.
 """
 
 from __future__ import annotations
@@ -159,19 +160,4 @@ class FloorPlan:
 
 
 WORLD_FRAME = "world-frame"
-
-
-def frames(plan: FloorPlan) -> dict[str, Pose2]:
-    """Return the world pose of every published frame by its identifier, in source order.
-
-    ``world-frame``, ``<space>-frame``, ``<space>-wall-<i>-frame``, ``column-<id>-frame``,
-    ``divider-<id>-frame``, ``entryway-<id>-frame`` and ``window-<id>-frame``. The frame of an
-    opening lies on the floor; its height is :attr:`Opening.z`.
-    """
-    poses = {WORLD_FRAME: Pose2()}
-    for space in plan.spaces:
-        poses[f"{space.name}-frame"] = space.frame
-        poses.update((f"{wall.id}-frame", wall.frame) for wall in space.walls)
-    poses.update((f"{f.kind}-{f.id}-frame", f.frame) for f in plan.features)
-    poses.update((f"{o.kind}-{o.id}-frame", o.frame) for o in plan.openings)
-    return poses
+"""Published identifier of the world frame."""

@@ -108,9 +108,7 @@ class _LayerReader:
 
     def _instance(self, node: Node, where: Where) -> Instance:
         """Return an instance placed by its pose."""
-        of = node.ref(OBJ["of-object"])
-        if of is None:
-            raise InputError.at(where, f"instance {local_name(node.id)} has no object")
+        of = node.refs(OBJ["of-object"])[0]
         owner = self._nodes.get(of)
         model = self._nodes.get(owner.ref(SCN["mirror-of"]) or of)
         state = node.ref(ST["start-state"])

@@ -171,11 +171,7 @@ class ObjectReader:
         bodies: dict[str, Node] = {}
         for id in ids:
             link = self._nodes.get(id)
-            body = link.ref(OBJ["link"])
-            if body is None:
-                self._nodes.add_error(id, f"link {local_name(id)} has no body")
-            else:
-                bodies[body] = link
+            bodies[link.refs(OBJ["link"])[0]] = link
         return bodies
 
     def _link(self, body: str, link: Node, placed: dict[str, PlacedFrame]) -> Link | None:

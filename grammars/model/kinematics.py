@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Container, Iterator, Mapping, Sequence
-from typing import Final, TypeAlias
+from typing import Final, TypeAlias, TypeVar
 
 import numpy as np
 
 from grammars.model.geometry import Floats, Pose2, Ring
 from grammars.model.scene import Joint, Link, SceneObject, Solid
+
+T = TypeVar("T")
 
 WORLD: Final = "world"
 Trigonometry: TypeAlias = Callable[[Floats], tuple[Floats, Floats]]
@@ -52,18 +54,11 @@ def link_poses(obj: SceneObject, positions: Sequence[float]) -> dict[str, Pose2]
         raise ValueError(
             f"{obj.name}: {len(obj.joints)} joints, but {len(positions)} joint positions"
         )
-    above = _joints_by_child(obj)
-    poses: dict[str, Pose2] = {}
-    for link in obj.links:
-        for name in reversed(_unplaced_chain(obj, above, link.name, poses)):
-            if name not in above:
-                poses[name] = obj.pose
-                continue
-            index = above[name]
-            joint = obj.joints[index]
-            parent = obj.pose if joint.parent == WORLD else poses[joint.parent]
-            poses[name] = parent @ joint_motion(joint, positions[index])
-    return {link.name: poses[link.name] for link in obj.links}
+
+    def moved(parent: Pose2, index: int) -> Pose2:
+        return parent @ joint_motion(obj.joints[index], positions[index])
+
+    return _placed_links(obj, obj.pose, moved)
 
 
 def link_tracks(
@@ -78,20 +73,30 @@ def link_tracks(
         raise ValueError(
             f"{obj.name}: {len(obj.joints)} joints, but {positions.shape[1]} joint positions"
         )
-    above = _joints_by_child(obj)
+
+    def moved(parent: Floats, index: int) -> Floats:
+        motion = _motion_track(obj.joints[index], positions[:, index], trigonometry)
+        return _compose(parent, motion, trigonometry)
+
     root = np.tile((obj.pose.x, obj.pose.y, obj.pose.yaw), (len(positions), 1))
-    tracks: dict[str, Floats] = {}
+    return _placed_links(obj, root, moved)
+
+
+def _placed_links(obj: SceneObject, root: T, moved: Callable[[T, int], T]) -> dict[str, T]:
+    """Return the place of every link, from ``root`` outwards.
+
+    ``moved`` returns the place of the child of a joint, by the place of its parent and its index.
+    """
+    above = _joints_by_child(obj)
+    places: dict[str, T] = {}
     for link in obj.links:
-        for name in reversed(_unplaced_chain(obj, above, link.name, tracks)):
+        for name in reversed(_unplaced_chain(obj, above, link.name, places)):
             if name not in above:
-                tracks[name] = root
+                places[name] = root
                 continue
-            index = above[name]
-            joint = obj.joints[index]
-            parent = root if joint.parent == WORLD else tracks[joint.parent]
-            motion = _motion_track(joint, positions[:, index], trigonometry)
-            tracks[name] = _compose(parent, motion, trigonometry)
-    return {link.name: tracks[link.name] for link in obj.links}
+            parent = obj.joints[above[name]].parent
+            places[name] = moved(root if parent == WORLD else places[parent], above[name])
+    return {link.name: places[link.name] for link in obj.links}
 
 
 def _motion_track(joint: Joint, position: Floats, trigonometry: Trigonometry) -> Floats:

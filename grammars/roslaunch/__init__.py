@@ -14,7 +14,6 @@ from typing import Final
 from grammars.roslaunch._model import (
     Launch,
     LaunchNode,
-    LaunchRemap,
     LaunchSettings,
     NodeType,
 )
@@ -27,7 +26,6 @@ from grammars.text.diagnostics import Finding, InputError, Severity, Where, did_
 __all__ = [
     "Launch",
     "LaunchNode",
-    "LaunchRemap",
     "LaunchSettings",
     "NodeType",
     "load_launch",

@@ -29,10 +29,8 @@ Sampled numbers replace those in the text of the plan, so that comments and layo
 attributes written in the plan can vary.
 """
 
-from grammars.variation._distributions import Categorical, Fixed, Normal, Range
+from grammars.variation._distributions import Fixed
 from grammars.variation._load import (
-    Variant,
-    VariantValue,
     Variation,
     draw_unit,
     fix_draws,
@@ -41,18 +39,10 @@ from grammars.variation._load import (
 )
 from grammars.variation._sample import sample, source_defects, variant_plans
 from grammars.variation._variants import VariantFile, WrittenVariants, write_variants
-from grammars.variation.designs import METHODS, Method
 
 __all__ = [
-    "METHODS",
-    "Categorical",
     "Fixed",
-    "Method",
-    "Normal",
-    "Range",
-    "Variant",
     "VariantFile",
-    "VariantValue",
     "Variation",
     "WrittenVariants",
     "draw_unit",

@@ -4,7 +4,7 @@ import inspect
 import math
 import sys
 
-from grammars.floorplan import frames, load_floorplan, parse_floorplan
+from grammars.floorplan import load_floorplan, parse_floorplan
 from tests.languages.errors.goldens import renew
 from tests.languages.plans import HERE
 
@@ -26,7 +26,7 @@ def place(frame):
 def meaning(path):
     """Return the geometry of a plan."""
     plan = load_floorplan(path)
-    lines = [f"{plan.name}: frames {' '.join(frames(plan))}"]
+    lines = [plan.name]
     for space in plan.spaces:
         lines.append(f"{space.name} at {place(space.frame)}, {space.where}: {ring(space.outline)}")
         lines += [

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grammars.editor import QUANTITY_EXAMPLES, quantity_pattern
+from grammars.editor._schemas import QUANTITY_EXAMPLES, quantity_pattern
 from grammars.text.quantity import read_as, read_quantity, unit_of
 from grammars.text.units import DIMENSIONS, LENGTH, SPEED, TIME, from_si, read_unit, to_si
 from tests.languages.plans import HERE, answers

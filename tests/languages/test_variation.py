@@ -10,15 +10,13 @@ from hypothesis import strategies as st
 from grammars.floorplan import load_floorplan
 from grammars.text.diagnostics import InputError
 from grammars.variation import (
-    Categorical,
-    Normal,
-    Range,
     load_variation,
     parse_variation,
     sample,
     variant_plans,
     write_variants,
 )
+from grammars.variation._distributions import Categorical, Normal, Range
 from tests.languages.plans import HOUSE, answers, numbers, one_variant, vary
 
 

@@ -5,7 +5,8 @@ from itertools import islice, product
 import pytest
 
 from grammars.text.diagnostics import InputError, Severity
-from grammars.variation import Normal, Range, sample, source_defects
+from grammars.variation import sample, source_defects
+from grammars.variation._distributions import Normal, Range
 from grammars.variation.designs import halton_points, latin_hypercubes, points_at
 from tests.languages.plans import answers, model_text, numbers, vary
 

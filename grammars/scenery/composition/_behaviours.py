@@ -13,20 +13,12 @@ import numpy as np
 
 from grammars.model.behaviour import Behaviour, Walk
 from grammars.model.scene import Scene, SceneObject
-from grammars.scenery._parameters import configure
 from grammars.scenery.composition._amounts import SentenceContext
 from grammars.scenery.composition._catalogue import Catalogue
 from grammars.scenery.composition._compiler import refuse_unapplied
 from grammars.scenery.composition._sentences import SentenceResolver
 from grammars.scenery.model import SceneryLayer, Sentence
-from grammars.text.diagnostics import (
-    Finding,
-    Findings,
-    InputError,
-    Severity,
-    Where,
-    did_you_mean,
-)
+from grammars.text.diagnostics import Finding, Findings, InputError, Severity, Where
 from grammars.text.words import enumerate_words
 
 
@@ -56,19 +48,16 @@ def resolve_behaviours(
     *,
     seed: np.random.SeedSequence,
     limit: float,
-    overrides: Mapping[str, Mapping[str, object]] | None = None,
 ) -> ResolvedBehaviours:
     """Return the behaviours of the joints of ``scene`` in a run of ``limit`` seconds.
 
     ``layers`` are all layers of the scenario in order, including those with the objects; later
-    layers win on the same joint. ``overrides`` has the values of the campaign by layer name (see
-    :func:`grammars.scenery.configure`). Random numbers of a joint come from a child of ``seed``
-    that depends only on the name of the joint, so that another door does not change the others.
+    layers win on the same joint. Random numbers of a joint come from a child of ``seed`` that
+    depends only on the name of the joint, so that another door does not change the others.
 
     Raises :class:`InputError` for unknown names, wrong units, positions outside joint limits, and
     two sentences of one layer about the same joint (with both places).
     """
-    layers = _configured(layers, overrides or {})
     catalogue = Catalogue(layers)
     refuse_unapplied(scene, layers, catalogue)
     bodies = {body.name: body for body in scene.objects}
@@ -101,17 +90,6 @@ def resolve_behaviours(
 
 def _joints(behaviour: Behaviour) -> tuple[str, ...]:
     return behaviour.joints if isinstance(behaviour, Walk) else (behaviour.joint,)
-
-
-def _configured(
-    layers: Sequence[SceneryLayer], overrides: Mapping[str, Mapping[str, object]]
-) -> list[SceneryLayer]:
-    names = [layer.name for layer in layers]
-    for name in overrides:
-        if name not in names:
-            hint = did_you_mean(name, names)
-            raise InputError.at(Where(name), f'there is no layer "{name}"', hint)
-    return [configure(layer, overrides.get(layer.name, {})) for layer in layers]
 
 
 def _subject(behaviour: Behaviour) -> str:

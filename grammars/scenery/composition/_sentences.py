@@ -345,8 +345,6 @@ def _facing(context: SentenceContext, sentence: Walks) -> tuple[_Facing, float]:
 
 
 def _route(frames: Mapping[str, Pose2], sentence: Walks) -> tuple[Point2, ...]:
-    if len(sentence.route) < 2:
-        raise InputError.at(sentence.where, "a route needs two points or more", "add a point")
     points: list[Point2] = []
     for point in sentence.route:
         spot = rounded_point(_frame_in(frames, point).apply((point.x, point.y)))

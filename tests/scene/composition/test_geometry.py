@@ -11,7 +11,8 @@ from shapely.geometry import LineString, Polygon
 
 from grammars.floorplan import load_floorplan, parse_floorplan
 from grammars.model.geometry import signed_area
-from grammars.scenery.composition import compile_scene, convex_rings, is_convex, static_segments
+from grammars.scenery.composition import compile_scene, static_segments
+from grammars.scenery.composition._rings import convex_rings, is_convex
 from tests.languages.plans import two_rooms
 
 HEIGHTS = (0.1, 0.7, 1.2, 1.9, 2.05, 2.3)
