@@ -26,10 +26,10 @@ def check_scene(scene: Scene, *, places: Mapping[str, Where] | None = None) -> t
     """Return the problems of a scene, independent of runs.
 
     Errors: leaves that start inside a wall or are higher than their doorway, objects that overlap
-    at the start. Warnings: leaves that would sweep through a wall or another object somewhere in the range of their
-    joints, doors much narrower than their doorway, two doors in one doorway, objects outside the
-    building, entryways closed by a wall that they do not list. ``places`` has the places of
-    objects and entryways by name (see :func:`grammars.preflight.places_of`).
+    at the start. Warnings: leaves that would sweep through a wall or another object somewhere in
+    the range of their joints, doors much narrower than their doorway, two doors in one doorway,
+    objects outside the building, entryways closed by a wall that they do not list. ``places`` has
+    the places of objects and entryways by name (see :func:`grammars.preflight.places_of`).
     """
     checked = CheckedScene(scene, places or {}, Where(scene.name))
     for doorway in scene.doorways:
