@@ -7,7 +7,6 @@ from typing import Final, Literal, TypeAlias
 
 from grammars.scenery._reader import Options, SceneryReader, rule_of
 from grammars.scenery.model import (
-    Alternates,
     At,
     EventPhrase,
     FrameName,
@@ -76,26 +75,24 @@ def _moves(reader: SceneryReader, node: SyntaxNode, subject: Subject) -> Moves:
     return Moves(subject, frames, _motion(reader, options), listed=listed)
 
 
-def _toggles(reader: SceneryReader, node: SyntaxNode, subject: Subject) -> Toggles | Alternates:
+def _toggles(reader: SceneryReader, node: SyntaxNode, subject: Subject) -> Toggles:
     """Read ``front_door toggles between closed and open every 30 s``, or ``after`` random waits."""
     options = reader.options(node.options)
-    first, second = (reader.amount(n, *_POSITIONS) for n in (node.first, node.second))
-    since, until = (reader.option(options, rule, "time") for rule in ("From", "Until"))
     motion = _motion(reader, options)
-    late = options.get("Late")
-    if node.waiting is not None:
-        for option in (options[rule] for rule in ("Probability", "Late") if rule in options):
+    waits = node.waiting is not None
+    for rule in ("Probability", "Late") if waits else ():
+        option = options.pop(rule, None)
+        if option is not None:
             message = f'"{option.keyword}" cannot be combined with "after"'
             reader.error(option, message, "remove it, or write every 30 s")
-        waiting = _waiting(reader, node.waiting)
-        return Alternates(subject, first, second, waiting, since, until, motion)
+    late = options.get("Late")
     return Toggles(
         subject,
-        first,
-        second,
-        reader.amount(node.period, "time"),
-        since,
-        until,
+        reader.amount(node.first, *_POSITIONS),
+        reader.amount(node.second, *_POSITIONS),
+        _waiting(reader, node.waiting) if waits else reader.amount(node.period, "time"),
+        reader.option(options, "From", "time"),
+        reader.option(options, "Until", "time"),
         _probability(reader, options),
         reader.option(options, "Late", "time"),
         None if late is None else reader.optional(late.step, "time"),

@@ -244,21 +244,6 @@ class Moves(SentenceAbout):
 
 
 @dataclass(frozen=True, slots=True)
-class Toggles(SentenceAbout):
-    """The subject starts at ``first`` and randomly changes to the other position every period."""
-
-    first: Amount
-    second: Amount
-    every: Amount
-    since: Amount | None
-    until: Amount | None
-    probability: float
-    delay: Amount | None
-    step: Amount | None
-    motion: MotionAs
-
-
-@dataclass(frozen=True, slots=True)
 class Goes(SentenceAbout):
     """The subject moves when the robot comes near, and back beyond the distance ``again``, if any.
 
@@ -289,14 +274,21 @@ class Waiting:
 
 
 @dataclass(frozen=True, slots=True)
-class Alternates(SentenceAbout):
-    """The subject starts at ``first`` and changes its position after every random wait."""
+class Toggles(SentenceAbout):
+    """The subject starts at ``first`` and changes to the other position again and again.
+
+    It changes with ``probability`` and up to ``delay`` late in every ``period``, or after every
+    random wait.
+    """
 
     first: Amount
     second: Amount
-    waiting: Waiting
+    period: Amount | Waiting
     since: Amount | None
     until: Amount | None
+    probability: float
+    delay: Amount | None
+    step: Amount | None
     motion: MotionAs
 
 
@@ -364,7 +356,7 @@ class Walks(SentenceAbout):
     yielding: Amount | None
 
 
-Sentence: TypeAlias = Stays | Moves | Toggles | Goes | Alternates | Reacts | Walks
+Sentence: TypeAlias = Stays | Moves | Toggles | Goes | Reacts | Walks
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,7 +36,6 @@ from grammars.scenery.composition._chance import (
 )
 from grammars.scenery.composition._rings import rounded, rounded_point
 from grammars.scenery.model import (
-    Alternates,
     Amount,
     EventPhrase,
     Goes,
@@ -51,6 +50,7 @@ from grammars.scenery.model import (
     Stays,
     Subject,
     Toggles,
+    Waiting,
     Walks,
     Word,
 )
@@ -87,8 +87,8 @@ class SentenceResolver:
                 return self._stays(sentence)
             case Moves():
                 return self._moves(sentence)
-            case Toggles() | Alternates():
-                return self._changes(sentence)
+            case Toggles():
+                return self._toggles(sentence)
             case Goes():
                 return self._goes(sentence)
             case Reacts():
@@ -121,12 +121,16 @@ class SentenceResolver:
             for joint, f in frames.items()
         ]
 
-    def _changes(self, sentence: Toggles | Alternates) -> list[Behaviour]:
+    def _toggles(self, sentence: Toggles) -> list[Behaviour]:
         """Return random key frames for each joint, from a seed that depends only on its name."""
         first, second = self._positions(sentence.first), self._positions(sentence.second)
         self._same_joints(sentence, first, second)
-        chance = self._toggles(sentence) if isinstance(sentence, Toggles) else self._waits(sentence)
-        period = sentence.every if isinstance(sentence, Toggles) else sentence.waiting.first
+        period = sentence.period
+        if isinstance(period, Waiting):
+            chance: RandomWaits | RandomToggles = self._random_waits(sentence, period)
+            period = period.first
+        else:
+            chance = self._random_toggles(sentence, period)
         if chance.count > MOST_DRAWS:
             message = f"this needs more than {MOST_DRAWS} draws"
             raise InputError.at(period.where, message, "check the units")
@@ -141,10 +145,10 @@ class SentenceResolver:
             for joint, start in first.items()
         ]
 
-    def _toggles(self, sentence: Toggles) -> RandomToggles:
-        period = self._time(sentence.every)
+    def _random_toggles(self, sentence: Toggles, every: Amount) -> RandomToggles:
+        period = self._time(every)
         if period <= 0.0:
-            raise InputError.at(sentence.every.where, "the period must be greater than 0 s")
+            raise InputError.at(every.where, "the period must be greater than 0 s")
         chance = RandomToggles(
             period=period,
             since=self._time(sentence.since, period),
@@ -160,8 +164,7 @@ class SentenceResolver:
             )
         return chance
 
-    def _waits(self, sentence: Alternates) -> RandomWaits:
-        waiting = sentence.waiting
+    def _random_waits(self, sentence: Toggles, waiting: Waiting) -> RandomWaits:
         first, second = self._time(waiting.first), self._time(waiting.second)
         if waiting.kind == "uniform" and second < first:
             raise InputError.at(sentence.where, "the longest wait is shorter than the shortest")
@@ -171,7 +174,7 @@ class SentenceResolver:
             waiting.kind, first, second, self._time(sentence.since), self._until(sentence)
         )
 
-    def _until(self, sentence: Toggles | Alternates) -> float:
+    def _until(self, sentence: Toggles) -> float:
         limit = self._context.limit
         return min(limit, self._time(sentence.until, limit))
 
@@ -276,7 +279,7 @@ class SentenceResolver:
 
     def _same_joints(
         self,
-        sentence: Toggles | Goes | Alternates | Reacts,
+        sentence: Toggles | Goes | Reacts,
         one: Mapping[str, float],
         other: Mapping[str, float],
     ) -> None:
