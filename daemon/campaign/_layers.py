@@ -179,16 +179,22 @@ class LayerLibrary:
 
     def variants(self, vary: PlanVariation, radius: float) -> tuple[tuple[str, FloorPlan], ...]:
         """Draw the variants of a floor plan that a robot of ``radius`` [m] can drive through."""
-        from grammars.variation import variant_plans
+        from grammars.variation import sample
 
         named = vary.floorplan
         path = find_layer(self.folder, named, VARIATION)
 
         def draw(path: Path) -> tuple[tuple[str, FloorPlan], ...]:
             variation = self.fixed_variation(named, path)
-            return variant_plans(
-                variation, vary.samples, seed=vary.seed, method=vary.cover, check=radius
+            sampled = sample(
+                variation,
+                vary.samples,
+                seed=vary.seed,
+                method=vary.cover,
+                check=radius,
+                suffix=True,
             )
+            return tuple((variant.name, variant.plan) for variant in sampled)
 
         kind = f"variants {vary.samples} {vary.cover} {vary.seed} {radius!r}"
         return self._once(kind, path, draw, named.overrides)

@@ -37,7 +37,7 @@ from grammars.variation._load import (
     load_variation,
     parse_variation,
 )
-from grammars.variation._sample import sample, source_defects, variant_plans
+from grammars.variation._sample import sample, source_defects
 from grammars.variation._variants import VariantFile, WrittenVariants, write_variants
 
 __all__ = [
@@ -51,6 +51,5 @@ __all__ = [
     "parse_variation",
     "sample",
     "source_defects",
-    "variant_plans",
     "write_variants",
 ]

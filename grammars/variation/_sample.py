@@ -3,26 +3,16 @@
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Iterator, Sequence
 from typing import Final, TypeAlias
 
 import numpy as np
 
-from grammars.floorplan import FloorPlan
 from grammars.text.diagnostics import Finding, InputError, Severity, Where
 from grammars.variation._load import Variant, Variation
 from grammars.variation._soundness import flaws_of
 from grammars.variation._variants import Rejections, VariantBuilder
-from grammars.variation.designs import (
-    MAX_POINTS,
-    METHODS,
-    Method,
-    grid,
-    halton_points,
-    latin_hypercubes,
-    points_at,
-)
+from grammars.variation.designs import Method, grid, halton_points, latin_hypercubes, points_at
 
 LAST_SEED: Final = 2**32 - 1
 
@@ -53,19 +43,9 @@ def sample(
     skips the check of soundness. ``suffix`` writes the seed into the name of the plan.
 
     Raises :class:`InputError` if no point fulfils the requirements (with the number of rejections
-    for each reason), or if a design has more than ``n`` points; :class:`ValueError` for arguments
-    out of range.
+    for each reason), or if a design has more than ``n`` points; :class:`ValueError` for seeds out
+    of range.
     """
-    if method not in METHODS:
-        raise ValueError(f"method must be one of {', '.join(METHODS)}")
-    if n is None and method != "grid":
-        raise ValueError(f"{method} needs a number of variants")
-    if n is not None and not 1 <= n <= MAX_POINTS:
-        raise ValueError(f"the number of variants is between 1 and {MAX_POINTS}")
-    if not 1 <= levels <= 100 or not 1 <= tries <= 1_000_000:
-        raise ValueError("levels are between 1 and 100, tries between 1 and 1000000")
-    if check is not None and not 0.0 < check < math.inf:
-        raise ValueError("the radius must be positive")
     if not 0 <= seed <= LAST_SEED - (n or 1) + 1:
         raise ValueError(f"seeds are between 0 and {LAST_SEED}")
     builder = VariantBuilder(variation, method, seed, check, suffix)
@@ -77,22 +57,6 @@ def sample(
     else:
         streams = [_design(variation, method, n, seed)] * n
     return tuple(_variant(builder, stream, tries) for stream in streams)
-
-
-def variant_plans(
-    variation: Variation,
-    n: int | None = None,
-    *,
-    seed: int,
-    method: Method = "random",
-    check: float | None = None,
-) -> tuple[tuple[str, FloorPlan], ...]:
-    """Return the variants of a variation as compiled plans, each named ``<plan>_<seed>``.
-
-    Raises :class:`InputError` like :func:`sample`.
-    """
-    variants = sample(variation, n, seed=seed, method=method, check=check, suffix=True)
-    return tuple((variant.name, variant.plan) for variant in variants)
 
 
 def source_defects(variation: Variation, radius: float) -> tuple[Finding, ...]:

@@ -9,15 +9,14 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from typing import Final, Literal, TypeAlias, get_args
+from typing import Final, Literal, TypeAlias
 
 from grammars.text.diagnostics import InputError, Where
 from grammars.variation._distributions import Distribution
 
 Method: TypeAlias = Literal["random", "grid", "halton", "lhs"]
-METHODS: Final[tuple[str, ...]] = get_args(Method)
-MAX_POINTS: Final = 100_000
-"""Points of a design at most."""
+_MOST_POINTS: Final = 100_000
+"""Points of a grid at most."""
 _BLOCK: Final = 64
 """Points of a sequence computed at a time."""
 
@@ -27,12 +26,12 @@ Point: TypeAlias = tuple[float, ...]
 def grid(distributions: Sequence[Distribution], levels: int, where: Where) -> Iterator[Point]:
     """Return all combinations of the levels of all draws; the last draw changes fastest.
 
-    Raises :class:`InputError` for more than ``MAX_POINTS`` points.
+    Raises :class:`InputError` for more than 100 000 points.
     """
     axes = [distribution.levels(levels) for distribution in distributions]
     size = math.prod(len(axis) for axis in axes)
-    if size > MAX_POINTS:
-        message = f"the full grid has {size:,} points, more than {MAX_POINTS:,}"
+    if size > _MOST_POINTS:
+        message = f"the full grid has {size:,} points, more than {_MOST_POINTS:,}"
         raise InputError.at(where, message, "lower the levels, or use lhs")
     return itertools.product(*axes)
 
