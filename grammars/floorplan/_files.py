@@ -14,12 +14,13 @@ from grammars.floorplan._compile import compile_plan
 from grammars.floorplan._shapes import SHAPE_NODES
 from grammars.floorplan.model import FloorPlan
 from grammars.text.diagnostics import (
-    Finding,
+    Findings,
     InputError,
     SourceText,
     SyntaxNode,
     Where,
     did_you_mean,
+    raise_all,
     with_article,
 )
 from grammars.text.parsing import Language, SyntaxFault, without_comments
@@ -196,7 +197,7 @@ def _read_values(
     """Return the values of variables in SI units; raises :class:`InputError` with all errors."""
     variables = {variable.name: variable for variable in tree.variables}
     read: dict[str, float] = {}
-    faults: list[Finding] = []
+    findings = Findings()
     for key, value in values.items():
         # Campaigns are YAML, where names are written with dashes.
         name = str(key).replace("-", "_")
@@ -204,22 +205,20 @@ def _read_values(
         variable = variables.get(name)
         if variable is None:
             hint = did_you_mean(name, variables) or "the plan has no variables"
-            faults.append(Finding(where, f'plan {tree.name} has no variable "{key}"', hint))
+            findings.error(where, f'plan {tree.name} has no variable "{key}"', hint)
             continue
-        example = f"write {name}: {variable.number} {variable.unit}"
-        try:
-            quantity = parse_quantity(str(value), where)
-        except InputError as error:
-            faults.extend(error.findings)
-            continue
-        kind = kind_of(variable.unit)
-        if quantity.dimension != kind:
-            message = f"{name} is {with_article(kind)}, not {value}"
-            faults.append(Finding(where, message, example))
-        elif abs(quantity.value) > LARGEST:
-            faults.append(Finding(where, f"{name}: {value} is too large", "the limit is 1000 km"))
-        else:
-            read[name] = quantity.value
-    if faults:
-        raise InputError(faults)
+        with findings.collecting():
+            read[name] = _read_value(variable, value, where)
+    raise_all(findings.all)
     return read
+
+
+def _read_value(variable: SyntaxNode, value: object, where: Where) -> float:
+    quantity, kind = parse_quantity(str(value), where), kind_of(variable.unit)
+    name = variable.name
+    if quantity.dimension != kind:
+        example = f"write {name}: {variable.number} {variable.unit}"
+        raise InputError.at(where, f"{name} is {with_article(kind)}, not {value}", example)
+    if abs(quantity.value) > LARGEST:
+        raise InputError.at(where, f"{name}: {value} is too large", "the limit is 1000 km")
+    return quantity.value

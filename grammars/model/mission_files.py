@@ -17,7 +17,7 @@ from pydantic import Field
 from grammars.model.geometry import Pose2
 from grammars.model.misplaced_keys import CAMPAIGN_KEYS, ROBOT_KEYS
 from grammars.model.mission import MOST_WAYPOINTS, Mission, Waypoint
-from grammars.text.diagnostics import Finding, InputError
+from grammars.text.diagnostics import Finding, raise_all
 from grammars.text.documents import OtherName, StrictModel, YamlDocument, load_yaml, read_model
 from grammars.text.quantity import QuantityField
 
@@ -118,8 +118,7 @@ def _refuse_ambiguous(waypoints: Sequence[Waypoint], document: YamlDocument) -> 
             place = document.where(("waypoints", first[waypoint.id]))
             hint = f"the other one: {place}; verdicts could not tell them apart: rename one"
             problems.append(Finding(document.where(("waypoints", index)), message, hint))
-    if problems:
-        raise InputError(problems)
+    raise_all(problems)
 
 
 _SAME_PLACE: Final = 0.01

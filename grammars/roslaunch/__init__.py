@@ -21,7 +21,15 @@ from grammars.roslaunch._names import absolute_name, resolve_for_node, split_nam
 from grammars.roslaunch._packages import Packages, is_file, similar_name
 from grammars.roslaunch._parameters import ParameterServer
 from grammars.roslaunch._reader import LaunchReader
-from grammars.text.diagnostics import Finding, InputError, Severity, Where, did_you_mean
+from grammars.text.diagnostics import (
+    Finding,
+    Findings,
+    InputError,
+    Severity,
+    Where,
+    did_you_mean,
+    raise_all,
+)
 
 __all__ = [
     "Launch",
@@ -47,16 +55,13 @@ def load_launch(
     errors.
     """
     packages = Packages()
-    problems: list[Finding] = []
+    findings = Findings()
     for index, folder in enumerate(settings.packages):
-        try:
+        with findings.collecting():
             packages.add(folder, settings.where(("packages", index)))
-        except InputError as error:
-            problems += error.findings
     for path, where in files:
-        problems += _check_file(path, where)
-    if problems:
-        raise InputError(problems)
+        _check_file(path, where, findings)
+    raise_all(findings.all)
     reader = LaunchReader(settings, packages)
     server = ParameterServer()
     for path, _ in files:
@@ -87,14 +92,13 @@ def load_launch(
     )
 
 
-def _check_file(path: Path, where: Where) -> list[Finding]:
+def _check_file(path: Path, where: Where, findings: Findings) -> None:
     """Report a path that cannot be a launch file of ROS 1."""
     if not is_file(path, where):
-        return [Finding(where, f"no file {path}", similar_name(path))]
-    if path.suffix in _NOT_XML:
+        findings.error(where, f"no file {path}", similar_name(path))
+    elif path.suffix in _NOT_XML:
         message = f"{path.name} is not a launch file of ROS 1, which is XML"
-        return [Finding(where, message, 'use "kind: ros2" for a launch file of ROS 2')]
-    return []
+        findings.error(where, message, 'use "kind: ros2" for a launch file of ROS 2')
 
 
 def _unknown_args(settings: LaunchSettings, declared: dict[str, bool]) -> list[Finding]:

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
-from grammars.text.diagnostics import Finding, InputError, Where, did_you_mean
+from grammars.text.diagnostics import Findings, InputError, Where, did_you_mean, raise_all
 from grammars.text.documents import KeyPath, YamlDocument, leaves
 
 _NAME_KEYS: Final = ("id", "name")
@@ -48,16 +48,13 @@ def override_document(document: YamlDocument, overrides: Iterable[Override]) -> 
     """
     data = copy.deepcopy(document.data)
     places = dict(document.places)
-    findings: list[Finding] = []
+    findings = Findings()
     for override in overrides:
-        try:
+        with findings.collecting():
             for path in key_paths(data, override):
                 _put(data, path, override.value)
                 _move(places, path, override.where)
-        except InputError as error:
-            findings.extend(error.findings)
-    if findings:
-        raise InputError(findings)
+    raise_all(findings.all)
     return replace(document, data=data, places=places)
 
 

@@ -18,6 +18,7 @@ from grammars.text.diagnostics import (
     SyntaxNode,
     Where,
     did_you_mean,
+    raise_all,
     with_article,
 )
 from grammars.text.expression_check import DimensionCheck
@@ -346,33 +347,28 @@ def fix_draws(
     ``where`` that of all others. Raises :class:`InputError` with all invalid values.
     """
     draws = {draw.name: draw for draw in variation.draws}
-    findings: list[Finding] = []
+    findings = Findings()
     for key, value in values.items():
         place = places.get(key, where)
         name = key if key in draws else key.replace("-", "_")
-        if name not in draws:
-            findings.append(_unknown(variation, key, place))
-            continue
-        try:
+        with findings.collecting():
+            if name not in draws:
+                raise _unknown(variation, key, place)
             number = _number(value, draw_unit(variation, draws[name]), name, place)
-        except InputError as error:
-            findings.extend(error.findings)
-            continue
-        old = draws[name].distribution
-        fixed = Fixed(number, old.replaced if isinstance(old, Fixed) else old)
-        draws[name] = replace(draws[name], distribution=fixed)
-    if findings:
-        raise InputError(findings)
+            old = draws[name].distribution
+            fixed = Fixed(number, old.replaced if isinstance(old, Fixed) else old)
+            draws[name] = replace(draws[name], distribution=fixed)
+    raise_all(findings.all)
     return replace(variation, draws=tuple(draws.values()))
 
 
-def _unknown(variation: Variation, key: str, where: Where) -> Finding:
+def _unknown(variation: Variation, key: str, where: Where) -> InputError:
     names = [draw.name for draw in variation.draws]
     message = f'variation of {variation.plan_name} has no draw "{key}"'
+    hint = did_you_mean(key, names)
     if key in variation.reported:
         hint = f"it is calculated; the draws are: {', '.join(names)}"
-        return Finding(where, message, hint)
-    return Finding(where, message, did_you_mean(key, names))
+    return InputError.at(where, message, hint)
 
 
 def _number(value: Any, unit: str, name: str, where: Where) -> float:
