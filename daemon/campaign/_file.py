@@ -23,7 +23,7 @@ from daemon.model.assessments import PolicyRule, RepeatPolicy
 from daemon.model.search import SEARCH_NAME
 from daemon.model.spec import MapSettings
 from grammars.model.grid import MapRule
-from grammars.model.misplaced_keys import MISSION_KEYS, ROBOT_KEYS
+from grammars.model.robot_files import MISSION_KEYS, ROBOT_KEYS
 from grammars.text.documents import (
     ONE_OR_MORE,
     OtherName,

@@ -42,7 +42,7 @@ from daemon.stacks.kind import StackKind
 from daemon.stacks.registry import stack_kind
 from daemon.stacks.ros2 import ROS2
 from daemon.stacks.ros2.keys import Ros2Keys, default_for_null
-from grammars.model.misplaced_keys import CAMPAIGN_KEYS, MISSION_KEYS, ROBOT_KEYS
+from grammars.model.robot_files import CAMPAIGN_KEYS, MISSION_KEYS, ROBOT_KEYS
 from grammars.text.diagnostics import Finding, InputError, Severity, Where
 from grammars.text.documents import ONE_OR_MORE, RemovedKey, YamlDocument, load_yaml, read_model
 from grammars.text.overrides import Override, split_key

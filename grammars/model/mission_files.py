@@ -15,8 +15,8 @@ from typing import Annotated, Final
 from pydantic import Field
 
 from grammars.model.geometry import Pose2
-from grammars.model.misplaced_keys import CAMPAIGN_KEYS, ROBOT_KEYS
 from grammars.model.mission import MOST_WAYPOINTS, Mission, Waypoint
+from grammars.model.robot_files import CAMPAIGN_KEYS, ROBOT_KEYS
 from grammars.text.diagnostics import Finding, raise_all
 from grammars.text.documents import OtherName, StrictModel, YamlDocument, load_yaml, read_model
 from grammars.text.quantity import QuantityField

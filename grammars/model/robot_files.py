@@ -14,14 +14,27 @@ from typing import Annotated, Any, Final
 from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
 from grammars.model.geometry import Ring, convex_ring, turn
-from grammars.model.misplaced_keys import CAMPAIGN_KEYS, MISSION_KEYS
 from grammars.model.robot import Drive, Laser, OdometryNoise, Robot
 from grammars.text.diagnostics import Finding, raise_all
 from grammars.text.documents import StrictModel, YamlDocument, load_yaml, read_model
 from grammars.text.quantity import Length, Mass
 
 _ID_PATTERN: Final = r"^[A-Za-z0-9][A-Za-z0-9._-]*$"
-
+_IN_MISSIONS: Final = "it belongs in a mission file: NAME.mission.yaml"
+_IN_ROBOTS: Final = "it belongs in a robot file: robots/NAME.yaml"
+_IN_CAMPAIGNS: Final = "it belongs in the campaign file"
+MISSION_KEYS: Final = dict.fromkeys(("start", "waypoints"), _IN_MISSIONS)
+"""Keys of mission files."""
+ROBOT_KEYS: Final = dict.fromkeys(
+    ("footprint", "height", "mass", "drive", "laser", "lasers", "odometry"), _IN_ROBOTS
+)
+"""Keys of robot files."""
+CAMPAIGN_KEYS: Final = dict.fromkeys(
+    ("campaign", "repeats", "seed", "limit", "oracles", "scenarios", "floorplan", "objects",
+     "behaviours", "matrix", "expect", "defaults", "robot", "mission", "sut"),
+    _IN_CAMPAIGNS,
+)  # fmt: skip
+"""Keys of campaign files that people write in other files."""
 
 _ROUND: Final = 32
 """Corners of a round robot: the polygon deviates by less than 0.5 % of the radius."""

@@ -11,11 +11,14 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
-from grammars.roslaunch._model import LaunchNode, LaunchSettings
+from grammars.roslaunch._model import LaunchNode, LaunchRemap, LaunchSettings
 from grammars.roslaunch._names import (
     ParameterName,
     absolute_name,
+    convert_argument,
+    is_legal,
     join_names,
+    resolve_for_node,
     split_name,
     to_bool,
 )
@@ -26,11 +29,10 @@ from grammars.roslaunch._parameters import (
     UnreadParameters,
     read_param,
 )
-from grammars.roslaunch._scope import Scope, WrittenRemap
-from grammars.roslaunch._substitution import Substitution, UnknownValues
+from grammars.roslaunch._substitution import Substitution, UnknownValues, split_words
 from grammars.roslaunch._xml import XmlElement, parse_xml
 from grammars.text.diagnostics import Finding, InputError, Severity, Where, did_you_mean
-from grammars.text.ros_yaml import parse_ros_yaml
+from grammars.text.ros_yaml import ParameterValue, parse_ros_yaml
 from grammars.text.sources import MAX_BYTES, read_text
 
 _DEEPEST: Final = 30
@@ -52,6 +54,95 @@ _ATTRIBUTES: Final = {
     "rosparam": ("command", "ns", "file", "param", "subst_value"),
 }
 _CONDITIONS: Final = ("if", "unless")
+
+
+@dataclass(slots=True)
+class Scope:
+    """Scope of a launch file, an include or a group; inner scopes begin as copies.
+
+    ``declared`` are the args of this file, true for those that can be passed. ``overriding`` holds
+    if the outer file passed on all args: values of this file then replace them. ``outermost`` holds
+    in a started file, whose args come from people. ``remaps`` are as written, by source.
+    """
+
+    file: Path
+    namespace: str = "/"
+    args: dict[str, str] = field(default_factory=dict)
+    declared: dict[str, bool] = field(default_factory=dict)
+    overriding: bool = False
+    outermost: bool = False
+    remaps: dict[str, LaunchRemap] = field(default_factory=dict)
+    private: dict[str, ParameterValue] = field(default_factory=dict)
+
+    def child(self, namespace: str | None) -> Scope:
+        """Return a scope inside this one, in its own namespace if any."""
+        return Scope(
+            file=self.file,
+            namespace=join_names(self.namespace, namespace) if namespace else self.namespace,
+            args=dict(self.args),
+            declared=dict(self.declared),
+            outermost=self.outermost,
+            remaps=dict(self.remaps),
+            private=dict(self.private),
+        )
+
+    def declare(self, name: str, value: str | None, default: str | None, where: Where) -> None:
+        """Declare an arg; a ``value`` is fixed, a ``default`` holds if no value was passed.
+
+        Raises :class:`InputError` for declarations that roslaunch refuses.
+        """
+        if name in self.declared and not self.overriding:
+            raise InputError.at(where, f"arg {name} is declared twice", "remove one of them")
+        # People give args once for all started files, and the arg may be open in another file.
+        free = self.overriding or self.outermost
+        if value is not None and name in self.args and not free:
+            message = f"arg {name} has a fixed value here, but another value was passed"
+            raise InputError.at(where, message, "write default instead of value, or pass no value")
+        self.declared[name] = value is None
+        if value is not None:
+            self.args[name] = value
+        elif default is not None:
+            self.args.setdefault(name, default)
+
+    def start(
+        self, node: LaunchNode, arguments: str, where: Where, unknown: UnknownValues
+    ) -> LaunchNode:
+        """Return ``node`` with its remaps and ``arguments``, which are own_remaps at ``where``.
+
+        Its ``parameters`` are those in its arguments. Raises :class:`InputError` for invalid names.
+        """
+        try:
+            words = split_words(arguments)
+        except ValueError as error:
+            raise InputError.at(where, f"args: {error}") from error
+        own_remaps = [
+            (source, LaunchRemap(target, where))
+            for source, sign, target in (word.partition(":=") for word in words)
+            if sign and source and not source.startswith("_")
+        ]
+        for source, remap in self.remaps.items():
+            for name in (source, remap.to):
+                if not is_legal(name) and not unknown.reasons_in(name):
+                    raise InputError.at(remap.where, f'"{name}" is not a valid name of ROS')
+        # roslaunch appends the remaps to the arguments, and the last remap of a name counts.
+        remaps = {
+            resolve_for_node(source, node.name): LaunchRemap(
+                resolve_for_node(remap.to, node.name), remap.where
+            )
+            for source, remap in (*own_remaps, *self.remaps.items())
+        }
+        return replace(
+            node,
+            arguments=words,
+            remaps={source: remap for source, remap in remaps.items() if source != remap.to},
+            parameters={
+                split_name(name[1:]): ParameterValue(
+                    convert_argument(value), where, unknown.reasons_in(value)
+                )
+                for name, sign, value in (word.partition(":=") for word in words)
+                if sign and name.startswith("_") and not name.startswith("__")
+            },
+        )
 
 
 @dataclass(slots=True)
@@ -239,7 +330,7 @@ class LaunchReader:
             raise InputError.at(element.where, "<remap> from and to must not be empty")
         # This remap replaces one of the same name further out.
         target.remaps.pop(source, None)
-        target.remaps[source] = WrittenRemap(source, to, element.where)
+        target.remaps[source] = LaunchRemap(to, element.where)
 
     def _include(self, element: XmlElement, scope: Scope, depth: int) -> None:
         file = self._required(element, "file", scope)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final, Literal, TypeAlias
 
+from grammars.model.behaviour import LegBegins, WaypointReached
 from grammars.scenery._reader import Options, SceneryReader, rule_of
 from grammars.scenery.model import (
     At,
@@ -16,9 +17,7 @@ from grammars.scenery.model import (
     Instance,
     MotionAs,
     Moves,
-    OnLeg,
     OnObject,
-    OnWaypoint,
     Reacts,
     RoutePoint,
     Sentence,
@@ -165,18 +164,17 @@ def _walks(reader: SceneryReader, node: SyntaxNode, subject: Subject) -> Walks:
 
 def _event(reader: SceneryReader, node: SyntaxNode) -> EventPhrase:
     """Read ``leg 2 begins``, ``waypoint kitchen is reached`` or ``front_door fires``."""
-    where = reader.where(node)
     match rule_of(node):
         case "LegBegins":
             if node.leg < 1:
-                raise reader.refusal(where, "legs count from 1", "when leg 1 begins")
-            return OnLeg(node.leg, where)
+                raise reader.refusal(node, "legs count from 1", "when leg 1 begins")
+            return LegBegins(node.leg)
         case "WaypointIsReached":
-            return OnWaypoint(node.waypoint.strip('"'), where)
+            return WaypointReached(node.waypoint.strip('"'))
         case "ObjectActs":
-            return OnObject(reader.path(node.path), "fires" if node.fires else "moves", where)
+            return OnObject(reader.path(node.path), "fires" if node.fires else "moves")
     raise reader.refusal(
-        where,
+        node,
         "walks begin at a time or with an event, not with the distance of the robot",
         "from 5 s, when leg 2 begins, when waypoint … is reached, when … fires",
     )

@@ -10,6 +10,7 @@ import re
 from dataclasses import dataclass, field
 from typing import Final, Literal, TypeAlias
 
+from grammars.model.behaviour import LegBegins, WaypointReached
 from grammars.model.scene import Joint, Link
 from grammars.text.diagnostics import InputError, Where, with_article
 from grammars.text.quantity import parse_quantity, unit_of
@@ -293,31 +294,14 @@ class Toggles(SentenceAbout):
 
 
 @dataclass(frozen=True, slots=True)
-class OnLeg:
-    """Leg number ``leg`` of the mission begins, counted from 1."""
-
-    leg: int
-    where: Where = field(compare=False)
-
-
-@dataclass(frozen=True, slots=True)
-class OnWaypoint:
-    """The robot reaches the waypoint with this id."""
-
-    waypoint: str
-    where: Where = field(compare=False)
-
-
-@dataclass(frozen=True, slots=True)
 class OnObject:
     """The joint of ``path`` (or any joint of the object) fires or starts to move."""
 
     path: Path
     act: Literal["fires", "moves"]
-    where: Where = field(compare=False)
 
 
-EventPhrase: TypeAlias = OnLeg | OnWaypoint | OnObject
+EventPhrase: TypeAlias = LegBegins | WaypointReached | OnObject
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final, TypeVar
 
 from grammars.model.scene import Joint
@@ -13,21 +13,11 @@ from grammars.text.diagnostics import (
     Findings,
     InputError,
     Severity,
-    Where,
     did_you_mean,
 )
 
 Named = TypeVar("Named", ObjectModel, Instance)
 _WARNING: Final = Severity.WARNING
-
-
-@dataclass(frozen=True, slots=True)
-class SubjectTarget:
-    """An object, or one of its joints (empty ``joint``: all joints)."""
-
-    object: str
-    joint: str
-    where: Where
 
 
 class Catalogue:
@@ -36,7 +26,7 @@ class Catalogue:
     def __init__(self, layers: Sequence[SceneryLayer]) -> None:
         findings = Findings()
         self._layers = layers
-        self._expanded: dict[int, tuple[SubjectTarget, ...]] = {}
+        self._expanded: dict[int, tuple[Path, ...]] = {}
         self.models = _index((m for layer in layers for m in layer.models), "object", findings)
         instances = (i for layer in layers for i in layer.instances)
         self.instances = _index(instances, "object", findings)
@@ -57,8 +47,8 @@ class Catalogue:
 
     def targets(
         self, layer: SceneryLayer, subject: Subject, trail: tuple[str, ...] = ()
-    ) -> tuple[SubjectTarget, ...]:
-        """Return the targets of ``subject`` in ``layer``, each once, in order.
+    ) -> tuple[Path, ...]:
+        """Return the objects or joints that ``subject`` means in ``layer``, each once, in order.
 
         ``trail`` has the names of the groups around it. Raises :class:`InputError` for unknown
         names, with the closest known one.
@@ -72,13 +62,15 @@ class Catalogue:
                 else self._many(layer, path, trail)
             )
         }
-        targets: dict[tuple[str, str], SubjectTarget] = {}
-        for path in subject.names:
-            members = self._many(layer, path, trail) if subject.every else (self._one(layer, path),)
-            for target in members:
-                if target.object not in excluded:
-                    targets.setdefault((target.object, target.joint), target)
-        return tuple(targets.values())
+        targets = [
+            target
+            for path in subject.names
+            for target in (
+                self._many(layer, path, trail) if subject.every else (self._one(layer, path),)
+            )
+            if target.object not in excluded
+        ]
+        return tuple(dict.fromkeys(targets))
 
     def unknown_members(self) -> list[Finding]:
         """Return a warning for every group, used or not, with unknown members."""
@@ -94,11 +86,11 @@ class Catalogue:
                     ]
         return findings
 
-    def _one(self, layer: SceneryLayer, path: Path) -> SubjectTarget:
+    def _one(self, layer: SceneryLayer, path: Path) -> Path:
         instance = self.instances.get(path.object)
         if instance is not None:
             self._check_joint(path, (path.object,))
-            return SubjectTarget(path.object, path.joint, path.where)
+            return path
         if path.object in self.models or self._groups(layer, path.object):
             kind = "an object model" if path.object in self.models else "a group"
             raise InputError.at(
@@ -107,16 +99,14 @@ class Catalogue:
         hint = did_you_mean(path.object, self.instances)
         raise InputError.at(path.where, f'there is no object "{path.object}"', hint)
 
-    def _many(
-        self, layer: SceneryLayer, path: Path, trail: tuple[str, ...]
-    ) -> tuple[SubjectTarget, ...]:
+    def _many(self, layer: SceneryLayer, path: Path, trail: tuple[str, ...]) -> tuple[Path, ...]:
         groups = self._groups(layer, path.object)
         if groups:
             return self._members(path, groups, trail)
         if path.object in self.models:
             names = tuple(n for n, i in self.instances.items() if i.model.text == path.object)
             self._check_joint(path, names)
-            return tuple(SubjectTarget(name, path.joint, path.where) for name in names)
+            return tuple(replace(path, object=name) for name in names)
         if path.object in self.instances:
             message = f'"{path.object}" is a single object'
             raise InputError.at(path.where, message, 'remove "every"')
@@ -127,7 +117,7 @@ class Catalogue:
 
     def _members(
         self, path: Path, groups: list[tuple[SceneryLayer, Group]], trail: tuple[str, ...]
-    ) -> tuple[SubjectTarget, ...]:
+    ) -> tuple[Path, ...]:
         home, group = groups[0]
         if len(groups) > 1:
             places = " and ".join(str(g.where) for _, g in groups)
@@ -142,7 +132,7 @@ class Catalogue:
         if not path.joint:
             return members
         self._check_joint(path, [t.object for t in members])
-        return tuple(SubjectTarget(t.object, path.joint, t.where) for t in members)
+        return tuple(replace(target, joint=path.joint) for target in members)
 
     def _groups(self, layer: SceneryLayer, name: str) -> list[tuple[SceneryLayer, Group]]:
         # A group of the layer hides groups of other layers.

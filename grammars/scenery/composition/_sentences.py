@@ -14,14 +14,12 @@ from grammars.model.behaviour import (
     Jump,
     KeyFrame,
     KeyFrames,
-    LegBegins,
     Motion,
     Reaction,
     Servo,
     Spring,
     Trigger,
     Walk,
-    WaypointReached,
 )
 from grammars.model.geometry import Point2, Pose2
 from grammars.model.movers import PLANAR_JOINTS, is_fixed, is_mover
@@ -42,8 +40,7 @@ from grammars.scenery.model import (
     Measure,
     MotionAs,
     Moves,
-    OnLeg,
-    OnWaypoint,
+    OnObject,
     Reacts,
     RoutePoint,
     Sentence,
@@ -263,10 +260,8 @@ class SentenceResolver:
 
     def _event(self, phrase: EventPhrase) -> Event:
         """Return the event of a phrase; raises :class:`InputError` for unknown names."""
-        if isinstance(phrase, OnLeg):
-            return LegBegins(phrase.leg)
-        if isinstance(phrase, OnWaypoint):
-            return WaypointReached(phrase.waypoint)
+        if not isinstance(phrase, OnObject):
+            return phrase
         path = phrase.path
         subject = Subject(False, (path,), (), path.where)
         (target,) = self._catalogue.targets(self._context.layer, subject)
