@@ -10,16 +10,13 @@ from __future__ import annotations
 
 import functools
 import itertools
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from shapely.geometry.polygon import orient
 
-from grammars.model.geometry import Floats
 from grammars.model.scene import Solid
 from grammars.text.plugins import load_extra
 from templates.world import ExportJob
@@ -35,27 +32,13 @@ _UPRIGHT: Final = np.array(
 _COLOUR: Final = (0.74, 0.73, 0.70, 1.0)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class WallMesh:
-    """Mesh with ``vertices`` (n, 3) [m], z up, and ``faces`` (m, 3) int.
-
-    Faces are counter-clockwise from outside. ``volume`` is that of the body [m^3].
-    """
-
-    vertices: Floats
-    faces: npt.NDArray[np.int64]
-    volume: float
-
-
 @functools.lru_cache(maxsize=2)
-def wall_mesh(solids: tuple[Solid, ...]) -> WallMesh:
-    """Return the union of solids as a closed 2-manifold with outward faces.
+def wall_mesh(solids: tuple[Solid, ...]) -> Any:
+    """Return the union of solids as a trimesh, a closed 2-manifold with outward faces, z up [m].
 
-    Several kinds and worlds share it. Raises :class:`ValueError` without solids, and
+    Several kinds and worlds share it: copy it before a change. Raises
     :class:`grammars.text.plugins.MissingExtraError` without the extra ``mesh``.
     """
-    if not solids:
-        raise ValueError("a mesh needs at least one solid")
     m3 = _library("manifold3d")
     layers = [_extruded(m3, *layer) for layer in _layers(solids)]
     # as_original() drops the origin of faces: only then are coplanar faces joined.
@@ -66,7 +49,7 @@ def wall_mesh(solids: tuple[Solid, ...]) -> WallMesh:
     # Copies, because arrays of manifold3d would outlive it in the cache.
     vertices = np.array(mesh.vert_properties[:, :3], np.float64)
     faces = np.array(mesh.tri_verts, np.int64)
-    return WallMesh(vertices, faces, float(body.volume()))
+    return _library("trimesh").Trimesh(vertices, faces, process=False)
 
 
 def write_meshes(job: ExportJob) -> tuple[Path, ...]:
@@ -81,20 +64,18 @@ def write_meshes(job: ExportJob) -> tuple[Path, ...]:
     return stl, glb
 
 
-def stl_bytes(mesh: WallMesh) -> bytes:
-    """Return the mesh as binary STL, z up."""
-    trimesh = _library("trimesh")
-    body = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
-    return bytes(body.export(file_type="stl"))
+def stl_bytes(mesh: Any) -> bytes:
+    """Return a trimesh as binary STL, z up."""
+    return bytes(mesh.export(file_type="stl"))
 
 
-def glb_bytes(mesh: WallMesh, *, name: str) -> bytes:
-    """Return the mesh as binary glTF 2.0, turned to its y-up axes.
+def glb_bytes(mesh: Any, *, name: str) -> bytes:
+    """Return a trimesh as binary glTF 2.0, turned to its y-up axes.
 
     ``name`` is the name of the only node.
     """
     trimesh = _library("trimesh")
-    body = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    body = mesh.copy()
     material = trimesh.visual.material.PBRMaterial(
         name="wall", baseColorFactor=_COLOUR, metallicFactor=0.0, roughnessFactor=0.9
     )

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -127,17 +126,6 @@ _BANDWIDTH: Final = 20.0
 _GROUND: Final = "ground_plane"
 
 
-@dataclass(frozen=True, slots=True)
-class PlacedModel:
-    """Object in a world: its model, its pose x, y, z, roll, pitch, yaw, and acts of its joints."""
-
-    name: str
-    model: str
-    static: bool
-    pose: tuple[float, ...]
-    acts: tuple[dict[str, Any], ...]
-
-
 def models_of(scene: Scene, reserved: set[str]) -> dict[str, tuple[str, Body]]:
     """Return, by object, the name and body of its model; equal bodies share one model.
 
@@ -214,7 +202,8 @@ def _render(job: ExportJob, path: str, **values: Any) -> Path:
 
 def _instances(
     job: ExportJob, models: dict[str, tuple[str, Body]], draw: BehaviourDraw, classic: bool
-) -> list[PlacedModel]:
+) -> list[dict[str, Any]]:
+    """Return the objects of a world: model, pose x, y, z, roll, pitch, yaw, and acts of joints."""
     acts = behaviour_by_joint(job.world.scene, draw.behaviours)
     played = played_frames(job.world.scene, draw.behaviours, era=classic)
     target = job.world.robot.name if job.world.robot else "robot"
@@ -229,7 +218,8 @@ def _instances(
             for joint in body.joints
             if (name := f"{thing.name}.{joint.of}") in acts
         )
-        instances.append(PlacedModel(thing.name, model, body.static, pose, joint_acts))
+        instance = {"name": thing.name, "model": model, "static": body.static}
+        instances.append(instance | {"pose": pose, "acts": joint_acts})
     return instances
 
 

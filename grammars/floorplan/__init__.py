@@ -9,7 +9,6 @@ from grammars.floorplan._files import (
     read_floorplan,
 )
 from grammars.floorplan._geometry import Flaw, geometric_flaws, overlaps, warn_of
-from grammars.floorplan._shapes import CircleNode, PolygonNode, RectangleNode
 from grammars.floorplan._spaces import outer_corners, space_at, wall_frames
 from grammars.floorplan.model import (
     WALLS_ENDING,
@@ -26,7 +25,6 @@ from grammars.floorplan.model import (
 __all__ = [
     "WALLS_ENDING",
     "WORLD_FRAME",
-    "CircleNode",
     "Feature",
     "Flaw",
     "FloorPlan",
@@ -35,8 +33,6 @@ __all__ = [
     "ParsedFloorPlan",
     "Placement",
     "Point3",
-    "PolygonNode",
-    "RectangleNode",
     "Space",
     "Wall",
     "geometric_flaws",

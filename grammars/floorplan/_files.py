@@ -11,7 +11,6 @@ from typing import Final
 
 from grammars.floorplan._attributes import LARGEST, kind_of
 from grammars.floorplan._compile import compile_plan
-from grammars.floorplan._shapes import SHAPE_NODES
 from grammars.floorplan.model import FloorPlan
 from grammars.text.diagnostics import (
     Findings,
@@ -70,7 +69,6 @@ _UNITS: Final = re.compile(r"(?:in|inch|inches|ft|feet|yards?|miles?|[A-Za-z]?m|
 
 
 class _FloorPlanLanguage(Language):
-    classes = SHAPE_NODES
     words = _WORDS
     openers = frozenset(_ELEMENTS)
 

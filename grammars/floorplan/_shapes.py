@@ -9,13 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import chain
-from typing import Final, Literal, TypeAlias
+from typing import Final, Literal
 
 from grammars.floorplan._attributes import ElementReader
 from grammars.floorplan._spaces import wall_frames
 from grammars.floorplan.model import Point3
 from grammars.model.geometry import Point2, Ring
-from grammars.text.diagnostics import SyntaxNode, TypedNode, with_article
+from grammars.text.diagnostics import SyntaxNode, rule_of, with_article
 
 # FloorPlan DSL v1 approximated circles by 40 corners, clockwise from (0, r), so that walls grow
 # outwards. Every edge is a wall with a number. Circles of objects have no such numbers and fewer
@@ -40,54 +40,31 @@ def circle(radius: float) -> Ring:
     return tuple((radius * math.sin(a), radius * math.cos(a)) for a in angles)
 
 
-class RectangleNode(TypedNode):
-    """``Rectangle width=4 m, length=3 m``; in a wall it has a ``height`` instead."""
+def _outline(shape: SyntaxNode, second: Literal["length", "height"], reader: ElementReader) -> Ring:
+    """Return the ring of a rectangle or circle, empty after an error.
 
-    width: SyntaxNode
-    length: SyntaxNode | None
-    height: SyntaxNode | None
-
-    def outline(self, second: Literal["length", "height"], reader: ElementReader) -> Ring:
-        """Return the ring, empty after an error."""
+    ``second`` is the other size of a rectangle: in a wall it has a height instead of a length.
+    """
+    if rule_of(shape) == "Circle":
+        return circle(_positive(shape.radius, "the radius of a circle", reader))
+    width = _positive(shape.width, "the width of a rectangle", reader)
+    node = shape.length if second == "length" else shape.height
+    if node is None:
         other = "height" if second == "length" else "length"
-        width = _positive(self.width, "the width of a rectangle", reader)
-        node = self.length if second == "length" else self.height
-        if node is None:
-            owner = "opening" if second == "height" else "space or feature"
-            reader.error(
-                self,
-                f"the rectangle of {with_article(owner)} has a {second}, not a {other}",
-                f"write Rectangle width=…, {second}=…",
-            )
-            return ()
-        return rectangle(width, _positive(node, f"the {second} of a rectangle", reader))
+        owner = "opening" if second == "height" else "space or feature"
+        reader.error(
+            shape,
+            f"the rectangle of {with_article(owner)} has a {second}, not a {other}",
+            f"write Rectangle width=…, {second}=…",
+        )
+        return ()
+    return rectangle(width, _positive(node, f"the {second} of a rectangle", reader))
 
 
-class CircleNode(TypedNode):
-    """``Circle radius=50 cm``."""
-
-    radius: SyntaxNode
-
-    def outline(self, second: Literal["length", "height"], reader: ElementReader) -> Ring:
-        """Return the ring."""
-        return circle(_positive(self.radius, "the radius of a circle", reader))
-
-
-class PolygonNode(TypedNode):
-    """``Polygon points: [(0 m, 0 m), …]``."""
-
-    points: list[SyntaxNode]
-
-
-ShapeNode: TypeAlias = RectangleNode | CircleNode | PolygonNode
-SHAPE_NODES: Final = (RectangleNode, CircleNode, PolygonNode)
-"""Classes of syntax nodes, named like their rules."""
-
-
-def floor_outline(shape: ShapeNode, reader: ElementReader) -> Ring:
+def floor_outline(shape: SyntaxNode, reader: ElementReader) -> Ring:
     """Return the ring of a space or feature, empty after an error."""
-    if not isinstance(shape, PolygonNode):
-        return shape.outline("length", reader)
+    if rule_of(shape) != "Polygon":
+        return _outline(shape, "length", reader)
     points = _points(shape, reader)
     for point, node in zip(points, shape.points, strict=False):
         if len(point) == 3 and point[2] != 0.0:
@@ -97,10 +74,10 @@ def floor_outline(shape: ShapeNode, reader: ElementReader) -> Ring:
     return tuple(ring[k] for k in _corners(ring, shape, reader))
 
 
-def wall_outline(shape: ShapeNode, reader: ElementReader) -> tuple[Point3, ...]:
+def wall_outline(shape: SyntaxNode, reader: ElementReader) -> tuple[Point3, ...]:
     """Return the ring of an opening, x along the wall, z up; empty after an error."""
-    if not isinstance(shape, PolygonNode):
-        return tuple((x, 0.0, z) for x, z in shape.outline("height", reader))
+    if rule_of(shape) != "Polygon":
+        return tuple((x, 0.0, z) for x, z in _outline(shape, "height", reader))
     points = _points(shape, reader)
     if points and all(len(point) == 2 for point in points):
         reader.warning(
@@ -121,7 +98,7 @@ def _positive(node: SyntaxNode, label: str, reader: ElementReader) -> float:
     return value
 
 
-def _points(shape: PolygonNode, reader: ElementReader) -> list[tuple[float, ...]]:
+def _points(shape: SyntaxNode, reader: ElementReader) -> list[tuple[float, ...]]:
     """Return the points as written, or none if one of them is broken."""
     points = [tuple(map(reader.length, node.coordinates)) for node in shape.points]
     odd = [k for k, point in enumerate(points) if not 2 <= len(point) <= 3]
@@ -130,9 +107,7 @@ def _points(shape: PolygonNode, reader: ElementReader) -> list[tuple[float, ...]
     return [] if odd or any(map(math.isnan, chain.from_iterable(points))) else points
 
 
-def _corners(
-    points: Sequence[Point2], shape: PolygonNode, reader: ElementReader
-) -> tuple[int, ...]:
+def _corners(points: Sequence[Point2], shape: SyntaxNode, reader: ElementReader) -> tuple[int, ...]:
     """Return the indices of the corners of a simple polygon, or none after an error."""
     if len(points) < len(shape.points):
         return ()  # one of them is broken and has been reported

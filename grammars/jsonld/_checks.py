@@ -95,8 +95,13 @@ def _check_views(nodes: NodeGraph) -> None:
 
 def _check_pose_tree(nodes: NodeGraph, partial: bool) -> None:
     """Report loops of poses, and frames without a chain of poses to the world."""
+    # Slow to import.
+    from scipy.cluster.hierarchy import DisjointSet
+
     frames = [node.id for node in nodes.of_type(GEOM["Frame"])]
-    groups = _Groups()
+    roots = _roots(nodes)
+    # Sets of frames that poses connect.
+    groups = DisjointSet([*frames, *roots])
     placings = index_by(nodes.by_id, REL["Pose"], REL["of"])
     # Frames with several poses come last: if poses form a loop, one of these closes it.
     poses = sorted(
@@ -106,7 +111,11 @@ def _check_pose_tree(nodes: NodeGraph, partial: bool) -> None:
     loops: dict[str, None] = {}
     for of, pose in poses:
         wrt = pose.ref(REL["with-respect-to"])
-        if wrt is not None and not groups.join(of, wrt):
+        if wrt is None:
+            continue
+        for frame in (of, wrt):
+            groups.add(frame)
+        if not groups.merge(of, wrt):
             loops[of] = None
     for frame in list(loops)[:_MOST_LOOPS]:
         ends = [pose.ref(REL["with-respect-to"]) or "" for pose in placings[frame]]
@@ -117,16 +126,16 @@ def _check_pose_tree(nodes: NodeGraph, partial: bool) -> None:
             "do several things share this identifier? Give each its own: <space>-<name>",
         )
     defined = frozenset(frames)
-    anchors = {groups.top(root) for root in _roots(nodes)}
+    anchors = {groups[root] for root in roots}
     # A frame of another file may be connected there.
     if partial:
-        anchors |= {groups.top(id) for id in groups.members() if id not in defined}
+        anchors |= {groups[id] for id in groups if id not in defined}
     if nodes.of_type(FP["FloorPlan"]) and not any(local_name(id) == "world-frame" for id in frames):
         return  # the reader of plans reports it
     loose: dict[str, list[str]] = {}
     for frame in frames:
-        if groups.top(frame) not in anchors:
-            loose.setdefault(groups.top(frame), []).append(frame)
+        if groups[frame] not in anchors:
+            loose.setdefault(groups[frame], []).append(frame)
     for group in loose.values():
         _report_loose(nodes, group)
 
@@ -149,30 +158,6 @@ def _roots(nodes: NodeGraph) -> list[str]:
         for node in nodes.of_type(OBJ[kind]):
             roots.extend(node.refs(OBJ[predicate]))
     return roots
-
-
-class _Groups:
-    """Disjoint sets of frames that poses connect."""
-
-    def __init__(self) -> None:
-        self._above: dict[str, str] = {}
-
-    def members(self) -> list[str]:
-        return list(self._above)
-
-    def top(self, member: str) -> str:
-        """Return the frame that represents the set of ``member``."""
-        above = self._above
-        while above.setdefault(member, member) != member:
-            above[member] = above[above[member]]
-            member = above[member]
-        return member
-
-    def join(self, one: str, other: str) -> bool:
-        """Unite two sets; return whether they were apart."""
-        a, b = self.top(one), self.top(other)
-        self._above[a] = b
-        return a != b
 
 
 def _check_joints(nodes: NodeGraph) -> None:

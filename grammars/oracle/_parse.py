@@ -28,6 +28,7 @@ from grammars.text.diagnostics import (
     SyntaxNode,
     Where,
     did_you_mean,
+    rule_of,
 )
 from grammars.text.documents import YamlDocument, load_yaml
 from grammars.text.expressions import (
@@ -87,7 +88,7 @@ def _refuse_unknown_operator(text: str, where: Where) -> None:
 
 
 def _judgement(node: SyntaxNode, source: SourceText) -> Judgement:
-    match type(node).__name__:
+    match rule_of(node):
         case "Temporal":
             predicate = read_expression(node.predicate, source)
             if node.until:

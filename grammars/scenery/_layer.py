@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Final, TypeAlias
 
 from grammars.scenery._objects import read_object
-from grammars.scenery._reader import SceneryReader, rule_of
+from grammars.scenery._reader import SceneryReader
 from grammars.scenery._sentences import read_sentence
 from grammars.scenery.model import (
     Group,
@@ -23,7 +23,7 @@ from grammars.scenery.model import (
     Sentence,
     Setting,
 )
-from grammars.text.diagnostics import SourceText, SyntaxNode, Where
+from grammars.text.diagnostics import SourceText, SyntaxNode, Where, rule_of
 from grammars.text.parsing import Language, SyntaxFault, keywords_of, without_comments
 from grammars.text.sources import read_text
 from grammars.text.units import UNIT_WORDS

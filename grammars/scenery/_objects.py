@@ -11,9 +11,9 @@ from grammars.model.geometry import Point2, Pose2, Ring, convex_ring
 from grammars.model.kinematics import WORLD
 from grammars.model.movers import PLANAR_JOINTS, with_planar_chain
 from grammars.model.scene import Joint, Link
-from grammars.scenery._reader import SceneryReader, rule_of
+from grammars.scenery._reader import SceneryReader
 from grammars.scenery.model import NamedState, ObjectModel
-from grammars.text.diagnostics import SyntaxNode, Where, did_you_mean
+from grammars.text.diagnostics import SyntaxNode, Where, did_you_mean, rule_of
 
 CIRCLE_CORNERS: Final = 32
 _AXES: Final = {"x": (1.0, 0.0), "y": (0.0, 1.0)}

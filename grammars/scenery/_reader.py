@@ -15,17 +15,12 @@ from grammars.scenery.model import (
     Word,
     parse_measure,
 )
-from grammars.text.diagnostics import Findings, InputError, SyntaxNode, Where
+from grammars.text.diagnostics import Findings, InputError, SyntaxNode, Where, rule_of
 
 T = TypeVar("T")
 
 Options: TypeAlias = dict[str, SyntaxNode]
 """The options of a sentence by the names of their rules."""
-
-
-def rule_of(node: SyntaxNode) -> str:
-    """Return the name of the rule of a node."""
-    return type(node).__name__
 
 
 class SceneryReader(Findings):

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Final, Literal, TypeAlias
 
 from grammars.model.behaviour import LegBegins, WaypointReached
-from grammars.scenery._reader import Options, SceneryReader, rule_of
+from grammars.scenery._reader import Options, SceneryReader
 from grammars.scenery.model import (
     At,
     EventPhrase,
@@ -31,7 +31,7 @@ from grammars.scenery.model import (
     Walks,
     Word,
 )
-from grammars.text.diagnostics import SyntaxNode
+from grammars.text.diagnostics import SyntaxNode, rule_of
 
 _Meaning: TypeAlias = Instance | Setting | Sentence
 

@@ -148,14 +148,9 @@ SyntaxNode: TypeAlias = Any
 """A node of the textX model; its attributes are those of its rule in the grammar."""
 
 
-class TypedNode:
-    """A node of the textX model with its own class; textX sets the attributes of its rule."""
-
-    _tx_position: int
-    _tx_position_end: int
-
-    def __init__(self, parent: object = None, **attributes: Any) -> None:
-        vars(self).update(attributes)
+def rule_of(node: SyntaxNode) -> str:
+    """Return the name of the rule of a node."""
+    return type(node).__name__
 
 
 class SourceText:

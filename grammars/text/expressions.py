@@ -17,6 +17,7 @@ from grammars.text.diagnostics import (
     InputError,
     SourceText,
     SyntaxNode,
+    rule_of,
 )
 from grammars.text.parsing import Language, SyntaxFault
 from grammars.text.units import Dimension, read_unit, to_si
@@ -104,7 +105,7 @@ def read_expression(node: SyntaxNode, source: SourceText) -> Expression:
     Raises :class:`InputError` for an unknown unit.
     """
     column = node._tx_position
-    match type(node).__name__:
+    match rule_of(node):
         case "Or" | "And" as rule:
             operands = tuple(read_expression(operand, source) for operand in node.operands)
             if len(operands) == 1:

@@ -38,16 +38,13 @@ _EXPRESSIONS: Final = Path(__file__).with_name("expressions.tx")
 _TEXTX_LOCK: Final = threading.Lock()
 
 
-def load_metamodel(grammar: Path, *, classes: Sequence[type] = (), autokwd: bool = False) -> Any:
-    """Return the textX metamodel of a language; safe from any thread.
-
-    Nodes of a rule are instances of the class in ``classes`` with the name of the rule.
-    """
+def load_metamodel(grammar: Path, *, autokwd: bool = False) -> Any:
+    """Return the textX metamodel of a language; safe from any thread."""
     from textx import metamodel_from_str
 
     text = grammar_text(grammar)
     with _TEXTX_LOCK:
-        return metamodel_from_str(text, classes=list(classes), autokwd=autokwd)
+        return metamodel_from_str(text, autokwd=autokwd)
 
 
 def grammar_text(grammar: Path) -> str:
@@ -112,8 +109,6 @@ class Language:
     of errors, and how many errors one pass reports.
     """
 
-    classes: ClassVar[Sequence[type]] = ()
-    """Classes of nodes, named like their rules."""
     words: ClassVar[Mapping[str, str]] = {}
     """Names of rules and patterns of the grammar in messages."""
     openers: ClassVar[frozenset[str]] = frozenset()
@@ -124,11 +119,10 @@ class Language:
     def __init__(self, grammar: Path, *, autokwd: bool = False) -> None:
         self._grammar = grammar
         self._autokwd = autokwd
-        self._lock = threading.Lock()
 
     @functools.cached_property
     def _metamodel(self) -> Any:
-        return load_metamodel(self._grammar, classes=self.classes, autokwd=self._autokwd)
+        return load_metamodel(self._grammar, autokwd=self._autokwd)
 
     def parse(self, source: SourceText) -> SyntaxNode:
         """Return the syntax tree of ``source``; raises :class:`InputError` with every error."""
@@ -150,7 +144,7 @@ class Language:
         statements = list(pairwise(starts))
         for _ in range(_MOST_ERRORS):
             try:
-                return self._tree(text)
+                return self._metamodel.model_from_str(text)
             except RecursionError as error:
                 hint = self.hint(SyntaxFault(text, len(text), "", "", ()))
                 raise InputError.at(_deepest(source), "is nested too deeply", hint) from error
@@ -166,14 +160,6 @@ class Language:
                 text = text[:start] + re.sub(r"[^\n]", " ", text[start:end]) + text[end:]
                 statements.remove(broken)
         return None
-
-    def _tree(self, text: str) -> SyntaxNode:
-        if not self.classes:
-            return self._metamodel.model_from_str(text)
-        # While textX builds nodes it replaces methods of their classes, and counts the parsers that
-        # do so without a lock.
-        with self._lock:
-            return self._metamodel.model_from_str(text)
 
     def _fault(self, text: str, error: Any) -> SyntaxFault:
         offset = min(len(text), offset_of(text, error.line, error.col))

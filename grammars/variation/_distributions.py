@@ -19,6 +19,7 @@ from grammars.text.diagnostics import (
     SourceText,
     SyntaxNode,
     did_you_mean,
+    rule_of,
 )
 from grammars.text.units import ANGLE, LENGTH, read_unit
 
@@ -216,7 +217,7 @@ def read_distribution(node: SyntaxNode, source: SourceText) -> tuple[Distributio
     if unit and read_unit(unit)[1] not in (LENGTH, ANGLE):
         message = f"a plan has no quantities in {unit}"
         raise InputError.at(where, message, "use a length or an angle")
-    read = {"Uniform": _uniform, "Discrete": _discrete, "Normal": _normal}[type(node).__name__]
+    read = {"Uniform": _uniform, "Discrete": _discrete, "Normal": _normal}[rule_of(node)]
     distribution = read(node, source)
     if any(abs(number) > _LARGEST for number in numbers_of(distribution)):
         raise InputError.at(where, "a number is too large", "the limit is 1000 km")
@@ -224,7 +225,7 @@ def read_distribution(node: SyntaxNode, source: SourceText) -> tuple[Distributio
 
 
 def _number_nodes(node: SyntaxNode) -> list[SyntaxNode]:
-    match type(node).__name__:
+    match rule_of(node):
         case "Uniform":
             return node.values if node.low is None else [node.low, node.high]
         case "Discrete":

@@ -19,6 +19,7 @@ from grammars.text.diagnostics import (
     Where,
     did_you_mean,
     raise_all,
+    rule_of,
     with_article,
 )
 from grammars.text.expression_check import DimensionCheck
@@ -168,7 +169,7 @@ def _imported(
     statements: Sequence[SyntaxNode], folder: Path, source: SourceText, findings: Findings
 ) -> Path:
     """Return the path of the plan, without which no other checks are possible."""
-    imports = [node for node in statements if _rule(node) == "Import"]
+    imports = [node for node in statements if rule_of(node) == "Import"]
     example = 'write first: import "plan.fpm"'
     if not imports:
         raise InputError.at(source.where(0), "imports no plan", example)
@@ -201,7 +202,7 @@ class _VariationReader:
 
     def read(self, node: SyntaxNode) -> None:
         """Read one statement."""
-        match _rule(node):
+        match rule_of(node):
             case "Let":
                 self._let(node)
             case "Require":
@@ -234,7 +235,7 @@ class _VariationReader:
             return
         self._lets[name] = node
         self.names.draws[name] = RATIO
-        if _rule(node.value) not in DISTRIBUTIONS:
+        if rule_of(node.value) not in DISTRIBUTIONS:
             hint = f"let {name} = uniform(0.8 m .. 1.2 m)"
             self.findings.error(node, "let needs a distribution", hint)
             return
@@ -278,7 +279,7 @@ class _VariationReader:
         if slot is not None:
             self._varied[slot.name] = node
         with self.findings.collecting():
-            if _rule(value) in DISTRIBUTIONS:
+            if rule_of(value) in DISTRIBUTIONS:
                 self._assign_draw(node, slot, value)
             else:
                 self._assign_sum(node, slot, value)
@@ -323,11 +324,6 @@ class _VariationReader:
         names = (part for part in walk(predicate) if isinstance(part, Name))
         needs_plan = any(isinstance(self.names.meanings.get(name), PlanMeasure) for name in names)
         self.requirements.append(Requirement(predicate, text, self.source.at(node), needs_plan))
-
-
-def _rule(node: SyntaxNode) -> str:
-    """Return the name of the grammar rule of a node."""
-    return type(node).__name__
 
 
 def draw_unit(variation: Variation, draw: VariationDraw) -> str:

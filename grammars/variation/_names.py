@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, TypeAlias
 
-from grammars.floorplan import Feature, FloorPlan, Opening, PolygonNode, Space
+from grammars.floorplan import Feature, FloorPlan, Opening, Space
 from grammars.text.diagnostics import (
     Findings,
     SourceText,
@@ -17,6 +17,7 @@ from grammars.text.diagnostics import (
     Where,
     closest,
     did_you_mean,
+    rule_of,
     with_article,
 )
 from grammars.text.expression_check import MaybeKind, Unknown
@@ -217,7 +218,7 @@ def _suggested_path(path: str, element: PlanElement, more: Sequence[str]) -> str
     paths = [*more, *element.paths()]
     close = _closest_path(path, paths)
     question = f'did you mean "{close}"? ' if close else ""
-    points = isinstance(element.node.shape, PolygonNode) and path.startswith("shape")
+    points = rule_of(element.node.shape) == "Polygon" and path.startswith("shape")
     note = "; use variables of the plan to vary points" if points else ""
     return f"{question}it has: {', '.join(paths)}{note}"
 

@@ -10,8 +10,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
-from grammars.floorplan import CircleNode, RectangleNode, parse_syntax
-from grammars.text.diagnostics import SourceText, SyntaxNode
+from grammars.floorplan import parse_syntax
+from grammars.text.diagnostics import SourceText, SyntaxNode, rule_of
 from grammars.text.parsing import without_comments
 from grammars.text.units import NAMES, read_unit, to_si
 
@@ -77,14 +77,9 @@ class PlanElement:
 
 
 def _sizes(shape: SyntaxNode) -> dict[str, SyntaxNode]:
-    match shape:
-        case CircleNode():
-            return {"radius": shape.radius}
-        case RectangleNode(length=None):
-            return {"width": shape.width, "height": shape.height}
-        case RectangleNode():
-            return {"width": shape.width, "length": shape.length}
-    return {}
+    sizes = {"Circle": ("radius",), "Rectangle": ("width", "length", "height")}
+    names = sizes.get(rule_of(shape), ())
+    return {name: node for name in names if (node := getattr(shape, name)) is not None}
 
 
 class PlanText:

@@ -57,7 +57,7 @@ def _made(found):
     language, *names = words
     rules = ebnf.rules(language)
     # Classes of syntax nodes end so; to readers a rule is what it stands for.
-    text = re.sub(r"\b(\w+)Node\b", r"\1", "\n".join(rules[name] for name in names))
+    text = "\n".join(rules[name] for name in names)
     return f"```ebnf\n{text}\n```\n"
 
 

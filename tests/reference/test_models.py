@@ -22,7 +22,7 @@ from templates.world import ArtefactWorld, ExportJob, ExportSettings
 from tests.languages.test_jsonld_plans import written
 from tests.scene.composition.test_geometry import area_of_walls, wall_area_left
 from tests.scene.maps.imported import CELL, compared
-from tests.scene.templates.test_mesh import surface, volume
+from tests.scene.templates.test_mesh import volume
 
 
 def test_a_published_plan_comes_back(reference_data, tmp_path):
@@ -99,7 +99,7 @@ def test_published_plans_give_watertight_walls(reference_data):
     for path in sorted((reference_data / "floorplans").glob("*.fpm")):
         scene = compile_scene(load_floorplan(path))
         mesh = wall_mesh(scene.solids)
-        assert surface(mesh).is_watertight, path.name
+        assert mesh.is_watertight, path.name
         assert mesh.volume == pytest.approx(volume(scene), rel=1e-5), path.name
 
 
