@@ -144,7 +144,7 @@ class Language:
         statements = list(pairwise(starts))
         for _ in range(_MOST_ERRORS):
             try:
-                return self._metamodel.model_from_str(text)
+                return self._tree(text)
             except RecursionError as error:
                 hint = self.hint(SyntaxFault(text, len(text), "", "", ()))
                 raise InputError.at(_deepest(source), "is nested too deeply", hint) from error
@@ -160,6 +160,9 @@ class Language:
                 text = text[:start] + re.sub(r"[^\n]", " ", text[start:end]) + text[end:]
                 statements.remove(broken)
         return None
+
+    def _tree(self, text: str) -> SyntaxNode:
+        return self._metamodel.model_from_str(text)
 
     def _fault(self, text: str, error: Any) -> SyntaxFault:
         offset = min(len(text), offset_of(text, error.line, error.col))
