@@ -1,6 +1,6 @@
 """FloorPlan language: from `.fpm` text to world geometry."""
 
-from grammars.floorplan._features import OpeningPrism, opening_at
+from grammars.floorplan._features import opening_at
 from grammars.floorplan._files import (
     ParsedFloorPlan,
     load_floorplan,
@@ -29,7 +29,6 @@ __all__ = [
     "Flaw",
     "FloorPlan",
     "Opening",
-    "OpeningPrism",
     "ParsedFloorPlan",
     "Placement",
     "Point3",

@@ -176,25 +176,13 @@ def build_opening(draft: OpeningDraft, walls: tuple[Wall, ...], reader: ElementR
         draft.node.name,
         tuple(wall.id for wall in walls),
         walls[0].frame @ offset,
-        OpeningPrism(
-            draft.ring,
-            sum(wall.thickness for wall in walls),
-            location.get("translation.z"),
-            location.get("rotation.y"),
-        ),
         reader.where(draft.node),
         Placement(f"{kind}-{draft.node.name}-frame", f"{walls[0].id}-frame", offset, draft.ring),
+        ring=draft.ring,
+        depth=sum(wall.thickness for wall in walls),
+        z=location.get("translation.z"),
+        tilt=location.get("rotation.y"),
     )
-
-
-@dataclass(frozen=True, slots=True)
-class OpeningPrism:
-    """Cut of an opening: near ring in its own frame, depth, height and tilt of that frame."""
-
-    ring: tuple[Point3, ...]
-    depth: float
-    z: float
-    tilt: float
 
 
 def opening_at(
@@ -202,16 +190,22 @@ def opening_at(
     name: str,
     walls: tuple[str, ...],
     frame: Pose2,
-    prism: OpeningPrism,
     where: Where,
     placement: Placement | None = None,
+    *,
+    ring: tuple[Point3, ...],
+    depth: float,
+    z: float,
+    tilt: float = 0.0,
 ) -> Opening:
-    """Return the opening that a prism cuts at ``frame`` (on the floor) through ``walls``."""
-    z, tilt, depth = prism.z, prism.tilt, prism.depth
+    """Return the opening that a prism cuts at ``frame`` (on the floor) through ``walls``.
+
+    ``ring`` is the near ring of the prism in its own frame, which stands at ``z`` and is tilted.
+    """
     c, s = math.cos(tilt), math.sin(tilt)
     # Ry(tilt) of the ring, which lies in the x-z plane of the opening (y only where a polygon
     # leans).
-    turned = [(c * px + s * pz, py, c * pz - s * px) for px, py, pz in prism.ring]
+    turned = [(c * px + s * pz, py, c * pz - s * px) for px, py, pz in ring]
     low, high = min(p[0] for p in turned), max(p[0] for p in turned)
     # A polygon may lean out of the face of its wall; the footprint begins at its nearest point.
     near_y = min(p[1] for p in turned)

@@ -57,18 +57,15 @@ def load_floorplan_jsonld(path: str | Path, base: str = "") -> FloorPlan:
     return read_plan(nodes, str(path))
 
 
-def load_scenery_jsonld(
-    path: str | Path, warnings: list[Finding] | None = None, base: str = ""
-) -> SceneryLayer:
+def load_scenery_jsonld(path: str | Path, warnings: list[Finding] | None = None) -> SceneryLayer:
     """Read a scenery layer from JSON-LD: objects, states, instances, and our own behaviours.
 
-    ``path`` is a file or a folder, whose floor plan is ignored. Relative identifiers resolve
-    against ``base``, by default the address of their file. A layer may refer to a floor plan and to
-    objects of other layers outside of ``path``. Names change so that sentences can contain them
-    (``door-instance-1`` is ``door_instance_1``). Assumptions are added to ``warnings``. Raises
+    ``path`` is a file or a folder, whose floor plan is ignored. A layer may refer to a floor plan
+    and to objects of other layers outside of ``path``. Names change so that sentences can contain
+    them (``door-instance-1`` is ``door_instance_1``). Assumptions are added to ``warnings``. Raises
     :class:`InputError` with all errors.
     """
-    nodes = _model(path, base, _is_of_objects)
+    nodes = _model(path, "", _is_of_objects)
     refuse_broken(nodes, partial=True)
     layers = read_layers(nodes, str(path))
     if len(layers) == 1:

@@ -11,7 +11,6 @@ from grammars.floorplan import (
     Feature,
     FloorPlan,
     Opening,
-    OpeningPrism,
     Placement,
     Point3,
     Space,
@@ -313,10 +312,19 @@ class _PlanReader:
         depth = scaled(node, FP["thickness"], LENGTHS)
         if depth is None:
             depth = max(point[1] for point in body[1])
-        prism = OpeningPrism(near[1], depth, placed.z, placed.tilt)
-        where = self.nodes.where(node.id, Where(self.file, 1, 1))
-        placement = self._placement(*near)
-        return node.id, opening_at(kind, name, walls, placed.pose, prism, where, placement)
+        opening = opening_at(
+            kind,
+            name,
+            walls,
+            placed.pose,
+            self.nodes.where(node.id, Where(self.file, 1, 1)),
+            self._placement(*near),
+            ring=near[1],
+            depth=depth,
+            z=placed.z,
+            tilt=placed.tilt,
+        )
+        return node.id, opening
 
 
 def _name(node: Node) -> str:

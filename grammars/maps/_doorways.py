@@ -20,6 +20,7 @@ from typing import Final
 
 import numpy as np
 import numpy.typing as npt
+import shapely
 
 from grammars.maps._borders import FREE_CELL, OCCUPIED_CELL, Labels, Points
 from grammars.maps._cells import Cells, connected
@@ -245,11 +246,7 @@ def _cells_in(corners: Points, shape: tuple[int, ...]) -> tuple[Points, Points]:
     low = np.maximum(np.floor(corners.min(axis=0)).astype(int), 0)
     high = np.minimum(np.ceil(corners.max(axis=0)).astype(int), np.array(shape)[::-1])
     x, y = np.meshgrid(np.arange(low[0], high[0]), np.arange(low[1], high[1]))
-    centre = np.stack([x + 0.5, y + 0.5], axis=-1)
-    inside = np.ones(x.shape, dtype=np.bool_)
-    for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        edge, to = b - a, centre - a
-        inside &= edge[0] * to[..., 1] - edge[1] * to[..., 0] >= 0.0
+    inside = shapely.intersects_xy(shapely.Polygon(corners), x + 0.5, y + 0.5)
     return y[inside], x[inside]
 
 

@@ -22,7 +22,6 @@ from grammars.floorplan import (
     Feature,
     FloorPlan,
     Opening,
-    OpeningPrism,
     Space,
     opening_at,
     overlaps,
@@ -192,9 +191,8 @@ def _opening(name: str, entryway: EntrywayText, where: Where) -> Opening:
             (width / 2, -height / 2),
         )
     )
-    prism = OpeningPrism(ring, entryway.depth, height / 2, 0.0)
-    near_face = Pose2(0.0, -entryway.depth / 2, 0.0)
-    return opening_at("entryway", name, (), middle @ near_face, prism, where)
+    frame, depth = middle @ Pose2(0.0, -entryway.depth / 2, 0.0), entryway.depth
+    return opening_at("entryway", name, (), frame, where, ring=ring, depth=depth, z=height / 2)
 
 
 def _check_area(

@@ -52,7 +52,7 @@ def write_drawing(figure: Drawing, path: Path) -> Path:
     import vl_convert
 
     vl_convert.register_font_directory(str(_FACES))
-    svg = _file_text(figure, _PAINTED_FAMILY)
+    svg = picture_svg(figure, _PAINTED_FAMILY)
     if path.suffix == ".png":
         path.write_bytes(vl_convert.svg_to_png(svg, scale=PNG_SCALE))
     else:
@@ -60,9 +60,11 @@ def write_drawing(figure: Drawing, path: Path) -> Path:
     return path
 
 
-def picture_svg(figure: Drawing) -> str:
-    """Return the text of a drawing's SVG file."""
-    return _file_text(figure, _FAMILY)
+def picture_svg(figure: Drawing, family: str = _FAMILY) -> str:
+    """Return the text of a drawing's SVG file, with texts in a font ``family``."""
+    return render(
+        "picture.svg.j2", figure=figure, family=family, paper=Colour.PAPER, colour=str, path=_path
+    )
 
 
 def write_picture(job: ExportJob) -> tuple[Path, ...]:
@@ -79,12 +81,6 @@ def page_svg(figure: Drawing, label: str) -> Markup:
     """
     svg = render("map.svg.j2", figure=figure, label=label, colour=_page_colour, path=_path)
     return Markup(svg)
-
-
-def _file_text(figure: Drawing, family: str) -> str:
-    return render(
-        "picture.svg.j2", figure=figure, family=family, paper=Colour.PAPER, colour=str, path=_path
-    )
 
 
 def _page_colour(colour: Colour) -> str:
