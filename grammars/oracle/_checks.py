@@ -151,9 +151,7 @@ class _OracleCheck:
         except ValueError as error:
             self._error(name, str(error))
             return
-        if declared is None:
-            self._error(name, f'no oracle "{call.name}" is installed')
-            return
+        assert declared is not None  # the parser knows the name
         self._arguments(name, call.arguments, tuple(map(dimension_of, declared.arguments)))
         scope = oracle.leg or oracle.guard
         if scope is not None:
