@@ -22,6 +22,7 @@ from grammars.floorplan._features import (
 from grammars.floorplan._geometry import geometric_flaws, warn_of
 from grammars.floorplan._shapes import floor_outline
 from grammars.floorplan._spaces import (
+    PlanReader,
     SpaceDraft,
     build_space,
     check_anchored,
@@ -44,22 +45,21 @@ def compile_plan(
 
     Raises ``InputError`` with all errors.
     """
-    reader = ElementReader(source)
+    reader = PlanReader(source)
     # Each step refers only to earlier ones. No error ends the compilation early: people get all
     # errors of a plan at once. Only an error-free plan is built.
     _check_order(tree, reader)
     reader.define(tree.variables, values or {})
     dimensions = _dimensions(tree.defaults, reader)
     drafts = [_draft_space(node, dimensions, reader) for node in tree.spaces]
-    spaces: dict[str, SpaceDraft] = {}
     for draft in drafts:
-        spaces.setdefault(draft.name, draft)
+        reader.spaces.setdefault(draft.name, draft)
     _check_names([draft.node for draft in drafts], "space", reader)
     for draft in drafts:
-        resolve_placement(draft, spaces, reader)
+        resolve_placement(draft, reader)
     check_anchored(drafts, reader)
-    features = _draft_features(tree.features, drafts, spaces, reader)
-    openings = _draft_openings(tree.openings, spaces, reader)
+    features = _draft_features(tree.features, drafts, reader)
+    openings = _draft_openings(tree.openings, reader)
     if not drafts and not reader.errors:
         reader.error(tree, f'plan "{tree.name}" has no spaces', 'add one: "Space room: …"')
     reader.raise_errors()
@@ -100,11 +100,7 @@ def _dimensions(nodes: Sequence[SyntaxNode], reader: ElementReader) -> dict[str,
     return values
 
 
-def _draft_space(
-    node: SyntaxNode,
-    defaults: dict[str, float],
-    reader: ElementReader,
-) -> SpaceDraft:
+def _draft_space(node: SyntaxNode, defaults: dict[str, float], reader: ElementReader) -> SpaceDraft:
     sizes = defaults | _dimensions([node], reader)
     missing = [key for key in ("thickness", "height") if key not in sizes]
     if missing:
@@ -131,38 +127,27 @@ def _check_names(nodes: Sequence[SyntaxNode], kind: str, reader: ElementReader) 
 
 
 def _draft_features(
-    top_level: Sequence[SyntaxNode],
-    drafts: Sequence[SpaceDraft],
-    spaces: dict[str, SpaceDraft],
-    reader: ElementReader,
+    top_level: Sequence[SyntaxNode], drafts: Sequence[SpaceDraft], reader: PlanReader
 ) -> list[FeatureDraft]:
     groups: list[tuple[SpaceDraft | None, Sequence[SyntaxNode]]] = [
-        (d, d.node.features) for d in drafts
+        *((draft, draft.node.features) for draft in drafts),
+        (None, top_level),
     ]
-    groups.append((None, top_level))
     features: list[FeatureDraft] = []
     for owner, nodes in groups:
         _check_names(nodes, "feature", reader)
         for node in nodes:
-            feature = draft_feature(node, owner, spaces, reader)
-            if feature is not None:
-                features.append(feature)
+            with reader.collecting():
+                if feature := draft_feature(node, owner, reader):
+                    features.append(feature)
     return sorted(features, key=lambda feature: feature.node._tx_position)
 
 
-def _draft_openings(
-    nodes: Sequence[SyntaxNode],
-    spaces: dict[str, SpaceDraft],
-    reader: ElementReader,
-) -> list[OpeningDraft]:
+def _draft_openings(nodes: Sequence[SyntaxNode], reader: PlanReader) -> list[OpeningDraft]:
     _check_names(nodes, "opening", reader)
-    openings = []
-    for node in nodes:
-        location = read_location(node, node.kind.lower(), reader)
-        opening = draft_opening(node, location, spaces, reader)
-        if opening is not None:
-            openings.append(opening)
-    return openings
+    located = [(node, read_location(node, node.kind.lower(), reader)) for node in nodes]
+    drafts = (draft_opening(node, location, reader) for node, location in located)
+    return [draft for draft in drafts if draft is not None]
 
 
 def _build(
@@ -170,7 +155,7 @@ def _build(
     drafts: list[SpaceDraft],
     features: list[FeatureDraft],
     openings: list[OpeningDraft],
-    reader: ElementReader,
+    reader: PlanReader,
 ) -> FloorPlan:
     world = place_all(drafts)
     spaces = tuple(build_space(draft, world[draft.name], reader) for draft in drafts)

@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from grammars.floorplan._attributes import ElementReader, Location, read_location
+from grammars.floorplan._attributes import Location, read_location
 from grammars.floorplan._shapes import floor_outline, wall_outline
-from grammars.floorplan._spaces import SpaceDraft, find_space, find_wall, frame_id
+from grammars.floorplan._spaces import PlanReader, SpaceDraft, frame_id
 from grammars.floorplan.model import Feature, Opening, Placement, Point3, Wall
 from grammars.model.geometry import Pose2, Ring
 from grammars.text.diagnostics import SyntaxNode, Where
@@ -28,12 +28,12 @@ class FeatureDraft:
 
 
 def draft_feature(
-    node: SyntaxNode,
-    owner: SpaceDraft | None,
-    spaces: dict[str, SpaceDraft],
-    reader: ElementReader,
+    node: SyntaxNode, owner: SpaceDraft | None, reader: PlanReader
 ) -> FeatureDraft | None:
-    """Return a feature of ``owner`` (``None``: the plan), or ``None`` after an error."""
+    """Return a feature of ``owner`` (``None``: the plan), or ``None`` without a reference.
+
+    Raises :class:`InputError` for an invalid reference.
+    """
     ring = floor_outline(node.shape, reader)
     height = reader.length(node.height)
     if height <= 0.0:
@@ -44,36 +44,28 @@ def draft_feature(
     if "wrt" not in location:
         return None
     reference = location.parts["wrt"].frame
-    against = _reference_space(reference, owner, spaces, reader)
-    if against is None:
-        return None
-    wall = find_wall(reference, against, reader)
+    against = _reference_space(reference, owner, reader)
+    wall = reader.wall(reference, against)
     return FeatureDraft(node, owner, ring, height, location, against, wall)
 
 
 def _reference_space(
-    reference: SyntaxNode,
-    owner: SpaceDraft | None,
-    spaces: dict[str, SpaceDraft],
-    reader: ElementReader,
-) -> SpaceDraft | None:
+    reference: SyntaxNode, owner: SpaceDraft | None, reader: PlanReader
+) -> SpaceDraft:
     if reference.name == "this":
         if owner is None:
-            reader.error(
-                reference,
-                '"this" has no meaning outside a space',
-                'name the space: "wrt: hall", or write the feature into its "features:"',
-            )
+            hint = 'name the space: "wrt: hall", or write the feature into its "features:"'
+            raise reader.refusal(reference, '"this" has no meaning outside a space', hint)
         return owner
     # A space may be called world; then the reference means this space.
-    if reference.name == "world" and "world" not in spaces:
-        reader.error(reference, "features belong in a space, not in the world", 'write "wrt: hall"')
-        return None
-    return find_space(reference, spaces, reader)
+    if reference.name == "world" and "world" not in reader.spaces:
+        message = "features belong in a space, not in the world"
+        raise reader.refusal(reference, message, 'write "wrt: hall"')
+    return reader.space(reference)
 
 
 def build_feature(
-    draft: FeatureDraft, world: dict[str, Pose2], unique: bool, reader: ElementReader
+    draft: FeatureDraft, world: dict[str, Pose2], unique: bool, reader: PlanReader
 ) -> Feature:
     """Return the feature in the world frame: ``World(wrt) . T(x, y, yaw)``."""
     location = draft.location
@@ -118,51 +110,37 @@ class OpeningDraft:
     walls: tuple[tuple[str, int], ...]
 
 
-def draft_opening(
-    node: SyntaxNode,
-    location: Location,
-    spaces: dict[str, SpaceDraft],
-    reader: ElementReader,
-) -> OpeningDraft | None:
+def draft_opening(node: SyntaxNode, location: Location, reader: PlanReader) -> OpeningDraft | None:
     """Return an opening, or ``None`` after an error."""
     ring = wall_outline(node.shape, reader)
     if "in" not in location:
         return None
     references = location.parts["in"].walls
-    walls = [_cut_wall(reference, spaces, reader) for reference in references]
-    resolved = tuple(wall for wall in walls if wall is not None)
+    walls: list[tuple[str, int]] = []
+    for reference in references:
+        with reader.collecting():
+            walls.append(_cut_wall(reference, reader))
     if len(references) > 2:
         reader.error(references[2], "an opening cuts one or two walls", "make a second opening")
-    elif len(resolved) == 2 and resolved[0] == resolved[1]:
+    elif len(walls) == 2 and walls[0] == walls[1]:
         reader.error(references[1], "an opening cannot cut the same wall twice")
-    elif len(resolved) == len(references):
-        return OpeningDraft(node, ring, location, resolved)
+    elif len(walls) == len(references):
+        return OpeningDraft(node, ring, location, tuple(walls))
     return None
 
 
-def _cut_wall(
-    reference: SyntaxNode, spaces: dict[str, SpaceDraft], reader: ElementReader
-) -> tuple[str, int] | None:
+def _cut_wall(reference: SyntaxNode, reader: PlanReader) -> tuple[str, int]:
     if reference.name == "this":
-        reader.error(
-            reference, '"this" has no meaning in an opening', "name the space: in: hall.walls[0]"
-        )
-        return None
-    space = find_space(reference, spaces, reader)
-    if space is None:
-        return None
+        hint = "name the space: in: hall.walls[0]"
+        raise reader.refusal(reference, '"this" has no meaning in an opening', hint)
+    space = reader.space(reference)
     if not reference.index:
-        reader.error(
-            reference,
-            f'an opening cuts walls, but "{reference.name}" is a space',
-            f"write {reference.name}.walls[0]",
-        )
-        return None
-    index = find_wall(reference, space, reader)
-    return None if index is None else (space.name, index)
+        message = f'an opening cuts walls, but "{reference.name}" is a space'
+        raise reader.refusal(reference, message, f"write {reference.name}.walls[0]")
+    return space.name, reader.wall_index(reference, space)
 
 
-def build_opening(draft: OpeningDraft, walls: tuple[Wall, ...], reader: ElementReader) -> Opening:
+def build_opening(draft: OpeningDraft, walls: tuple[Wall, ...], reader: PlanReader) -> Opening:
     """Return the opening in the world frame; it cuts ``walls`` in this order.
 
     ``World(opening) = World(first wall) . Translate(x, 0, z) . Ry(tilt)``. The far ring has the

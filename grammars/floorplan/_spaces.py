@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from grammars.floorplan._attributes import ElementReader, Location
 from grammars.floorplan.model import Placement, Space, Wall
 from grammars.model.geometry import Point2, Pose2, Ring
-from grammars.text.diagnostics import SyntaxNode, Where, did_you_mean
+from grammars.text.diagnostics import InputError, SourceText, SyntaxNode, Where, did_you_mean
 
 IDENTITY = Pose2()
 
@@ -69,78 +69,73 @@ def outer_corners(ring: Ring, thickness: float) -> Ring:
     return tuple(corners)
 
 
-def find_wall(node: SyntaxNode, draft: SpaceDraft, reader: ElementReader) -> int | None:
-    """Return the wall index of a frame reference, ``None`` for the space frame and after errors."""
-    if not node.index or not draft.ring:
-        return None
-    index, count = int(node.index), len(draft.ring)
-    if not -count <= index < count:
-        reader.error(node, f'wall index {index}: space "{draft.name}" has walls 0..{count - 1}')
-        return None
-    # Version 2 of the published tools accepts it, so plans may contain it.
-    if index < 0:
-        reader.warning(
-            node, f"wall index {index} counts from the end", f"write walls[{index + count}]"
-        )
-    return index % count
+class PlanReader(ElementReader):
+    """Reader of one plan, with its ``spaces`` by name."""
+
+    def __init__(self, source: SourceText) -> None:
+        super().__init__(source)
+        self.spaces: dict[str, SpaceDraft] = {}
+
+    def refusal(self, node: SyntaxNode, message: str, hint: str = "") -> InputError:
+        """Return an error that ends the reading of a reference."""
+        return InputError.at(self.where(node), message, hint)
+
+    def space(self, node: SyntaxNode) -> SpaceDraft:
+        """Return the space that a frame reference names; raises :class:`InputError`."""
+        if node.name not in self.spaces:
+            hint = did_you_mean(node.name, self.spaces)
+            raise self.refusal(node, f'unknown space "{node.name}"', hint)
+        return self.spaces[node.name]
+
+    def wall(self, node: SyntaxNode, draft: SpaceDraft) -> int | None:
+        """Return the wall index of a frame reference, ``None`` for the frame of the space."""
+        return self.wall_index(node, draft) if node.index else None
+
+    def wall_index(self, node: SyntaxNode, draft: SpaceDraft) -> int:
+        """Return the wall index of a reference to a wall; raises :class:`InputError`."""
+        index, count = int(node.index), len(draft.ring)
+        if not draft.ring:
+            return index
+        if not -count <= index < count:
+            message = f'wall index {index}: space "{draft.name}" has walls 0..{count - 1}'
+            raise self.refusal(node, message)
+        # Version 2 of the published tools accepts it, so plans may contain it.
+        if index < 0:
+            message = f"wall index {index} counts from the end"
+            self.warning(node, message, f"write walls[{index + count}]")
+        return index % count
 
 
-def find_space(
-    node: SyntaxNode, spaces: dict[str, SpaceDraft], reader: ElementReader
-) -> SpaceDraft | None:
-    """Return the space that a frame reference names, or ``None`` after an error."""
-    draft = spaces.get(node.name)
-    if draft is None:
-        reader.error(node, f'unknown space "{node.name}"', did_you_mean(node.name, spaces))
-    return draft
-
-
-def resolve_placement(
-    draft: SpaceDraft, spaces: dict[str, SpaceDraft], reader: ElementReader
-) -> None:
+def resolve_placement(draft: SpaceDraft, reader: PlanReader) -> None:
     """Resolve the frames of a space's location and check its flags."""
     location = draft.location
     if not {"of", "wrt"} <= location.parts.keys():
         return
-    _resolve_of(draft, location, reader)
-    _resolve_wrt(draft, location, spaces, reader)
+    for resolve in (_resolve_of, _resolve_wrt):
+        with reader.collecting():
+            resolve(draft, location, reader)
     _check_flags(draft, location, reader)
 
 
-def _resolve_of(draft: SpaceDraft, location: Location, reader: ElementReader) -> None:
+def _resolve_of(draft: SpaceDraft, location: Location, reader: PlanReader) -> None:
     reference = location.parts["of"].frame
     if reference.name not in ("this", draft.name):
-        reader.error(
-            reference,
-            f'"of" names a frame of the space itself, not "{reference.name}"',
-            'write "of: this" or "of: this.walls[0]"',
-        )
-        return
-    draft.own = find_wall(reference, draft, reader)
+        message = f'"of" names a frame of the space itself, not "{reference.name}"'
+        raise reader.refusal(reference, message, 'write "of: this" or "of: this.walls[0]"')
+    draft.own = reader.wall(reference, draft)
 
 
-def _resolve_wrt(
-    draft: SpaceDraft,
-    location: Location,
-    spaces: dict[str, SpaceDraft],
-    reader: ElementReader,
-) -> None:
+def _resolve_wrt(draft: SpaceDraft, location: Location, reader: PlanReader) -> None:
     reference = location.parts["wrt"].frame
     if reference.name == "world":
         if reference.index:
-            reader.error(reference, "the world has no walls")
+            raise reader.refusal(reference, "the world has no walls")
         return
     if reference.name in ("this", draft.name):
-        reader.error(
-            reference,
-            f'space "{draft.name}" is placed against itself',
-            'place it against "world" or another space',
-        )
-        return
-    other = find_space(reference, spaces, reader)
-    if other is not None:
-        draft.against = other
-        draft.other = find_wall(reference, other, reader)
+        message = f'space "{draft.name}" is placed against itself'
+        raise reader.refusal(reference, message, 'place it against "world" or another space')
+    draft.against = reader.space(reference)
+    draft.other = reader.wall(reference, draft.against)
 
 
 def _check_flags(draft: SpaceDraft, location: Location, reader: ElementReader) -> None:
