@@ -14,7 +14,8 @@ from grammars.floorplan import load_floorplan, parse_floorplan
 from grammars.jsonld import load_floorplan_jsonld, load_scenery_jsonld
 from grammars.model.grid import FREE, OCCUPIED, UNKNOWN
 from grammars.model.map_files import read_map
-from grammars.scenery.composition import compile_scene, is_convex
+from grammars.scenery.composition import compile_scene
+from grammars.scenery.composition._rings import is_convex
 from templates.mesh import wall_mesh
 from templates.occupancy import occupancy_grid
 from templates.tasks import write_tasks
