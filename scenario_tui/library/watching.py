@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+import queue
 import threading
 import time
 from collections import deque
@@ -115,11 +116,6 @@ def open_display() -> Iterator[ProgressDisplay]:
         yield ProgressDisplay(screen)
 
 
-def _over(row: CampaignRow) -> int:
-    """Return the number of runs that neither wait nor run, including cancelled ones."""
-    return row.total - row.queued - row.running
-
-
 def _run_line(row: RunRow, live: LiveSnapshot | None) -> Text:
     text = Text.assemble((f"  {glyph_word('running')}  ", "running"), run_label(row))
     snapshot = None if live is None else live.snapshot
@@ -209,7 +205,7 @@ class WatchedRuns:
         if display.on_screen:
             self.running = daemon.runs(row.id, state="running", limit=most).rows
         # Runs that had ended before the first look do not count for the rate: they may be cached.
-        self.began = self.began or (time.monotonic(), _over(row))
+        self.began = self.began or (time.monotonic(), row.ended)
         return row
 
     @property
@@ -227,21 +223,21 @@ class WatchedRuns:
         row, running = self.row, self.running
         if row is None or self.began is None:
             return Text(preparing)
-        over, (began, over_then) = _over(row), self.began
-        tail = Text(f"{over}/{count_noun(row.total, 'run')}")
+        began, ended_then = self.began
+        tail = Text(f"{row.ended}/{count_noun(row.total, 'run')}")
         if row.seconds_left is not None:
             tail.append(f"  {duration_text(row.seconds_left)} left", style="default")
         for word, count in run_counts(row).items():
             if word not in ("queued", "running"):
                 tail.append(f"  {GLYPHS[word]} {count} {word}", style=word)
         minutes = (time.monotonic() - began) / 60.0
-        if over > over_then and minutes > 0.0:
-            tail.append(f"  {rate_text((over - over_then) / minutes)}", style="default")
+        if row.ended > ended_then and minutes > 0.0:
+            tail.append(f"  {rate_text((row.ended - ended_then) / minutes)}", style="default")
         line = Table.grid(padding=(0, 2), expand=True)
         line.add_column(no_wrap=True)
         line.add_column(width=_BAR)
         line.add_column(no_wrap=True, overflow="ellipsis", ratio=1)
-        bar = ProgressBar(total=max(1, row.total), completed=over, width=_BAR)
+        bar = ProgressBar(total=max(1, row.total), completed=row.ended, width=_BAR)
         line.add_row(Text(row.name, style="bold"), bar, tail)
         waiting = preparing
         if row.paused:
@@ -421,20 +417,13 @@ def _listen(
         subscription.close()
 
 
-def latest_snapshot(
-    daemon: DaemonClient, run: str, patience: float = _LIVE_PATIENCE
-) -> Snapshot | None:
-    """Return the next snapshot of a run, ``None`` without one within ``patience`` seconds."""
-    snapshots: list[Snapshot] = []
-    came = threading.Event()
-
-    def take(message: LiveSnapshot) -> None:
-        snapshots.append(message.snapshot)
-        came.set()
-
-    watch = daemon.watch(run, take)
+def latest_snapshot(daemon: DaemonClient, run: str) -> Snapshot | None:
+    """Return the next snapshot of a run, ``None`` if it takes too long."""
+    snapshots: queue.SimpleQueue[Snapshot] = queue.SimpleQueue()
+    watch = daemon.watch(run, lambda message: snapshots.put(message.snapshot))
     try:
-        came.wait(patience)
+        return snapshots.get(timeout=_LIVE_PATIENCE)
+    except queue.Empty:
+        return None
     finally:
         watch.close()
-    return snapshots[-1] if snapshots else None

@@ -51,16 +51,16 @@ def proposal_text(task: SearchTask, proposal: Proposal, width: int) -> Text:
     return Text.assemble((about, QUIET), parameters)
 
 
-def range_bar(parameter: SearchParameter, value: PointValue, cells: int = _RANGE) -> str:
+def range_bar(parameter: SearchParameter, value: PointValue) -> str:
     """Return the range as a line, with ``│`` at the written value and ``●`` at ``value``.
 
     A value outside of the range is ``<`` or ``>`` at that end; one without a place is left out.
     """
-    line = ["─"] * cells
+    line = ["─"] * _RANGE
     for place_of, sign in ((parameter.written, "│"), (value, "●")):
         share = position_in_range(parameter, place_of)
         if not math.isnan(share):
-            place = round(min(1.0, max(0.0, share)) * (cells - 1))
+            place = round(min(1.0, max(0.0, share)) * (_RANGE - 1))
             line[place] = "<" if share < 0.0 else ">" if share > 1.0 else sign
     return "".join(line)
 
