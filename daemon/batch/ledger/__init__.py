@@ -14,8 +14,6 @@ from daemon.batch.ledger._connection import (
 from daemon.batch.ledger._disk_space import (
     Removal,
     RetentionPolicy,
-    StrayFile,
-    SweepResult,
     find_strays,
     remove_strays,
     stored_bytes,
@@ -41,8 +39,6 @@ __all__ = [
     "Removal",
     "RetentionPolicy",
     "RunPace",
-    "StrayFile",
-    "SweepResult",
     "TimeLeft",
     "VerificationProgress",
     "check_integrity",

@@ -9,8 +9,6 @@ from daemon.batch.security._access_control import (
     strip_control_characters,
 )
 from daemon.batch.security._keys import (
-    KEYS_VARIABLE,
-    REGISTER_FILE,
     Credentials,
     DaemonCredentials,
     IssuedKey,
@@ -25,8 +23,6 @@ from daemon.batch.security._keys import (
 )
 
 __all__ = [
-    "KEYS_VARIABLE",
-    "REGISTER_FILE",
     "Credentials",
     "DaemonCredentials",
     "IssuedKey",

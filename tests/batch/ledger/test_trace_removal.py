@@ -6,7 +6,8 @@ from contextlib import closing
 import pytest
 
 from daemon.batch.errors import DaemonError
-from daemon.batch.ledger import RetentionPolicy, SweepResult, sweep_traces
+from daemon.batch.ledger import RetentionPolicy, sweep_traces
+from daemon.batch.ledger._disk_space import SweepResult
 from daemon.batch.paths import StatePaths
 from tests.make import make_spec
 
