@@ -34,14 +34,11 @@ _SEVERITY: Final = (
     "CASE outcome WHEN 'fail' THEN 0 WHEN 'error' THEN 1 WHEN 'inconclusive' THEN 2"
     " WHEN 'pass' THEN 3 ELSE 4 END"
 )
-_SORTABLE: Final = {
-    **{
-        name: name
-        for name in (
-            *("campaign", "scenario", "sut", "repeat", "state", "attempt", "worker"),
-            *("oracle", "margin", "simulated", "wall"),
-        )
-    },
+_COLUMNS: Final = (
+    "campaign", "scenario", "sut", "repeat", "state", "attempt", "worker", "oracle", "margin",
+    "simulated", "wall",
+)  # fmt: skip
+_SORTABLE: Final = dict(zip(_COLUMNS, _COLUMNS, strict=True)) | {
     "index": "serial",
     "outcome": _SEVERITY,
     "limit": "time_limit",
@@ -52,9 +49,9 @@ _TEXT: Final = (
 _WORDS: Final = ("scenario", "sut", "oracle", "id", "repeat", "reason")
 """The columns of that text: a word without slash and space is in one of them."""
 _SEARCHES: Final = (
-    "SELECT id, name, submitted_at, task, state, total, file, progress,"
+    "SELECT search.campaign, name, submitted_at, task, state, total AS proposed, file, progress,"
     " (SELECT total(runs) FROM tally WHERE tally.campaign = campaign.id"
-    " AND tally.state IN ('done', 'lost', 'cancelled'))"
+    " AND tally.state IN ('done', 'lost', 'cancelled')) AS finished"
     " FROM search JOIN campaign ON campaign.id = search.campaign"
 )
 _WILD: Final = re.compile(r"[\\%_]")
@@ -63,20 +60,25 @@ _AFTER_ANY_TEXT: Final = "\U0010ffff"
 """Suffix that makes a text sort after every text with this prefix."""
 
 
+def _equal(
+    query: CampaignQuery | RunQuery | SearchQuery, *columns: str
+) -> tuple[list[str], list[Any]]:
+    """Return the conditions of columns for which a query has a value, and these values."""
+    given = [column for column in columns if getattr(query, column)]
+    conditions = ["TRUE", *(f"{column} = ?" for column in given)]
+    return conditions, [getattr(query, column) for column in given]
+
+
 def campaign_filter(query: CampaignQuery) -> tuple[str, list[Any]]:
     """Return the condition of a query for campaigns, and its values."""
-    conditions: list[str] = ["finished_at IS NULL"] if query.unfinished else []
-    values: list[Any] = []
-    for column in ("id", "name"):
-        value = getattr(query, column)
-        if value:
-            conditions.append(f"{column} = ?")
-            values.append(value)
+    conditions, values = _equal(query, "id", "name")
+    if query.unfinished:
+        conditions.append("finished_at IS NULL")
     if query.beginning:
         # By comparison, not LIKE: it uses the index on ids.
         conditions.append("id >= ? AND id < ?")
         values += [query.beginning, query.beginning + _AFTER_ANY_TEXT]
-    return ("WHERE " + " AND ".join(conditions) if conditions else ""), values
+    return f"WHERE {' AND '.join(conditions)}", values
 
 
 def run_order(query: RunQuery) -> str:
@@ -97,14 +99,11 @@ def run_filter(query: RunQuery) -> tuple[str, list[Any]]:
 
     Raises :class:`Refused` for an unknown state or outcome.
     """
-    conditions = ["state <> ?"]
-    values: list[Any] = [RESERVE]
-    for column in ("campaign", "state", "outcome", "scenario", "sut"):
-        value = getattr(query, column)
-        if value:
-            _check_word(column, value)
-            conditions.append(f"{column} = ?")
-            values.append(value)
+    _check_word("state", query.state, RunState)
+    _check_word("outcome", query.outcome, Outcome)
+    conditions, values = _equal(query, "campaign", "state", "outcome", "scenario", "sut")
+    conditions.append("state <> ?")
+    values.append(RESERVE)
     if query.text:
         # Searching 100,000 concatenated texts takes twice as long as searching their parts.
         columns = (f"({_TEXT})",) if set(query.text) & {"/", " "} else _WORDS
@@ -114,10 +113,9 @@ def run_filter(query: RunQuery) -> tuple[str, list[Any]]:
     return f"WHERE {' AND '.join(conditions)}", values
 
 
-def _check_word(column: str, word: str) -> None:
-    words: Iterable[str] = {"state": RunState, "outcome": Outcome}.get(column, ())
+def _check_word(column: str, word: str, words: Iterable[str]) -> None:
     names = [str(name) for name in words]
-    if names and word not in names:
+    if word and word not in names:
         raise Refused(f"there is no {column} {word!r}: {did_you_mean(word, names)}")
 
 
@@ -197,10 +195,7 @@ def read_searches(db: sqlite3.Connection, query: SearchQuery) -> tuple[SearchRow
     In a list, answers have no files, and the answers of older searches are omitted if all together
     are too large for a page.
     """
-    conditions, values = ["TRUE"], []
-    if query.campaign:
-        conditions.append("search.campaign = ?")
-        values.append(query.campaign)
+    conditions, values = _equal(query, "campaign")
     if query.unfinished:
         conditions.append("state = 'waiting'")
     rows, room = [], LARGEST_PAGE_BYTES
@@ -217,19 +212,14 @@ def read_searches(db: sqlite3.Connection, query: SearchQuery) -> tuple[SearchRow
     return tuple(rows)
 
 
-def _search_row(row: Any) -> SearchRow:
-    campaign, name, submitted_at, task, state, total, file, body, finished = row
-    progress = codec.from_json(SearchProgress, body)
-    return SearchRow(
-        campaign,
-        name,
-        submitted_at,
-        codec.from_json(SearchTask, task),
-        state,
-        progress.phase,
-        int(total),
-        int(finished),
-        progress.note,
-        progress.answer,
-        file,
-    )
+def _search_row(row: sqlite3.Row) -> SearchRow:
+    values = dict(row)
+    progress = codec.from_json(SearchProgress, values.pop("progress"))
+    values |= {
+        "task": codec.from_json(SearchTask, values["task"]),
+        "finished": int(values["finished"]),
+        "phase": progress.phase,
+        "note": progress.note,
+        "answer": progress.answer,
+    }
+    return SearchRow(**values)
