@@ -2,8 +2,8 @@
 
 A declaration gives the client's method (:class:`DaemonClient`, and its fake in tests), the access
 rules of the bus (:mod:`daemon.batch.security`), the size limit of requests, the thread of the
-daemon (:mod:`daemon.batch.server`), and the line in ``docs/security.md``. The handler has the
-verb's name in ``daemon/batch/server/_handlers.py``; a daemon that lacks one does not start.
+daemon (:mod:`daemon.batch.server`), and the line in ``docs/security.md``. The handlers are in
+``daemon/batch/server/_handlers.py``; a daemon that lacks one does not start.
 """
 
 from __future__ import annotations

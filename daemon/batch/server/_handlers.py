@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
 from daemon.batch.errors import Refused
 from daemon.batch.ledger import LedgerReader, LedgerWriter, TimeLeft
@@ -35,7 +35,6 @@ from daemon.model.messages import (
     LeaseRequest,
     LedgerAcknowledgement,
     LedgerAnswer,
-    PutRequest,
     ReleaseRequest,
     RenewReply,
     RenewRequest,
@@ -64,6 +63,7 @@ from daemon.model.verbs import (
     DELETE,
     EXTEND,
     ORIGIN,
+    PUT,
     RUN,
     RUNS,
     SEARCHES,
@@ -89,7 +89,7 @@ _MeasuredDeletion: TypeAlias = tuple[DeleteRequest, dict[str, tuple[int, ...]]]
 
 @dataclass
 class Handlers:
-    """Handlers of all verbs: a method with the name of each that the ledger alone cannot answer.
+    """Handlers of all verbs: a method with the name of each, unless it would only forward.
 
     :mod:`daemon.model.verbs` describes the verbs. A method gets the ledger access of its thread and
     the validated request, and returns the answer.
@@ -114,10 +114,12 @@ class Handlers:
         self._estimate_again_at = -math.inf
         self._started_at = time.time()
         self.clients = SearchClients()
+        others: dict[AnyVerb, Callable[[Any, Any], object]] = {
+            PUT: self._files.put,
+            **{verb: partial(_ask_ledger, verb) for verb in _ASKED},
+        }
         self.by_verb: dict[AnyVerb, VerbHandler] = {
-            verb: VerbHandler(
-                partial(_ask_ledger, verb) if verb in _ASKED else getattr(self, verb.name)
-            )
+            verb: VerbHandler(others.get(verb) or getattr(self, verb.name))
             for verb in VERBS.values()
         }
         # Not in the writer's thread: checking 100,000 runs takes seconds, and leases would wait.
@@ -246,9 +248,6 @@ class Handlers:
         if is_url(row.trace):
             raise Refused(f"the trace of {request.run} is at {row.trace}: get it there")
         return Path(row.trace)
-
-    def put(self, ledger: LedgerReader, request: PutRequest) -> Count:
-        return self._files.put(ledger, request)
 
     # Changes of the ledger; each is answered after its commit
 

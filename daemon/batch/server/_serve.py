@@ -95,11 +95,6 @@ def serve(
             signal.signal(number, lambda *_: stop())
         if tether:
             when_stdin_ends(stop.cut_tether)
-        try:
-            ledger, marker = open_state(stack, paths, settings, log)
-        except DaemonError as error:
-            log.write("failed", problem=repr(error))
-            raise
         order = {
             "connect": listening.socket,
             "slots": available_cores() if slots is None else slots,
@@ -109,6 +104,7 @@ def serve(
         }
         local = LocalWorker(paths, log, order) if order["slots"] else None
         try:
+            ledger, marker = open_state(stack, paths, settings, log)
             _Daemon(paths, settings, log, listening, stop, ledger, marker, local).run(stack)
         except Exception as error:
             log.write("failed", problem=repr(error))
