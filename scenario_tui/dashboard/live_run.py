@@ -197,7 +197,7 @@ def tracked_view(scene: Scene, spec: RunSpec, track: Track) -> View:
 def _object_mark(news: RunNews, track: Track, verdict: Verdict) -> MeasuredMark | None:
     """Return the object that decides a verdict, at its place in the snapshot of that moment."""
     # Loaded with the first failure, because the library of distances loads longer than the screen.
-    from daemon.analysis.object_marks import object_mark
+    from daemon.analysis.deciding import object_mark
 
     scene, robot = news.scene, news.detail.spec.robot
     index = bisect_right(track.heard_of, verdict.moment or 0.0, key=lambda one: one.time) - 1

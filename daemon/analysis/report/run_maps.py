@@ -22,9 +22,9 @@ from daemon.analysis.deciding import (
     deciding_mark,
     deciding_time,
     joint_positions,
+    metres_text,
     pose_at,
 )
-from daemon.analysis.object_marks import metres_text
 from daemon.analysis.report._data import ReportData
 from daemon.analysis.report._measures import SafetyBuffer, safety_buffer
 from daemon.analysis.report._tracks import RunTracks, extract_tracks
