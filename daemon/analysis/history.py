@@ -28,18 +28,16 @@ from daemon.analysis.charts import (
     table,
     tooltip,
 )
+from daemon.analysis.results import CampaignResults, read_results
 from daemon.batch.errors import Refused
 from daemon.judging.assessment import (
-    JudgedCampaign,
     QuantityChange,
     VerdictChange,
-    assess,
     compare_campaigns,
 )
 from daemon.model.assessments import CellAssessment
 from daemon.model.spec import RunSpec, own_version
-from daemon.model.status import CampaignRow, RunRow
-from daemon.model.submission import CampaignOrigin
+from daemon.model.status import RunRow
 from daemon.model.verbs import CampaignSource
 from daemon.model.verdicts import Outcome
 from grammars.text import codec
@@ -174,53 +172,43 @@ def read_history(source: CampaignSource, name: str) -> CampaignHistory:
     if not rows:
         raise Refused(f"{name} is a search, which has no history: see `scenario report {name}`")
     submissions: list[SubmissionRecord] = []
-    before: tuple[JudgedCampaign, Setup] | None = None
+    before: tuple[CampaignResults, Setup] | None = None
     for row in sorted(rows, key=lambda row: row.submitted_at):
-        records = source.all_runs(row.id, results=True)
-        judged = JudgedCampaign(row.id, source.declared(row.id), records)
+        results = read_results(source, row)
         # Repeats of a cell differ only in their seeds, so the first stands for all.
-        firsts = {(one.scenario, one.sut): one.id for one in reversed(records)}
-        specs = [source.run(run).spec for run in reversed(firsts.values())]
-        origin = source.origin(row.id)
-        setup = _setup(judged, origin, specs)
-        submissions.append(_submission(row, judged, origin, before, setup))
-        before = (judged, setup)
+        firsts = {(one.scenario, one.sut): one.id for one in reversed(results.rows)}
+        setup = _setup(results, [source.run(run).spec for run in reversed(firsts.values())])
+        submissions.append(_submission(results, setup, before))
+        before = (results, setup)
     return CampaignHistory(name, tuple(submissions))
 
 
 def _submission(
-    row: CampaignRow,
-    judged: JudgedCampaign,
-    origin: CampaignOrigin,
-    before: tuple[JudgedCampaign, Setup] | None,
-    setup: Setup,
+    results: CampaignResults, setup: Setup, before: tuple[CampaignResults, Setup] | None
 ) -> SubmissionRecord:
-    assessment = assess(judged.declared, judged.records)
-    difference = compare_campaigns(before[0], judged) if before else None
+    row, rows, origin, cells = results.row, results.rows, results.origin, results.assessment.cells
+    difference = compare_campaigns(before[0].judged, results.judged) if before else None
     shifts = difference.shifts if difference else ()
-    own = [one.result for one in judged.records if one.result is not None and not one.cached]
+    own = [one.result for one in rows if one.result is not None and not one.cached]
     return SubmissionRecord(
         id=row.id,
         submitted_at=row.submitted_at,
-        runs=len(judged.records),
-        unfinished=sum(not record.settled for record in judged.records),
-        as_expected=assessment.exit_code == 0,
+        runs=len(rows),
+        unfinished=sum(not one.settled for one in rows),
+        as_expected=results.assessment.exit_code == 0,
         commit=origin.commit,
         branch=origin.branch,
         uncommitted=origin.changed,
-        machines=_machines(judged.records),
+        machines=_machines(rows),
         cpu=sum(result.timing.cpu for result in own),
-        oracles=tuple(
-            record for cell in assessment.cells for record in _oracles(cell, judged.records)
-        ),
+        oracles=tuple(one for cell in cells for one in _oracles(cell, results.runs_of(cell))),
         changes=tuple(_changes(before[1], setup)) if before else (),
         verdicts=difference.verdicts if difference else (),
         quantities=tuple(shift for shift in shifts if shift.changed),
     )
 
 
-def _oracles(cell: CellAssessment, records: Iterable[RunRow]) -> Iterator[OracleRecord]:
-    runs = [one for one in records if (one.scenario, one.sut) == (cell.scenario, cell.sut)]
+def _oracles(cell: CellAssessment, runs: Sequence[RunRow]) -> Iterator[OracleRecord]:
     times = [one.result.timing for one in runs if one.result is not None]
     for oracle in cell.oracles:
         verdicts = [one.verdict(oracle.oracle) for one in runs if one.ended != "crashed"]
@@ -253,8 +241,8 @@ def _machines(records: Iterable[RunRow]) -> tuple[str, ...]:
     return tuple(sorted(filter(None, names)))
 
 
-def _setup(judged: JudgedCampaign, origin: CampaignOrigin, specs: Sequence[RunSpec]) -> Setup:
-    policy = judged.declared.policy
+def _setup(results: CampaignResults, specs: Sequence[RunSpec]) -> Setup:
+    origin, declared, policy = results.origin, results.declared, results.declared.policy
     uncommitted = " with uncommitted changes" if origin.changed else ""
     setup: dict[str, dict[str, str]] = {
         "": {
@@ -263,11 +251,11 @@ def _setup(judged: JudgedCampaign, origin: CampaignOrigin, specs: Sequence[RunSp
             "branch": origin.branch,
             "seed": "" if origin.seed is None else str(origin.seed),
             "engine": ", ".join(sorted({spec.engine for spec in specs})),
-            "machine": ", ".join(_machines(judged.records)),
+            "machine": ", ".join(_machines(results.rows)),
             "repeats": str(policy.n),
             "policy": f"rate {policy.rate:g}" if policy.rule == "rate" else policy.rule,
-            "expectations": codec.digest(judged.declared.expectations),
-            "comparisons": codec.digest(judged.declared.comparisons),
+            "expectations": codec.digest(declared.expectations),
+            "comparisons": codec.digest(declared.comparisons),
         }
     }
     for spec in specs:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType
 from typing import Final
 
 from markupsafe import Markup
@@ -35,14 +34,13 @@ MOST_LISTED: Final = 60
 """Most points in the table: those with the smallest margins."""
 _OVER_RUNS: Final = "Margin of every run, and the smallest so far"
 _OVER_SPACE: Final = "Margins over the varied parameters"
-NO_TRACES: Final[Mapping[str, Path]] = MappingProxyType({})
 
 
 def search_page(
     row: SearchRow,
     proposals: Sequence[RunRow],
     *,
-    traces: Mapping[str, Path] = NO_TRACES,
+    traces: Mapping[str, Path] | None = None,
     commands: Sequence[tuple[str, str]] = (),
 ) -> str:
     """Return the page of a search as self-contained HTML.
@@ -88,7 +86,7 @@ def search_page(
         state=phase_words(row),
         version=own_version(),
         figures={"margins": figures[:1], "space": figures[1:]},
-        maps=dict(_maps(example, traces)) if example is not None else {},
+        maps=dict(_maps(example, traces)) if example and traces else {},
         compared={name: trial for name, trial in compared.items() if trial is not None},
         influence={one.parameter: one for one in answer.influence} if answer is not None else {},
         is_as_written=is_as_written,
