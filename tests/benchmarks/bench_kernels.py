@@ -281,7 +281,7 @@ def over_again(costmap, window):
     copy = grid._replace(cells=grid.cells.copy())
 
     def cycle():
-        merge_window(copy, costmap._merged, True, window)
+        merge_window(copy, costmap._merged, window)
         inflate(copy, table, window, changed)
 
     return microseconds(cycle)

@@ -9,7 +9,7 @@ from typing import Final, Literal
 from daemon.model.sut import Briefing, Decision, Observation, Progress
 from daemon.stacks.pilot._parameters import PilotParameters
 from daemon.stacks.pilot.localisation import Sensing
-from daemon.stacks.pilot.maps import first_blocked, map_field
+from daemon.stacks.pilot.maps import PlannedPath, Planner, first_blocked, map_field
 from daemon.stacks.pilot.motion import (
     ESCAPES,
     STILL,
@@ -20,7 +20,6 @@ from daemon.stacks.pilot.motion import (
     scaled,
     stoppable,
 )
-from daemon.stacks.pilot.planner import PlannedPath, Planner
 from grammars.model.geometry import Floats, Pose2, Twist2, wrap_angle
 from grammars.model.mission import Waypoint
 

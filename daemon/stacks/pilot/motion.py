@@ -16,8 +16,7 @@ import numpy as np
 from daemon.model.kernels import kernel, machine_code
 from daemon.stacks.pilot._parameters import PilotParameters
 from daemon.stacks.pilot.localisation import Surroundings
-from daemon.stacks.pilot.maps import MapField, interpolate
-from daemon.stacks.pilot.planner import PlannedPath
+from daemon.stacks.pilot.maps import MapField, PlannedPath, interpolate
 from grammars.model.geometry import Floats, Point2, Pose2, Ring, Twist2, wrap_angle
 from grammars.model.robot import Drive
 

@@ -28,24 +28,23 @@ def ros_definitions() -> dict[str, Schema]:
     inherited value.
     """
     definitions: dict[str, Schema] = {}
-    _add_section(definitions, "amcl", amcl.AmclParameters)
+    planners = {namespace_of(plugin): entry for plugin, entry in {**GLOBAL, **LOCAL}.items()}
     sections: dict[str, type[Any]] = {
+        "amcl": amcl.AmclParameters,
         "costmap": layers.LayeredCostmap,
         "source": layers.ObservationSource,
         "static_layer": layers.StaticLayer,
         "obstacle_layer": layers.VoxelLayer,
         "inflation_layer": layers.InflationLayer,
+        **planners,
+        "move_base": move_base.MoveBaseParameters,
+        "rotation": move_base.RotateRecoveryParameters,
+        "dispatcher": move_base.DispatcherParameters,
+        "topics": TopicParameters,
+        "quirks": Quirks,
     }
     for name, model in sections.items():
         _add_section(definitions, name, model)
-    planners = {namespace_of(plugin): entry for plugin, entry in {**GLOBAL, **LOCAL}.items()}
-    for name, planner in planners.items():
-        _add_section(definitions, name, planner)
-    _add_section(definitions, "move_base", move_base.MoveBaseParameters)
-    _add_section(definitions, "rotation", move_base.RotateRecoveryParameters)
-    _add_section(definitions, "dispatcher", move_base.DispatcherParameters)
-    _add_section(definitions, "topics", TopicParameters)
-    _add_section(definitions, "quirks", Quirks)
     definitions["quirks"]["properties"]["like"] = {
         "description": "The profile the switches change.",
         "enum": list(PROFILES),

@@ -11,8 +11,15 @@ from hypothesis import strategies as st
 
 from daemon.stacks.kernels import FAR, distance_transform
 from daemon.stacks.pilot import maps
-from daemon.stacks.pilot.maps import UnmappedObstacles, first_blocked, map_field, project
-from daemon.stacks.pilot.planner import Planner, cost_factor, search_astar
+from daemon.stacks.pilot.maps import (
+    Planner,
+    UnmappedObstacles,
+    cost_factor,
+    first_blocked,
+    map_field,
+    project,
+    search_astar,
+)
 from grammars.model.geometry import Pose2
 from grammars.model.grid import OCCUPIED, UNKNOWN, OccupancyGrid
 from tests.stacks.pilot.world import DOOR, ONE_DOORWAY, OUTER, SIZE, a_robot, cast, draw, edges

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final
 
@@ -84,14 +83,6 @@ def _inflated_map(
     return master.cells, gaps
 
 
-@dataclass(frozen=True, slots=True)
-class _Merge:
-    """Layers to merge over the master, or ``anew`` over its default."""
-
-    layers: Layers
-    anew: bool
-
-
 class Costmap:
     """A master grid that follows the robot's lasers.
 
@@ -158,30 +149,10 @@ class Costmap:
         self._layers = tuple(layers)
         methods = np.array([layer.method for layer in merged], dtype=np.int32)
         self._merged = Layers(own[: len(merged)], methods, default)
-        self._steps = self._plan_steps()
         self._begin()
         self.grid = CostGrid(resolution, min_x, min_y, cells.reshape(rows, columns))
         self.grid.touch((0, 0, columns, rows))
         self.grid.disturbed = EMPTY_WINDOW
-
-    def _plan_steps(self) -> list[_Merge | InflatingLayer | MapLayer]:
-        """Return the steps for a window in order; one step merges neighbouring rows."""
-        cells, methods, default = self._merged
-        steps: list[_Merge | InflatingLayer | MapLayer] = []
-        begin = end = 0
-        for layer in (*self._layers, None):
-            if isinstance(layer, SensedLayer) or (
-                isinstance(layer, MapLayer) and not self._rolling
-            ):
-                end += 1
-                continue
-            if begin < end or not steps:
-                part = Layers(cells[begin:end], methods[begin:end], default)
-                steps.append(_Merge(part, anew=not steps))
-            begin = end
-            if layer is not None:
-                steps.append(layer)
-        return steps
 
     def _begin(self) -> None:
         """Prepare the master for the first cycle, and compile the kernels of a cycle.
@@ -195,7 +166,7 @@ class Costmap:
         last = self._layers[-1] if self._layers else None
         layer = last.layer if isinstance(last, InflatingLayer) else _NO_INFLATION
         table = inflation_table(layer, self._inscribed, master.frame.resolution)
-        self._merge = machine_code(merge_window, master, self._merged, True, window)
+        self._merge = machine_code(merge_window, master, self._merged, window)
         self._inflate = machine_code(
             inflate_in_order if in_order else inflate, master, table, window, self._changed
         )
@@ -204,7 +175,7 @@ class Costmap:
         whole = any(inflating) or any(isinstance(layer, MapLayer) for layer in self._layers)
         if self._rolling or not whole or any(inflating[:-1]):
             return
-        self._merge(master, self._merged, True, window)
+        self._merge(master, self._merged, window)
         below = master.cells.tobytes()
         cells, gaps = _inflated_map(below, master.frame, layer, self._inscribed, in_order)
         master.cells[:] = cells
@@ -257,13 +228,20 @@ class Costmap:
         if not self._layers or window[0] >= window[2] or window[1] >= window[3]:
             return
         self._changed[:] = window
-        for step in self._steps:
-            if isinstance(step, _Merge):
-                self._merge(self._master, step.layers, step.anew, window)
-            elif isinstance(step, MapLayer):
-                show_map(self._master, window, step.grid, placed(frame_in_map), step.maximum)
-            elif step.table.radius > 0:
-                self._inflate(self._master, step.table, window, self._changed)
+        master, (cells, methods, default) = self._master, self._merged
+        x0, y0, x1, y1 = window
+        self.grid.cells[y0:y1, x0:x1] = default
+        row = 0
+        for layer in self._layers:
+            if isinstance(layer, InflatingLayer):
+                if layer.table.radius > 0:
+                    self._inflate(master, layer.table, window, self._changed)
+            elif isinstance(layer, MapLayer) and self._rolling:
+                show_map(master, window, layer.grid, placed(frame_in_map), layer.maximum)
+            else:
+                own = Layers(cells[row : row + 1], methods[row : row + 1], default)
+                self._merge(master, own, window)
+                row += 1
 
     def _follow_changes(self, master: Inflated, window: Window) -> None:
         """Merge and inflate the changed cells only, with the result of a whole window."""

@@ -75,12 +75,12 @@ def merge_cell(below: int, own: int, method: int) -> int:
 
 
 @kernel
-def merge_window(master: Grid, layers: Layers, anew: bool, window: Window) -> None:
-    """Merge the layers over a window of the master, or ``anew`` over their default."""
+def merge_window(master: Grid, layers: Layers, window: Window) -> None:
+    """Merge the layers over a window of the master."""
     columns = master.frame.columns
     for r in range(window[1], window[3]):
         for cell in range(r * columns + window[0], r * columns + window[2]):
-            value = layers.default if anew else cell_value(master.cells, cell)
+            value = cell_value(master.cells, cell)
             for n in range(layers.methods.shape[0]):
                 own = int(np.int64(layers.cells[n, cell]))
                 value = merge_cell(value, own, layers.methods[n])

@@ -281,7 +281,7 @@ class MoveBase:
             return
         if timeout > 0.0 and is_after(now, self._last_oscillation_reset + timeout):
             self.command = STILL
-            self._start_recoveries(RecoveryTrigger.OSCILLATION)
+            status.state, status.trigger = MoveBaseState.CLEARING, RecoveryTrigger.OSCILLATION
         # As in the original, oscillation does not suppress this last command.
         answer = self._controller.command(frame.base, twist, in_plan, self._local.costmap.grid)
         self._trajectory = answer.local_plan
@@ -289,9 +289,11 @@ class MoveBase:
             self._publish(now, answer.twist)
         elif is_after(now, self._last_valid_control + self._parameters.controller_patience):
             self.command = STILL
-            self._start_recoveries(RecoveryTrigger.CONTROLLING)
+            status.state, status.trigger = MoveBaseState.CLEARING, RecoveryTrigger.CONTROLLING
         else:
-            self._note_failure(now)
+            if self._failing_since is None:
+                self._failing_since = now
+                status.log.append("no valid velocity command, planning again")
             status.last_valid_plan, status.planning_retries = now, 0
             status.state = MoveBaseState.PLANNING
             self.command = STILL
@@ -307,14 +309,6 @@ class MoveBase:
             away = now - self._failing_since
             self._status.log.append(f"velocity commands again after {away:.1f} s")
             self._failing_since = None
-
-    def _note_failure(self, now: float) -> None:
-        if self._failing_since is None:
-            self._failing_since = now
-            self._status.log.append("no valid velocity command, planning again")
-
-    def _start_recoveries(self, trigger: RecoveryTrigger) -> None:
-        self._status.state, self._status.trigger = MoveBaseState.CLEARING, trigger
 
     def _recover(self, now: float) -> None:
         status = self._status
