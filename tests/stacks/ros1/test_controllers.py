@@ -49,7 +49,7 @@ def cycle(controller, at, moves=(), boxes=(), cells=80, frame=(), plan=None):
     reached = "reached" if controller.goal_reached(pose, twist, frame) else "on the way"
     words = f"{speeds}, {len(answer.local_plan)} points" if answer.ok else "no command"
     assert answer.ok or answer.twist == Twist2()
-    forgotten = controller._plan.forgotten
+    forgotten = controller._plan._start
     return f"{words}, {reached}" + (f", {forgotten} points forgotten" if forgotten else "")
 
 

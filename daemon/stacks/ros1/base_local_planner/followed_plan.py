@@ -79,11 +79,6 @@ class FollowedPlan:
             self._room = np.empty((plan.shape[0], 2))
 
     @property
-    def forgotten(self) -> int:
-        """Number of poses that pruning has removed from the beginning of the plan."""
-        return self._start
-
-    @property
     def is_over(self) -> bool:
         """True if the plan has no remaining poses."""
         return self._start >= len(self._poses)
