@@ -26,9 +26,9 @@ from daemon.stacks.ros1.costmap._grids import (
 from daemon.stacks.ros1.costmap._inflation import InflationTable
 from daemon.stacks.ros1.costmap._observations import (
     Hears,
-    ObservationTable,
     ObservedScan,
     SensedScan,
+    observations,
 )
 from daemon.stacks.ros1.costmap._obstacle_layer import (
     LaserPose,
@@ -65,17 +65,36 @@ _NO_LASER: Final = LaserPose(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _NO_POINTS: Final = np.empty((0, 2), dtype=np.float32)
 
 
-class EndPoints:
-    """End points of the rays of scans in the costmap's frame."""
+class Workspace:
+    """Shared state of the layers of one costmap: the cycle's scans and the list of changes."""
 
-    def __init__(self) -> None:
+    def __init__(self, size: int) -> None:
+        """Prepare for grids of ``size`` cells."""
+        self.changes = Changes(
+            np.zeros(size, dtype=np.uint8),
+            np.empty(size, dtype=np.int32),
+            np.zeros(2, dtype=np.int64),
+            np.empty(4),
+        )
+        self.base = Pose2()
+        """Pose of the robot in the costmap's frame."""
+        self.scans: Sequence[SensedScan] = ()
         self._directions: dict[str, tuple[Floats, Floats]] = {}
         self._project = machine_code(
             project, _NO_LASER, np.empty(0, np.float32), np.empty((0, 2)), False, _NO_POINTS
         )
 
+    def begin(self, base: Pose2, scans: Sequence[SensedScan]) -> None:
+        """Begin a cycle; raises ``ValueError`` for a scan without a range at each angle."""
+        self.base, self.scans = base, scans
+        self.changes.bounds[:] = _NOWHERE
+        for scan in scans:
+            if len(scan.ranges) != len(scan.angles):
+                message = f"a scan has {len(scan.ranges)} ranges at {len(scan.angles)} angles"
+                raise ValueError(message)
+
     def reaching(self, observation: ObservedScan) -> tuple[LaserPose, Singles]:
-        """Return the laser and the end points (n, 2) [m] that reach the source."""
+        """Return the laser and the end points (n, 2) [m] of its rays that reach the source."""
         scan, pose = observation.scan, observation.scan.pose
         laser = LaserPose(pose.x, pose.y, pose.yaw, scan.height, scan.range_min, scan.range_max)
         if not observation.has_points:
@@ -93,32 +112,6 @@ class EndPoints:
             directions = np.column_stack((np.cos(scan.angles), np.sin(scan.angles)))
             self._directions[scan.laser] = scan.angles, directions
         return directions
-
-
-class Workspace:
-    """Shared state of the layers of one costmap: the cycle's scans and the list of changes."""
-
-    def __init__(self, size: int) -> None:
-        """Prepare for grids of ``size`` cells."""
-        self.changes = Changes(
-            np.zeros(size, dtype=np.uint8),
-            np.empty(size, dtype=np.int32),
-            np.zeros(2, dtype=np.int64),
-            np.empty(4),
-        )
-        self.base = Pose2()
-        """Pose of the robot in the costmap's frame."""
-        self.scans: Sequence[SensedScan] = ()
-        self.end_points = EndPoints()
-
-    def begin(self, base: Pose2, scans: Sequence[SensedScan]) -> None:
-        """Begin a cycle; raises ``ValueError`` for a scan without a range at each angle."""
-        self.base, self.scans = base, scans
-        self.changes.bounds[:] = _NOWHERE
-        for scan in scans:
-            if len(scan.ranges) != len(scan.angles):
-                message = f"a scan has {len(scan.ranges)} ranges at {len(scan.angles)} angles"
-                raise ValueError(message)
 
     def extend(self, x0: float, y0: float, x1: float, y1: float) -> None:
         """Extend the bounds to include a rectangle [m]."""
@@ -290,8 +283,8 @@ class SensedLayer:
         method = layer.combination_method
         self.method = method if method in (OVERWRITE, MAXIMUM) else NOTHING
         self._footprint = np.ascontiguousarray(footprint, dtype=np.float64)
-        self._frees_footprint = layer.footprint_clearing_enabled
-        self._observations, self._cleared = ObservationTable(layer, hears), _Resets()
+        self._layer, self._cleared = layer, _Resets()
+        self._lasers = [frozenset(hears(source.topic)) for source in layer.sources]
         self._voxels: Voxels | None = None
         kernels: tuple[Callable[..., None], ...] = (clear_rays, mark)
         if isinstance(layer, VoxelLayer):
@@ -311,9 +304,10 @@ class SensedLayer:
     def extend_bounds(self, work: Workspace) -> None:
         """Clear and mark by the observations, then free the footprint."""
         self._cleared.use(work)
-        target, reaching = self._target(work), work.end_points.reaching
-        observations = self._observations.observations(work.scans)
-        seen = [(each, *reaching(each)) for each in observations]
+        target, reaching = self._target(work), work.reaching
+        seen = [
+            (each, *reaching(each)) for each in observations(self._layer, self._lasers, work.scans)
+        ]
         # All sources clear before one marks, as in ``updateBounds``, so that marked cells survive
         # the rays of other sources.
         for observation, laser, points in seen:
@@ -324,7 +318,7 @@ class SensedLayer:
                 self._mark(*target, laser, points, observation.source.obstacle_range)
         # The footprint comes last: the robot's place is free in spite of marks. Its columns of
         # voxels do not change.
-        if self._frees_footprint:
+        if self._layer.footprint_clearing_enabled:
             base = work.base
             self._free(self.grid, work.changes, self._footprint, base.x, base.y, base.yaw)
 

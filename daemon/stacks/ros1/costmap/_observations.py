@@ -57,25 +57,23 @@ class ObservedScan(NamedTuple):
     marks: bool
 
 
-class ObservationTable:
-    """Observations of each source of one obstacle layer, in their order."""
+def observations(
+    layer: ObstacleLayer, lasers: Sequence[Collection[str]], scans: Sequence[SensedScan]
+) -> list[ObservedScan]:
+    """Return the observations of a layer among ``scans``, in the order of the original's buffers.
 
-    def __init__(self, layer: ObstacleLayer, hears: Hears) -> None:
-        self._sources = [(source, frozenset(hears(source.topic))) for source in layer.sources]
-        self._max_height = layer.max_obstacle_height
-
-    def observations(self, scans: Sequence[SensedScan]) -> list[ObservedScan]:
-        """Return the observations among ``scans``, in the order of the original's buffers."""
-        return [
-            ObservedScan(
-                scan,
-                source,
-                hears_height(source, scan.height),
-                source.marking and point_height(scan.height) <= self._max_height,
-            )
-            for source, lasers in self._sources
-            for scan in kept_scans(source, lasers, scans)
-        ]
+    ``lasers`` are those that each of its sources hears.
+    """
+    return [
+        ObservedScan(
+            scan,
+            source,
+            hears_height(source, scan.height),
+            source.marking and point_height(scan.height) <= layer.max_obstacle_height,
+        )
+        for source, heard in zip(layer.sources, lasers, strict=True)
+        for scan in kept_scans(source, heard, scans)
+    ]
 
 
 def kept_scans(
