@@ -8,11 +8,11 @@ import signal
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Final, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeVar
 
 from textual import work
 from textual.actions import parse
@@ -27,20 +27,20 @@ from grammars.text.diagnostics import InputError
 from grammars.text.terminal_text import printable
 from grammars.text.words import count_noun
 from scenario_tui.dashboard.children import Children, load_modules
-from scenario_tui.dashboard.commands import CommandRunner, run_command
 from scenario_tui.dashboard.config import Config
 from scenario_tui.dashboard.feed import Action, Feed
-from scenario_tui.dashboard.live_tracks import Tracks
 from scenario_tui.dashboard.recordings import Recordings
+from scenario_tui.dashboard.run_watch import Tracks
 from scenario_tui.dashboard.screens.base import BaseScreen
 from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
-from scenario_tui.dashboard.screens.dialogs import Refusal
-from scenario_tui.dashboard.screens.help import Help, our_bindings
-from scenario_tui.dashboard.state import DashboardState, RunsView
+from scenario_tui.dashboard.screens.dialogs import Help, Refusal, our_bindings
+from scenario_tui.dashboard.screens.steering import run_command
+from scenario_tui.dashboard.state import DashboardState
 from scenario_tui.dashboard.themes import ThemedApp
 from scenario_tui.source import DaemonTarget
 
 if TYPE_CHECKING:
+    from scenario_tui.dashboard.widgets.tables import Arrangement
     from scenario_tui.library.submission import CheckedFile
 
 T = TypeVar("T")
@@ -101,7 +101,7 @@ class Dashboard(ThemedApp):
         clock: Callable[[], float] = time.time,
         config: Config | None = None,
         target: DaemonTarget = HERE,
-        run_command: CommandRunner = run_command,
+        run_command: Callable[[tuple[str, ...]], Mapping[str, Any]] = run_command,
         launch_daemon: Callable[[], str] | None = None,
         child_processes: Children | None = None,
     ) -> None:
@@ -116,7 +116,8 @@ class Dashboard(ThemedApp):
         self.submitted_campaign = ""
         self.submitting = ""
         self.running_jobs: set[str] = set()
-        self.run_views: dict[tuple[str, str, str], RunsView] = {}
+        self.run_views: dict[tuple[str, str, str], tuple[Arrangement, int, str]] = {}
+        """Last arrangement, offset and run under the cursor of each table of runs."""
         self.launch_daemon = launch_daemon
         self.launching = self.launched = False
         self.marked_run = ""
@@ -130,10 +131,6 @@ class Dashboard(ThemedApp):
     def get_default_screen(self) -> Screen[None]:
         """Return the screen of campaigns, which comes first."""
         return CampaignsScreen()
-
-    def chosen_theme(self) -> str:
-        """Return the theme of the settings."""
-        return self.config.theme
 
     def on_mount(self) -> None:
         """Start the feed, and apply the user's settings."""
@@ -180,8 +177,8 @@ class Dashboard(ThemedApp):
         news = self.feed.take_news()
         for live in news.lives:
             self.tracks.add(live)
-        for notice in news.notices:
-            self.notify(notice.text, severity=notice.severity, markup=False)
+        for text, severity in news.notices:
+            self.notify(text, severity=severity, markup=False)
         if news.state is not None:
             if not self._is_answered:
                 self._is_answered = True

@@ -20,6 +20,7 @@ from pathlib import Path
 import platformdirs
 
 from grammars.text.diagnostics import Finding, InputError, Where
+from grammars.text.sources import read_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,19 +45,14 @@ def config_path() -> Path:
 def read_config(path: Path | None = None) -> Config:
     """Read the settings; without a file, the defaults apply.
 
-    Raises :class:`InputError` for invalid TOML, unknown tables and settings, and values of another
-    kind. Names of keys and themes are checked elsewhere.
+    Raises :class:`InputError` for unreadable files, invalid TOML, unknown tables and settings, and
+    values of another kind. Names of keys and themes are checked elsewhere.
     """
     path = path or config_path()
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
+    if not path.exists():
         return Config()
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-        raise InputError(Finding(Where(str(path)), f"cannot be read: {reason}")) from error
     try:
-        data = tomllib.loads(text)
+        data = tomllib.loads(read_text(path))
     except tomllib.TOMLDecodeError as error:
         raise InputError(Finding(Where(str(path)), f"is not valid TOML: {error}")) from error
     # Imported here, because most people have no such file and the dashboard must start fast.

@@ -7,17 +7,19 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias, TypeVar
 
 from daemon.batch.errors import DaemonError, Unreachable
-from scenario_tui.dashboard.campaign_assessor import CampaignAssessor
-from scenario_tui.dashboard.live_tracks import LiveNews
-from scenario_tui.dashboard.run_watch import RunWatch
-from scenario_tui.dashboard.searches import KnownSearches
-from scenario_tui.dashboard.state import CAMPAIGNS_SHOWN, DashboardState, Notice
+from scenario_tui.dashboard.run_watch import LiveNews, RunWatch
+from scenario_tui.dashboard.state import (
+    CampaignAssessor,
+    DashboardState,
+    listed_campaigns,
+    search_rows,
+)
 
 if TYPE_CHECKING:
-    from daemon.model.status import CampaignRow, ChangeEvent
+    from daemon.model.status import ChangeEvent
     from daemon.model.verbs import ClientOpener, DaemonClient
     from scenario_tui.dashboard.screens.base import BaseScreen
 
@@ -36,9 +38,13 @@ _RETRY: Final = 0.5
 _PATIENCE: Final = 1.0
 """Seconds for the assessing thread to end: it may wait for a lost daemon."""
 _ASSESS_EVERY: Final = 0.1
-"""Seconds between two looks for campaigns to assess."""
+"""Seconds between two looks for campaigns to assess, while there are any."""
+_ASSESS_IDLE: Final = 0.5
+"""Seconds until the next look after one without any: ten a second take 0.3 % of a core."""
 
 Action: TypeAlias = "Callable[[DaemonClient], str]"
+Notice: TypeAlias = tuple[str, Literal["information", "error"]]
+"""The outcome of an action, for people, and its severity."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,8 +93,6 @@ class Feed:
         self._notices: deque[Notice] = deque(maxlen=16)
         self._wake = threading.Event()
         self._requested = threading.Event()
-        self._published = threading.Event()
-        self._searches = KnownSearches()
         self.watch = RunWatch(self._lives, self._note_problem)
         self._closing = False
         self.on_news: Callable[[], object] = bool
@@ -181,7 +185,6 @@ class Feed:
                 raise
             finally:
                 leaving.set()
-                self._published.set()
                 # A request about a large campaign may still wait for a lost daemon.
                 assessing.join(_PATIENCE)
                 self.watch.close()
@@ -216,14 +219,12 @@ class Feed:
 
     def _assess_changes(self, daemon: DaemonClient, leaving: threading.Event) -> None:
         """Assess changed campaigns until the connection is left."""
-        while not leaving.wait(_ASSESS_EVERY):
+        pause = _ASSESS_EVERY
+        while not leaving.wait(pause):
             try:
                 campaign = self.assess(daemon)
-                if not campaign:
-                    # Some may wait for their turn: ten looks a second take 0.3 % of a core.
-                    self._published.wait(REFRESH)
-                    self._published.clear()
-                elif campaign == self._about():
+                pause = _ASSESS_EVERY if campaign else _ASSESS_IDLE
+                if campaign and campaign == self._about():
                     self._wake.set()
             except DaemonError:
                 continue  # the feed's thread gets the same error and reports it
@@ -247,7 +248,6 @@ class Feed:
         # slow callback would let other requests time out, so this makes no request.
         if event.campaign:
             self._assessor.touch(event.campaign)
-        self._searches.touch(event)
         self._outdated = True
         self._wake.set()
 
@@ -265,8 +265,7 @@ class Feed:
             self.answer(daemon)
         else:
             self._act(daemon)
-        campaigns = _campaigns(daemon, self._about())
-        self._searches.update_rows(daemon, campaigns)
+        campaigns = listed_campaigns(daemon, self._about())
         self._looked_at = self._clock()
         state = replace(
             self._state,
@@ -275,7 +274,7 @@ class Feed:
             refused=False,
             overview=daemon.overview(),
             campaigns=campaigns,
-            searches=self._searches.rows,
+            searches=search_rows(daemon, campaigns, self._state),
             at=self._clock(),
         )
         if is_answered:
@@ -304,12 +303,12 @@ class Feed:
         """Do the requested actions, and note their outcomes."""
         while self._actions:
             try:
-                self._notices.append(Notice(self._actions.popleft()(daemon)))
+                self._notices.append((self._actions.popleft()(daemon), "information"))
             except DaemonError as error:
                 self._note_problem(str(error))
 
     def _note_problem(self, text: str) -> None:
-        self._notices.append(Notice(text, "error"))
+        self._notices.append((text, "error"))
 
     def _publish(self, state: DashboardState) -> None:
         """Publish the state, with all conclusions so far."""
@@ -318,19 +317,7 @@ class Feed:
         # Without a lock: the state is immutable, and the flag is set after it.
         self._state = replace(state, conclusions=conclusions, results=results)
         self._changed = True
-        self._published.set()
         self.on_news()
-
-
-def _campaigns(daemon: DaemonClient, about: str) -> tuple[CampaignRow, ...]:
-    """Return the newest campaigns, all unfinished ones, and the one in front."""
-    rows = daemon.campaign_page(limit=CAMPAIGNS_SHOWN)
-    if len(rows) < CAMPAIGNS_SHOWN:
-        return rows
-    listed = {row.id: row for row in (*rows, *daemon.campaign_page(unfinished=True))}
-    if about and about not in listed and (row := daemon.campaign(about)):
-        listed[about] = row
-    return tuple(listed.values())
 
 
 def _drain(waiting: deque[T]) -> list[T]:

@@ -63,7 +63,8 @@ def _place(kind: type[DOMNode]) -> str:
         return "tables"
     name = kind.__module__.rpartition(".")[2]
     places = {"base": "every screen", "steering": "every campaign", "filtering": "every table"}
-    return places.get(name, name)
+    of_class = {"MapActions": "maps", "Help": "help"}
+    return of_class.get(kind.__name__) or places.get(name, name)
 
 
 def check_config(config: Config) -> None:

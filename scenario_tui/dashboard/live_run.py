@@ -15,7 +15,6 @@ from daemon.model.spec import RunSpec
 from daemon.model.verdicts import Outcome, RunState
 from grammars.model.scene import Scene
 from grammars.text.words import duration_text
-from scenario_tui.dashboard.live_tracks import SILENT, Track
 from scenario_tui.dashboard.run_log import LogExcerpt
 from scenario_tui.dashboard.run_timeline import (
     RunTimeline,
@@ -24,6 +23,7 @@ from scenario_tui.dashboard.run_timeline import (
     heard_timeline,
     live_timeline,
 )
+from scenario_tui.dashboard.run_watch import SILENT, Track
 from scenario_tui.dashboard.transport import FLASH, FailureMoment
 from scenario_tui.dashboard.widgets.map_frame import View
 from scenario_tui.text.run_text import reached_text, worst_text
@@ -55,11 +55,6 @@ class LiveRun:
         self._news: RunNews | None = None
 
     @property
-    def start(self) -> float:
-        """The first moment known [s]."""
-        return self.timeline.start if self.timeline is not None else 0.0
-
-    @property
     def end(self) -> float:
         """The last moment known [s]."""
         return self.timeline.end if self.timeline is not None else 0.0
@@ -87,11 +82,6 @@ class LiveRun:
             return None
         lines = ((line.time, line.source, line.text) for line in judgement.log)
         return LogExcerpt(tuple(lines), judgement.log_before)
-
-    @property
-    def waypoints(self) -> int:
-        """The number of waypoints of its mission."""
-        return len(self._news.detail.spec.mission.waypoints) if self._news is not None else 0
 
     def hear(self, news: RunNews, track: Track | None) -> None:
         """Take in the news of the run; a run that is over keeps its last track."""
@@ -125,14 +115,13 @@ class LiveRun:
             return None
         if track is None:
             return still_view(news.scene, news.detail.spec)
-        now = tracked_view(news.scene, news.detail.spec, track)
+        then = track.snapshot if time >= self.end else track.at(time)
+        view = tracked_view(news.scene, news.detail.spec, track, then)
         if self.timeline is not None and track.judgement is not None:
-            clearances, limit = clearance_along(self.timeline.signals, track.times)
-            now = replace(now, clearances=clearances, limit=limit)
-        decisive = self._decisive(time, window, verdict)
-        return replace(
-            now if time >= self.end else _earlier_view(now, track, time), decisive=decisive
-        )
+            times = track.times[: len(view.trail)]
+            clearances, limit = clearance_along(self.timeline.signals, times)
+            view = replace(view, clearances=clearances, limit=limit)
+        return replace(view, decisive=self._decisive(time, window, verdict))
 
     def _decisive(self, time: float, window: float, verdict: Verdict | None) -> MeasuredMark | None:
         verdicts = self._judgement.verdicts if self._judgement is not None else ()
@@ -175,9 +164,11 @@ def still_view(scene: Scene, spec: RunSpec) -> View:
     return View(scene, spec.robot, spec.mission, tuple(scene.initial_joints.values()))
 
 
-def tracked_view(scene: Scene, spec: RunSpec, track: Track) -> View:
-    """Return the top view of a run by its last snapshot."""
-    now, still = track.snapshot, still_view(scene, spec)
+def tracked_view(
+    scene: Scene, spec: RunSpec, track: Track, snapshot: Snapshot | None = None
+) -> View:
+    """Return the top view of a run by a snapshot of its track, by default the last one."""
+    now, still = snapshot or track.snapshot, still_view(scene, spec)
     return replace(
         still,
         # For a moment the scene may be of another attempt than the snapshot.
@@ -185,10 +176,10 @@ def tracked_view(scene: Scene, spec: RunSpec, track: Track) -> View:
         robot_pose=now.pose,
         estimate=now.estimate,
         reached=now.reached,
-        trail=tuple(track.trail),
+        trail=tuple(track.trail[: bisect_right(track.times, now.time)]),
         returns=from_centimetres(now.returns),
         plan=from_centimetres(now.plan),
-        contacts=tuple(track.flashes),
+        contacts=tuple(track.flashes) if now is track.snapshot else (),
         spread=now.spread,
         costmaps={"stack's": from_centimetres(now.costmap)} if now.costmap else {},
     )
@@ -200,11 +191,9 @@ def _object_mark(news: RunNews, track: Track, verdict: Verdict) -> MeasuredMark 
     from daemon.analysis.deciding import object_mark
 
     scene, robot = news.scene, news.detail.spec.robot
-    index = bisect_right(track.heard_of, verdict.moment or 0.0, key=lambda one: one.time) - 1
-    if scene is None or not track.heard_of:
+    if scene is None:
         return None
-    # A screen opened later has no snapshot of that moment: take the first one.
-    then = track.heard_of[max(index, 0)]
+    then = track.at(verdict.moment or 0.0)
     positions = dict(zip(scene.initial_joints, then.joints, strict=False))
     mark = object_mark(scene, robot, verdict, then.pose, positions, verdict.evidence.object)
     if mark is None:
@@ -212,27 +201,6 @@ def _object_mark(news: RunNews, track: Track, verdict: Verdict) -> MeasuredMark 
     # The pose between two snapshots is unknown: draw no line, and only the judged distance.
     words = mark.words if verdict.unit == "m" else verdict.oracle
     return replace(mark, line=(mark.line[1], mark.line[1]), words=words)
-
-
-def _earlier_view(now: View, track: Track, time: float) -> View:
-    """Return the top view at ``time`` [s], with the poses of the robot and the doors."""
-    index = bisect_right(track.heard_of, time, key=lambda one: one.time) - 1
-    if index < 0:
-        return now
-    then = track.heard_of[index]
-    count = bisect_right(track.times, time)
-    return View(
-        now.scene,
-        now.robot,
-        now.mission,
-        then.joints if len(then.joints) == len(now.joints) else now.joints,
-        then.pose,
-        then.estimate,
-        then.reached,
-        now.trail[:count],
-        clearances=now.clearances[:count],
-        limit=now.limit,
-    )
 
 
 def live_text(track: Track, silence: float, *, wide: bool) -> Text:

@@ -24,7 +24,6 @@ from grammars.model.geometry import Floats, Point2, Pose2
 from grammars.model.robot import Laser
 from grammars.text.diagnostics import did_you_mean
 from grammars.text.words import count_noun
-from scenario_tui.dashboard.live_tracks import TRAIL_STEP
 from scenario_tui.dashboard.run_log import LogExcerpt, recorded_log
 from scenario_tui.dashboard.run_timeline import (
     RunTimeline,
@@ -32,6 +31,7 @@ from scenario_tui.dashboard.run_timeline import (
     failure_moments,
     recorded_timeline,
 )
+from scenario_tui.dashboard.run_watch import TRAIL_STEP
 from scenario_tui.dashboard.transport import FLASH
 from scenario_tui.dashboard.widgets.cell_view import text_lines
 from scenario_tui.dashboard.widgets.map_frame import View, draw_view

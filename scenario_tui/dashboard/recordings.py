@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, TypeAlias
 
@@ -46,14 +47,8 @@ class Recordings:
         self.on_read: Callable[[], object] = bool
         self._recordings: dict[_Key, Playback | Missing] = {}
         self._under_way: set[_Key] = set()
-        self._unannounced = 0
         self._front: _Key | None = None
         self._changing, self._reading = threading.Lock(), threading.Lock()
-
-    @property
-    def busy(self) -> bool:
-        """True while a recording is fetched or read, until ``on_read`` has returned."""
-        return self._unannounced > 0
 
     def get(self, row: RunRow) -> Playback | Missing:
         """Return the recording of a finished run if it is ready; otherwise start to read it.
@@ -70,10 +65,9 @@ class Recordings:
             return recording
         if key not in self._under_way:
             self._under_way.add(key)
-            with self._changing:
-                self._unannounced += 1
             # A thread for each: a large trace over a slow line must not keep the next run waiting.
-            threading.Thread(target=self._fetch, args=(key, row), daemon=True).start()
+            fetch = partial(self._fetch, key, row)
+            threading.Thread(target=fetch, name="recording", daemon=True).start()
         megabytes = row.result.trace.size / 1e6 if row.result is not None else 0.0
         here = Path(row.trace).is_file()
         return Missing("" if here else f"Fetching its trace, {megabytes:.1f} MB …")
@@ -111,8 +105,6 @@ class Recordings:
                 while len(self._recordings) > _KEPT:
                     del self._recordings[next(iter(self._recordings))]
         self.on_read()
-        with self._changing:
-            self._unannounced -= 1
 
     def _bring(self, row: RunRow) -> Path | Missing:
         """Return the path of a trace on this machine, after fetching it if necessary."""

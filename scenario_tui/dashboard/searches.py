@@ -1,16 +1,15 @@
-"""Searches in the dashboard: the state of each, and the trials of the one in front."""
+"""The trials of the search in front."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from daemon.model.search import SearchTask
     from daemon.model.search_answer import SearchRow
-    from daemon.model.status import CampaignRow, ChangeEvent
     from daemon.model.trials import Trial
     from daemon.model.verbs import DaemonClient
 
@@ -46,40 +45,6 @@ class NotableTrial:
     count: int = 0
 
 
-class KnownSearches:
-    """Remembers the states of searches, and fetches only changed ones.
-
-    ``rows`` are replaced and never changed, so that other threads may read them.
-    """
-
-    # Events come from another thread and may be lost. So a search counts as changed by an event,
-    # or by the numbers in its row.
-
-    def __init__(self) -> None:
-        self.rows: Mapping[str, SearchRow] = {}
-        self._last: dict[str, tuple[CampaignRow, int]] = {}
-        self._touches: dict[str, int] = {}
-
-    def touch(self, event: ChangeEvent) -> None:
-        """Note a change of a search, or of one of its runs."""
-        campaign = event.campaign or event.id
-        if campaign in self.rows:
-            self._touches[campaign] = self._touches.get(campaign, 0) + 1
-
-    def update_rows(self, daemon: DaemonClient, campaigns: Sequence[CampaignRow]) -> None:
-        """Fetch the states of searches, if one of these campaigns is a changed search."""
-        searches = {row.id: row for row in campaigns if row.search}
-        states = {name: (row, self._touches.get(name, 0)) for name, row in searches.items()}
-        stale = [name for name in states if states[name] != self._last.get(name)]
-        if stale or len(searches) < len(self.rows):
-            # Ended searches do not change any more, and are usually the majority.
-            going = all(searches[name].search in ("running", "waiting") for name in stale)
-            new = daemon.searches(unfinished=going) if stale else ()
-            rows = {**self.rows, **{row.campaign: row for row in new}}
-            self.rows = {name: rows[name] for name in searches if name in rows}
-        self._last = states
-
-
 class TrialReader:
     """Remembers the trials of a search, and fetches only new and unfinished ones."""
 
@@ -97,7 +62,7 @@ class TrialReader:
             trials = last.trials if is_further else ()
             settled = itertools.takewhile(lambda one: one.outcome is not None, trials)
             self._last = last = SearchTrials(row, self._ask(daemon, row, settled))
-        elif row is not last.row:
+        elif row != last.row:
             self._last = last = SearchTrials(row, last.trials)
         return last
 

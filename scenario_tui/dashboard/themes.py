@@ -10,11 +10,7 @@ from textual.color import Color
 from textual.filter import DimFilter, LineFilter
 from textual.theme import Theme
 
-from scenario_tui.terminal.capabilities import (
-    TerminalLimits,
-    light_background,
-    terminal_limits,
-)
+from scenario_tui.terminal.capabilities import TerminalLimits, light_background, terminal_limits
 from scenario_tui.terminal.filters import BrightThemeColours
 from scenario_tui.terminal.limited_terminal import LimitedTerminalApp
 from scenario_tui.text.styles import dashboard_theme
@@ -126,9 +122,5 @@ class ThemedApp(LimitedTerminalApp):
     def limit_to_terminal(self) -> None:
         """Apply the limits and the background of the terminal of this process."""
         self.apply_limits(terminal_limits(self.console.color_system))
-        if light_background() and not self.chosen_theme():
+        if light_background():
             self.theme = LIGHT
-
-    def chosen_theme(self) -> str:
-        """Return the theme that the user chose, empty without a choice."""
-        return ""

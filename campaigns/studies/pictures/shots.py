@@ -32,8 +32,8 @@ from campaigns.studies.pictures.executed_campaign import (
 )
 from scenario_tui.cli import invoke
 from scenario_tui.dashboard.key_bindings import list_key_bindings
-from scenario_tui.dashboard.live_tracks import Tracks
 from scenario_tui.dashboard.playback import open_playback
+from scenario_tui.dashboard.run_watch import Tracks
 from scenario_tui.dashboard.screens.compare import CompareScreen
 from scenario_tui.dashboard.screens.replay import ReplayScreen
 from scenario_tui.dashboard.screens.standalone import StandaloneApp

@@ -9,7 +9,6 @@ from rich.text import Text
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.screen import ModalScreen, Screen
-from textual.widget import Widget
 from textual.widgets import Static
 
 from scenario_tui.dashboard.state import DashboardState
@@ -167,11 +166,3 @@ class BaseScreen(Screen[None], Generic[T]):
         if action == "back" and self.app.screen_stack[0] is self:
             return False
         return None if self.why_not(action, *parameters) else True
-
-
-def show_message_or(widget: Widget, table: Widget, message: str) -> None:
-    """Show ``message`` instead of the table, or the table without a message."""
-    widget.display = bool(message)
-    table.display = not message
-    if message and isinstance(widget, Static):
-        widget.update(Text(message))

@@ -7,18 +7,18 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from rich.text import Text
+from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical, VerticalScroll
-from textual.widgets import OptionList
+from textual.widgets import DataTable, OptionList
 
 from grammars.text.words import NOTHING
-from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.filtering import FilteredScreen
 from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks, steering_keys
 from scenario_tui.dashboard.state import CAMPAIGNS_SHOWN, DashboardState
 from scenario_tui.dashboard.widgets.running_grid import RunningGrid, running_page, running_runs
-from scenario_tui.dashboard.widgets.static_text import StaticText
+from scenario_tui.dashboard.widgets.static_text import StaticText, show_message_or
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
 from scenario_tui.text.campaign_text import (
     campaign_text,
@@ -210,15 +210,13 @@ class CampaignsScreen(FilteredScreen["RunPage"], SteeringScreen["RunPage"]):
         launch = f"{self.key('launch')} starts one. " if self.key("launch") else ""
         return _NOBODY.format(launch=launch, line=line) if state.problem else ""
 
-    def on_data_table_row_highlighted(self) -> None:
-        """Describe the campaign under the cursor, and judge it next."""
-        self._describe()
-
     def on_resize(self) -> None:
         """Describe the campaign under the cursor as soon as there is room for it."""
         self.call_after_refresh(self._describe)
 
+    @on(DataTable.RowHighlighted)
     def _describe(self) -> None:
+        """Describe the campaign under the cursor, and judge it next."""
         row, panel = self.campaign(), self.query_one(CampaignPanel)
         front = row.id if row is not None and panel.display else ""
         if front != self.about:
@@ -239,7 +237,7 @@ class CampaignPanel(VerticalScroll, can_focus=False):
 
     def __init__(self, *, id: str) -> None:
         super().__init__(id=id)
-        self._judged: dict[str, tuple[CampaignResults, int, Text]] = {}
+        self._judged: tuple[CampaignResults, int, Text] | None = None
 
     def compose(self) -> ComposeResult:
         """Lay out the text."""
@@ -252,24 +250,21 @@ class CampaignPanel(VerticalScroll, can_focus=False):
             state.conclusions.get(row.id),
             state.campaigns,
             now,
-            self._judged_lines(row.id, state),
+            self._judged_lines(state.results.get(row.id)),
             search=state.searches.get(row.id),
             marks=schedule_marks(row),
         )
         self.query_one(StaticText).update(text)
 
-    def _judged_lines(self, campaign: str, state: DashboardState) -> Text:
-        """Return the judged lines of a campaign, from the cache unless its results changed."""
+    def _judged_lines(self, results: CampaignResults | None) -> Text:
+        """Return the judged lines of a campaign, the same ones for the same results."""
         width = self.scrollable_content_region.width
-        self._judged = {
-            name: (results, used_width, lines)
-            for name, (results, used_width, lines) in self._judged.items()
-            # By identity: results are replaced and never changed, and a comparison costs more.
-            if results is state.results.get(name) and used_width == width
-        }
-        if campaign not in self._judged and (results := state.results.get(campaign)) is not None:
-            self._judged[campaign] = results, width, judged_lines(results, width)
-        return self._judged[campaign][2] if campaign in self._judged else Text()
+        if results is None:
+            return Text()
+        # By identity: results are replaced and never changed, and a comparison costs more.
+        if self._judged is None or self._judged[0] is not results or self._judged[1] != width:
+            self._judged = results, width, judged_lines(results, width)
+        return self._judged[2]
 
 
 def campaign_cells(

@@ -17,9 +17,13 @@ from daemon.model.assessments import Mark
 from scenario_tui.dashboard.playback import Playback
 from scenario_tui.dashboard.recordings import Missing
 from scenario_tui.dashboard.run_timeline import Alignment, common_clock, shift_to_clock
-from scenario_tui.dashboard.screens.maps import MapActions
 from scenario_tui.dashboard.screens.parts import Parts
-from scenario_tui.dashboard.screens.playing import PlayingScreen, clock_line, decisive_moment
+from scenario_tui.dashboard.screens.playing import (
+    MapActions,
+    PlayingScreen,
+    clock_line,
+    decisive_moment,
+)
 from scenario_tui.dashboard.screens.run_panel import marks_of
 from scenario_tui.dashboard.screens.standalone import StandaloneScreen
 from scenario_tui.dashboard.transport import FLASH, FailureMoment, ReplayTransport
@@ -96,7 +100,7 @@ class CompareScreen(StandaloneScreen, Parts, MapActions, PlayingScreen):
         self._clock = common_clock(first, second, self.by)
         # The signals of the second run are shifted to the clock of the first once, here; the maps
         # convert the moment at every frame.
-        moved = shift_to_clock(second, self._clock)
+        self._moved = moved = shift_to_clock(second, self._clock)
         start, end = min(first.start, moved.start), max(first.end, moved.end)
         self.query_one(TimelineView).show((first, moved))
         text = comparison_text(
@@ -115,17 +119,15 @@ class CompareScreen(StandaloneScreen, Parts, MapActions, PlayingScreen):
         """Return the decisive moment of the first run, otherwise the second, on the first clock."""
         pairs = zip((self.first, self.second), self.marks, strict=True)
         first, second = (decisive_moment(*pair) for pair in pairs)
-        return first if first is not None or second is None else self._to_first([second])[0]
+        if first is not None or second is None:
+            return first
+        return float(self._clock.to_first([second])[0])
 
     def moments(self) -> Sequence[FailureMoment]:
         """Return the failures of oracles in either run, on the clock of the first."""
-        times = self._to_first([moment.time for moment in self.second.moments])
-        second = zip(self.second.moments, times, strict=True)
+        second = zip(self.second.moments, self._moved.decided, strict=True)
         both = [*self.first.moments, *(FailureMoment(at, m.oracle) for m, at in second)]
         return sorted(both, key=lambda moment: (moment.time, moment.oracle))
-
-    def _to_first(self, times: Sequence[float]) -> list[float]:
-        return [float(time) for time in self._clock.to_first(times)]
 
     def show_moment(self, window: float = FLASH) -> None:
         """Show both runs at the moment."""

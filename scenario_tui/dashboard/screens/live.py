@@ -16,8 +16,8 @@ from daemon.model.status import LiveSnapshot
 from grammars.model.geometry import Twist2
 from grammars.model.robot import Drive
 from scenario_tui.dashboard.live_run import tracked_view
-from scenario_tui.dashboard.live_tracks import Tracks
-from scenario_tui.dashboard.screens.maps import MapActions
+from scenario_tui.dashboard.run_watch import Tracks
+from scenario_tui.dashboard.screens.playing import MapActions
 from scenario_tui.dashboard.screens.standalone import StandaloneScreen
 from scenario_tui.dashboard.transport import next_speed
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter

@@ -5,16 +5,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, ClassVar
 
 from rich.text import Text
+from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Container, VerticalScroll
-from textual.widgets import Static
+from textual.events import Resize
+from textual.widgets import DataTable, Static
 
-from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks, steering_keys
 from scenario_tui.dashboard.state import DashboardState
 from scenario_tui.dashboard.widgets.cell_table import COMFORTABLE, CellTable
-from scenario_tui.dashboard.widgets.static_text import StaticText
+from scenario_tui.dashboard.widgets.static_text import StaticText, show_message_or
 from scenario_tui.text.assessment_text import campaign_notes, cell_notes
 from scenario_tui.text.heat_text import heat_legend
 from scenario_tui.text.results import NONE_JUDGED
@@ -91,11 +92,9 @@ class MatrixScreen(SteeringScreen[None]):
         if self.focused is None:
             self.query_one(CellTable).focus()
 
-    def on_resize(self) -> None:
-        """Put the notes below the matrix, or beside it if there is room."""
-        self._arrange()
-
+    @on(Resize)
     def _arrange(self) -> None:
+        """Put the notes below the matrix, or beside it if there is room."""
         # Beside the matrix they take two fifths, and only on -wide screens.
         suts = {cell.sut for cell in self._results.assessment.cells} if self._results else ()
         self.set_class(len(suts) * COMFORTABLE <= self.size.width * 3 // 5, "-beside")
@@ -105,24 +104,18 @@ class MatrixScreen(SteeringScreen[None]):
             return "This campaign has no runs."
         return "… judging" if self.dashboard.state.connected else ""
 
+    @on(DataTable.CellHighlighted)
     def _describe(self) -> None:
+        """Describe the cell under the cursor."""
         cell, results = self.query_one(CellTable).cell, self._results
         about = cell_notes(cell, results.expectations) if cell and results else Text()
         self.query_one("#about", Static).update(about + self._rest)
-
-    def on_data_table_cell_highlighted(self) -> None:
-        """Describe the cell under the cursor."""
-        self._describe()
 
     def on_data_table_cell_selected(self) -> None:
         """Open the runs of the cell."""
         cell = self.query_one(CellTable).cell
         if cell is not None:
             self.dashboard.open("runs", self.about, cell.scenario, cell.sut)
-
-    def action_runs(self) -> None:
-        """Open all runs of the campaign."""
-        self.dashboard.open("runs", self.about)
 
     def action_next(self, step: int) -> None:
         """Go to the next unexpected cell, or the one before; round at the end."""

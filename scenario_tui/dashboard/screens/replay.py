@@ -12,9 +12,8 @@ from textual.widgets import Static
 
 from daemon.model.assessments import Mark
 from scenario_tui.dashboard.playback import Playback, headline, lines_below, timeline_bar
-from scenario_tui.dashboard.screens.maps import MapActions
 from scenario_tui.dashboard.screens.parts import Parts
-from scenario_tui.dashboard.screens.playing import PlayingScreen, decisive_moment
+from scenario_tui.dashboard.screens.playing import MapActions, PlayingScreen, decisive_moment
 from scenario_tui.dashboard.screens.standalone import StandaloneScreen
 from scenario_tui.dashboard.transport import FLASH, FailureMoment, ReplayTransport
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter

@@ -22,15 +22,18 @@ from scenario_tui.dashboard.recordings import Missing
 from scenario_tui.dashboard.run_log import log_text
 from scenario_tui.dashboard.run_timeline import RunTimeline
 from scenario_tui.dashboard.run_watch import RunNews
-from scenario_tui.dashboard.screens.base import show_message_or
-from scenario_tui.dashboard.screens.maps import MapActions
 from scenario_tui.dashboard.screens.parts import Parts
-from scenario_tui.dashboard.screens.playing import PlayingScreen, clock_line, decisive_moment
+from scenario_tui.dashboard.screens.playing import (
+    MapActions,
+    PlayingScreen,
+    clock_line,
+    decisive_moment,
+)
 from scenario_tui.dashboard.screens.run_panel import RunMap, expectations_of, marks_of, track_of
 from scenario_tui.dashboard.screens.steering import SteeringScreen
 from scenario_tui.dashboard.state import DashboardState
 from scenario_tui.dashboard.transport import FLASH, FailureMoment, ReplayTransport
-from scenario_tui.dashboard.widgets.static_text import StaticText
+from scenario_tui.dashboard.widgets.static_text import StaticText, show_message_or
 from scenario_tui.dashboard.widgets.tables import VerdictList
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.dashboard.widgets.timeline_drawing import LEGEND as SIGNS
@@ -212,29 +215,29 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
         if timeline is not None and timeline is not self._drawn:
             self._drawn = timeline
             signals.show((timeline,))
-            self._follow()
+            self._follow(timeline)
         elif live and not why:
             self.show_moment()
 
-    def _follow(self) -> None:
+    def _follow(self, timeline: RunTimeline) -> None:
         """Follow the run with the displayed moment, unless the user has gone back.
 
         A recording opens at the moment that was in view, otherwise at the most telling one.
         """
-        run, before = self._run, self.transport
+        start, end, before = timeline.start, timeline.end, self.transport
         if self._recording is not None:
             now = self._telling_moment(self._recording)
             if before is not None:
-                now = run.end if before.follows else before.time
+                now = end if before.follows else before.time
             now = self._recording.within(now)
-            self.begin(ReplayTransport(run.start, run.end, now, playing=False))
+            self.begin(ReplayTransport(start, end, now, playing=False))
             return
         if before is None or not before.live:
             self.transport = before = ReplayTransport(
-                run.start, run.end, run.end, playing=False, live=True, follows=True
+                start, end, end, playing=False, live=True, follows=True
             )
             self.refresh_bindings()
-        before.grow(run.start, run.end)
+        before.grow(start, end)
         self.show_moment()
 
     def _telling_moment(self, recording: Playback) -> float:
@@ -249,7 +252,7 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
 
     def _say(self, detail: RunDetail) -> None:
         """Show the moment, and the part of the screen in view."""
-        run, transport = self._run, self.transport
+        transport, waypoints = self.transport, len(detail.spec.mission.waypoints)
         line = marked_word(detail.row, expectations_of(self.dashboard.state, detail.row))
         track = self._live.track if self._recording is None else None
         if track is not None and (transport is None or transport.follows):
@@ -260,7 +263,7 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
             if self._recording is not None:
                 style, more = "", self._recording.stack_line(transport.time)
             line.append(f"  {clock_line(transport)}", style=style)
-            line.append(f"  {run.reached(transport.time)}/{run.waypoints} wp")
+            line.append(f"  {self._run.reached(transport.time)}/{waypoints} wp")
             line.append(f"  {more}" if more else "", style=QUIET)
         self.query_one("#now", Static).update(self.with_tabs(line))
 

@@ -15,12 +15,10 @@ from daemon.model.assessments import Mark
 from daemon.model.status import RunDetail, RunRow
 from daemon.model.verdicts import RunState
 from scenario_tui.dashboard.live_run import LiveRun
-from scenario_tui.dashboard.live_tracks import Track
 from scenario_tui.dashboard.recordings import Missing
-from scenario_tui.dashboard.run_watch import RunNews
-from scenario_tui.dashboard.screens.base import show_message_or
+from scenario_tui.dashboard.run_watch import RunNews, Track
 from scenario_tui.dashboard.screens.playing import decisive_moment
-from scenario_tui.dashboard.widgets.static_text import StaticText
+from scenario_tui.dashboard.widgets.static_text import StaticText, show_message_or
 from scenario_tui.dashboard.widgets.top_view import MapLegend, TopView
 from scenario_tui.text.run_text import NO_MARKS, run_text
 

@@ -17,20 +17,14 @@ from daemon.model.status import CampaignRow, RunPage, RunRow
 from daemon.model.verbs import DaemonClient
 from daemon.model.verdicts import RunState
 from grammars.text.words import duration_text
-from scenario_tui.dashboard.live_tracks import Track
-from scenario_tui.dashboard.run_watch import RunNews
-from scenario_tui.dashboard.screens.base import show_message_or
+from scenario_tui.dashboard.run_watch import RunNews, Track
 from scenario_tui.dashboard.screens.filtering import FilteredScreen
 from scenario_tui.dashboard.screens.run_panel import RunPanel, expectations_of
 from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks, steering_keys
-from scenario_tui.dashboard.state import DashboardState, RunsView
-from scenario_tui.dashboard.widgets.static_text import StaticText
+from scenario_tui.dashboard.state import DashboardState
+from scenario_tui.dashboard.widgets.static_text import StaticText, show_message_or
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
-from scenario_tui.text.formatting import (
-    margin,
-    run_label,
-    time_text,
-)
+from scenario_tui.text.formatting import margin, run_label, time_text
 from scenario_tui.text.run_text import marked_word, reached_text
 from scenario_tui.text.styles import QUIET, SEVERITY
 
@@ -122,8 +116,8 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
             columns = (_COLUMNS[0], named, *_COLUMNS[1:])
         table = KeyedTable(columns, id="runs")
         if (view := self.dashboard.run_views.get(self._here)) is not None:
-            self.arrangement, self._offset = view.arrangement, view.offset
-            table.begin_at(view.key)
+            self.arrangement, self._offset, key = view
+            table.begin_at(key)
         yield self.filter_line()
         yield StaticText(id="empty")
         with Horizontal(id="split"):
@@ -137,7 +131,7 @@ class RunsScreen(FilteredScreen[RunsNews], SteeringScreen[RunsNews]):
     def _remember(self, key: str = "") -> None:
         """Remember the view of these runs, with the run in front if there is one yet."""
         # At once, because the next screen reads it before this one leaves.
-        self.dashboard.run_views[self._here] = RunsView(self.arrangement, self._offset, key)
+        self.dashboard.run_views[self._here] = (self.arrangement, self._offset, key)
 
     def fetch(self, daemon: DaemonClient, state: DashboardState) -> RunsNews:
         """Return the page; in wide terminals also the run under the cursor."""

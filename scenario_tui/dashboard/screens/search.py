@@ -6,30 +6,25 @@ from dataclasses import dataclass
 from typing import ClassVar, Final
 
 from rich.text import Text
+from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Container, Vertical, VerticalScroll
-from textual.widgets import Static
+from textual.widgets import DataTable, Static
 
 from daemon.model.trials import smallest_margin
 from daemon.model.verbs import DaemonClient
 from daemon.search.answers.sentences import margin_words, phase_words, search_word
 from grammars.text.words import NOTHING, count_noun
 from scenario_tui.dashboard.run_watch import RunNews
-from scenario_tui.dashboard.screens.base import show_message_or
-from scenario_tui.dashboard.screens.maps import MapActions
 from scenario_tui.dashboard.screens.parts import Parts
+from scenario_tui.dashboard.screens.playing import MapActions
 from scenario_tui.dashboard.screens.run_panel import RunMap
 from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks
-from scenario_tui.dashboard.searches import (
-    NotableTrial,
-    SearchTrials,
-    TrialReader,
-    notable_trials,
-)
+from scenario_tui.dashboard.searches import NotableTrial, SearchTrials, TrialReader, notable_trials
 from scenario_tui.dashboard.state import DashboardState
-from scenario_tui.dashboard.widgets.search_curve import LEGEND, SearchCurveView, search_curve
-from scenario_tui.dashboard.widgets.static_text import StaticText
+from scenario_tui.dashboard.widgets.search_curve import LEGEND, SearchCurveView
+from scenario_tui.dashboard.widgets.static_text import StaticText, show_message_or
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
 from scenario_tui.text.formatting import margin
 from scenario_tui.text.search_text import answer_lines, parameters_text
@@ -148,7 +143,7 @@ class SearchScreen(SteeringScreen[SearchNews], MapActions, Parts):
             table.fill([_cells(one) for one in self._notable])
             if table.display and self.focused is None:
                 table.focus()
-            self.query_one(SearchCurveView).show(search_curve(news.search))
+            self.query_one(SearchCurveView).show(news.search)
             answer = Text("\n").join(answer_lines(news.search.row))
             self.query_one("#answer-text", Static).update(answer)
         self._say(news.search)
@@ -203,16 +198,13 @@ class SearchScreen(SteeringScreen[SearchNews], MapActions, Parts):
         """Show the run under the cursor."""
         self.update_from_state()
 
-    def on_data_table_row_selected(self) -> None:
-        """Open the run under the cursor."""
-        self.action_open()
-
     def why_not(self, action: str, *parameters: object) -> str:
         """Return why an action is impossible now, empty if it is possible."""
         if action in ("open", "rerun", "found") and self._front() is None:
             return "No run of this search has a result yet."
         return super().why_not(action, *parameters)
 
+    @on(DataTable.RowSelected)
     def action_open(self) -> None:
         """Open the run in front."""
         if (front := self._front()) is not None:
@@ -222,10 +214,6 @@ class SearchScreen(SteeringScreen[SearchNews], MapActions, Parts):
         """Copy the command that executes the run in front again."""
         if (front := self._front()) is not None:
             self.dashboard.copy(self._line("verify", front.trial.run))
-
-    def action_runs(self) -> None:
-        """Open all runs of the search."""
-        self.dashboard.open("runs", self.about)
 
     def action_found(self, step: int) -> None:
         """Go to the next run of the table, or the one before."""

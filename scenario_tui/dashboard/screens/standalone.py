@@ -7,7 +7,7 @@ from typing import ClassVar
 from textual.binding import Binding, BindingType
 from textual.screen import Screen
 
-from scenario_tui.dashboard.screens.help import Help
+from scenario_tui.dashboard.screens.dialogs import Help
 from scenario_tui.dashboard.themes import ThemedApp
 
 

@@ -5,10 +5,10 @@ The key of an impossible action is grey, and shows the reason when pressed (:cla
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
-import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -19,7 +19,9 @@ from textual.binding import Binding, BindingType
 from textual.screen import ModalScreen
 from textual.validation import Integer
 
+from daemon.batch.errors import DaemonError
 from daemon.batch.paths import StatePaths
+from daemon.model.execution import python_command
 from grammars.text.words import command_line, count_noun
 from scenario_tui.campaign_actions import (
     ACKNOWLEDGE,
@@ -38,7 +40,6 @@ from scenario_tui.dashboard.screens.dialogs import Menu, MenuChoice, Prompt, Que
 if TYPE_CHECKING:
     from daemon.model.status import CampaignRow
     from daemon.model.verbs import DaemonClient
-    from scenario_tui.dashboard.commands import CommandAnswer
 
 CommandLine = Callable[..., str]
 """Quotes a command about the daemon of this dashboard."""
@@ -53,9 +54,9 @@ _KINDS: Final[tuple[tuple[str, str, str, Callable[[CampaignRow], int]], ...]] = 
     ("a", "all ended ones", "all", lambda row: row.done + row.lost + row.cancelled),
 )
 """Key, words, argument of --only and number of each kind of runs to queue again."""
+_ERROR: Final = "scenario/error/1"
 _SSH: Final = ("SSH_CONNECTION", "SSH_CLIENT", "SSH_TTY")
 _DISPLAYS: Final = ("DISPLAY", "WAYLAND_DISPLAY")
-_OPENERS: Final = ("xdg-open", "open")
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,6 +227,10 @@ class SteeringScreen(BaseScreen[T]):
         if (row := self._row()) is not None:
             self.dashboard.open("matrix", row.id)
 
+    def action_runs(self) -> None:
+        """Open all runs of the campaign."""
+        self.dashboard.open("runs", self.about)
+
     def action_steer(self, name: str) -> None:
         """Start an action on the campaign, after a dialog if it has one."""
         steering, row = _STEERING[name], self._row()
@@ -281,9 +286,9 @@ class SteeringScreen(BaseScreen[T]):
         dashboard.running_jobs.add(doing)
         dashboard.say(f"{doing} …", command)
 
-        def done(answer: CommandAnswer) -> None:
+        def done(answer: Mapping[str, Any]) -> None:
             dashboard.running_jobs.discard(doing)
-            opened = open_in_browser(page, os.environ)
+            opened = open_in_browser(page)
             where = "opened in the browser" if opened else "open it in a browser"
             dashboard.say(f"{answer['answer']}\n{page} ({where})", command)
 
@@ -294,18 +299,44 @@ class SteeringScreen(BaseScreen[T]):
         dashboard.start_task(partial(dashboard.run_command, tuple(arguments)), done, failed)
 
 
+def run_command(arguments: tuple[str, ...]) -> Mapping[str, Any]:
+    """Run a command of ``scenario`` in a process; return the object it wrote.
+
+    The command continues if the user leaves the dashboard. Raises
+    :class:`daemon.batch.errors.DaemonError` with its last words if it wrote no object.
+    """
+    done = subprocess.run(
+        python_command("-c", "from scenario_tui.cli import main; main()", *arguments, "--json"),
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+        start_new_session=True,
+        # Its last words become a notice: in one line, without colours.
+        env=os.environ | {"COLUMNS": "160", "TERM": "dumb"},
+    )
+    try:
+        answer: Mapping[str, Any] = json.loads(done.stdout)
+    except ValueError as error:
+        words = [line for line in done.stderr.splitlines() if line.strip()]
+        last = words[-1] if words else f"it left with code {done.returncode}"
+        message = f"{command_line(*arguments)}: {last.removeprefix('scenario: ')}"
+        raise DaemonError(message) from error
+    if answer.get("schema") == _ERROR:
+        raise DaemonError(f"{command_line(*arguments)}: {answer['error']}")
+    return answer
+
+
 def has_display(environ: Mapping[str, str]) -> bool:
     """Return True if the user sits at this machine's own screen; never over SSH."""
     # Even with a forwarded display, because a browser over the line would be slow.
-    if any(environ.get(name) for name in _SSH):
-        return False
-    return sys.platform == "darwin" or any(environ.get(name) for name in _DISPLAYS)
+    return any(map(environ.get, _DISPLAYS)) and not any(map(environ.get, _SSH))
 
 
-def open_in_browser(page: Path, environ: Mapping[str, str]) -> bool:
+def open_in_browser(page: Path) -> bool:
     """Open a page in the browser of this machine's screen; return True if there is one."""
-    opener = next(filter(None, map(shutil.which, _OPENERS)), None)
-    if opener is None or not has_display(environ):
+    opener = shutil.which("xdg-open")
+    if opener is None or not has_display(os.environ):
         return False
     # The browser outlives the dashboard and must not write over it.
     subprocess.Popen(

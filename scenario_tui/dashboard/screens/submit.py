@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import ClassVar, Final
 
 from rich.text import Text
-from textual import work
+from textual import on, work
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Container, VerticalScroll
@@ -21,7 +21,7 @@ from textual.widgets.option_list import Option
 from daemon.batch.errors import DaemonError
 from daemon.model.status import SubmissionReceipt, WorkerRow
 from daemon.model.verbs import DaemonClient
-from grammars.text.diagnostics import Finding, Severity, Where
+from grammars.text.diagnostics import Finding, InputError, Severity, Where
 from grammars.text.words import count_noun
 from scenario_tui.campaign_files import find_campaigns, fuzzy_matches, relative_name
 from scenario_tui.dashboard.screens.base import BaseScreen
@@ -110,10 +110,7 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
         self._files = {relative_name(path, self._here): path for path in own} | {_DEMO: demo}
         self._narrow()
 
-    def on_input_changed(self) -> None:
-        """List the files that match the typed text."""
-        self._narrow()
-
+    @on(Input.Changed)
     def _narrow(self) -> None:
         """List the files that match the typed text."""
         names = fuzzy_matches(tuple(self._files), self._line.value)
@@ -182,27 +179,20 @@ class SubmitScreen(BaseScreen["tuple[WorkerRow, ...]"]):
                 self._refuse,
             )
 
-    def _submit(self, path: Path, fresh: bool) -> tuple[CheckedFile, SubmissionReceipt | None]:
+    def _submit(self, path: Path, fresh: bool) -> SubmissionReceipt:
         """Read a file anew, because it may have changed, and submit it; in a separate thread.
 
         A daemon under load may take longer than the feed waits for its answers.
         """
         checked = self.dashboard.check_file(path, submit=True, fresh=fresh)
         if checked.submission is None:
-            return checked, None
-        with self.dashboard.feed.connect() as daemon:
-            return checked, daemon.submit(checked.submission)
-
-    def _leave_with(
-        self, path: Path, command: str, handed_over: tuple[CheckedFile, SubmissionReceipt | None]
-    ) -> None:
-        """Go back to the campaigns if the daemon has this one; otherwise stay."""
-        checked, receipt = handed_over
-        if receipt is None:
             self._checked[path] = checked
-            errors = [one for one in checked.findings if one.severity is Severity.ERROR]
-            self._refuse(str(errors[0]))
-            return
+            raise InputError(one for one in checked.findings if one.severity is Severity.ERROR)
+        with self.dashboard.feed.connect() as daemon:
+            return daemon.submit(checked.submission)
+
+    def _leave_with(self, path: Path, command: str, receipt: SubmissionReceipt) -> None:
+        """Go back to the campaigns: the daemon has this one."""
         self.dashboard.submitting = ""
         self.dashboard.remember(path, receipt.campaign)
         self.dashboard.say(receipt_text(receipt), command)

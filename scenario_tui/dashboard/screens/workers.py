@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Final
+from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeAlias
 
 from rich.text import Text
 from textual.app import ComposeResult
 
 from grammars.text.words import count_noun, duration_text
-from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.filtering import FilteredScreen
 from scenario_tui.dashboard.state import DashboardState
 from scenario_tui.dashboard.widgets.running_grid import progress_bar, running_page
-from scenario_tui.dashboard.widgets.static_text import StaticText
+from scenario_tui.dashboard.widgets.static_text import StaticText, show_message_or
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
 from scenario_tui.text.formatting import age_text, run_label
 from scenario_tui.text.run_text import reached_text
@@ -23,7 +21,7 @@ from scenario_tui.text.styles import QUIET
 if TYPE_CHECKING:
     from daemon.model.status import WorkerRow
     from daemon.model.verbs import DaemonClient
-    from scenario_tui.dashboard.live_tracks import Tracks
+    from scenario_tui.dashboard.run_watch import Tracks
 
 _COLUMNS: Final = (
     Column("worker", 14),
@@ -51,12 +49,8 @@ _KEYS: Final[Mapping[str, Callable[[WorkerRow], Any]]] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class WorkersNews:
-    """The workers, and the names of running runs by their id."""
-
-    workers: tuple[WorkerRow, ...]
-    runs: Mapping[str, str]
+WorkersNews: TypeAlias = "tuple[tuple[WorkerRow, ...], Mapping[str, str]]"
+"""The workers, and the names of running runs by their id."""
 
 
 class WorkersScreen(FilteredScreen[WorkersNews]):
@@ -81,11 +75,11 @@ class WorkersScreen(FilteredScreen[WorkersNews]):
     def fetch(self, daemon: DaemonClient, state: DashboardState) -> WorkersNews:
         """Return the workers and their runs."""
         page = running_page(daemon, state)
-        return WorkersNews(daemon.workers(), {row.id: run_label(row) for row in page.rows})
+        return daemon.workers(), {row.id: run_label(row) for row in page.rows}
 
     def trail(self) -> str:
         """Return the sum of workers and slots."""
-        rows = self.news.workers if self.news else ()
+        rows = self.news[0] if self.news else ()
         here = [row for row in rows if not row.away]
         busy, slots = sum(row.busy for row in here), sum(row.slots for row in here)
         away = f", {len(rows) - len(here)} away" if len(here) < len(rows) else ""
@@ -94,7 +88,7 @@ class WorkersScreen(FilteredScreen[WorkersNews]):
     def show(self, state: DashboardState, news: WorkersNews | None) -> None:
         """Fill the table."""
         now, tracks = self.dashboard.clock(), self.dashboard.tracks
-        workers, labels = (news.workers, news.runs) if news else ((), {})
+        workers, labels = news or ((), {})
         cells = [(one, row) for one in workers for row in slot_rows(one, labels, tracks, now)]
         rows = self.arrangement.apply(cells, _KEYS)
         above, table = self.query_one("#empty"), self.query_one(KeyedTable)

@@ -2,32 +2,20 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Final, NamedTuple
+from collections.abc import Mapping
+from typing import Final
 
-from rich.text import Text
 from textual import events
+from textual.binding import ActiveBinding
+from textual.content import Content
 from textual.screen import Screen
+from textual.style import Style
 from textual.widget import Widget
 
+_NAME: Final = "$footer-description-foreground"
+"""Colour of the names of keys."""
 _ROOMY: Final = 80
 """Columns that hold the keys of most screens."""
-_GAP: Final = 2
-"""Columns between two keys."""
-
-
-class _Key(NamedTuple):
-    """A key with its display, and its action."""
-
-    face: str
-    name: str
-    action: str
-    key: str
-    enabled: bool
-    tooltip: str
-
-    @property
-    def width(self) -> int:
-        return Text(f"{self.face} {self.name}").cell_len
 
 
 class KeyFooter(Widget):
@@ -38,38 +26,19 @@ class KeyFooter(Widget):
     """
 
     ALLOW_SELECT = False
-    COMPONENT_CLASSES: ClassVar[set[str]] = {
-        "key-footer--key",
-        "key-footer--name",
-        "key-footer--disabled",
-        "key-footer--hover",
-    }
     DEFAULT_CSS = """
     KeyFooter {
         dock: bottom;
         height: 1;
         text-wrap: nowrap;
         background: $footer-background;
-        & > .key-footer--key {
-            color: $footer-key-foreground;
-            text-style: bold;
-        }
-        & > .key-footer--name {
-            color: $footer-description-foreground;
-        }
-        /* The colour of keys, dimmed, is too weak to be read on bright backgrounds. */
-        & > .key-footer--disabled {
-            color: $footer-description-foreground;
-            text-style: dim;
-        }
-        & > .key-footer--hover {
-            background: $block-hover-background;
-        }
     }
     """
 
-    _keys: tuple[_Key, ...] = ()
-    _pointed: _Key | None = None
+    _keys: Mapping[str, ActiveBinding] = {}
+    """The shown keys by their actions."""
+    _pointed = ""
+    """The action under the pointer."""
 
     def on_mount(self) -> None:
         """Subscribe to changes of the keys."""
@@ -83,70 +52,51 @@ class KeyFooter(Widget):
         """Show the present keys of a screen."""
         # A terminal without focus has no keys of a focused widget, but these come back.
         if screen is self.screen and self.app.app_focus:
-            keys = self._offered(screen)
+            keys: dict[str, ActiveBinding] = {}
+            for active in screen.active_bindings.values():
+                if active.binding.show:
+                    keys.setdefault(active.binding.action, active)
             if keys != self._keys:
                 self._keys = keys
                 self.refresh()
 
-    def _offered(self, screen: Screen[object]) -> tuple[_Key, ...]:
-        offered: dict[str, _Key] = {}
-        for _, binding, enabled, tooltip in screen.active_bindings.values():
-            if binding.show and binding.action not in offered:
-                face = self.app.get_key_display(binding)
-                offered[binding.action] = _Key(
-                    face, binding.description, binding.action, binding.key, enabled, tooltip
-                )
-        return tuple(offered.values())
-
-    def _shown(self) -> tuple[_Key, ...]:
-        """Return the keys in their order, in a narrow line with the key of the help first."""
-        if self.size.width >= _ROOMY:
-            return self._keys
-        return tuple(sorted(self._keys, key=lambda one: one.action != "keys"))
-
-    def render(self) -> Text:
-        """Draw the keys one beside the other."""
-        text = Text(no_wrap=True)
-        name = self.get_component_rich_style("key-footer--name")
-        for key in self._shown():
-            if text:
-                text.append(" " * _GAP)
-            start = len(text)
-            text.append(key.face, self.get_component_rich_style("key-footer--key"))
-            text.append(f" {key.name}", name)
-            if not key.enabled:
-                disabled = self.get_component_rich_style("key-footer--disabled")
-                text.stylize(disabled, start)
-            if key == self._pointed:
-                text.stylize(self.get_component_rich_style("key-footer--hover"), start)
-        return text
-
-    def _at(self, column: int) -> _Key | None:
-        start = 0
-        for key in self._shown():
-            if start <= column < start + key.width:
-                return key
-            start += key.width + _GAP
-        return None
+    def render(self) -> Content:
+        """Draw the keys one beside the other, in a narrow line with the key of the help first."""
+        keys = list(self._keys.values())
+        if self.size.width < _ROOMY:
+            keys.sort(key=lambda active: active.binding.action != "keys")
+        words = []
+        for active in keys:
+            binding = active.binding
+            face = (self.app.get_key_display(binding), "bold $footer-key-foreground")
+            word = Content.assemble(face, (f" {binding.description}", _NAME))
+            if not active.enabled:
+                # The colour of keys, dimmed, is too weak to be read on bright backgrounds.
+                word = word.stylize(f"dim {_NAME}")
+            if binding.action == self._pointed:
+                word = word.stylize("on $block-hover-background")
+            words.append(word.stylize(Style.from_meta({"key": binding.action})))
+        return Content("  ").join(words)
 
     def on_mouse_down(self, event: events.MouseDown) -> None:
         """Press the key under the pointer."""
-        key = self._at(event.x)
-        if key is not None and key.enabled:
-            self.app.simulate_key(key.key)
-        elif key is not None:
+        active = self._keys.get(event.style.meta.get("key", ""))
+        if active is not None and active.enabled:
+            self.app.simulate_key(active.binding.key)
+        elif active is not None:
             self.app.bell()
 
     def on_mouse_move(self, event: events.MouseMove) -> None:
         """Explain the key under the pointer."""
-        self._point(self._at(event.x))
+        self._point(event.style.meta.get("key", ""))
 
     def on_leave(self) -> None:
         """Remove the explanation."""
-        self._point(None)
+        self._point("")
 
-    def _point(self, key: _Key | None) -> None:
-        if key != self._pointed:
-            self._pointed = key
-            self.tooltip = key.tooltip if key is not None else None
+    def _point(self, action: str) -> None:
+        if action != self._pointed:
+            self._pointed = action
+            active = self._keys.get(action)
+            self.tooltip = active.tooltip if active is not None else None
             self.refresh()

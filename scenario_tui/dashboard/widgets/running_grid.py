@@ -10,7 +10,7 @@ from rich.text import Text
 from textual.binding import Binding, BindingType
 
 from grammars.text.words import count_noun, duration_text
-from scenario_tui.dashboard.live_tracks import SILENT
+from scenario_tui.dashboard.run_watch import SILENT
 from scenario_tui.dashboard.widgets.tables import KeyedList
 from scenario_tui.text.formatting import glyph_word, keep_end, run_label
 from scenario_tui.text.run_text import reached_text, worst_text
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from daemon.model.spec import Snapshot
     from daemon.model.status import CampaignRow, RunPage, RunRow
     from daemon.model.verbs import DaemonClient
-    from scenario_tui.dashboard.live_tracks import Tracks
+    from scenario_tui.dashboard.run_watch import Tracks
     from scenario_tui.dashboard.state import DashboardState
 
 _BAR: Final = 6

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import ClassVar, Final
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy.typing as npt
 from rich.style import Style
 
 from daemon.model.search import SearchTask
-from daemon.model.trials import smallest_so_far
+from daemon.model.trials import Trial, smallest_so_far
 from daemon.model.verdicts import Outcome
 from grammars.model.geometry import Floats
 from grammars.text.words import format_quantity
@@ -27,52 +27,6 @@ _FIRST_RUNS: Final = 60
 LEGEND: Final = "• run  ✗ fails  ━ best so far  ┈ limit"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SearchCurve:
-    """The runs of a search: ``at`` (n,) are the positions of runs with a margin.
-
-    ``value`` (n,) is the margin in ``unit``, or without a unit its ratio to the scale of the
-    oracle.
-    ``fails`` (n,) marks the failures. ``best`` (m,) is the smallest value so far at each of ``m``
-    runs, NaN before the first. ``phases`` are the positions at which phases begin. ``room`` is the
-    width of the graph in runs.
-    """
-
-    unit: str
-    room: int
-    at: npt.NDArray[np.int64]
-    value: Floats
-    fails: npt.NDArray[np.bool_]
-    best: Floats
-    unknown: tuple[tuple[int, str], ...] = ()
-    phases: tuple[tuple[int, str], ...] = ()
-
-
-def search_curve(search: SearchTrials) -> SearchCurve:
-    """Return the curve of a search."""
-    trials, task = search.trials, search.row.task
-    value = np.array([one.compared for one in trials], dtype=np.float64)
-    finite = np.isfinite(value)
-    explored = (one.compared if one.explores else math.nan for one in trials)
-    phases: dict[str, int] = {}
-    for at, one in enumerate(trials):
-        phases.setdefault(one.proposal.phase, at)
-    return SearchCurve(
-        task.scales[0].unit if len(task.scales) == 1 else "",
-        _room(task, len(trials), not search.row.ended),
-        np.flatnonzero(finite),
-        value[finite],
-        np.array([one.fails for one in trials], dtype=np.bool_)[finite],
-        np.array(smallest_so_far(explored)),
-        tuple(
-            (at, GLYPHS["inconclusive" if one.outcome is Outcome.INCONCLUSIVE else "error"])
-            for at, one in enumerate(trials)
-            if one.outcome is not None and not finite[at]
-        ),
-        tuple((at, phase) for phase, at in phases.items() if at),
-    )
-
-
 def _room(task: SearchTask, count: int, running: bool) -> int:
     # In steps, because a graph that grows with every run would be drawn anew every time.
     room = _FIRST_RUNS
@@ -81,15 +35,15 @@ def _room(task: SearchTask, count: int, running: bool) -> int:
     return max(count, min(room, task.runs) if running else 0, 2)
 
 
-def value_limits(curve: SearchCurve) -> tuple[float, float]:
+def value_limits(value: Floats) -> tuple[float, float]:
     """Return the least and greatest value of the graph; 0, the limit, is always in view.
 
     A few runs far above the others are cut, because all others would be one line.
     """
-    if not len(curve.value):
+    if not len(value):
         return -1.0, 1.0
-    low, high = min(float(curve.value.min()), 0.0), max(float(curve.value.max()), 0.0)
-    usual = max(float(np.quantile(curve.value, 0.9)), 0.0)
+    low, high = min(float(value.min()), 0.0), max(float(value.max()), 0.0)
+    usual = max(float(np.quantile(value, 0.9)), 0.0)
     if high - low > 2.0 * (usual - low) > 0.0:
         high = usual
     room = 0.06 * (high - low) or 0.5
@@ -97,26 +51,36 @@ def value_limits(curve: SearchCurve) -> tuple[float, float]:
 
 
 class SearchGraph:
-    """The cells of a graph with its margins at the left and its runs below.
+    """The cells of a graph of a search: its margins at the left, its runs below.
 
-    ``codes`` are code points and ``owners`` styles (rows, columns).
+    ``codes`` are code points and ``owners`` styles (rows, columns). ``value`` (n,) are the margins
+    of the runs at the positions ``at`` (n,) in ``unit``, or without a unit their ratios to the
+    scales of the oracles. ``best`` (m,) is the smallest value so far at each of ``m`` runs, NaN
+    before the first. ``room`` is the width of the graph in runs.
     """
 
-    def __init__(self, curve: SearchCurve, columns: int, rows: int) -> None:
+    def __init__(self, search: SearchTrials, columns: int, rows: int) -> None:
+        trials, task = search.trials, search.row.task
+        value = np.array([one.compared for one in trials], dtype=np.float64)
+        finite = np.isfinite(value)
+        explored = (one.compared if one.explores else math.nan for one in trials)
+        self.unit = task.scales[0].unit if len(task.scales) == 1 else ""
+        self.room = _room(task, len(trials), not search.row.ended)
+        self.at, self.value = np.flatnonzero(finite), value[finite]
+        self.best = np.array(smallest_so_far(explored))
         self.codes: Codes = np.full((rows, columns), ord(" "), dtype=np.int32)
         self.owners: Codes = np.full((rows, columns), -1, dtype=np.int32)
-        self._curve = curve
         self._gutter = min(_GUTTER, columns // 3)
         self._canvas = Canvas(columns - self._gutter, rows - 1, 5)
-        self._low, self._high = value_limits(curve)
+        self._low, self._high = value_limits(self.value)
         self._draw_best()
-        self._draw_runs()
+        self._draw_runs(np.array([one.fails for one in trials], dtype=np.bool_)[finite])
         self._write_margins()
-        self._write_axis()
+        self._write_axis(trials)
 
     def _across(self, positions: npt.ArrayLike) -> Floats:
         last = self._canvas.width - 1
-        dots: Floats = np.asarray(positions, dtype=np.float64) * last / (self._curve.room - 1)
+        dots: Floats = np.asarray(positions, dtype=np.float64) * last / (self.room - 1)
         return np.minimum(dots, last)
 
     def _down(self, values: npt.ArrayLike) -> Floats:
@@ -126,29 +90,29 @@ class SearchGraph:
 
     def _draw_best(self) -> None:
         """Draw the limit, and the best value so far, a column of dots after the other."""
-        curve, canvas = self._curve, self._canvas
+        best, canvas = self.best, self._canvas
         canvas.dotted_line(float(self._down(0.0)), _LIMIT)
-        if len(curve.best):
+        if len(best):
             # The last run in a column has the smallest value so far.
-            edges = (np.arange(canvas.width) + 0.5) * (curve.room - 1) / max(canvas.width - 1, 1)
-            at = np.minimum(np.floor(edges).astype(np.int64), len(curve.best) - 1)
-            y = self._down(curve.best[at])
-            reached = np.arange(canvas.width) <= self._across(len(curve.best) - 1) + 1
+            edges = (np.arange(canvas.width) + 0.5) * (self.room - 1) / max(canvas.width - 1, 1)
+            at = np.minimum(np.floor(edges).astype(np.int64), len(best) - 1)
+            y = self._down(best[at])
+            reached = np.arange(canvas.width) <= self._across(len(best) - 1) + 1
             x = np.flatnonzero(np.isfinite(y) & reached)
             # Down from the column before, whose value is not below this one.
             canvas.bars(x.astype(np.int32), np.fmin(y[np.maximum(x - 1, 0)], y[x]), y[x], _BEST)
 
-    def _draw_runs(self) -> None:
+    def _draw_runs(self, fails: npt.NDArray[np.bool_]) -> None:
         """Draw every run as a dot, larger if there is room, and the worst failures as signs."""
-        curve, canvas, cells = self._curve, self._canvas, slice(self._gutter, None)
-        x, y = self._across(curve.at), self._down(curve.value)
-        for layer, those in ((_RUN, ~curve.fails), (_FAIL, curve.fails)):
+        canvas, cells = self._canvas, slice(self._gutter, None)
+        x, y = self._across(self.at), self._down(self.value)
+        for layer, those in ((_RUN, ~fails), (_FAIL, fails)):
             canvas.points(np.column_stack([x[those], y[those]]), layer)
         self.codes[:-1, cells], self.owners[:-1, cells] = canvas.cells()
-        failed = np.flatnonzero(curve.fails)
-        passed = np.flatnonzero(~curve.fails) if curve.room <= canvas.width else ()
+        failed = np.flatnonzero(fails)
+        passed = np.flatnonzero(~fails) if self.room <= canvas.width else ()
         signs = dict.fromkeys(passed, ("•", _RUN))
-        worst = {int(x[at] // 2): at for at in failed[np.argsort(-curve.value[failed])]}
+        worst = {int(x[at] // 2): at for at in failed[np.argsort(-self.value[failed])]}
         signs |= dict.fromkeys(worst.values(), (GLYPHS["fail"], _FAIL))
         for at, (sign, owner) in signs.items():
             self._write(int(y[at] // 4), self._gutter + int(x[at] // 2), sign, owner)
@@ -160,36 +124,41 @@ class SearchGraph:
         self._write(limit, 0, "0".rjust(self._gutter - 2) + " ┈", _LIMIT)
         for row, value in ((0, self._high), (rows - 1, self._low)):
             if row != limit:
-                text = format_quantity(value, self._curve.unit)
+                text = format_quantity(value, self.unit)
                 self._write(row, 0, text[: self._gutter - 1].rjust(self._gutter - 2), _WORDS)
 
-    def _write_axis(self) -> None:
+    def _write_axis(self, trials: Sequence[Trial]) -> None:
         """Write the axis of runs below the graph, with phases and runs without a margin."""
-        row, at, curve = self._canvas.rows, self._gutter, self._curve
-        width = self._canvas.columns
-        last = str(curve.room - 1)
+        row, at, width = self._canvas.rows, self._gutter, self._canvas.columns
+        last = str(self.room - 1)
         self._write(row, 0, "run".rjust(at - 2), _WORDS)
         self._write(row, at, "0", _WORDS)
         self._write(row, at + width - len(last), last, _WORDS)
+        phases: dict[str, int] = {}
+        for position, one in enumerate(trials):
+            phases.setdefault(one.proposal.phase, position)
         free = at + 2
-        for position, phase in curve.phases:
+        for phase, position in phases.items():
             column = max(at + int(self._across(position) // 2), free)
             text = f"│{phase}"
-            if column + len(text) <= at + width - len(last) - 1:
+            if position and column + len(text) <= at + width - len(last) - 1:
                 self._write(row, column, text, _WORDS)
                 free = column + len(text) + 1
         # Beside the numbers at the ends, not over them.
         first, end = at + 1, max(at + width - len(last) - 1, at + 1)
-        for position, sign in curve.unknown:
-            column = min(max(at + int(self._across(position) // 2), first), end)
-            self._write(row, column, sign, _LOST)
+        for position, one in enumerate(trials):
+            if one.outcome is not None and not math.isfinite(one.compared):
+                column = min(max(at + int(self._across(position) // 2), first), end)
+                is_unsure = one.outcome is Outcome.INCONCLUSIVE
+                sign = GLYPHS["inconclusive" if is_unsure else "error"]
+                self._write(row, column, sign, _LOST)
 
     def _write(self, row: int, column: int, text: str, owner: int) -> None:
         write_text(self.codes, self.owners, row, column, text, owner)
 
 
 class SearchCurveView(CellView):
-    """Draws a :class:`SearchCurve`."""
+    """Draws the :class:`SearchGraph` of a search."""
 
     STYLES: ClassVar[tuple[Style, ...]] = (
         Style(color=COLOURS[UNSURE]),
@@ -200,16 +169,16 @@ class SearchCurveView(CellView):
         Style(color=COLOURS[BROKEN], bold=True),
     )
 
-    _curve: SearchCurve | None = None
+    _search: SearchTrials | None = None
 
-    def show(self, curve: SearchCurve | None) -> None:
-        """Show another curve, or nothing."""
-        self._curve = curve
+    def show(self, search: SearchTrials) -> None:
+        """Show a search."""
+        self._search = search
         self.redraw()
 
     def cells(self, columns: int, rows: int) -> tuple[Codes, Codes] | None:
         """Return the graph as cells, ``None`` without room for it."""
-        if self._curve is None or columns < 20 or rows < 3:
+        if self._search is None or columns < 20 or rows < 3:
             return None
-        graph = SearchGraph(self._curve, columns, rows)
+        graph = SearchGraph(self._search, columns, rows)
         return graph.codes, graph.owners

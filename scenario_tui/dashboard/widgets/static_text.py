@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from rich.text import Text
 from textual.visual import VisualType
+from textual.widget import Widget
 from textual.widgets import Static
 
 
@@ -48,3 +49,11 @@ def _same(new: VisualType, old: VisualType) -> bool:
     if isinstance(new, Text) and isinstance(old, Text):
         return same_text(new, old)
     return type(new) is type(old) and new == old
+
+
+def show_message_or(widget: Widget, table: Widget, message: str) -> None:
+    """Show ``message`` instead of the table, or the table without a message."""
+    widget.display = bool(message)
+    table.display = not message
+    if message and isinstance(widget, Static):
+        widget.update(Text(message))

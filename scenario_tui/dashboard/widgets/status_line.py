@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 from rich.text import Text
 
@@ -34,19 +34,15 @@ _NAME: Final = 12
 _CLAUSE: Final = re.compile(r"[?:;.](\s|$)")
 
 
-class _Part(NamedTuple):
-    """A part of the line in three lengths; an empty one is left out."""
-
-    long: Text
-    medium: Text
-    short: Text
+_Part: TypeAlias = tuple[Text, Text, Text]
+"""A part of the line in three lengths, the longest first; an empty one is left out."""
 
 
 def _part(style: str, long: str, medium: str | None = None, short: str | None = None) -> _Part:
     """Return a part in one style; a missing length is the next longer one."""
     medium = long if medium is None else medium
     short = medium if short is None else short
-    return _Part(Text(long, style), Text(medium, style), Text(short, style))
+    return Text(long, style), Text(medium, style), Text(short, style)
 
 
 class StatusLine(StaticText):
@@ -65,7 +61,7 @@ def status_text(state: DashboardState, now: float, width: int) -> Text:
     """Return the line that fits into ``width`` cells, its last parts shortened first."""
     parts = list(_standing(state) if state.connected else _gone(state, now))
     gap = Text("  " if state.connected else ", ")
-    texts = [part.long for part in parts]
+    texts = [part[0] for part in parts]
     for size, index in itertools.product((1, 2), reversed(range(len(parts)))):
         # Joining texts costs more than counting them, and the line is written ten times a second.
         if sum(text.cell_len + len(gap) for text in texts if text) - len(gap) <= width:
@@ -188,4 +184,4 @@ def _counts(overview: DaemonOverview, *, news: bool) -> Iterator[_Part]:
         long.append(Text(f"{glyph} {count:,} {word}", style))
         medium += [brief] if word != "cancelled" else []
         short += [brief] if word not in ("cancelled", "pass") else []
-    yield _Part(Text("  ").join(long), Text(" ").join(medium), Text(" ").join(short))
+    yield Text("  ").join(long), Text(" ").join(medium), Text(" ").join(short)

@@ -100,12 +100,11 @@ class TimelineView(CellView):
         visible.sort(key=lambda signal: (self._oracle not in signal.readers, not signal.readers))
         return tuple(visible)
 
-    def show(self, timelines: Sequence[RunTimeline], time: float | None = None) -> None:
-        """Show timelines, with the playhead at ``time`` [s] or where it was."""
+    def show(self, timelines: Sequence[RunTimeline]) -> None:
+        """Show timelines, with the playhead where it was."""
         self._timelines = tuple(timelines)
         if self._stretch and self._stretch[0] >= whole_span(timelines)[1]:
             self._stretch = None  # it belongs to another run or attempt
-        self._put(self._time if time is None else time)
         self._draw_anew()
 
     def lead(self, oracle: str) -> None:
@@ -122,14 +121,10 @@ class TimelineView(CellView):
     def move(self, time: float) -> None:
         """Put the playhead at a moment [s]."""
         if time != self._time:
-            self._put(time)
+            was_in_view, self._time = self._is_in_view(), time
+            if was_in_view:
+                self.reveal()  # the time range moves along
             self.redraw()
-
-    def _put(self, time: float) -> None:
-        """Put the playhead at a moment; a visible playhead moves the time range along."""
-        was_in_view, self._time = self._is_in_view(), time
-        if was_in_view:
-            self.reveal()
 
     def _is_in_view(self) -> bool:
         return self._stretch is None or self._stretch[0] <= self._time <= self._stretch[1]

@@ -13,10 +13,9 @@ from textual.app import App
 
 from daemon.batch.errors import DaemonError
 from scenario_tui.dashboard.app import Dashboard
-from scenario_tui.dashboard.campaign_assessor import CampaignAssessor
-from scenario_tui.dashboard.commands import CommandAnswer
 from scenario_tui.dashboard.feed import Feed
-from scenario_tui.dashboard.live_tracks import Tracks
+from scenario_tui.dashboard.run_watch import Tracks
+from scenario_tui.dashboard.state import CampaignAssessor
 from tests.parts import DEADLINE
 from tests.people.idle import until_idle
 
@@ -102,7 +101,7 @@ class InlineChildren:
 class Commands:
     """Stands for the ``scenario`` commands the dashboard starts; they answer when ``done``."""
 
-    answer: CommandAnswer = field(default_factory=dict)
+    answer: dict[str, object] = field(default_factory=dict)
     asked: list[tuple[str, ...]] = field(default_factory=list)
     done: threading.Event = field(default_factory=threading.Event)
 
@@ -123,6 +122,11 @@ def make_dashboard(fake, **settings):
     return dashboard
 
 
+def is_reading():
+    """Whether a recording is fetched or read."""
+    return any(thread.name == "recording" for thread in threading.enumerate())
+
+
 async def settle(pilot):
     """Let the dashboard take over what is new, and again if it asks because of what it sees.
 
@@ -135,7 +139,7 @@ async def settle(pilot):
         return
 
     def in_threads():
-        return app.start_task.under_way or app.recordings.busy
+        return app.start_task.under_way or is_reading()
 
     for _ in range(2):
         await until_idle(app, in_threads)

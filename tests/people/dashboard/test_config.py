@@ -10,7 +10,7 @@ from scenario_tui.dashboard.key_bindings import (
     list_key_bindings,
 )
 from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
-from scenario_tui.dashboard.screens.help import Help, our_bindings
+from scenario_tui.dashboard.screens.dialogs import Help, our_bindings
 from scenario_tui.dashboard.widgets.key_footer import KeyFooter
 from tests.people.dashboard.searching import SearchingDaemon
 from tests.people.fake import OLD, FakeDaemon

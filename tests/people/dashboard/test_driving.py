@@ -93,7 +93,7 @@ async def test_every_command_shown_is_one_of_the_command_line(dashboard, fake, s
 
 
 async def test_the_report_is_made_and_its_place_is_said(dashboard, fake, tmp_path, monkeypatch):
-    monkeypatch.setattr(steering, "open_in_browser", lambda page, environ: False)
+    monkeypatch.setattr(steering, "open_in_browser", lambda page: False)
     (tmp_path / "ledger.db").touch()
     fake.state = str(tmp_path)
     ask = Commands({"answer": "Yes. All is as expected."})

@@ -10,9 +10,8 @@ import pytest
 from daemon.analysis.results import read_results
 from daemon.model.status import ChangeEvent
 from scenario_tui.dashboard import feed as feed_module
-from scenario_tui.dashboard.campaign_assessor import CampaignAssessor
 from scenario_tui.dashboard.feed import Feed
-from scenario_tui.dashboard.state import DashboardState
+from scenario_tui.dashboard.state import CampaignAssessor, DashboardState
 from tests.parts import DEADLINE, eventually
 from tests.people.dashboard.daemons import judged_campaign
 from tests.people.fake import CAMPAIGN, OLD, make_live
@@ -140,8 +139,8 @@ def test_actions_become_notices(feed, taker, fake):
     feed.start()
     taker.until(lambda it: len(it.notices) == 2)
     good, bad = taker.notices
-    assert (good.text, good.severity) == ("cancelled 2", "information")
-    assert (bad.text, bad.severity) == ("there is no run nobody.1", "error")
+    assert good == ("cancelled 2", "information")
+    assert bad == ("there is no run nobody.1", "error")
 
 
 def test_an_action_without_a_daemon_is_told_not_to_be_done(feed, taker, fake):
@@ -150,7 +149,7 @@ def test_an_action_without_a_daemon_is_told_not_to_be_done(feed, taker, fake):
     taker.until(lambda it: it.state.problem)
     feed.enqueue_action(lambda daemon: "done")
     taker.until(lambda it: it.notices)
-    assert [notice.text for notice in taker.notices] == ["no daemon answers, so nothing was done"]
+    assert taker.notices == [("no daemon answers, so nothing was done", "error")]
 
 
 def test_a_bug_in_the_thread_is_seen_by_whoever_takes(feed, fake):

@@ -7,7 +7,7 @@ import pytest
 
 from daemon.batch.errors import Refused
 from daemon.model.verdicts import Outcome, RunState
-from scenario_tui.dashboard import feed
+from scenario_tui.dashboard import state
 from scenario_tui.dashboard.config import Config
 from scenario_tui.dashboard.screens import campaigns
 from scenario_tui.dashboard.screens.runs import RunsScreen
@@ -216,7 +216,7 @@ JOURNEYS = {
 
 @pytest.mark.parametrize("name", JOURNEYS)
 async def test_a_way_through_the_dashboard_is_as_it_was(dashboard, golden, monkeypatch, name):
-    for module in (feed, campaigns):
+    for module in (state, campaigns):
         monkeypatch.setattr(module, "CAMPAIGNS_SHOWN", 5)
     way = JOURNEYS[name]
     dash = await dashboard(way.daemon(), way.size, config=way.config)

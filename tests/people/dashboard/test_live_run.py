@@ -8,9 +8,8 @@ from textual.containers import VerticalScroll
 
 from daemon.model.live_judgement import LogLine
 from scenario_tui.dashboard.live_run import LiveRun, live_text
-from scenario_tui.dashboard.live_tracks import Tracks
 from scenario_tui.dashboard.run_timeline import clearance_along, heard_timeline, live_timeline
-from scenario_tui.dashboard.run_watch import RunNews
+from scenario_tui.dashboard.run_watch import RunNews, Tracks
 from scenario_tui.dashboard.transport import ReplayTransport
 from tests.people.fake import (
     CAMPAIGN,

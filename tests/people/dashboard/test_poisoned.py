@@ -12,8 +12,7 @@ from textual.screen import Screen
 from scenario_tui.dashboard import screens
 from scenario_tui.dashboard.playback import open_playback
 from scenario_tui.dashboard.screens.compare import CompareScreen
-from scenario_tui.dashboard.screens.dialogs import Refusal
-from scenario_tui.dashboard.screens.help import Help
+from scenario_tui.dashboard.screens.dialogs import Help, Refusal
 from scenario_tui.dashboard.screens.replay import ReplayScreen
 from scenario_tui.dashboard.screens.standalone import StandaloneApp
 from scenario_tui.terminal.filters import PrintableText

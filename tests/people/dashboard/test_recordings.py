@@ -12,7 +12,7 @@ from daemon.model.messages import FilePart
 from daemon.model.spec import TraceInfo
 from scenario_tui.dashboard.recordings import Missing, Recordings
 from tests.parts import eventually
-from tests.people.dashboard.dash import InlineChildren
+from tests.people.dashboard.dash import InlineChildren, is_reading
 from tests.people.fake import CAMPAIGN
 from tests.people.recorded import record_run
 
@@ -33,7 +33,7 @@ def row_of(fake, path, index=0, **changes):
 def known(recordings, row):
     """What is known of a recording once it was read."""
     recordings.get(row)
-    eventually(lambda: not recordings.busy)
+    eventually(lambda: not is_reading())
     return recordings.get(row)
 
 
@@ -50,12 +50,12 @@ def send_trace(monkeypatch, fake, answer):
 def test_a_recording_is_read_meanwhile_and_kept(fake, recordings, tmp_path):
     row = row_of(fake, record_run(tmp_path / "run.mcap"))
     told = []
-    recordings.on_read = lambda: told.append((recordings.busy, recordings.read(row)))
+    recordings.on_read = lambda: told.append(recordings.read(row))
     assert recordings.get(row) == Missing()
-    eventually(lambda: not recordings.busy)
+    eventually(lambda: not is_reading())
     recording = recordings.get(row)
     assert recording.end == 10.0
-    assert told == [(True, recording)]
+    assert told == [recording]
     assert recordings.get(row) is recordings.read(row) is recording
 
 
@@ -85,7 +85,7 @@ def test_only_the_last_ones_are_kept_and_a_cursor_that_went_past_reads_nothing(
     with recordings._reading:
         recordings.get(rows[1])
         recordings.get(rows[0])
-    eventually(lambda: not recordings.busy)
+    eventually(lambda: not is_reading())
     assert recordings.get(rows[1]) == Missing()
 
 

@@ -29,7 +29,8 @@ def playback(tmp_path_factory):
 
 def drawn_of(timeline, columns=80, rows=24, time=2.0):
     view = TimelineView()
-    view.show((timeline,), time)
+    view.show((timeline,))
+    view.move(time)
     codes, _ = view.cells(columns, rows)
     assert codes.shape == (rows, columns)
     return ["".join(map(chr, row)).rstrip() for row in codes]
@@ -148,7 +149,7 @@ class Plots(LimitedTerminalApp):
         yield TimelineView()
 
     def on_mount(self):
-        self.query_one(TimelineView).show((self.timeline,), self.timeline.start)
+        self.query_one(TimelineView).show((self.timeline,))
 
     def on_timeline_view_seek(self, event):
         self.sought.append(event.time)
@@ -244,6 +245,7 @@ async def test_a_stretch_goes_along_with_the_playhead_that_was_in_it(plots, play
     assert start <= 1.1 <= end
     # A run that begins anew is shown as a whole.
     view.zoom_time(nearer=True, around=10.0)
-    view.show((replace(playback.timeline, end=1.0),), 0.5)
+    view.show((replace(playback.timeline, end=1.0),))
+    view.move(0.5)
     await dash.settle()
     assert " s of " not in dash.text

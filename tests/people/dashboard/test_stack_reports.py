@@ -16,8 +16,8 @@ from daemon.model.sut import (
 )
 from grammars.model.geometry import Pose2
 from scenario_tui.dashboard.live_run import live_text, tracked_view
-from scenario_tui.dashboard.live_tracks import Track
 from scenario_tui.dashboard.playback import Playback
+from scenario_tui.dashboard.run_watch import Track
 from scenario_tui.dashboard.screens.replay import ReplayScreen
 from scenario_tui.dashboard.screens.standalone import StandaloneApp
 from scenario_tui.dashboard.widgets.map_frame import draw_view

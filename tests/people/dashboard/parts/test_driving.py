@@ -11,9 +11,9 @@ from daemon.batch.client import Client
 from daemon.batch.errors import DaemonError
 from grammars.text.codec import from_plain
 from scenario_tui.dashboard.app import Dashboard
-from scenario_tui.dashboard.commands import run_command
 from scenario_tui.dashboard.feed import Feed
 from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
+from scenario_tui.dashboard.screens.steering import run_command
 from scenario_tui.dashboard.screens.submit import SubmitScreen
 from tests.make import make_submission
 from tests.parts import daemon_at
