@@ -37,7 +37,7 @@ def wall_mesh(solids: tuple[Solid, ...]) -> Any:
     """Return the union of solids as a trimesh, a closed 2-manifold with outward faces, z up [m].
 
     Several kinds and worlds share it: copy it before a change. Raises
-    :class:`grammars.text.plugins.MissingExtraError` without the extra ``mesh``.
+    :class:`grammars.text.plugins.MissingExtraError` without the extra ``cad``.
     """
     m3 = _library("manifold3d")
     layers = [_extruded(m3, *layer) for layer in _layers(solids)]
@@ -86,7 +86,7 @@ def glb_bytes(mesh: Any, *, name: str) -> bytes:
 
 
 def _library(name: str) -> Any:
-    return load_extra(name, "mesh", "a mesh", "mesh")
+    return load_extra(name, "cad", "a mesh", "mesh")
 
 
 def _layers(solids: tuple[Solid, ...]) -> list[tuple[float, float, Any]]:

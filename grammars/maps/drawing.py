@@ -2,7 +2,7 @@
 
 Two lines enclose a wall; a single line is the middle of a wall. The importer finds rooms and
 doorways in the map, as in a robot's map. ezdxf renders the drawing. Only the import command loads
-this module, because it needs the libraries of the extra ``import``.
+this module, because it needs the libraries of the extra ``cad``.
 """
 
 from __future__ import annotations

@@ -198,7 +198,7 @@ def _read_png(path: Path, head: bytes, where: Where, alpha_counts: bool) -> _Map
     # Check the size, which is in the first chunk, before unpacking anything.
     if len(head) == len(_PNG) + 16:
         _check_size(path, where, *struct.unpack(">II", head[-8:]))
-    pillow = load_extra("PIL.Image", "import", "a map as PNG", str(path))
+    pillow = load_extra("PIL.Image", "cad", "a map as PNG", str(path))
     try:
         with pillow.open(path, formats=["PNG"]) as image:
             if image.mode in ("1", "L"):

@@ -131,7 +131,7 @@ def _drawn(
     from grammars.text.plugins import load_extra
 
     for library in ("ezdxf", "PIL"):
-        load_extra(library, "import", "a drawing", "import")
+        load_extra(library, "cad", "a drawing", "import")
     from grammars.maps.drawing import WALL_LAYERS, draw_map
 
     findings = Findings()

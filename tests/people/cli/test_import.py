@@ -61,7 +61,7 @@ def test_drawings_need_an_extra_that_the_message_names(scenario, folder, monkeyp
     monkeypatch.setitem(sys.modules, "ezdxf", None)
     answer = scenario("import", "hall.dxf")
     assert answer.code == 2
-    assert 'pip install "scenario-tui[import]"' in answer.err
+    assert 'pip install "scenario-tui[cad]"' in answer.err
 
 
 def test_a_drawing_that_is_refused_says_what_it_leaves_out(scenario, folder):

@@ -13,7 +13,7 @@ from grammars.maps.map_import import ImportSettings, vectorise
 from grammars.model.grid import FREE, OCCUPIED
 from grammars.text.diagnostics import Findings, InputError
 
-pytestmark = pytest.mark.skipif(find_spec("ezdxf") is None, reason="needs the extra import")
+pytestmark = pytest.mark.skipif(find_spec("ezdxf") is None, reason="needs the extra cad")
 
 OUTER = [
     *[(0, 0, 1, 0), (2, 0, 10, 0), (10, 0, 10, 6), (10, 6, 0, 6), (0, 6, 0, 0)],

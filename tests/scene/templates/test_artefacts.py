@@ -188,7 +188,7 @@ def test_what_takes_a_library_that_is_missing_is_left_out_of_all_and_said(tmp_pa
     monkeypatch.setitem(sys.modules, "manifold3d", None)
     found = export(world(), ["all"], tmp_path)
     assert "mesh" not in found.files
-    assert any('pip install "scenario-tui[mesh]"' in note for note in found.notes)
+    assert any('pip install "scenario-tui[cad]"' in note for note in found.notes)
     with pytest.raises(InputError, match="a mesh needs the library manifold3d"):
         export(world(), ["mesh"], tmp_path)
 

@@ -16,9 +16,9 @@ from scenario_tui._own_packages import OWN_PACKAGES
 from tests.parts import ROOT
 
 EXTRAS = {
-    "PIL": "import",
+    "PIL": "cad",
     "distributed": "dask",
-    "ezdxf": "import",
+    "ezdxf": "cad",
     "foxglove": "foxglove",
     "pandas": "test",
     "pyte": "test",
