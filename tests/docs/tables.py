@@ -18,6 +18,8 @@ _HOW_WRITTEN = re.compile(
     r"[^;]*?such as [^;]*?(?:; [^;]*?)?\.$"
 )
 """The last sentence of a description of a quantity; the table has a column for that."""
+_BOUNDLESS = re.compile(r",? at (?:least -|most )1e\+06 m\b")
+"""Limits that no building reaches."""
 _LIMITS = {
     "exclusiveMinimum": "above",
     "minimum": "at least",
@@ -93,7 +95,7 @@ def _values(value):
         shown = [f"`{_written(one)}`" for one in choices if one is not None]
         return ", ".join(shown)
     if "errorMessage" in value:
-        said = re.sub(r"^expected an? ", "", value["errorMessage"])
+        said = _BOUNDLESS.sub("", re.sub(r"^expected an? ", "", value["errorMessage"]))
         return re.sub(r'"([^"]*)"', r"`\1`", said.replace(" such as", ", such as"))
     if "$ref" in value:
         return f"keys of {_part(value['$ref'])}"
