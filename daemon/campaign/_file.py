@@ -181,14 +181,14 @@ class SlotsText(StrictModel):
     """Scenery layers with the motion of objects; later ones win. NAME: {parameter: value} sets
     parameters of a layer."""
     mission: LayerName | None = Field(default=None, examples=["courier"])
-    """A mission: NAME.mission.yaml here or in missions/. NAME: {key: value} gives keys of the
-    file other values, such as courier: {start.y: 0.1 m}."""
+    """A mission: NAME.mission.yaml here or in missions/. NAME: {start.y: 0.1 m} gives keys of the
+    file other values."""
     without: Names | None = Field(default=None, examples=[["kitchen_door", "waypoint 3"]])
     """Parts to leave out of the composed world: an object by its name, waypoint NAME or waypoint 3,
     behaviour of NAME."""
     robot: LayerName | None = Field(default=None, examples=["courier"])
-    """Another robot than the campaign's. NAME: {key: value} gives keys of the file other values,
-    such as courier: {laser.noise: 2 cm}."""
+    """Another robot than the campaign's; courier: {laser.noise: 2 cm} gives keys of its file other
+    values."""
     sut: References | None = Field(default=None, examples=["pilot"])
     """Other systems under test than the campaign's. NAME: {parameter: value} sets parameters."""
     oracles: Names | None = Field(default=None, examples=[["reached", "no-contact"]])
@@ -282,7 +282,7 @@ class _RepeatsText(StrictModel):
     """Number of runs of every cell, and the rule by which they pass together."""
 
     n: int = Field(ge=1, le=_MOST_REPEATS)
-    """Runs of every scenario; the same repeat has the same noise in each of them."""
+    """Runs of every scenario."""
     rule: Annotated[str, checked(read_rule)] = Field(default="all", alias="pass")
     """all: every run passes; rate >= 80 %: the runs show this pass rate (exact, 95 %);
     mean: the runs show that the mean margin is not below 0 (t, 95 %)."""
@@ -430,8 +430,8 @@ class CampaignFile(StrictModel):
     seed: int = Field(default=0, ge=0, lt=2**63)
     """The only source of chance: the same seed gives the same runs, byte for byte."""
     repeats: RepeatsText = ONCE
-    """Runs of every scenario, a number or {n: 5, pass: rate >= 80 %}; the same repeat has the
-    same noise in each of them. By default 1, and 5 with a system that is not repeatable."""
+    """Runs of every scenario, a number or {n: 5, pass: rate >= 80 %}. By default 1, and 5 with a
+    system that is not repeatable."""
     limit: Duration = Field(gt=0, le=86_400, examples=["3 min"])
     """Most simulated time of a run."""
     robot: LayerName | None = Field(default=None, examples=["courier"])
@@ -454,8 +454,8 @@ class CampaignFile(StrictModel):
     )
     """Searches by name, for causes of failures of a scenario; they run on demand."""
     compare: dict[Annotated[str, Field(pattern=_NAME)], str] = Field(default_factory=dict)
-    """Comparisons of scenarios by name, paired by repeat: delay(S3.2 vs S3.5) <= 30 s, with
-    "on leg NAME" inside for one leg only; the name of a measure instead of delay compares that."""
+    """Comparisons of scenarios by name, paired by repeat: delay(S3.2 vs S3.5) <= 30 s, also "on leg
+    NAME"; the name of a measure instead of delay compares that."""
     expect: list[ExpectText] = Field(default_factory=list)
     """Expected verdicts other than pass, and why; everything else must pass."""
     allow: list[AllowText] = Field(default_factory=list)
@@ -463,7 +463,7 @@ class CampaignFile(StrictModel):
     reference: dict[Annotated[str, Field(pattern=_NAME)], ReferenceText] = Field(
         default_factory=dict
     )
-    """Published values of the same quantities, by a short name such as paper: marks in the figures
-    of the report and a column in its tables. They change no verdict."""
+    """Published values of the same quantities, by a short name such as paper, for the report; they
+    change no verdict."""
     gate: GateText | None = None
     """Results that must not get worse than those of another campaign."""

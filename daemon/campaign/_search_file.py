@@ -228,9 +228,8 @@ class SearchText(StrictModel):
         max_length=MOST_PARAMETERS,
         examples=[{"doors_moving.swing": "48 .. 72 deg/s"}],
     )
-    """Parameters to vary, LAYER.PARAMETER of a layer of the scenario: a range with its unit
-    (48 .. 72 deg/s; with ", log" behind it evenly over its magnitudes), or a list of choices.
-    LAYER may also be mission, robot, sut or floorplan."""
+    """Parameters to vary, LAYER.PARAMETER of a layer of the scenario: a range with its unit, such as
+    48 .. 72 deg/s, or a list of choices. LAYER may also be mission, robot, sut or floorplan."""
     such_that: _Constraints = Field(
         default_factory=list, alias="such that", max_length=MOST_PARAMETERS,
         examples=[["doors_moving.bedroom_closes < doors_moving.bedroom_opens"]],
@@ -243,8 +242,7 @@ class SearchText(StrictModel):
     """End of the search: first failure, a number of failures (5 failures), when settled (without
     further improvement), or budget."""
     method: str = Field(default="auto", min_length=1)
-    """auto, halton, random, tpe, cma or boundary. auto: 16 runs of a scrambled
-    Halton sequence, then TPE, and CMA-ES from 150 runs on."""
+    """auto (halton, then tpe, then cma), halton, random, tpe, cma or boundary."""
     confirm: Annotated[str, checked(read_confirm), text_or(int, unit="repeats")] = "5 repeats"
     """Number of runs that repeat a reported failure with other noise."""
     then: _Steps = Field(default=["nearest", "shrink"])

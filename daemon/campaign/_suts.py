@@ -85,11 +85,11 @@ class SutFile(Ros2Keys):
     files of its navigation package."""
     files: dict[str, Annotated[list[str], ONE_OR_MORE]] = Field(default_factory=dict)
     """ROS parameter files by namespace, such as move_base/global_costmap; costmap_common is loaded
-    into both costmaps. For "kind: ros2" and plug-in kinds: files that it needs, one for each name
-    of your choice; they travel to the workers."""
+    into both costmaps. For other kinds: files by names of your choice; they travel to the
+    workers."""
     parameters: dict[str, Any] = Field(default_factory=dict)
-    """Values that differ from the files, from the base system and from the defaults of the kind.
-    null removes an inherited value. Not for "kind: ros2", which has keys of its own."""
+    """Values that differ from the files, the base system and the defaults; null removes an inherited
+    one. Not for "kind: ros2", which has keys of its own."""
 
 
 @dataclass(frozen=True, slots=True)

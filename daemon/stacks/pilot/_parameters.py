@@ -41,15 +41,14 @@ class PilotParameters:
     preferred_clearance: _Positive = 1.0
     """[m] Clearance of the base's centre to walls where there is room."""
     obstacle_memory: _Positive = 45.0
-    """[s] An obstacle out of sight is forgotten after this time. Less than patience, so that the
-    robot looks again before it gives up."""
+    """[s] An obstacle out of sight is forgotten after this time; keep it below patience."""
     safety_margin: _NotNegative = 0.05
     """[m] Margin around the footprint in motion."""
     stop_distance: _NotNegative = 0.3
     """[m] Distance at full speed to obstacles ahead that the map lacks, in proportion less at lower
-    speed. Obstacles beside the robot may come nearer: a person, for instance."""
+    speed."""
     blocked_distance: _NotNegative = 0.8
-    """[m] Waiting distance before an obstacle in the way; it leaves a door room to swing."""
+    """[m] Waiting distance before an obstacle in the way, such as a swinging door."""
     wait_before_replanning: _NotNegative = 3.0
     """[s] A blocked robot waits this long before it looks for another way."""
     patience: _Positive = 60.0
