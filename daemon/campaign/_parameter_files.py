@@ -166,7 +166,8 @@ class RosSource(StrictModel):
     args: dict[str, _Text] = Field(default_factory=dict)
     """Args for the launch files, as on the command line of roslaunch."""
     packages: _Texts = Field(default_factory=list)
-    """Folders that are or contain packages, for $(find PACKAGE), besides those of the launch files."""
+    """Folders that are or contain packages, for $(find PACKAGE); those of the launch files need no
+    entry."""
     env: dict[str, _Text] = Field(default_factory=dict)
     """Environment variables for $(env NAME) and $(optenv NAME); the shell's are ignored."""
     skip: _Texts = Field(default_factory=list)

@@ -228,8 +228,8 @@ class SearchText(StrictModel):
         max_length=MOST_PARAMETERS,
         examples=[{"doors_moving.swing": "48 .. 72 deg/s"}],
     )
-    """Parameters to vary, LAYER.PARAMETER of a layer of the scenario: a range with its unit, such as
-    48 .. 72 deg/s, or a list of choices. LAYER may also be mission, robot, sut or floorplan."""
+    """Parameters to vary, LAYER.PARAMETER of a layer of the scenario: a range with its unit, such
+    as 48 .. 72 deg/s, or a list of choices. LAYER may also be mission, robot, sut or floorplan."""
     such_that: _Constraints = Field(
         default_factory=list, alias="such that", max_length=MOST_PARAMETERS,
         examples=[["doors_moving.bedroom_closes < doors_moving.bedroom_opens"]],

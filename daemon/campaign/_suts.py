@@ -88,8 +88,8 @@ class SutFile(Ros2Keys):
     into both costmaps. For other kinds: files by names of your choice; they travel to the
     workers."""
     parameters: dict[str, Any] = Field(default_factory=dict)
-    """Values that differ from the files, the base system and the defaults; null removes an inherited
-    one. Not for "kind: ros2", which has keys of its own."""
+    """Values that differ from the files, the base system and the defaults; null removes an
+    inherited one. Not for "kind: ros2", which has keys of its own."""
 
 
 @dataclass(frozen=True, slots=True)
