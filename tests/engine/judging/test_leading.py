@@ -200,7 +200,7 @@ def test_measures_have_none_and_what_cannot_be_judged_has_no_number():
 
 def test_the_table_of_the_documentation_has_every_operator():
     section = (
-        (ROOT / "docs" / "oracles.md")
+        (ROOT / "docs" / "languages" / "oracles.md")
         .read_text("utf-8")
         .partition("## Margins that lead")[2]
         .partition("\n## ")[0]

@@ -14,7 +14,7 @@ from grammars.text.diagnostics import InputError, Where
 from tests.engine.judging.test_verdicts import told as verdict_line
 from tests.engine.judging.traces import along, answers, cut, make_trace, times, verdict
 
-PAGE = Path(__file__).parents[3] / "docs" / "oracles.md"
+PAGE = Path(__file__).parents[3] / "docs" / "languages" / "oracles.md"
 MODULE = """
 import sys
 
