@@ -46,8 +46,8 @@ COLUMNS: Final = (
     Field("moment", "float64", "s", "simulated time of that value"),
     Field("about", "string", "", "object that decides, `kitchen_door.leaf` for example"),
     Field("note", "string", "", "remark of the oracle"),
-    Field("expected", "string", "", "verdict that the campaign expects of this scenario, system "
-           "and oracle: `pass`, `fail`, `mixed` or `any`; null for a measure"),
+    Field("expected", "string", "", "verdict that the campaign expects: `pass`, `fail`, `mixed` or "
+           "`any`; null for a measure"),
     Field("as_expected", "bool", "", "whether all repeats together are as expected, null if open"),
     Field("why", "string", "", "reason in the campaign for an expected verdict other than `pass`"),
     Field("state", "string", "", "`queued`, `running`, `done`, `lost` or `cancelled`"),
