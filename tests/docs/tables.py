@@ -101,11 +101,23 @@ def _values(value):
         return f"keys of {_part(value['$ref'])}"
     choices = value.get("anyOf", ())
     if choices:
-        return " or ".join(dict.fromkeys(filter(None, map(_values, choices))))
+        return _joined(list(dict.fromkeys(filter(None, map(_values, choices)))))
     if "patternProperties" in value:
         inner = next(iter(value["patternProperties"].values()))
         return f"by name: {_values(inner)}"
     return _plain(value)
+
+
+def _joined(choices):
+    """Return alternatives without those that another one includes."""
+    if "number" in choices and "whole number" in choices:
+        choices.remove("whole number")
+    *single, last = choices
+    return (
+        f"{' or '.join(single)}, or a list"
+        if last == f"list of {' or '.join(single)}"
+        else " or ".join(choices)
+    )
 
 
 def _plain(value):
