@@ -20,15 +20,11 @@ _HOW_WRITTEN = re.compile(
 """The last sentence of a description of a quantity; the table has a column for that."""
 _BOUNDLESS = re.compile(r",? at (?:least -|most )1e\+06 m\b")
 """Limits that no building reaches."""
-_LIMITS = {
-    "exclusiveMinimum": "above",
-    "minimum": "at least",
-    "exclusiveMaximum": "below",
-    "maximum": "at most",
-}
+_LIMITS = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}
+_LIMIT_WORDS = {"above": ">", "at least": "≥", "below": "<", "at most": "≤"}
+_IDLE = "Without effect here: "
 
-
-_WORDS = {"string": "text", "integer": "whole number", "number": "number"}
+_WORDS = {"string": "text", "integer": "integer", "number": "number"}
 _WORDS |= {"boolean": "`true`, `false`"}
 
 
@@ -47,18 +43,35 @@ def definition(name, part):
 def key_table(name, part, *only):
     """Return a Markdown table of the keys of a part of a schema, all or ``only`` some.
 
-    Keys without a value of their own that mean the same share a row.
+    ``only`` may begin with ``without``: keys that one of the following parts has as well are left
+    out then. Equal rows are one row; keys without effect follow as a list.
     """
     body = definition(name, part)
     needed = set(body.get("required", ()))
-    rows = {}
+    rows, idle = {}, {}
     for key, value in body["properties"].items():
-        if not only or key in only:
-            cells = _cells(name, value, key in needed)
-            rows.setdefault(cells if not cells[0] else (key, *cells), []).append(f"`{key}`")
-    lines = [" | ".join((f"| {', '.join(keys)}", *row[-3:], "")) for row, keys in rows.items()]
-    head = ("| key | value | when left out | meaning |", "|---|---|---|---|")
-    return "\n".join((*head, *(line.rstrip() for line in lines), ""))
+        if not _is_wanted(name, key, value, only):
+            continue
+        cells = _cells(name, value, key in needed)
+        if cells[-1].startswith(_IDLE):
+            rows_of_kind, cells = idle, (cells[-1].removeprefix(_IDLE),)
+        else:
+            rows_of_kind = rows
+        rows_of_kind.setdefault(cells, []).append(f"`{key}`")
+    lines = ["| key | value | when left out | meaning |", "|---|---|---|---|"]
+    for cells, keys in rows.items():
+        lines.append(" | ".join((f"| {', '.join(keys)}", *cells, "")).rstrip())
+    if idle:
+        lines += ["", "Without effect here:", ""]
+        lines += [f"- {', '.join(keys)}: {reason}" for (reason,), keys in idle.items()]
+    return "\n".join((*lines, ""))
+
+
+def _is_wanted(name, key, value, only):
+    if only[:1] == ("without",):
+        others = (definition(name, part)["properties"] for part in only[1:])
+        return all(value != other.get(key) for other in others)
+    return not only or key in only
 
 
 def _cells(name, value, needed):
@@ -95,8 +108,8 @@ def _values(value):
         shown = [f"`{_written(one)}`" for one in choices if one is not None]
         return ", ".join(shown)
     if "errorMessage" in value:
-        said = _BOUNDLESS.sub("", re.sub(r"^expected an? ", "", value["errorMessage"]))
-        return re.sub(r'"([^"]*)"', r"`\1`", said.replace(" such as", ", such as"))
+        said = re.sub(r"^expected an? ", "", value["errorMessage"])
+        return _quantity(_BOUNDLESS.sub("", said))
     if "$ref" in value:
         return f"keys of {_part(value['$ref'])}"
     choices = value.get("anyOf", ())
@@ -110,8 +123,8 @@ def _values(value):
 
 def _joined(choices):
     """Return alternatives without those that another one includes."""
-    if "number" in choices and "whole number" in choices:
-        choices.remove("whole number")
+    if "number" in choices and "integer" in choices:
+        choices.remove("integer")
     *single, last = choices
     return (
         f"{' or '.join(single)}, or a list"
@@ -134,9 +147,24 @@ def _plain(value):
     return " or ".join(_WORDS[one] for one in kinds if one in _WORDS) + _bounds(value)
 
 
+def _quantity(said):
+    """Return the kind of a quantity and its limits, or an example if no limit shows a unit."""
+    quantity, *limits = said.split(", ")
+    kind, _, example = quantity.partition(" such as ")
+    if not example:
+        return said
+    for words, sign in _LIMIT_WORDS.items():
+        limits = [re.sub(f"^{words}", sign, limit) for limit in limits]
+    if any(limit.count(" ") > 1 for limit in limits):  # a sign, a number, a unit
+        return f"{kind} {', '.join(limits)}"
+    return ", ".join((kind, "such as " + example.replace('"', "`"), *limits))
+
+
 def _bounds(value):
-    said = [f"{word} {value[key]:g}" for key, word in _LIMITS.items() if key in value]
-    return f", {', '.join(said)}" if said else ""
+    if {"minimum", "maximum"} <= value.keys():
+        return f", {value['minimum']:g} to {value['maximum']:g}"
+    limits = [f"{sign} {value[key]:g}" for key, sign in _LIMITS.items() if key in value]
+    return f" {', '.join(limits)}" if limits else ""
 
 
 def _part(reference):

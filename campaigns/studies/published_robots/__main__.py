@@ -1,4 +1,4 @@
-"""Try every published robot and print the table of ``docs/ros1.md``.
+"""Try every published robot and print the table of ``campaigns/studies/published-robots.md``.
 
 ``SCENARIO_REFERENCE_DATA=FOLDER python -m campaigns.studies.published_robots [NAME ...]``
 expects the packages in FOLDER/robots. Like a user, it does everything through the command line.

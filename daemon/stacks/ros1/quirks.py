@@ -21,72 +21,77 @@ from grammars.text.diagnostics import did_you_mean
 class Quirks:
     """Oddities of the original; ``False`` is the sane behaviour."""
 
+    # map_t: ``MAP_GXWX`` rounds about an origin in the middle of the map.
     amcl_half_cell_shift: bool = True
-    """AMCL looks its likelihood field up half a cell off, a bias of 2.5 cm in x and y (amcl
-    map_t: ``MAP_GXWX`` rounds about an origin in the middle of the map)."""
+    """AMCL looks its likelihood field up half a cell off: a bias of 2.5 cm in x and y."""
+    # amcl ``map_update_cspace``.
     amcl_brushfire_distances: bool = True
     """AMCL's distances to obstacles spread cell by cell: the first obstacle to reach a cell counts,
-    also when another one is nearer, and on a map of 5 cm they end one cell before
-    ``laser_likelihood_max_dist`` (amcl ``map_update_cspace``)."""
+    not the nearest. They end one cell early on a map of 5 cm."""
+    # amcl_node.
     delayed_map_to_odom: bool = True
-    """The correction map->odom is stamped ``transform_tolerance`` ahead, so a pose looked up at a
-    sensor's stamp uses a correction that is older by this time (amcl_node)."""
+    """The correction map->odom is stamped ``transform_tolerance`` ahead, so poses at a sensor's
+    stamp use an older one."""
+    # amcl ``AMCLOdom::UpdateAction``.
     amcl_reversing_splits_cloud: bool = True
-    """Driving backwards is two half turns to AMCL's diff models; each is wrapped, their sum is
-    not, so some headings end up a full turn from others, in bins and clusters of their own (amcl
-    ``AMCLOdom::UpdateAction``)."""
+    """Driving backwards is two half turns to AMCL's diff models, whose sum is not wrapped: some
+    headings end up a full turn off, in clusters of their own."""
     unknown_becomes_free: bool = True
-    """The obstacle layer merges its free default over unknown cells of the global costmap
-    (costmap_2d, pre-Hydro parameters)."""
+    """The obstacle layer writes free over unknown cells of the global costmap (pre-Hydro
+    parameters)."""
+    # costmap_2d ``InflationLayer::updateCosts``. On the published maps of building C this makes one
+    # inflated cell of 72 to 248 cheaper, by up to nine units (time: scenario S1 with a2s).
     inflation_queue_order: bool = False
-    """The cost of a cell comes from the first obstacle that reaches it, which beside slanted walls
-    is not always the nearest (costmap_2d ``InflationLayer::updateCosts``). On the published maps
-    of building C this makes one inflated cell of 72 to 248 cheaper, by up to nine units. Off by
-    default, because a run takes 1.3 to 1.5 times as long (scenario S1 with a2s)."""
+    """The first obstacle that reaches a cell gives its cost, not always the nearest. Off by
+    default: runs take 1.3 to 1.5 times as long."""
+    # costmap_2d ``updateOrigin``.
     truncated_window_shift: bool = True
-    """The rolling window moves by whole cells truncated toward zero, so it lags by up to one cell
-    either way (costmap_2d ``updateOrigin``)."""
+    """The rolling window moves by whole cells, truncated: it lags by up to one."""
     planner_frees_start_cell: bool = True
-    """navfn and GlobalPlanner set the cost under the robot to free in the costmap itself, for
-    good."""
+    """navfn and GlobalPlanner free the cell under the robot in the costmap itself, for good."""
+    # navfn ``mapToWorld``.
     navfn_corner_coordinates: bool = True
-    """Path points stand at cell corners, half a cell low in x and y (navfn ``mapToWorld``)."""
+    """navfn's path points stand at cell corners, half a cell low in x and y."""
     global_planner_costs_wrap: bool = True
-    """Costmap value plus ``neutral_cost`` of the cells around the goal is one byte: from 256 on it
-    starts at 0 again, so the cells next to walls are the cheapest (GlobalPlanner)."""
+    """Around the goal, GlobalPlanner adds ``neutral_cost`` to a cost in one byte: it wraps at 256,
+    so cells next to walls are the cheapest."""
     global_planner_repeats_goal: bool = True
-    """With ``old_navfn_behavior`` the goal stands twice at the end of the plan (GlobalPlanner)."""
+    """With ``old_navfn_behavior`` GlobalPlanner ends its plan with the goal twice."""
+    # move_base ``planService``.
     dispatcher_clears_square: bool = True
-    """Every make_plan request of the dispatcher clears a square of twice ``clearing_radius``
-    around the robot in both costmaps (move_base ``planService``)."""
+    """Every make_plan request of the dispatcher clears a square of twice ``clearing_radius`` around
+    the robot in both costmaps."""
     plans_reset_oscillation: bool = True
-    """Each new global plan resets the oscillation flags of DWA, five times a second."""
+    """Each new global plan resets the oscillation flags of DWA."""
+    # DWA ``SimpleTrajectoryGenerator``.
     strafe_leaks: bool = True
-    """With no sideways acceleration the measured sideways speed is still sampled (DWA sample
-    generator), so tiny strafe commands leak out of a differential robot."""
+    """Without sideways acceleration DWA still samples the measured sideways speed: a differential
+    robot gets tiny strafe commands."""
     perimeter_only: bool = True
-    """The obstacle critic looks at the outline of the footprint, not at its inside."""
+    """The obstacle critic checks the outline of the footprint, not its inside."""
+    # base_local_planner ``LatchedStopRotateController``.
     rotation_raised_to_minimum: bool = True
-    """Turning at the goal, the speed is limited so that the robot can stop, then raised to
-    ``min_vel_theta`` again (base_local_planner ``LatchedStopRotateController``).
-    TrajectoryPlannerROS raises it to the slowest turn on the spot."""
+    """At the goal, DWA slows a turn so that the robot can stop, then raises it to ``min_vel_theta``
+    again; TrajectoryPlannerROS likewise."""
+    # base_local_planner ``rotateToGoal``.
     goal_turn_has_own_limit: bool = True
-    """At the goal TrajectoryPlannerROS turns at ``max_rotational_vel``, 1 rad/s by default,
-    independent of ``max_vel_theta`` and ``min_vel_theta`` (``rotateToGoal``)."""
+    """At the goal TrajectoryPlannerROS turns at ``max_rotational_vel``, whatever ``max_vel_theta``
+    and ``min_vel_theta`` say."""
+    # Also ros-planning/navigation #656 and #1005.
     resets_clear_nothing: bool = True
-    """The reset recoveries look for a layer ``obstacles``, which pre-Hydro parameters call
-    ``obstacle_layer``: they clear nothing (ros-planning/navigation #641, #656, #1005)."""
+    """Resets look for a layer ``obstacles``, which pre-Hydro parameters call ``obstacle_layer``:
+    they clear nothing (ros-planning/navigation #641)."""
     rotate_reads_other_namespace: bool = True
-    """The rotate recovery reads its limits from ``TrajectoryPlannerROS``, never those of DWA."""
+    """The rotate recovery reads its limits from ``TrajectoryPlannerROS``, never from DWA."""
     turn_ends_unstopped: bool = True
-    """The turn on the spot ends without a command to stop: a base without a time-out turns on
-    until the controller has a plan again (rotate_recovery)."""
+    """The rotate recovery ends without a stop: a base without a time-out turns on until the next
+    command."""
     control_patience_survives_recovery: bool = True
-    """A recovery does not restart ``controller_patience``: after the first 15 s without a command
-    all recoveries run within about a second and the goal aborts (move_base)."""
+    """A recovery does not restart ``controller_patience``: after it, all recoveries run within
+    about a second and the goal aborts."""
+    # move_base ``planThread``.
     failed_replanning_ignored: bool = True
-    """While the controller runs, a failed replanning changes nothing: the old plan is followed
-    (move_base ``planThread``)."""
+    """While the controller runs, a failed replanning changes nothing: it follows the old plan."""
 
 
 FAST: Final = Quirks()

@@ -84,9 +84,9 @@ def _complete_costmap(definitions: dict[str, Schema]) -> None:
     costmap = definitions["costmap"]["properties"]
     names = ("static_layer", "obstacle_layer", "inflation_layer")
     for name in names:
-        costmap |= {
-            key: body for key, body in definitions[name]["properties"].items() if key != "enabled"
-        }
+        for key, body in definitions[name]["properties"].items():
+            if key != "enabled":
+                costmap.setdefault(key, body)
     costmap["static_map"] = {
         "type": ["boolean", "object", "null"],
         "description": "Without plugins: whether there is a static layer. Or a layer of that name.",
@@ -106,7 +106,7 @@ def _complete_costmap(definitions: dict[str, Schema]) -> None:
     costmap["plugins"] = {
         "type": ["array", "null"],
         "items": plugin,
-        "description": "The layers, the lowest first; each is described under its name.",
+        "description": "The layers, the lowest first; each has a section of its name.",
     }
     # Names of layers and sources are free. Editors help with the names of costmaps without plugins
     # and of the files that ship.

@@ -55,9 +55,9 @@ class NodeNames:
     """Name and remaps of one node in the launch file."""
 
     name: _NodeName | None = None
-    """Its full name, such as /robot1/move_base: names without a slash are resolved beside it."""
+    """Full name, such as /robot1/move_base."""
     remap: dict[_Name, _Name] = Field(default_factory=dict)
-    """Remaps for this node alone; they take precedence over those for every node."""
+    """Remaps for this node alone, before those for every node."""
 
 
 @checked(frozen=True, slots=True)
@@ -67,17 +67,16 @@ class TopicParameters(Section):
     strict: ClassVar[bool] = True
 
     scan: _Scan | None = None
-    """Topic of the laser before any remap; for a robot with several lasers a topic or a list of
-    topics by the laser's name. Default: the topic of amcl, or /scan_NAME for each of several
-    lasers."""
+    """Topic of the laser before any remap, or topics by laser. Default: the topic of amcl; of
+    several lasers /scan_NAME."""
     amcl: _Name | None = None
-    """Topic that the launch file of amcl remaps its "scan" to; amcl has no parameter for it."""
+    """Topic to which the launch file of amcl remaps "scan"."""
     remap: dict[_Name, _Name] = Field(default_factory=dict)
-    """Remaps for every node of the launch, the one that publishes the scan included."""
+    """Remaps for every node, the one that publishes the scan included."""
     nodes: dict[NodeOfStack, NodeNames] = Field(default_factory=dict)
     """Names and remaps of amcl and of move_base alone."""
     maps: tuple[_Name, ...] | None = None
-    """Topics on which the map of the run is published. Default: the map topic of amcl."""
+    """Topics of the map of the run. Default: the map topic of amcl."""
 
     def resolve(self, node: NodeOfStack, name: str) -> str:
         """Return the name that ``node`` uses for ``name``."""

@@ -1,4 +1,8 @@
-"""Parameters of amcl: ROS names, the defaults of ROS Noetic, units and ranges."""
+"""Parameters of amcl: ROS names, the defaults of ROS Noetic, units and ranges.
+
+The node's source, its wiki page and its dynamic_reconfigure file differ in the recovery rates: the
+defaults are those of the source.
+"""
 
 from __future__ import annotations
 
@@ -17,57 +21,53 @@ _Reach: TypeAlias = Annotated[float, Field(gt=0.0, le=20.0, allow_inf_nan=False)
 _Range: TypeAlias = Annotated[float, Field(ge=-1.0, le=1000.0, allow_inf_nan=False)]
 
 _FRAME = "there is one robot, with one base frame"
-_START = "the start pose of the mission is the initial pose, as the launch files pass it on"
-_RVIZ = "nothing is drawn while running: look at the trace"
+_START = "the initial pose is the start pose of the mission"
+_DISPLAY = "only for display"
 _RECONFIGURE = "parameters hold for the whole run"
 _ONE_MAP = "there is one map, known from the start"
-_BEAM = "only the sensor model beam reads it"
-_BEAM_SKIPPING = "only the sensor model likelihood_field_prob reads it"
+_BEAM = "only for the sensor model beam"
+_BEAM_SKIPPING = "only for the sensor model likelihood_field_prob"
 
 
 @dataclass(frozen=True, slots=True, config=ConfigDict(extra="forbid", strict=True))
 class AmclParameters(Section):
-    """Parameters of amcl with the defaults of the node's source.
-
-    Its wiki page and its dynamic_reconfigure file have other recovery rates.
-    """
+    """Parameters of amcl."""
 
     min_particles: _Particles = 100
     """Fewest particles after resampling."""
     max_particles: _Particles = 5000
     """Most particles, and the number at the start."""
     kld_err: Annotated[float, Field(gt=0.0, le=1.0)] = 0.01
-    """Largest Kullback-Leibler divergence between the true and the sampled distribution."""
+    """Largest Kullback-Leibler divergence of the sampled distribution from the true one."""
     kld_z: Annotated[float, Field(ge=0.0, le=10.0)] = 0.99
-    """Upper standard normal quantile of the probability that the error stays below kld_err. In the
-    original 0.99 is the quantile itself, not the probability."""
+    """Standard normal quantile that bounds this error (the quantile, not its probability)."""
     update_min_d: NotNegative = 0.2
-    """[m] The filter updates when odometry moved more than this along x or along y."""
+    """[m] Motion along x or y after which the filter updates."""
     update_min_a: NotNegative = math.pi / 6.0
-    """[rad] Or turned more than this."""
+    """[rad] Turn after which it updates."""
     resample_interval: Annotated[int, Field(ge=1, le=1000)] = 2
-    """Updates from one resampling to the next; poses are published upon resampling."""
+    """Updates from one resampling to the next. AMCL publishes its pose upon resampling."""
     selective_resampling: Annotated[
         Literal[False],
         refuse((True,), "selective resampling is not built in: write false"),
     ] = False
-    """Always resample, even if enough particles are effective."""
+    """Resample only when few particles are effective."""
     transform_tolerance: Annotated[float, Field(ge=0.0, le=10.0)] = 0.1
     """[s] Stamp of the transform map->odom, ahead of the scan."""
     recovery_alpha_slow: _Share = 0.001
-    """Rate of the slow average of weights; 0 for both rates: no random particles."""
+    """Rate of the slow average of weights; with 0 for both no random particles."""
     recovery_alpha_fast: _Share = 0.1
     """Rate of the fast average of weights."""
     initial_cov_xx: NotNegative = 0.25
-    """[m^2] Variance of the start position along x."""
+    """[m^2] Variance of the start position."""
     initial_cov_yy: NotNegative = 0.25
-    """[m^2] Variance of the start position along y."""
+    """[m^2] Variance of the start position."""
     initial_cov_aa: NotNegative = (math.pi / 12.0) ** 2
     """[rad^2] Variance of the start heading."""
     laser_min_range: _Range = -1.0
-    """[m] Shorter returns are ignored; not positive: the scanner's own limit."""
+    """[m] Shorter returns are ignored; -1: the scanner's limit."""
     laser_max_range: _Range = -1.0
-    """[m] Returns from here on are ignored; not positive: the scanner's own limit."""
+    """[m] Returns from here on are ignored; -1: the scanner's limit."""
     laser_max_beams: Annotated[int, Field(ge=2, le=100_000)] = 30
     """Beams used of each scan, evenly spread."""
     laser_model_type: Annotated[
@@ -77,18 +77,18 @@ class AmclParameters(Section):
             "this sensor model is not built in: write likelihood_field",
         ),
     ] = "likelihood_field"
-    """Model of the weight of a particle by a scan."""
+    """Weight of a particle by a scan."""
     laser_z_hit: NotNegative = 0.95
     """Share of returns from obstacles in the map."""
     laser_z_rand: NotNegative = 0.05
     """Share of returns from anywhere."""
     laser_sigma_hit: Positive = 0.2
-    """[m] Standard deviation of a return from an obstacle in the map."""
+    """[m] Standard deviation of these returns."""
     laser_likelihood_max_dist: _Reach = 2.0
     """[m] Distances to obstacles are capped here."""
     odom_model_type: Literal["diff", "omni", "diff-corrected", "omni-corrected"] = "diff"
-    """Model of the spread of the particles by odometry. The models without -corrected use variances
-    as standard deviations (ros-planning/navigation #20)."""
+    """Spread of the particles by odometry. Without -corrected, variances serve as standard
+    deviations, as in the original."""
     odom_alpha1: NotNegative = 0.2
     """Variance of rotation per squared rotation."""
     odom_alpha2: NotNegative = 0.2
@@ -110,15 +110,13 @@ class AmclParameters(Section):
         "initial_pose_y": _START,
         "initial_pose_a": _START,
         "always_reset_initial_pose": _START,
-        "force_update_after_initialpose": "nobody publishes initialpose during a run",
+        "force_update_after_initialpose": _START,
         "force_update_after_set_map": _ONE_MAP,
         "use_map_topic": _ONE_MAP,
         "first_map_only": _ONE_MAP,
-        "gui_publish_rate": _RVIZ,
-        "save_pose_rate": (
-            "every run starts at its mission's start pose, not where another one ended"
-        ),
-        "tf_broadcast": "the navigation stack needs map->odom, so it is always there",
+        "gui_publish_rate": _DISPLAY,
+        "save_pose_rate": _START,
+        "tf_broadcast": "the correction map->odom is always there",
         "bag_scan_period": "scans come from the simulator, not from a bag",
         "restore_defaults": _RECONFIGURE,
         "laser_z_short": _BEAM,
@@ -129,9 +127,9 @@ class AmclParameters(Section):
         "beam_skip_threshold": _BEAM_SKIPPING,
         "beam_skip_error_threshold": _BEAM_SKIPPING,
         "beam_skip_error_threshold_": _BEAM_SKIPPING,
-        "std_warn_level_x": "only for the node's diagnostics",
-        "std_warn_level_y": "only for the node's diagnostics",
-        "std_warn_level_yaw": "only for the node's diagnostics",
+        "std_warn_level_x": _DISPLAY,
+        "std_warn_level_y": _DISPLAY,
+        "std_warn_level_yaw": _DISPLAY,
     }
 
     def rules(self) -> Iterator[Objection]:

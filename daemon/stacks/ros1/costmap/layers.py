@@ -33,7 +33,7 @@ _DISPLAY: Final = "only for display"
 _NO_OTHER_MAP: Final = "the map never changes"
 _NEVER_LATE: Final = "transforms are never late here"
 THREE_VALUES: Final = "maps are read as free, occupied and unknown only"
-_BUTTON: Final = {"restore_defaults": "it is a button of rqt_reconfigure"}
+_BUTTON: Final = {"restore_defaults": "only a button of rqt_reconfigure"}
 _OBSTACLES: Final = {"transform_tolerance": _NEVER_LATE, **_BUTTON}
 
 
@@ -54,19 +54,19 @@ class ObservationSource(Section):
     clearing: bool = False
     """Rays clear the cells before their returns."""
     obstacle_range: NotNegative = Field(default_factory=lambda: 2.5)
-    """[m] Default: that of the nearest namespace above, finally 2.5."""
+    """[m] Default: that of the nearest namespace above, then 2.5."""
     raytrace_range: NotNegative = Field(default_factory=lambda: 3.0)
-    """[m] Default: that of the nearest namespace above, finally 3.0."""
+    """[m] Default: that of the nearest namespace above, then 3.0."""
     min_obstacle_height: Finite = 0.0
-    """[m] The source ignores lasers below this height."""
+    """[m] Lasers below this height are ignored."""
     max_obstacle_height: Finite = 2.0
-    """[m] The source ignores lasers above this height."""
+    """[m] Lasers above this height are ignored."""
     inf_is_valid: bool = False
-    """Rays without return clear, as if they ended just before the greatest range."""
+    """Rays without return clear up to the greatest range."""
     observation_persistence: NotNegative = 0.0
     """[s] Scans count for this time; 0: only the latest."""
     expected_update_rate: NotNegative = 0.0
-    """[s] The robot stops if the source is silent for longer; 0: never."""
+    """[s] The robot stops if the source is silent this long; 0: never."""
 
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
@@ -83,11 +83,11 @@ class StaticLayer(Section):
     enabled: bool = True
     """The layer exists."""
     map_topic: str = "map"
-    """Topic of the map; only the map of the run is available."""
+    """Topic of the map of the run."""
     track_unknown_space: bool = True
-    """Unknown cells of the map are unknown here; otherwise free."""
+    """Unknown cells of the map stay unknown instead of free."""
     use_maximum: bool = False
-    """Merge by the maximum with the layers below instead of overwriting them."""
+    """Keep the maximum with the layers below instead of overwriting them."""
     lethal_cost_threshold: int = 100
     """Least occupancy of a lethal cell of the map."""
     unknown_cost_value: int = -1
@@ -104,15 +104,15 @@ class ObstacleLayer(Section):
     enabled: bool = True
     """The layer exists."""
     observation_sources: str = ""
-    """Names of sources, separated by spaces; each is described under its name."""
+    """Names of sources, separated by spaces; each is a section of its own."""
     max_obstacle_height: _Height = 2.0
     """[m] A laser above this height marks nothing."""
     footprint_clearing_enabled: bool = True
     """The layer is free under the footprint."""
     combination_method: int = 1
-    """0: overwrites the layers below; 1: the maximum with them; others: merges nothing."""
+    """0: overwrite the layers below; 1: keep the maximum; others: merge nothing."""
     track_unknown_space: bool = Field(default_factory=bool)
-    """Unseen cells are unknown. Default: the value of the costmap."""
+    """Unseen cells are unknown. Default: that of the costmap."""
     obstacle_range: NotNegative | None = None
     """[m] Default for sources."""
     raytrace_range: NotNegative | None = None
@@ -125,7 +125,7 @@ class VoxelLayer(ObstacleLayer):
 
     without_effect: ClassVar[Mapping[str, str]] = {**_OBSTACLES, "publish_voxel_map": _DISPLAY}
     origin_z: _Height = 0.0
-    """[m] Height of the lowest voxel's lower face, not below zero (dynamic reconfigure)."""
+    """[m] Height of the lowest voxel's lower face."""
     z_resolution: Annotated[float, Field(gt=0.0, le=50.0, allow_inf_nan=False)] = 0.2
     """[m] Height of a voxel."""
     z_voxels: Annotated[int, Field(ge=1, le=16)] = 10
@@ -162,13 +162,13 @@ Layer: TypeAlias = StaticLayer | ObstacleLayer | InflationLayer
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
 class LayeredCostmap(Section):
-    """Namespace of a costmap: ``move_base/global_costmap`` or ``move_base/local_costmap``."""
+    """Parameters of a costmap."""
 
     without_effect: ClassVar[Mapping[str, str]] = {
         "always_send_full_costmap": _DISPLAY,
         "transform_tolerance": _NEVER_LATE,
         "robot_base_frame": "there is one robot, with one base frame",
-        "footprint_topic": "nobody publishes another footprint during a run",
+        "footprint_topic": "the footprint never changes during a run",
         "published_footprint_topic": _DISPLAY,
         **_BUTTON,
         "save_debug_pgm": "Noetic does not read it any more",
@@ -185,9 +185,9 @@ class LayeredCostmap(Section):
     rolling_window: bool = False
     """The grid follows the robot."""
     width: Positive = 10.0
-    """[m] Whole metres; the map's size replaces it, if there is a map."""
+    """[m] Whole metres; the map's size, if there is a map."""
     height: Positive = 10.0
-    """[m] Whole metres."""
+    """[m] Whole metres; the map's size, if there is a map."""
     resolution: Positive = 0.05
     """[m]"""
     origin_x: Finite = 0.0
@@ -195,7 +195,7 @@ class LayeredCostmap(Section):
     origin_y: Finite = 0.0
     """[m]"""
     track_unknown_space: bool = False
-    """Cells of the master grid that no layer writes are unknown."""
+    """Cells that no layer writes are unknown."""
     footprint_padding: Finite = 0.01
     """[m] Outward shift of every coordinate of the footprint."""
     footprint: Annotated[tuple[Point2, ...], Field(min_length=3)] | None = None

@@ -1,4 +1,7 @@
-"""Parameters of dwa_local_planner with the names and defaults of Noetic."""
+"""Parameters of dwa_local_planner with the names and defaults of Noetic.
+
+Source: dynamic reconfigure descriptions of dwa_local_planner and base_local_planner.
+"""
 
 from __future__ import annotations
 
@@ -18,10 +21,7 @@ _Samples: TypeAlias = Annotated[int, Field(ge=0, le=1000)]
 
 @dataclass(frozen=True, slots=True, config=ConfigDict(extra="forbid"))
 class DwaParameters(Section):
-    """Parameters of the controller (section ``DWAPlannerROS``).
-
-    Source: dynamic reconfigure descriptions of dwa_local_planner and base_local_planner, Noetic.
-    """
+    """Parameters under ``DWAPlannerROS``."""
 
     max_vel_trans: NotNegative = 0.55
     """[m/s] Largest speed in any direction."""
@@ -38,16 +38,16 @@ class DwaParameters(Section):
     max_vel_theta: NotNegative = 1.0
     """[rad/s] Fastest turn, either way."""
     min_vel_theta: NotNegative = 0.4
-    """[rad/s] Slower turns are legal only at ``min_vel_trans`` or faster. Also the slowest turn at
-    the goal."""
+    """[rad/s] Slower turns are legal only at ``min_vel_trans`` or faster. Slowest turn at the
+    goal."""
     acc_lim_x: _Acceleration = 2.5
-    """[m/s^2] Forward."""
+    """[m/s^2] Along this axis."""
     acc_lim_y: _Acceleration = 2.5
-    """[m/s^2] Sideways."""
+    """[m/s^2] Along this axis."""
     acc_lim_theta: _Acceleration = 3.2
     """[rad/s^2] Turning."""
     prune_plan: bool = False
-    """Remove the plan behind the robot for good, up to the first pose within 1 m of it."""
+    """Remove the plan behind the robot, up to the first pose within 1 m."""
     xy_goal_tolerance: NotNegative = 0.1
     """[m] Distance from the goal where the robot stops and turns."""
     yaw_goal_tolerance: NotNegative = 0.1
@@ -71,43 +71,41 @@ class DwaParameters(Section):
     twirling_scale: NotNegative = 0.0
     """Weight of the turning speed."""
     oscillation_reset_dist: NotNegative = 0.05
-    """[m] After moving this far, the robot may change its direction again."""
+    """[m] Motion after which the robot may change its direction again."""
     oscillation_reset_angle: NotNegative = 0.2
-    """[rad] After turning this far, too."""
+    """[rad] Turn after which it may, too."""
     forward_point_distance: Finite = 0.325
-    """[m] Distance of the nose, which also follows the path; 0 counts the centre twice."""
+    """[m] Distance of the nose, which also follows the path."""
     scaling_speed: NotNegative = 0.25
     """[m/s] The footprint grows above this speed."""
     max_scaling_factor: NotNegative = 0.2
     """Relative growth of the footprint at ``max_vel_trans``."""
     vx_samples: _Samples = 3
-    """Samples of the forward speed; 0 counts as 1, and a window of two speeds gets both ends."""
+    """Samples of the forward speed; 0 counts as 1."""
     vy_samples: _Samples = 10
-    """Samples of the sideways speed; as above."""
+    """Samples of the sideways speed."""
     vth_samples: _Samples = 20
-    """Samples of the turning speed; as above."""
+    """Samples of the turning speed."""
     use_dwa: bool = True
     """Sample speeds within reach of one control period; otherwise of ``sim_time``, and trajectories
     accelerate."""
     sum_scores: bool = False
-    """Sum the costs under the footprint along a trajectory instead of taking the highest."""
+    """Sum the costs under the footprint instead of taking the highest."""
     cheat_factor: NotNegative = 1.0
-    """The nose counts while the end of the local plan is further than ``forward_point_distance``
-    times the root of this."""
+    """The nose counts while the local plan's end is further than ``forward_point_distance`` times
+    the root of this."""
     controller_frequency: Annotated[float | None, Field(allow_inf_nan=False)] = None
-    """[Hz] For the dynamic window only. Default: that of move_base."""
+    """[Hz] For the dynamic window. Default: that of move_base."""
 
     without_effect: ClassVar[Mapping[str, str]] = {
-        "acc_lim_trans": "dwa_local_planner stores it and never reads it",
-        "global_frame_id": "it only names the frame of a debug point cloud",
-        "holonomic_robot": (
-            "dwa_local_planner does not know it; the limits of y decide about strafing"
-        ),
-        "latch_xy_goal_tolerance": "dwa_local_planner reads it in the namespace of move_base",
-        "publish_cost_grid_pc": "it only publishes a debug point cloud",
-        "publish_traj_pc": "it only publishes a debug point cloud",
-        "restore_defaults": "it is a button of rqt_reconfigure",
-        "stop_time_buffer": "dwa_local_planner stores it and never reads it",
+        "acc_lim_trans": "read, but never used",
+        "global_frame_id": "only for display",
+        "holonomic_robot": "the limits of y decide about strafing",
+        "latch_xy_goal_tolerance": "DWA reads it in the namespace of move_base",
+        "publish_cost_grid_pc": "only for display",
+        "publish_traj_pc": "only for display",
+        "restore_defaults": "only a button of rqt_reconfigure",
+        "stop_time_buffer": "read, but never used",
     }
 
     # Noetic warns of the first six (``DWAPlannerROS::initialize``).

@@ -51,26 +51,25 @@ class MoveBaseParameters(Section):
     controller_frequency: _Rate = 20.0
     """[Hz] Rate of the control loop."""
     planner_frequency: Annotated[float, Field(ge=0.0, le=100.0, allow_inf_nan=False)] = 0.0
-    """[Hz] Rate of new global plans; 0: only at the request of the control loop."""
+    """[Hz] Rate of new global plans; 0: only when the controller requests one."""
     planner_patience: NotNegative = 5.0
     """[s] Time without a plan before recoveries begin."""
     controller_patience: NotNegative = 15.0
     """[s] Time without a valid velocity command before recoveries begin."""
     max_planning_retries: Annotated[int, Field(ge=-1)] = -1
-    """Number of failed plans before recoveries begin, regardless of the patience; -1: no limit."""
+    """Failed plans before recoveries begin, whatever the patience; -1: no limit."""
     oscillation_timeout: NotNegative = 0.0
-    """[s] Recoveries begin if the robot moves less than ``oscillation_distance`` in this time; 0:
-    never."""
+    """[s] Time without ``oscillation_distance`` of motion before recoveries begin; 0: never."""
     oscillation_distance: NotNegative = 0.5
     """[m] Motion that counts as progress."""
     latch_xy_goal_tolerance: bool = False
-    """Once within the tolerance of a goal, only turn, even if the robot drifts off again. DWA
-    reads it here and not in its own namespace."""
+    """Once within the tolerance of a goal, only turn, even if the robot drifts off. DWA reads it
+    here."""
     make_plan_clear_costmap: bool = True
     """The make_plan service clears a square around the robot in both costmaps."""
     clearing_radius: NotNegative = 0.46
-    """[m] Half the side of that square (ROS: ``local_costmap/circumscribed_radius``, a parameter
-    of its own that does not follow the footprint)."""
+    """[m] Half the side of that square (``local_costmap/circumscribed_radius`` in ROS, independent
+    of the footprint)."""
     conservative_reset_dist: NotNegative = 3.0
     """[m] Side of the square around the robot that the first reset keeps."""
     recovery_behavior_enabled: bool = True
@@ -78,15 +77,12 @@ class MoveBaseParameters(Section):
     clearing_rotation_allowed: bool = True
     """The default recoveries contain turns on the spot."""
     recovery_behaviors: tuple[RecoveryBehavior, ...] | None = None
-    """Recoveries in their order. Default: a conservative reset, a turn, an aggressive reset, a
-    turn."""
+    """Recoveries in order. Default: conservative reset, turn, aggressive reset, turn."""
 
     without_effect: ClassVar[Mapping[str, str]] = {
-        "make_plan_add_unreachable_goal": (
-            "it only changes the answer of make_plan, which nobody reads"
-        ),
-        "restore_defaults": "only dynamic_reconfigure reads it",
-        "shutdown_costmaps": "costmaps would only rest between two goals, which is no time here",
+        "make_plan_add_unreachable_goal": "it only changes the unused answer of make_plan",
+        "restore_defaults": "only a button of rqt_reconfigure",
+        "shutdown_costmaps": "no time passes between two goals",
     }
 
 
@@ -112,7 +108,7 @@ class ClearCostmapParameters(Section):
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
 class RotateRecoveryParameters(Section):
-    """Namespace ``move_base/rotate_recovery``, with its values from ``TrajectoryPlannerROS``."""
+    """Parameters under ``rotate_recovery`` and ``TrajectoryPlannerROS``."""
 
     sim_granularity: Positive = 0.017
     """[rad] Step of the check of the turn ahead for collisions."""
@@ -145,6 +141,6 @@ class DispatcherParameters(Section):
     rate: _Rate = 1.0
     """[Hz] Highest rate of goals."""
     make_plan: bool = True
-    """Request a plan before each goal. The plan is unused; only the side effects matter."""
+    """Request a plan before each goal; only its side effects matter."""
     default_yaw: Annotated[float, Field(ge=-6.2832, le=6.2832)] = 0.0
-    """[rad] Heading at waypoints without one, because a goal of move_base always has a heading."""
+    """[rad] Heading at waypoints without one: goals of move_base need it."""

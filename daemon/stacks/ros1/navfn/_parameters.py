@@ -1,4 +1,7 @@
-"""Parameters of navfn and of global_planner with the names and defaults of Noetic."""
+"""Parameters of navfn and of global_planner with the names and defaults of Noetic.
+
+Source of the latter: ``planner_core.cpp`` and ``GlobalPlanner.cfg`` of global_planner.
+"""
 
 from __future__ import annotations
 
@@ -21,9 +24,9 @@ class NavfnParameters(Section):
     """Parameters under ``NavfnROS``."""
 
     allow_unknown: bool = True
-    """A path may lead through cells that are unknown in the global costmap."""
+    """Paths may lead through unknown cells."""
     default_tolerance: NotNegative = 0.0
-    """[m] A path may end this far from the goal in x and in y; 0 requires the goal's own cell."""
+    """[m] A path may end this far from the goal in x and in y; 0: only in its cell."""
     visualize_potential: bool = False
     """Publish the potential as a point cloud."""
     planner_window_x: float = 0.0
@@ -32,21 +35,18 @@ class NavfnParameters(Section):
     """[m] The same in y."""
 
     without_effect: ClassVar[Mapping[str, str]] = {
-        "visualize_potential": "nothing is published while a run lasts",
-        "planner_window_x": "NavfnROS reads it and never uses it",
-        "planner_window_y": "NavfnROS reads it and never uses it",
+        "visualize_potential": "only for display",
+        "planner_window_x": "read, but never used",
+        "planner_window_y": "read, but never used",
     }
 
 
 @dataclass(frozen=True, slots=True, config=ConfigDict(extra="forbid", strict=True))
 class GlobalPlannerParameters(Section):
-    """Parameters under ``GlobalPlanner``.
-
-    Source: ``planner_core.cpp`` and ``GlobalPlanner.cfg`` of global_planner, Noetic.
-    """
+    """Parameters under ``GlobalPlanner``."""
 
     old_navfn_behavior: bool = False
-    """Start and goal are the corners of their cells, as in navfn; otherwise they are exact."""
+    """Start and goal are the corners of their cells, as in navfn, instead of exact."""
     use_quadratic: Annotated[
         Literal[True], refuse((False,), "plain potentials are not built in: write true")
     ] = True
@@ -58,13 +58,13 @@ class GlobalPlannerParameters(Section):
     use_grid_path: Annotated[
         Literal[False], refuse((True,), "paths from cell to cell are not built in: write false")
     ] = False
-    """Trace the path back along the gradient, half a cell a step."""
+    """Follow the grid instead of the gradient."""
     allow_unknown: bool = True
-    """A path may lead through cells that are unknown in the global costmap."""
+    """Paths may lead through unknown cells."""
     outline_map: bool = True
     """Plan as if the outermost cells of the costmap were obstacles."""
     lethal_cost: Annotated[int, Field(ge=2, le=255)] = 253
-    """Costs of at least this minus one block a cell; 1 would block all cells."""
+    """Cells of at least this cost minus one are blocked."""
     neutral_cost: _Byte = 50
     """Cost of crossing a free cell."""
     cost_factor: Annotated[float, Field(ge=0.01, le=5.0, allow_inf_nan=False)] = 3.0
@@ -73,9 +73,9 @@ class GlobalPlannerParameters(Section):
         Literal[0, 1],
         refuse((2, 3, 4, 5, 6), "only 0 (no yaws) and 1 (points look forward) are built in"),
     ] = FORWARD
-    """Yaw of the plan's points: 0 none, 1 forward."""
+    """Yaws of the plan: 0 none, 1 forward."""
     orientation_window_size: _Byte = 1
-    """Number of points before and after a point that give the direction of the path there."""
+    """Points before and after a point that give its direction."""
     default_tolerance: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] = 0.0
     """[m] Tolerance of the goal; the original reads and ignores it."""
     publish_potential: bool = True
@@ -88,14 +88,11 @@ class GlobalPlannerParameters(Section):
     """[m] The same in y."""
 
     without_effect: ClassVar[Mapping[str, str]] = {
-        "default_tolerance": (
-            "GlobalPlanner reads it and never uses it: the cell of the goal itself must be "
-            "reachable"
-        ),
-        "planner_costmap_publish_frequency": "GlobalPlanner of Noetic does not read it any more",
-        "planner_window_x": "GlobalPlanner reads it and never uses it",
-        "planner_window_y": "GlobalPlanner reads it and never uses it",
-        "publish_potential": "nothing is published while a run lasts",
-        "publish_scale": "nothing is published while a run lasts",
-        "visualize_potential": "GlobalPlanner does not know it; navfn does",
+        "default_tolerance": "never used: the cell of the goal must be reachable",
+        "planner_costmap_publish_frequency": "Noetic does not read it any more",
+        "planner_window_x": "read, but never used",
+        "planner_window_y": "read, but never used",
+        "publish_potential": "only for display",
+        "publish_scale": "only for display",
+        "visualize_potential": "only navfn knows it",
     }

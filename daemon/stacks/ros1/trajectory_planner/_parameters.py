@@ -1,7 +1,8 @@
 """Parameters of TrajectoryPlannerROS with the names and defaults of Noetic.
 
 Noetic reads most of them twice: ``TrajectoryPlannerROS`` at its start, and dynamic reconfigure
-right after. The latter's defaults and ranges then decide about trajectories.
+right after. The latter's defaults and ranges then decide about trajectories; they differ from
+those in the wiki.
 """
 
 from __future__ import annotations
@@ -22,46 +23,40 @@ _STRAFE_SPEEDS: Final = "-0.3,-0.1,0.1,-0.3"
 _NUMBER: Final = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 
-_RENAMED: Final = "TrajectoryPlannerROS reads {} instead"
-_NO_STRAFE_LIMITS: Final = "TrajectoryPlannerROS knows no limits of strafing, only y_vels"
-_DEBUG: Final = "it only publishes a debug point cloud"
+_RENAMED: Final = "its name here is {}"
+_NO_STRAFE_LIMITS: Final = "only y_vels decides about strafing"
+_DISPLAY: Final = "only for display"
+_COSTMAP_ONLY: Final = "the costmap is the only world model"
 
 
 @dataclass(frozen=True, slots=True, config=ConfigDict(extra="forbid"))
 class TrajectoryPlannerParameters(Section):
-    """Parameters of the controller (section ``TrajectoryPlannerROS``).
-
-    Source: base_local_planner of Noetic, ``TrajectoryPlannerROS::initialize`` and its dynamic
-    reconfigure description, whose defaults differ from those in the wiki.
-    """
+    """Parameters under ``TrajectoryPlannerROS``."""
 
     acc_lim_x: NotNegative = 2.5
-    """[m/s^2] Forward."""
+    """[m/s^2] Along this axis."""
     acc_lim_y: NotNegative = 2.5
-    """[m/s^2] Sideways."""
+    """[m/s^2] Along this axis."""
     acc_lim_theta: NotNegative = 3.2
     """[rad/s^2] Turning."""
     max_vel_x: Finite = 0.55
-    """[m/s] Largest speed forward; less if the end of the local plan is nearer than the way in
-    ``sim_time``."""
+    """[m/s] Largest speed forward; less near the end of the local plan."""
     min_vel_x: Finite = 0.0
-    """[m/s] Smallest speed forward. Below 0 counts as 0: only ``escape_vel`` goes backwards."""
+    """[m/s] Smallest speed forward. Below 0 counts as 0."""
     max_vel_theta: Finite = 1.0
-    """[rad/s] Fastest turn to the left while driving and on the spot."""
+    """[rad/s] Fastest turn to the left."""
     min_vel_theta: Finite = -1.0
     """[rad/s] Fastest turn to the right, below 0."""
     min_in_place_vel_theta: Annotated[float | None, Field(ge=0.0, allow_inf_nan=False)] = None
     """[rad/s] Slowest turn on the spot. Default: 0.4."""
     max_rotational_vel: NotNegative = 1.0
-    """[rad/s] Fastest turn at the goal, independent of ``max_vel_theta``."""
+    """[rad/s] Fastest turn at the goal."""
     min_in_place_rotational_vel: Annotated[float | None, Field(ge=0.0, allow_inf_nan=False)] = None
-    """[rad/s] Older name of ``min_in_place_vel_theta``. It counts only without the newer one, and
-    only for the turn at the goal."""
+    """[rad/s] Older name of the same, which counts only at the goal."""
     holonomic_robot: bool = True
-    """Try to strafe: a little while driving, and along ``y_vels`` if nothing else is legal."""
+    """Strafe a little while driving, and along ``y_vels`` if nothing else is legal."""
     y_vels: str | tuple[Finite, ...] = _STRAFE_SPEEDS
-    """[m/s] Speeds to the left, as text with commas (the default is the original's). ROS ignores a
-    list."""
+    """[m/s] Speeds to the left, as text with commas. ROS ignores a list."""
     escape_vel: Finite = -0.1
     """[m/s] Speed ahead when no trajectory is legal; negative: backwards."""
     yaw_goal_tolerance: NotNegative = 0.05
@@ -69,16 +64,15 @@ class TrajectoryPlannerParameters(Section):
     xy_goal_tolerance: NotNegative = 0.10
     """[m] Distance from the end of the local plan where the robot stops and turns."""
     latch_xy_goal_tolerance: bool = False
-    """Once there, only turn until the next plan, even if the robot drifts off again."""
+    """Once there, only turn until the next plan, even if the robot drifts off."""
     prune_plan: bool = True
-    """Remove the plan behind the robot for good, up to the first pose within 1 m of it."""
+    """Remove the plan behind the robot, up to the first pose within 1 m."""
     sim_time: Finite = 1.7
     """[s] Duration of trajectories."""
     sim_granularity: Positive = 0.025
-    """[m] Approximate distance between points of a trajectory; with ``heading_scoring`` the time
-    between them [s]."""
+    """[m] Distance between points of a trajectory; with ``heading_scoring`` the time [s]."""
     angular_sim_granularity: Positive = 0.025
-    """The turning speed [rad/s] of a trajectory over this is the least number of its points."""
+    """[rad/s] A trajectory's turning speed divided by this is its least number of points."""
     vx_samples: int = 20
     """Samples of the forward speed."""
     vtheta_samples: int = 20
@@ -92,48 +86,47 @@ class TrajectoryPlannerParameters(Section):
     gdist_scale: _Optional = None
     """Older name of ``goal_distance_bias``. Default: 0.8."""
     meter_scoring: bool = False
-    """Both weights are per metre, not per cell. In Noetic uninitialised memory decides
-    (``TrajectoryPlanner::meter_scoring_``, which only ``reconfigure`` reads); here the file
-    decides. Per metre, costs under the footprint weigh more."""
+    """Both weights are per metre, not per cell. In Noetic uninitialised memory decides; here this
+    value does."""
     occdist_scale: Finite = 0.01
     """Weight of the highest cost under the footprint."""
     heading_lookahead: Finite = 0.325
-    """[m] Look ahead of a turn on the spot, which seeks the nearest way to the goal."""
+    """[m] Look ahead of turns on the spot."""
     heading_scoring: bool = False
-    """Score a trajectory at one instant only, including its heading."""
+    """Score a trajectory at one instant only, with its heading."""
     heading_scoring_timestep: Finite = 0.1
     """[s] That instant."""
     dwa: bool = False
-    """Sample speeds within reach of one control period; otherwise of ``sim_time``."""
+    """Sample speeds within reach of one control period instead of ``sim_time``."""
     simple_attractor: Annotated[
         Literal[False], refuse((True,), "the simple attractor is not built in: write false")
     ] = False
-    """Score trajectories by distances on the grid."""
+    """Score by the straight distance instead of the grid."""
     oscillation_reset_dist: Finite = 0.05
-    """[m] After moving this far, the robot may turn or strafe the other way again."""
+    """[m] Motion after which the robot may turn or strafe the other way again."""
     escape_reset_dist: Finite = 0.10
-    """[m] After moving this far, a robot that backed up may drive ahead again."""
+    """[m] Motion after which a robot that backed up may drive ahead again."""
     escape_reset_theta: Finite = math.pi / 2.0
-    """[rad] After turning this far, too."""
+    """[rad] Turn after which it may, too."""
     controller_frequency: _Optional = None
-    """[Hz] For the dynamic window only. Default: that of move_base."""
+    """[Hz] For the dynamic window. Default: that of move_base."""
 
     without_effect: ClassVar[Mapping[str, str]] = {
         "acc_lim_th": _RENAMED.format("acc_lim_theta"),
         "acc_limit_th": _RENAMED.format("acc_lim_theta"),
         "acc_limit_x": _RENAMED.format("acc_lim_x"),
         "acc_limit_y": _RENAMED.format("acc_lim_y"),
-        "backup_vel": "TrajectoryPlannerROS reads it and puts escape_vel in its place at once",
-        "global_frame_id": "it only names the frame of a debug point cloud",
+        "backup_vel": "escape_vel takes its place at once",
+        "global_frame_id": _DISPLAY,
         "max_vel_y": _NO_STRAFE_LIMITS,
         "min_vel_y": _NO_STRAFE_LIMITS,
-        "point_grid": "it belongs to another world model than the costmap",
-        "publish_cost_grid": _DEBUG,
-        "publish_cost_grid_pc": _DEBUG,
-        "restore_defaults": "it is a button of rqt_reconfigure",
-        "stop_time_buffer": "TrajectoryPlannerROS stores it and never reads it",
+        "point_grid": _COSTMAP_ONLY,
+        "publish_cost_grid": _DISPLAY,
+        "publish_cost_grid_pc": _DISPLAY,
+        "restore_defaults": "only a button of rqt_reconfigure",
+        "stop_time_buffer": "read, but never used",
         "vy_samples": _NO_STRAFE_LIMITS,
-        "world_model": "the costmap is the only world model there is",
+        "world_model": _COSTMAP_ONLY,
     }
 
     def rules(self) -> Iterator[Objection]:
