@@ -2,7 +2,7 @@
 
 Each stands between two comments, of which the first says what it is::
 
-    <!-- grammar: scenery Link Shape -->       these rules
+    <!-- grammar: scenery Link Shape -->       these rules; without names all of the language
     <!-- keys: robot drive -->                 this part of a schema
     <!-- keys: sut sut about like -->          these keys of it
     <!-- signals -->                           the signals of the oracle language
@@ -42,6 +42,8 @@ def shown(what):
         for match in _REGION.finditer(page.read_text("utf-8")):
             if match["what"] == what:
                 first, *rest = (match["words"] or "").split()
+                if what == "grammar":
+                    rest = rest or ebnf.rules(first)
                 found |= {f"{first} {one}" for one in rest}
     return frozenset(found)
 
@@ -57,7 +59,7 @@ def _made(found):
     language, *names = words
     rules = ebnf.rules(language)
     # Classes of syntax nodes end so; to readers a rule is what it stands for.
-    text = "\n".join(rules[name] for name in names)
+    text = "\n".join(rules[name] for name in names or rules)
     return f"```ebnf\n{text}\n```\n"
 
 
