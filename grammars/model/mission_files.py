@@ -31,11 +31,11 @@ class _PlaceText(StrictModel):
     x: _Metres
     y: _Metres
     z: _Metres = 0.0
-    """Read and ignored: the robot drives on the floor."""
+    """Ignored: the robot drives on the floor."""
     roll: _Radians = 0.0
-    """Read and ignored: the robot drives on the floor."""
+    """Ignored: the robot drives on the floor."""
     pitch: _Radians = 0.0
-    """Read and ignored: the robot drives on the floor."""
+    """Ignored: the robot drives on the floor."""
 
 
 class PoseText(_PlaceText):

@@ -36,33 +36,31 @@ class Drive:
     """Limits of the base, which the simulator enforces."""
 
     kind: Literal["omnidirectional", "differential"]
-    """An omnidirectional base drives sideways, a differential one only turns and drives ahead."""
+    """Omnidirectional bases drive sideways, too."""
     max_vx: Annotated[Speed, Field(gt=0)] = math.inf
-    """Largest speed ahead and back; optional with an imposed velocity: no limit."""
+    """Largest speed ahead and back."""
     max_vy: Annotated[Speed, Field(ge=0)] = math.inf
-    """Largest sideways speed of an omnidirectional base."""
+    """Largest sideways speed (omnidirectional)."""
     max_wz: Annotated[AngularSpeed, Field(gt=0)] = math.inf
-    """Largest turning speed; optional with an imposed velocity: no limit."""
+    """Largest turning speed."""
     max_ax: Annotated[Acceleration, Field(gt=0)] = math.inf
-    """Largest acceleration of the motors ahead and back."""
+    """Largest acceleration ahead and back."""
     max_ay: Annotated[Acceleration, Field(ge=0)] = math.inf
-    """Largest sideways acceleration of the motors of an omnidirectional base."""
+    """Largest sideways acceleration (omnidirectional)."""
     max_az: Annotated[AngularAcceleration, Field(gt=0)] = math.inf
-    """Largest angular acceleration of the motors."""
+    """Largest angular acceleration."""
     max_force: Annotated[Force, Field(gt=0)] = math.inf
     """Largest force of the motors."""
     max_torque: Annotated[Torque, Field(gt=0)] = math.inf
-    """Largest torque of the motors about the vertical axis of the base."""
+    """Largest torque of the motors about the vertical axis."""
     timeout: Annotated[Duration, Field(ge=0)] = 0.0
     """Without a command for this long the base brakes; 0 s: the last command holds."""
     law: Literal["motors", "imposed"] = "motors"
-    """How a command becomes motion. motors: the base accelerates within its limits and pushes with
-    at most its force and torque. imposed: the commanded velocity applies at once and with any force
-    until something immovable stops the base, like Gazebo's planar-move."""
+    """Motion after a command. motors: within the limits, pushing with at most force and torque.
+    imposed: at once, with any force, like Gazebo's planar-move."""
     friction_loss: Annotated[Speed, Field(ge=0)] = 0.0
-    """Loss of an imposed velocity to the ground along each axis of the world: it reduces the x and
-    y components (but never reverses them). In Gazebo, with friction along axes: coefficient x
-    gravity x time step, 0.0098 m/s for 1 x 9.8 m/s^2 x 1 ms."""
+    """Loss of an imposed velocity to the ground, along x and y of the world. In Gazebo: friction
+    coefficient x gravity x time step."""
     turning_loss: Annotated[AngularSpeed, Field(ge=0)] = 0.0
     """Loss of an imposed turning speed to the ground."""
 
@@ -98,13 +96,13 @@ class Laser:
 
     mount: Mount
     z: Annotated[Length, Field(ge=0)]
-    """Height of the scan plane above the floor: walls and objects are cut there."""
+    """Height of the scan plane above the floor."""
     angle_min: Angle
     """Direction of the first ray, from the viewing direction of the laser."""
     angle_max: Angle
-    """Direction of the last ray; at most one full turn beyond the first."""
+    """Direction of the last ray, at most one full turn beyond."""
     rays: Annotated[int, Field(ge=2, le=20_000)]
-    """Number of rays of a scan, spread evenly from angle_min to angle_max."""
+    """Rays of a scan, spread evenly."""
     range_min: Annotated[Length, Field(ge=0)]
     """Shortest measurable range."""
     range_max: Annotated[Length, Field(gt=0)]
@@ -116,11 +114,11 @@ class Laser:
     dropout: Annotated[Ratio, Field(ge=0, lt=1)] = 0.0
     """Share of rays that return nothing."""
     too_near: Literal["infinite", "clamped"] = "infinite"
-    """Reading for a return nearer than range_min. infinite: -inf, as REP 117 demands of ROS
-    drivers. clamped: range_min, after the noise, like Gazebo's laser."""
+    """Reading for a return nearer than range_min. infinite: -inf, as REP 117 demands. clamped:
+    range_min, like Gazebo's laser."""
     # Not in JSON if empty, so that specifications from before lasers had names stay the same.
     name: Annotated[str, Field(pattern=LASER_NAME, max_length=40, exclude_if=operator.not_)] = ""
-    """Name of one of several lasers: its scans come on /scan_NAME, in the frame laser_NAME."""
+    """Name of one of several lasers, whose scans come on /scan_NAME."""
 
     elsewhere: ClassVar[Mapping[str, str]] = dict.fromkeys(
         ("x", "y", "yaw"), 'it belongs in "mount:"'
@@ -161,12 +159,12 @@ def _check_period(value: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class OdometryNoise:
-    """Wheel odometry; its errors grow with the square root of the distance."""
+    """Wheel odometry."""
 
     rate: Annotated[Frequency, Field(gt=0, le=100)] = 0.0
-    """Messages per second, each at a tick of the simulator (every 10 ms)."""
+    """Messages per second, each at a tick (every 10 ms)."""
     translation: Annotated[float, QuantityField("noise per root length"), Field(ge=0)] = 0.0
-    """Error of the distance: 0.01 m/m^0.5 is 1 cm after one metre, 10 cm after a hundred."""
+    """Error of the distance."""
     rotation: Annotated[float, QuantityField("noise per root angle"), Field(ge=0)] = 0.0
     """Error of the heading from turning."""
     drift: Annotated[float, QuantityField("drift per root length"), Field(ge=0)] = 0.0
@@ -174,13 +172,13 @@ class OdometryNoise:
     period: Annotated[
         Duration, AfterValidator(_check_period), Field(json_schema_extra={"ge": SHORTEST_PERIOD})
     ] = 0.0
-    """Instead of a rate, the exact time between messages, such as 51 ms: each message describes its
-    own instant, possibly between two ticks, and arrives at the next tick."""
+    """Instead of a rate, the exact time between messages, such as 51 ms: each describes its own
+    instant and arrives at the next tick."""
     twist: Literal["instantaneous", "mean"] = "instantaneous"
-    """Velocity in a message: that of its instant, or the mean since the previous message, from the
-    difference of the two poses, like Gazebo's planar-move."""
+    """Velocity in a message: that of its instant, or the mean since the previous one, like Gazebo's
+    planar-move."""
     origin: Literal["start", "map"] = "start"
-    """Origin of the odom frame: the start pose of the robot, or the frame of the map."""
+    """Origin of the odom frame: the start pose of the robot, or that of the map."""
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
 

@@ -58,10 +58,9 @@ class FootprintText(StrictModel):
     width: Length | None = None
     """Size along y."""
     radius: Length | None = Field(default=None, gt=0)
-    """Radius of a round robot, simulated as a regular polygon of 32 corners on the circle."""
+    """Radius of a round robot, simulated as a polygon of 32 corners."""
     corners: list[tuple[Length, Length]] | None = Field(default=None, min_length=3, max_length=64)
-    """The corners in order around the robot, each as [x, y]; the outline must be convex
-    and contain [0 m, 0 m]."""
+    """Corners in order, each as [x, y]; the outline must be convex and contain [0 m, 0 m]."""
 
     @model_validator(mode="after")
     def _either(self) -> FootprintText:
@@ -158,7 +157,7 @@ class RobotText(StrictModel):
     lasers: list[Annotated[_Laser, Field(json_schema_extra={"required": ["name"]})]] | None = Field(
         default=None, min_length=1, max_length=_MOST_LASERS
     )
-    """Several lasers by name, instead of "laser". Maps are drawn at the height of the first."""
+    """Several lasers by name, instead of "laser"."""
     odometry: Annotated[
         OdometryNoise,
         AfterValidator(_with_rate),
