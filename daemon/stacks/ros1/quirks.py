@@ -23,7 +23,7 @@ class Quirks:
 
     # map_t: ``MAP_GXWX`` rounds about an origin in the middle of the map.
     amcl_half_cell_shift: bool = True
-    """AMCL looks its likelihood field up half a cell off: a bias of 2.5 cm in x and y."""
+    """AMCL reads its likelihood field half a cell off: 2.5 cm in x and y."""
     # amcl ``map_update_cspace``.
     amcl_brushfire_distances: bool = True
     """AMCL's distances to obstacles spread cell by cell: the first obstacle to reach a cell counts,
@@ -59,8 +59,8 @@ class Quirks:
     """With ``old_navfn_behavior`` GlobalPlanner ends its plan with the goal twice."""
     # move_base ``planService``.
     dispatcher_clears_square: bool = True
-    """Every make_plan request of the dispatcher clears a square of twice ``clearing_radius`` around
-    the robot in both costmaps."""
+    """Each plan the dispatcher requests clears a square of twice ``clearing_radius`` in both
+    costmaps."""
     plans_reset_oscillation: bool = True
     """Each new global plan resets the oscillation flags of DWA."""
     # DWA ``SimpleTrajectoryGenerator``.

@@ -63,13 +63,11 @@ class MoveBaseParameters(Section):
     oscillation_distance: NotNegative = 0.5
     """[m] Motion that counts as progress."""
     latch_xy_goal_tolerance: bool = False
-    """Once within the tolerance of a goal, only turn, even if the robot drifts off. DWA reads it
-    here."""
+    """Once at a goal, only turn, even if the robot drifts off. DWA reads it here."""
     make_plan_clear_costmap: bool = True
     """The make_plan service clears a square around the robot in both costmaps."""
     clearing_radius: NotNegative = 0.46
-    """[m] Half the side of that square (``local_costmap/circumscribed_radius`` in ROS, independent
-    of the footprint)."""
+    """[m] Half the side of that square (ROS: ``local_costmap/circumscribed_radius``)."""
     conservative_reset_dist: NotNegative = 3.0
     """[m] Side of the square around the robot that the first reset keeps."""
     recovery_behavior_enabled: bool = True

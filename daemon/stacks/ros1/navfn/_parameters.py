@@ -26,7 +26,7 @@ class NavfnParameters(Section):
     allow_unknown: bool = True
     """Paths may lead through unknown cells."""
     default_tolerance: NotNegative = 0.0
-    """[m] A path may end this far from the goal in x and in y; 0: only in its cell."""
+    """[m] A path may end this far from the goal in x and y."""
     visualize_potential: bool = False
     """Publish the potential as a point cloud."""
     planner_window_x: float = 0.0

@@ -62,7 +62,7 @@ class TrajectoryPlannerParameters(Section):
     yaw_goal_tolerance: NotNegative = 0.05
     """[rad] Tolerance of the heading at the goal."""
     xy_goal_tolerance: NotNegative = 0.10
-    """[m] Distance from the end of the local plan where the robot stops and turns."""
+    """[m] Distance from the local plan's end where the robot stops and turns."""
     latch_xy_goal_tolerance: bool = False
     """Once there, only turn until the next plan, even if the robot drifts off."""
     prune_plan: bool = True
@@ -86,8 +86,7 @@ class TrajectoryPlannerParameters(Section):
     gdist_scale: _Optional = None
     """Older name of ``goal_distance_bias``. Default: 0.8."""
     meter_scoring: bool = False
-    """Both weights are per metre, not per cell. In Noetic uninitialised memory decides; here this
-    value does."""
+    """Both weights are per metre, not per cell. In Noetic uninitialised memory decides this."""
     occdist_scale: Finite = 0.01
     """Weight of the highest cost under the footprint."""
     heading_lookahead: Finite = 0.325
