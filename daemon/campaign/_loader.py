@@ -162,8 +162,13 @@ def _check_names(scenario: ResolvedScenario, library: LayerLibrary) -> None:
     systems: dict[str, SutReference] = {}
     for reference in scenario.suts:
         sut = library.sut(reference)
-        # Overrides keep the name.
-        if systems.setdefault(sut.name, sut) != sut:
+        if sut.name not in systems:
+            systems[sut.name] = sut
+        elif systems[sut.name] == sut:
+            hint = "name it once; repeats: N runs it more often"
+            problems.append(Finding(reference.where, f"{sut.name} is named twice", hint))
+        else:
+            # Overrides keep the name.
             message = f'two systems under test of "{scenario.name}" are called {sut.name}'
             hint = f"give one a file of its own: suts/NAME.yaml with like: {reference.name}"
             problems.append(Finding(reference.where, f"{message} and differ", hint))

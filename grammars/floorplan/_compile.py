@@ -95,7 +95,7 @@ def _dimensions(nodes: Sequence[SyntaxNode], reader: ElementReader) -> dict[str,
             if dimension.key in values:
                 reader.error(dimension, f'"{dimension.key}" is given twice')
             elif value <= 0.0:
-                reader.warning(dimension, f"a wall {dimension.key} of {value:g} m makes no wall")
+                reader.error(dimension, f"a wall {dimension.key} of {value:g} m makes no wall")
             values[dimension.key] = value
     return values
 
@@ -145,6 +145,11 @@ def _draft_features(
 
 def _draft_openings(nodes: Sequence[SyntaxNode], reader: PlanReader) -> list[OpeningDraft]:
     _check_names(nodes, "opening", reader)
+    for node in nodes:
+        if node.name in reader.spaces:
+            line = reader.where(reader.spaces[node.name].node).line
+            message = f'{node.kind.lower()} "{node.name}" has the name of the space in line {line}'
+            reader.warning(node, message, "rename one: oracles find both by their name")
     located = [(node, read_location(node, node.kind.lower(), reader)) for node in nodes]
     drafts = (draft_opening(node, location, reader) for node, location in located)
     return [draft for draft in drafts if draft is not None]

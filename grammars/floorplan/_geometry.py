@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Final
 
 from grammars.floorplan.model import FloorPlan, Opening, Wall
@@ -14,6 +15,8 @@ _TOUCHING: Final = 1e-3
 """Distance up to which walls touch, or openings may stick out [m]."""
 _OVERLAP: Final = 1e-2
 """Area that two rooms may share without a warning [m²]."""
+_SHARED: Final = 1e-3
+"""Area that two openings of a wall may share [m²]."""
 _TURNED: Final = 1e-6
 """One minus the cosine of the angle by which facing walls may be turned."""
 
@@ -23,7 +26,7 @@ class Flaw:
     """Valid geometry in a plan that is probably not intended.
 
     ``key`` names it in all variants of a plan. It counts as a flaw only if ``extent`` is beyond
-    ``slack``; both have the same unit.
+    ``slack``; both have the same unit. Plans may be ``intended`` so, their variants not.
     """
 
     key: str
@@ -32,12 +35,13 @@ class Flaw:
     where: Where
     message: str
     hint: str = ""
+    intended: bool = False
 
 
 def warn_of(flaws: Iterable[Flaw], findings: Findings) -> None:
-    """Add a warning for every flaw beyond its slack."""
+    """Add a warning for every flaw beyond its slack that is not intended."""
     for flaw in flaws:
-        if flaw.extent > flaw.slack:
+        if flaw.extent > flaw.slack and not flaw.intended:
             findings.warning(flaw.where, flaw.message, flaw.hint)
 
 
@@ -45,12 +49,13 @@ def geometric_flaws(plan: FloorPlan) -> Iterator[Flaw]:
     """Yield the measured flaws of a plan, including those within their slack."""
     walls = {wall.id: wall for wall in plan.walls}
     for opening in plan.openings:
-        yield from _of_opening(opening, [walls[name] for name in opening.walls])
+        yield from _of_opening(plan, opening, [walls[name] for name in opening.walls])
+    yield from _colliding_openings(plan, walls)
     yield from overlaps(plan)
     yield from _of_features(plan)
 
 
-def _of_opening(opening: Opening, walls: Sequence[Wall]) -> Iterator[Flaw]:
+def _of_opening(plan: FloorPlan, opening: Opening, walls: Sequence[Wall]) -> Iterator[Flaw]:
     """Yield the distances by which an opening sticks out of its walls, and a misfit of two."""
     name, where = opening.name, opening.where
     label = f'{opening.kind} "{name}"'
@@ -68,7 +73,7 @@ def _of_opening(opening: Opening, walls: Sequence[Wall]) -> Iterator[Flaw]:
     hint = "z is the height of its middle: half its height for a door"
     yield Flaw(f"{name} below the floor", -opening.z_min, _TOUCHING, where, message, hint)
     if len(walls) == 2:
-        yield _of_pair(opening, *walls)
+        yield _of_pair(plan, opening, *walls)
 
 
 def _ends(wall: Wall, first: float, last: float) -> tuple[float, float]:
@@ -83,20 +88,56 @@ def _ends(wall: Wall, first: float, last: float) -> tuple[float, float]:
     return min(ends), max(ends)
 
 
-def _of_pair(opening: Opening, first: Wall, second: Wall) -> Flaw:
+def _of_pair(plan: FloorPlan, opening: Opening, first: Wall, second: Wall) -> Flaw:
     relative = first.frame.inverse() @ second.frame
     label = f'{opening.kind} "{opening.name}": {first.id} and {second.id}'
-    # Walls that face each other are half a turn apart.
-    turned = 1.0 + math.cos(relative.yaw)
+    turned = _turned(first, second)
     if turned > _TURNED:
         message = f"{label} do not face each other"
-        return Flaw(f"{opening.name} turned", turned, _TURNED, opening.where, message)
+        facing = [
+            f"{wall.space}.walls[{wall.index}]"
+            for wall in plan.walls
+            if wall.space == second.space and _turned(first, wall) <= _TURNED
+        ]
+        hint = f"{first.id} faces {' and '.join(facing)}" if facing else "turn one of the spaces"
+        return Flaw(f"{opening.name} turned", turned, _TURNED, opening.where, message, hint)
     message = (
         f"{label} do not touch: {relative.y:.3f} m between their inner faces, "
         f"{opening.depth:.3f} m thick together"
     )
     apart = abs(relative.y - opening.depth)
     return Flaw(f"{opening.name} depth", apart, _TOUCHING, opening.where, message)
+
+
+def _turned(first: Wall, second: Wall) -> float:
+    """Return 0 for walls that face each other, half a turn apart, up to 2."""
+    return 1.0 + math.cos(second.frame.yaw - first.frame.yaw)
+
+
+def _colliding_openings(plan: FloorPlan, walls: Mapping[str, Wall]) -> Iterator[Flaw]:
+    """Yield the pairs of openings in one wall, each pair once, with the area that they share."""
+    import shapely
+
+    in_wall: dict[str, list[Opening]] = {}
+    for opening in plan.openings:
+        for name in opening.walls:
+            in_wall.setdefault(name, []).append(opening)
+    flaws: dict[str, Flaw] = {}
+    for name, openings in in_wall.items():
+        to_wall = walls[name].frame.inverse()
+        shapes = [
+            shapely.Polygon([(to_wall.apply((x, y))[0], z) for x, y, z in o.near]) for o in openings
+        ]
+        for (one, shape), (other, second) in combinations(zip(openings, shapes, strict=True), 2):
+            key = f"openings {one.name} {other.name}"
+            message = f"{one.name} and {other.name} overlap in {name}"
+            hint = f"the other one: {one.where}; move one of them along the wall"
+            area = float(shape.intersection(second).area)
+            # Plans without doors remove walls by overlapping entryways to different spaces.
+            removes = one.kind == other.kind == "entryway" and one.walls != other.walls
+            flaw = Flaw(key, area, _SHARED, other.where, message, hint, removes)
+            flaws.setdefault(key, flaw)
+    yield from flaws.values()
 
 
 def overlaps(plan: FloorPlan) -> Iterator[Flaw]:

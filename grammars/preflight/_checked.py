@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final, TypeAlias
@@ -13,7 +14,7 @@ from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
 from grammars.floorplan import FloorPlan
-from grammars.model.behaviour import Behaviour, Hold, Walk
+from grammars.model.behaviour import Behaviour, Hold, Walk, start_positions
 from grammars.model.free_space import (
     FreeSpace,
     SolidIndex,
@@ -184,6 +185,18 @@ class CheckedScene:
                 positions = behaviour.positions
                 ranges.setdefault(name, {})[joint] = (min(positions), max(positions))
         return ranges
+
+    @functools.cached_property
+    def at_start(self) -> list[Footprint]:
+        """Footprints of all links at the start of the run, where behaviours set it."""
+        joints = start_positions(self.scene, self.behaviours)
+        moved = {}
+        for body in self.scene.objects:
+            positions = [joints[f"{body.name}.{joint.name}"] for joint in body.joints]
+            if positions != [*body.initial]:
+                moved[body.name] = footprints(body, positions)
+        still = (part for part in self.floor.start if part.body.name not in moved)
+        return [*still, *itertools.chain.from_iterable(moved.values())]
 
     @functools.cached_property
     def shut(self) -> dict[str, list[Footprint]]:

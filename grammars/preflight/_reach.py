@@ -2,25 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Container, Iterable, Mapping, Sequence
+from collections.abc import (
+    Callable,
+    Collection,
+    Container,
+    Iterable,
+    Iterator,
+    Mapping,
+    Sequence,
+)
 from functools import partial
 from typing import Final
 
 import shapely
-from shapely.geometry import Polygon
+from shapely.geometry import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from grammars.model.free_space import ConnectedParts, FreeSpace, inscribed_radius
+from grammars.model.free_space import (
+    ConnectedParts,
+    FreeSpace,
+    inscribed_radius,
+    valid_polygon,
+)
 from grammars.model.geometry import Point2
 from grammars.model.movers import is_mover
 from grammars.model.robot import Robot
 from grammars.model.scene import Doorway
 from grammars.preflight._checked import CheckedScene, free_space
 from grammars.preflight._mission import Spot
+from grammars.preflight._walks import resting_places
 from grammars.text.words import enumerate_words
 
 _THIN: Final = 0.02
 """Radius [m] of a disc that counts as passing any gap."""
+_STEP: Final = 0.03
+"""Height [m] above which a threshold stops a robot, as in free space."""
+_TOUCHING: Final = 1e-6
+"""Area [m²] up to which a wall only touches a room."""
 _MOST_NAMES: Final = 3
 """Names of doors in a message at most."""
 
@@ -36,7 +54,7 @@ def check_reach(checked: CheckedScene, robot: Robot, home: Spot, waypoints: Sequ
     parts = space.for_radius(radius)
     part = parts.of(home.point)
     if part is None:
-        _report(checked, [home], *_no_room(robot))
+        _report(checked, [home], *_no_room(checked, robot, home))
         return
     reached: list[Spot] = []
     away: dict[tuple[str, str], list[Spot]] = {}
@@ -45,13 +63,13 @@ def check_reach(checked: CheckedScene, robot: Robot, home: Spot, waypoints: Sequ
         if there == part:
             reached.append(spot)
         elif there is None:
-            away.setdefault(_no_room(robot), []).append(spot)
+            away.setdefault(_no_room(checked, robot, spot), []).append(spot)
         else:
             reason = _no_way(checked, robot, space, home.point, spot.point)
             away.setdefault(reason, []).append(spot)
     for reason, spots in away.items():
         _report(checked, spots, *reason)
-    shut = checked.shut_below(robot.height)
+    shut = checked.shut_below(robot.height) | resting_places(checked, robot.height)
     if shut:
         _check_doors(checked, space, shut, home.point, reached, radius)
 
@@ -66,33 +84,88 @@ def _report(checked: CheckedScene, spots: Sequence[Spot], message: str, hint: st
 # In the messages, … stands for the spots.
 
 
-def _no_room(robot: Robot) -> tuple[str, str]:
+def _no_room(checked: CheckedScene, robot: Robot, spot: Spot) -> tuple[str, str]:
+    point, radius = Point(spot.point), inscribed_radius(robot.footprint)
+    near = {
+        part.body.name: None
+        for part in checked.floor.start
+        if not part.jointed
+        and part.link.z_min < robot.height
+        and part.shape.distance(point) < radius
+    }
+    if near:
+        message = f"… leaves no room for {robot.name} beside {_listed([*near], 'and')}"
+        return message, "move one of them"
     message = f"… leaves no room for {robot.name}"
-    return message, "a standing part of an object, or a wall, is too near"
+    return message, "walls are too near on both sides"
 
 
 def _no_way(
     checked: CheckedScene, robot: Robot, space: FreeSpace, start: Point2, goal: Point2
 ) -> tuple[str, str]:
     """Return message and hint for a place without a way to it."""
-    needed = 2.0 * inscribed_radius(robot.footprint)
+    radius = inscribed_radius(robot.footprint)
+    needed = 2.0 * radius
+    width = f"{robot.name} is {needed:.2f} m wide"
     # If even a thin disc cannot pass, the building is closed; otherwise a passage is too narrow.
-    if not _connected(space.for_radius(_THIN), start, goal):
+    is_closed = not _connected(space.for_radius(_THIN), start, goal)
+    if not is_closed:
+        narrow = [
+            f"{door.name} ({clear:.2f} m)"
+            for door in checked.scene.doorways
+            if (clear := _clear_width(checked, door)) < needed
+            and _only_way(space, door, start, goal)
+        ]
+        if narrow:
+            message = f"the way to … leads through {' and '.join(narrow)}, {width}"
+            return message, "widen the doorway or use a narrower robot"
+    blocking = {
+        reason: hint
+        for reason, shape, hint in _obstacles(checked, robot)
+        if _connected(ConnectedParts(space.area.union(shape).buffer(-radius)), start, goal)
+    }
+    if blocking:
+        hint = next(iter(blocking.values()))
+        message = f"{_listed([*blocking], 'or')} blocks the way to …"
+        return message if is_closed else f"{message}, {width}", hint
+    if is_closed:
         hint = "an entryway may be missing in the floor plan, or not list both of its walls"
         message = "there is no way from the start to …"
         return message, hint
-    narrow = [
-        f"{door.name} ({clear:.2f} m)"
-        for door in checked.scene.doorways
-        if (clear := _clear_width(checked, door)) < needed and _only_way(space, door, start, goal)
-    ]
-    width = f"{robot.name} is {needed:.2f} m wide"
-    if narrow:
-        message = f"the way to … leads through {' and '.join(narrow)}, {width}"
-        return message, "widen the doorway or use a narrower robot"
-    hint = "look for columns or walls close to each other"
     message = f"the way to … is too narrow, {width}"
-    return message, hint
+    return message, "look for columns or walls close to each other"
+
+
+def _obstacles(checked: CheckedScene, robot: Robot) -> Iterator[tuple[str, BaseGeometry, str]]:
+    """Yield each thing that may close a way alone, the floor that it takes, and a remedy."""
+    for door in checked.scene.doorways:
+        passage = valid_polygon(door.footprint).buffer(_THIN)
+        if door.z_min > _STEP:
+            reason = f"{door.name}, which begins {door.z_min:.2f} m above the floor,"
+            yield reason, passage, "z of an entryway is the height of its middle"
+        elif door.z_max < robot.height:
+            reason = f"{door.name}, which ends {door.z_max:.2f} m above the floor,"
+            yield reason, passage, f"make it higher: {robot.name} is {robot.height:.2f} m high"
+    spaces = checked.scene.regions
+    rooms = shapely.union_all([valid_polygon(space.outline, space.holes) for space in spaces])
+    low = [
+        (part.body.name, part.shape)
+        for part in checked.floor.start
+        if not part.jointed and part.link.z_min < robot.height
+    ]
+    solids = checked.floor.solids
+    low += [
+        (solid.owner, shape)
+        for solid, shape in zip(solids.solids, solids.shapes, strict=True)
+        if solid.z_min < robot.height
+    ]
+    taken: dict[str, list[BaseGeometry]] = {}
+    for name, shape in low:
+        inside = shape.intersection(rooms)
+        if inside.area > _TOUCHING:
+            taken.setdefault(name, []).append(inside)
+    for name, shapes in taken.items():
+        yield name, shapely.union_all(shapes), "move it, or make room beside it"
 
 
 def _only_way(space: FreeSpace, door: Doorway, a: Point2, b: Point2) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Final
 
@@ -49,11 +50,12 @@ def check_run(
     sound = [home] if _check_spot(checked, robot, home) else []
     sound += [spot for spot in waypoints if _check_spot(checked, robot, spot)]
     # Only free spots can have a way between them.
-    if home in sound:
-        _check_start(checked, robot, mission, home)
+    body = Polygon(mission.start.apply_ring(robot.footprint))
+    if home in sound and _check_start(checked, robot, body, home):
         check_reach(checked, robot, home, sound[1:])
+    _check_turns(checked, mission)
     check_events(checked, mission)
-    check_walks(checked)
+    check_walks(checked, robot, body)
     # The next checks need the joints of all behaviours.
     if check_behaviours(checked):
         _check_doors(checked, sound)
@@ -80,14 +82,29 @@ def _check_spot(checked: CheckedScene, robot: Robot, spot: Spot) -> bool:
     return False
 
 
-def _check_start(checked: CheckedScene, robot: Robot, mission: Mission, home: Spot) -> None:
-    """Report walls inside the footprint of the robot in its start pose."""
-    body = Polygon(mission.start.apply_ring(robot.footprint))
+def _check_start(checked: CheckedScene, robot: Robot, body: Polygon, home: Spot) -> bool:
+    """Report what overlaps the ``body`` of the robot at the start; return whether nothing does."""
     owners = checked.floor.solids.hit_by(body, 0.0, robot.height)
-    hits = [owner for owner, part in owners.items() if part.area > 1e-6]
+    hits = [owner for owner, overlap in owners.items() if overlap.area > 1e-6]
+    hits += [
+        f"the {part.link.name} of {part.body.name}"
+        for part in checked.at_start
+        if part.link.z_min < robot.height and is_overlap(part.shape.intersection(body))
+    ]
     if hits:
         message = f"at the start {robot.name} overlaps {' and '.join(hits)}"
         checked.error(home.where, message, "move or turn the start")
+    return not hits
+
+
+def _check_turns(checked: CheckedScene, mission: Mission) -> None:
+    """Warn of headings beyond one turn, which were probably meant in degrees."""
+    yaws = {"start": mission.start.yaw} | {w.id: w.yaw or 0.0 for w in mission.waypoints}
+    for name, yaw in yaws.items():
+        if abs(yaw) > math.tau:
+            label = "the start" if name == "start" else f"waypoint {name}"
+            message = f"the yaw of {label}, {yaw:g} rad, is {abs(yaw) / math.tau:.1f} turns"
+            checked.warn(name, message, f'write "{yaw:g} deg" if degrees are meant')
 
 
 def _check_doors(checked: CheckedScene, spots: Sequence[Spot]) -> None:

@@ -10,29 +10,39 @@ from typing import Final
 
 import numpy as np
 import shapely
-from shapely.geometry import LineString
+from shapely.geometry import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from grammars.model.behaviour import Walk
-from grammars.model.free_space import hulls_between, moving_links, swept_pieces
+from grammars.model.free_space import (
+    hulls_between,
+    is_overlap,
+    link_shapes,
+    moving_links,
+    swept_pieces,
+)
 from grammars.model.geometry import Pose2
 from grammars.model.movers import CORNER, PLANAR_JOINTS, Route, is_mover
+from grammars.model.robot import Robot
 from grammars.model.scene import Link, SceneObject
 from grammars.preflight._checked import CheckedScene, Footprint
 from grammars.preflight._parts import check_inside, check_starts
 
 _ROUTE_STEP: Final = 0.1
+_SAME_PLACE: Final = 0.05
+"""Distance [m] up to which a walk begins where its mover stands."""
 _STRAIGHT: Final = 1e-9
 _TURN_STEPS: Final = 46
 """Placements of a mover that turns round: 4 degrees apart, like those of leaves."""
 
 
-def check_walks(checked: CheckedScene) -> None:
-    """Report problems of the routes of movers.
+def check_walks(checked: CheckedScene, robot: Robot, start: Polygon) -> None:
+    """Report problems of the routes of movers; ``start`` is the robot's body at the start.
 
-    Errors: walks of frozen movers, points inside a wall or outside all rooms, routes through a
-    wall, movers that stand in one. Warnings: bodies that touch a wall, walk through still
-    objects (including shut doors) or rest outside the building.
+    Errors: walks of frozen movers, walks that begin elsewhere than their mover stands, points
+    inside a wall or outside all rooms, routes through a wall, movers that stand in one. Warnings:
+    bodies that touch a wall, walk through still objects (including shut doors), walk over the
+    start without yielding or rest outside the building.
     """
     bodies = {body.name: body for body in checked.scene.objects}
     walks = [walk for walk in checked.behaviours if isinstance(walk, Walk)]
@@ -47,6 +57,46 @@ def check_walks(checked: CheckedScene) -> None:
         # A route with a wrong point needs no further checks.
         elif _check_points(checked, body, walk):
             _check_way(checked, body, walk)
+            _check_begin(checked, body, walk)
+            _check_crossing(checked, body, walk, robot, start)
+
+
+def _check_begin(checked: CheckedScene, body: SceneObject, walk: Walk) -> None:
+    """Report a walk that begins elsewhere than its mover stands."""
+    (x, y), (to_x, to_y) = body.pose.apply((body.initial[0], body.initial[1])), walk.route[0]
+    away = math.dist((x, y), (to_x, to_y))
+    if away > _SAME_PLACE:
+        message = (
+            f"{body.name} stands at ({x:.2f}, {y:.2f}), but its walk begins at "
+            f"({to_x:.2f}, {to_y:.2f}), {away:.2f} m away"
+        )
+        hint = f"begin the route where it stands, or place it there: {checked.place(body.name)}"
+        checked.error(walk.joint, message, hint)
+
+
+def _check_crossing(
+    checked: CheckedScene, body: SceneObject, walk: Walk, robot: Robot, start: Polygon
+) -> None:
+    """Warn of a walk over the start of a robot to which it does not yield."""
+    if walk.yielding is None and any(
+        part.link.z_min < robot.height and is_overlap(part.shape.intersection(start))
+        for part in _swept_by_walk(checked, body, walk)
+    ):
+        message = f"{body.name} walks over the start of {robot.name}"
+        checked.warn(walk.joint, message, "let it yield, or lead its route round the start")
+
+
+def resting_places(checked: CheckedScene, height: float) -> dict[str, list[BaseGeometry]]:
+    """Return the outlines below ``height`` [m] of movers where they end their walks, by name."""
+    walks = {b.object: b for b in checked.behaviours if isinstance(b, Walk) and b.manner == "once"}
+    places = {}
+    for body in checked.scene.objects:
+        if body.name in walks and not body.frozen:
+            home, end = _at_home(body), _walked_poses(walks[body.name])[-1]
+            shapes = link_shapes(home, (end.x, end.y, end.yaw, *home.initial[3:]))
+            low = (link for link in moving_links(body) if link.z_min < height)
+            places[body.name] = [shapes[link.name] for link in low]
+    return places
 
 
 def _check_points(checked: CheckedScene, body: SceneObject, walk: Walk) -> bool:
@@ -97,9 +147,7 @@ def _swept_by_walk(checked: CheckedScene, body: SceneObject, walk: Walk) -> list
 
     Its other joints take all positions between their start and the targets of behaviours.
     """
-    at_home = dataclasses.replace(
-        body, pose=Pose2(), initial=(*(0.0 for _ in PLANAR_JOINTS), *body.initial[3:])
-    )
+    at_home = _at_home(body)
     starts = dict(zip((joint.name for joint in body.joints), at_home.initial, strict=True))
     ranges = tuple(
         (name, min(starts[name], low), max(starts[name], high))
@@ -110,6 +158,12 @@ def _swept_by_walk(checked: CheckedScene, body: SceneObject, walk: Walk) -> list
         Footprint(body, link, _walked_area(at_home, link, ranges, walk), jointed=True)
         for link in moving_links(body)
     ]
+
+
+def _at_home(body: SceneObject) -> SceneObject:
+    """Return a mover with its body at the origin of the world."""
+    initial = (*(0.0 for _ in PLANAR_JOINTS), *body.initial[3:])
+    return dataclasses.replace(body, pose=Pose2(), initial=initial)
 
 
 # Most points of a search do not change walks.

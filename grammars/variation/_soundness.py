@@ -6,14 +6,11 @@ Flaws of the source plan, to the same extent, are the choice of its author.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from itertools import combinations
 from typing import Final
 
-from grammars.floorplan import Flaw, FloorPlan, Opening, geometric_flaws
+from grammars.floorplan import Flaw, FloorPlan, geometric_flaws
 from grammars.text.diagnostics import Finding
 
-_AREA: Final = 1e-3
-"""Overlap of openings that is accepted [m²]."""
 _LOW: Final = 1.0
 """Height below which solids are obstacles [m]; lintels are above, sills below."""
 _STANDING: Final = 1e-4
@@ -25,7 +22,7 @@ def check_soundness(
 ) -> tuple[Finding, ...]:
     """Return the flaws of ``plan`` beyond ``source``, the extents of accepted flaws.
 
-    Flaws are suspicious geometry, overlapping openings, walls without thickness or height, and
+    Flaws are suspicious geometry, walls without thickness or height, and
     spaces that a disc of ``radius`` [m] cannot reach from the others through entryways.
     """
     worse = _worse(_geometric(plan), source)
@@ -53,27 +50,6 @@ def _geometric(plan: FloorPlan) -> Iterator[Flaw]:
             message = f"the walls of {space.name} have no {dimension}"
             yield Flaw(f"{dimension} {space.name}", float(size <= 0.0), 0.0, space.where, message)
     yield from geometric_flaws(plan)
-    yield from _colliding_openings(plan)
-
-
-def _colliding_openings(plan: FloorPlan) -> Iterator[Flaw]:
-    import shapely
-
-    in_wall: dict[str, list[Opening]] = {}
-    for opening in plan.openings:
-        for name in opening.walls:
-            in_wall.setdefault(name, []).append(opening)
-    walls = {wall.id: wall for wall in plan.walls}
-    for name, openings in in_wall.items():
-        to_wall = walls[name].frame.inverse()
-        shapes = [
-            shapely.Polygon([(to_wall.apply((x, y))[0], z) for x, y, z in o.near]) for o in openings
-        ]
-        for (one, shape), (other, second) in combinations(zip(openings, shapes, strict=True), 2):
-            message = f"{one.name} and {other.name} overlap"
-            key = f"openings {one.name} {other.name}"
-            area = float(shape.intersection(second).area)
-            yield Flaw(key, area, _AREA, other.where, message)
 
 
 def _unreachable(plan: FloorPlan, radius: float) -> Iterator[Flaw]:

@@ -23,7 +23,6 @@ __all__ = ["PILOT", "PilotParameters"]
 
 class _PilotKind(StackKind[PilotParameters]):
     name = "pilot"
-    plain_numbers = True
 
     def read(self, parameters: Mapping[str, Any]) -> PilotParameters:
         return read_parameters(parameters)

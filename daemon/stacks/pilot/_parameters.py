@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any, Final, TypeAlias
 
 from pydantic import ConfigDict, Field, ValidationError
 from pydantic.dataclasses import dataclass
@@ -12,46 +12,57 @@ from pydantic.dataclasses import dataclass
 from daemon.stacks.findings import ParameterError, ParameterFinding
 from grammars.text.diagnostics import did_you_mean
 from grammars.text.documents import plain_message
+from grammars.text.quantity import QuantityField
 
-_Positive: TypeAlias = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-_NotNegative: TypeAlias = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+_POSITIVE: Final = Field(gt=0.0, allow_inf_nan=False)
+_NOT_NEGATIVE: Final = Field(ge=0.0, allow_inf_nan=False)
+_LENGTH: Final = QuantityField("length", plain=True)
+_TIME: Final = QuantityField("time", plain=True)
+_Length: TypeAlias = Annotated[float, _LENGTH, _POSITIVE]
+_Margin: TypeAlias = Annotated[float, _LENGTH, _NOT_NEGATIVE]
+_Angle: TypeAlias = Annotated[float, QuantityField("angle", plain=True), _POSITIVE]
+_Speed: TypeAlias = Annotated[float, QuantityField("speed", plain=True), _POSITIVE]
+_Turn: TypeAlias = Annotated[float, QuantityField("angular speed", plain=True), _POSITIVE]
+_Acceleration: TypeAlias = Annotated[float, QuantityField("acceleration", plain=True), _POSITIVE]
+_Time: TypeAlias = Annotated[float, _TIME, _POSITIVE]
+_Wait: TypeAlias = Annotated[float, _TIME, _NOT_NEGATIVE]
 _Count: TypeAlias = Annotated[int, Field(ge=0, le=1000)]
 
 
 @dataclass(frozen=True, slots=True, config=ConfigDict(extra="forbid", strict=True))
 class PilotParameters:
-    """Settings of the pilot: plain numbers in SI units, radians."""
+    """Settings of the pilot: quantities with a unit, or plain numbers in SI units."""
 
-    start_sigma: _Positive = 0.05
+    start_sigma: _Length = 0.05
     """[m] Standard deviation of the start position that the pilot receives."""
-    start_yaw_sigma: _Positive = 0.03
+    start_yaw_sigma: _Angle = 0.03
     """[rad] Standard deviation of the start heading that the pilot receives."""
-    max_speed: _Positive = 0.5
+    max_speed: _Speed = 0.5
     """[m/s] Also bounded by the drive."""
-    max_turn: _Positive = 1.0
+    max_turn: _Turn = 1.0
     """[rad/s] Also bounded by the drive."""
-    acceleration: _Positive = 0.5
+    acceleration: _Acceleration = 0.5
     """[m/s^2] Also bounded by the drive."""
-    lookahead: _Positive = 0.45
+    lookahead: _Length = 0.45
     """[m] Of the pure pursuit at low speed."""
-    goal_tolerance: _Positive = 0.15
+    goal_tolerance: _Length = 0.15
     """[m] A waypoint is reached within this distance of the estimated position."""
-    yaw_tolerance: _Positive = 0.1
+    yaw_tolerance: _Angle = 0.1
     """[rad] Tolerance of the heading at a waypoint that has one."""
-    preferred_clearance: _Positive = 1.0
+    preferred_clearance: _Length = 1.0
     """[m] Clearance of the base's centre to walls where there is room."""
-    obstacle_memory: _Positive = 45.0
+    obstacle_memory: _Time = 45.0
     """[s] An obstacle out of sight is forgotten after this time; keep it below patience."""
-    safety_margin: _NotNegative = 0.05
+    safety_margin: _Margin = 0.05
     """[m] Margin around the footprint in motion."""
-    stop_distance: _NotNegative = 0.3
+    stop_distance: _Margin = 0.3
     """[m] Distance at full speed to obstacles ahead that the map lacks, in proportion less at lower
     speed."""
-    blocked_distance: _NotNegative = 0.8
+    blocked_distance: _Margin = 0.8
     """[m] Waiting distance before an obstacle in the way, such as a swinging door."""
-    wait_before_replanning: _NotNegative = 3.0
+    wait_before_replanning: _Wait = 3.0
     """[s] A blocked robot waits this long before it looks for another way."""
-    patience: _Positive = 60.0
+    patience: _Time = 60.0
     """[s] The pilot gives the mission up after waiting this long without any way."""
     recoveries: _Count = 6
     """Number of attempts to get free without progress in between."""
@@ -76,7 +87,6 @@ def read_parameters(values: Mapping[str, object]) -> PilotParameters:
             ParameterFinding(
                 issue["loc"],
                 f"{plain_message(issue)} (given: {issue['input']!r})",
-                "write a plain number in SI units" if issue["type"] == "float_type" else "",
             )
             for issue in error.errors()
         ]

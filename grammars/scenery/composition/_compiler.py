@@ -24,7 +24,7 @@ from grammars.scenery.composition._placement import (
 )
 from grammars.scenery.composition._rings import canonical_ring, rounded, rounded_point, rounded_pose
 from grammars.scenery.model import In, Instance, SceneryLayer, Setting, Starts
-from grammars.text.diagnostics import Findings, gather
+from grammars.text.diagnostics import Finding, Findings, gather, raise_all
 
 
 def apply_settings(
@@ -92,6 +92,7 @@ def compile_scene(plan: FloorPlan, layers: Sequence[SceneryLayer] = ()) -> Scene
     """
     doorways = _doorways(plan)
     catalogue = Catalogue(layers)
+    _refuse_names_of_places(plan, catalogue)
     bodies = gather(
         partial(_object, plan, doorways, catalogue, instance)
         for instance in catalogue.instances.values()
@@ -106,6 +107,21 @@ def compile_scene(plan: FloorPlan, layers: Sequence[SceneryLayer] = ()) -> Scene
         tuple(placed.values()),
         # Only routes of movers need them, and they change the digest of the scene.
         frames if any(map(is_mover, catalogue.joints())) else (),
+    )
+
+
+def _refuse_names_of_places(plan: FloorPlan, catalogue: Catalogue) -> None:
+    """Raise :class:`InputError` for objects with the name of a part of the building."""
+    kinds = {o.name: o.kind for o in plan.openings} | {f.id: "feature" for f in plan.features}
+    kinds |= dict.fromkeys((space.name for space in plan.spaces), "space")
+    raise_all(
+        Finding(
+            instance.where,
+            f'object "{name}" has the name of a part of the floor plan: its {kinds[name]}',
+            "rename the object: oracles find both by their name",
+        )
+        for name, instance in catalogue.instances.items()
+        if name in kinds
     )
 
 

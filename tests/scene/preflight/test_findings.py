@@ -13,10 +13,12 @@ Each text file has scenes and cases::
 import ast
 import functools
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from grammars.model.behaviour import Walk
 from grammars.model.geometry import Pose2
 from grammars.preflight import check_run, check_scene
 from grammars.scenery.composition import compile_scene
@@ -52,6 +54,15 @@ def findings_of(scene, case):
         return check_scene(compiled)
     sentences = layer("\n".join(said), "sentences", models=False)
     behaviours = resolved(compiled, [objects, sentences]).behaviours
+    begins = {walk.object: walk.route[0] for walk in behaviours if isinstance(walk, Walk)}
+    # Movers stand where their walks begin: nothing else here is about that.
+    placed = [
+        replace(body, pose=Pose2(*begins[body.name], body.pose.yaw))
+        if body.name in begins
+        else body
+        for body in compiled.objects
+    ]
+    compiled = replace(compiled, objects=tuple(placed))
     start, _, points = way.partition(" to ")
     task = mission(*ast.literal_eval(f"[{points}]"), start=Pose2(*ast.literal_eval(start)))
     return check_run(compiled, ROBILE, task, behaviours, where=Where("task.yaml"))
