@@ -4,6 +4,8 @@ import shutil
 from dataclasses import replace
 
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from daemon.batch.errors import Refused, Unavailable
 from daemon.batch.server import _workers
@@ -16,6 +18,8 @@ from daemon.model.search import MOST_PROPOSALS, SearchSubmission
 from daemon.model.spec import SutReference
 from daemon.model.submission import MOST_RUNS, CampaignOrigin, CellRun, Submission
 from grammars.text import codec
+from grammars.text.diagnostics import Severity
+from tests.campaign.loaded import findings_of
 from tests.make import make_extension, make_search, make_spec, make_submission, submission_of
 
 DIGEST = "a" * 64
@@ -236,3 +240,24 @@ def test_the_ledger_gives_back_what_was_submitted(submission, ledger):
     leased = {lease.run: lease.spec for lease in ledger.lease(1000)}
     assert leased == {f"{name}.{i}": spec for i, spec in enumerate(specs)}
     assert ledger.reader.run(f"{name}.3").spec == specs[3]
+
+
+SYSTEMS = st.sampled_from(["pilot", "idle", {"pilot": {"max_speed": 0.3}}])
+
+
+@settings(
+    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(
+    suts=st.lists(SYSTEMS, min_size=1, max_size=3),
+    names=st.lists(st.from_regex(r"[a-zA-Z@][a-z0-9._@ -]{0,70}", fullmatch=True), max_size=2),
+    repeats=st.one_of(
+        st.integers(-1, 3), st.just({"n": 2, "pass": "mean", "until": "decided", "at-most": 3})
+    ),
+    limit=st.sampled_from(["1 s", "0 s", "-2 s", "1e300 s", "2 min", "1e-9 s"]),
+)
+def test_the_daemon_takes_what_check_passes(campaign, places, suts, names, repeats, limit):
+    scenarios = {name: {"like": "calm"} for name in names}
+    file = campaign(matrix={"sut": suts}, scenarios=scenarios, repeats=repeats, limit=limit)
+    if not any(one.severity is Severity.ERROR for one in findings_of(file)):
+        admit_submission(expand(load_campaign(file)), places)
