@@ -275,6 +275,8 @@ def _repeats_mapping(value: Any) -> Any:
     # bool is an int in Python: "repeats: true" would be one run.
     if isinstance(value, bool) or not isinstance(value, int | dict):
         raise ValueError("must be a whole number, or {n: 5, pass: rate >= 80 %}")
+    if isinstance(value, int) and not 1 <= value <= _MOST_REPEATS:
+        raise ValueError(f"{value} is not a number of runs from 1 to {_MOST_REPEATS}")
     return {"n": value} if isinstance(value, int) else value
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -17,7 +18,7 @@ from daemon.model.spec import SutReference
 from daemon.stacks.findings import format_path
 from daemon.stacks.registry import stack_kind
 from grammars.model.robot import Robot
-from grammars.oracle import signal_declaration
+from grammars.oracle import RunOutline, check_bounds, signal_declaration
 from grammars.preflight import check_limit, check_map, check_run, check_scene
 from grammars.scenery import unused_groups, unused_parameters
 from grammars.scenery.composition import Catalogue
@@ -137,6 +138,18 @@ def _unrecorded(cell: CampaignCell) -> Iterator[Finding]:
             yield Finding(where, message, hint, Severity.WARNING)
 
 
+def _blind_lasers(cell: CampaignCell) -> Iterator[Finding]:
+    """Yield the lasers at whose height nothing stands."""
+    heights = [(one.z_min, one.z_max) for one in cell.scene.solids]
+    heights += [(link.z_min, link.z_max) for body in cell.scene.objects for link in body.links]
+    for laser in cell.robot.lasers:
+        if not any(low <= laser.z <= high for low, high in heights):
+            top = max((high for _, high in heights), default=0.0)
+            message = f"the {laser.label} of {cell.robot.name} sees nothing at {laser.z:g} m"
+            hint = f"walls and objects of {cell.scene.name} end at {top:g} m: lower it"
+            yield Finding(cell.scenario.where, message, hint, Severity.WARNING)
+
+
 def _problems_of(cell: CampaignCell) -> Iterable[Finding]:
     if cell.given_map is not None and cell.scenario.map_file is not None:
         yield from check_map(
@@ -148,10 +161,21 @@ def _problems_of(cell: CampaignCell) -> Iterable[Finding]:
             places=cell.places,
         )
     yield from _unrecorded(cell)
+    yield from _blind_lasers(cell)
     speeds = {}
     for sut in cell.suts:
         kind = stack_kind(sut.kind)
         speeds[sut.name] = kind.top_speed(kind.read(sut.local_parameters), cell.robot)
+    run = RunOutline(
+        cell.scene,
+        cell.robot,
+        cell.mission,
+        cell.limit,
+        max(speeds.values(), default=math.inf),
+        cell.behaviours[0],
+    )
+    for oracle in cell.oracles:
+        yield from check_bounds(oracle, run)
     yield from check_limit(cell.mission, speeds, limit=cell.limit, where=cell.limit_where)
     for behaviours in dict.fromkeys(cell.behaviours):
         yield from check_run(
@@ -159,6 +183,7 @@ def _problems_of(cell: CampaignCell) -> Iterable[Finding]:
             cell.robot,
             cell.mission,
             behaviours,
+            limit=cell.limit,
             where=cell.mission_where,
             places=cell.places,
         )

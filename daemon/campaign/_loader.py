@@ -38,7 +38,7 @@ from daemon.model.spec import SutReference
 from daemon.model.submission import MOST_RUNS, too_many_runs
 from grammars.floorplan import FloorPlan
 from grammars.model.free_space import inscribed_radius
-from grammars.oracle import check_joint_limits, check_references
+from grammars.oracle import check_references
 from grammars.preflight import places_of
 from grammars.text.diagnostics import Finding, InputError, Severity, Where, gather, raise_all
 from grammars.text.documents import YamlDocument, load_yaml, read_model
@@ -229,7 +229,7 @@ def _compose_cell(
     layers = tuple(map(library.configured_scenery, references))
     scene = composer.scene(plan, layers[: len(scenario.objects)])
     resolved = composer.behaviours(scenario, scene, layers, range(repeats))
-    library.warnings.extend(resolved[0].overridden)
+    library.warnings.extend(resolved[0].warnings)
     waypoints = enumerate(mission.waypoints)
     whole = CampaignCell(
         name=name,
@@ -260,8 +260,6 @@ def _compose_cell(
         for oracle in oracles
         for problem in check_references(oracle, cell.scene, cell.mission)
     )
-    for oracle in oracles:
-        library.warnings.extend(check_joint_limits(oracle, cell.scene))
     return cell
 
 

@@ -18,6 +18,7 @@ from grammars.oracle import (
     Judgement,
     Oracle,
     Reached,
+    Response,
     Signal,
     Statistic,
     Temporal,
@@ -48,7 +49,7 @@ def why_flat(oracle: Oracle) -> tuple[str, str] | None:
     match judgement:
         case Temporal(operator=operator, predicate=predicate) if not unit:
             return _bare(render(predicate)), _ARRIVES if operator == "eventually" else _CLEAR
-        case Until(predicate=predicate) if not unit:
+        case Until(predicate=predicate) | Response(predicate=predicate) if not unit:
             return _bare(render(predicate)), _CLEAR
         case CustomCall(name=name) if not unit:
             return _bare(name), f"{_CLEAR} or {_ARRIVES}"
@@ -61,8 +62,8 @@ def leading_unit(oracle: Oracle) -> str:
     Raises ``ValueError`` if it names a plug-in that is no longer usable.
     """
     match oracle.judgement:
-        case Temporal(predicate=predicate) | Until(predicate=predicate):
-            return predicate_unit(predicate)
+        case Temporal() | Until() | Response() as judgement:
+            return predicate_unit(judgement.predicate)
     return unit_of(oracle)
 
 
@@ -73,8 +74,8 @@ def oracle_scale(oracle: Oracle, robot: Robot) -> OracleScale:
     contacts the inscribed radius of the robot; otherwise 1.
     """
     match oracle.judgement:
-        case Temporal(predicate=predicate) | Until(predicate=predicate):
-            scale = predicate_scale(predicate, robot)
+        case Temporal() | Until() | Response() as judgement:
+            scale = predicate_scale(judgement.predicate, robot)
         case Amount(limit=limit) | Statistic(limit=limit) if limit is not None:
             scale = abs(limit.number.value) or 1.0
         case Reached(tolerance=tolerance):

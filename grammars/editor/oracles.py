@@ -13,6 +13,7 @@ from grammars.editor._schemas import DIALECT
 from grammars.oracle import OBJECT_SIGNALS, SIGNALS, SignalDeclaration, custom_oracle_names
 
 _RULES = ("TemporalOperator", "AmountOperator", "StatisticOperator", "Reached")
+_RESPONSE: Final = r"whenever\s.*\sthen\s.*\swithin\s.*"
 _TOKEN: Final = re.compile(
     r"""(?P<comment>//[^\n]*|/\*.*?\*/)
       | '(?P<literal>(?:\\.|[^'\\])*)'
@@ -45,6 +46,7 @@ def oracle_schema(title: str) -> dict[str, Any]:
     operators = [word for rule in _RULES for word in rules[rule] if word.isalnum()]
     operators.remove("mission")
     operators += map(re.escape, custom_oracle_names())
+    begin, begins = "|".join(operators), ", ".join(operators)
     signals = [*map(_signal_line, SIGNALS.values())]
     signals += [_signal_line(kind, "<object>.") for kind in OBJECT_SIGNALS.values()]
     return {
@@ -61,12 +63,13 @@ def oracle_schema(title: str) -> dict[str, Any]:
                 "type": "string",
                 "description": "Condition, and optionally when it is judged.\n\nSignals:\n"
                 + "\n".join(signals),
-                "pattern": rf"^\s*(?:{'|'.join(operators)})(?![A-Za-z0-9_])[^(]*\(.*\)",
-                "errorMessage": f"an oracle begins with one of: {', '.join(operators)}",
+                "pattern": rf"^\s*(?:(?:{begin})(?![A-Za-z0-9_])[^(]*\(.*\)|{_RESPONSE})",
+                "errorMessage": f"an oracle begins with one of: {begins}, whenever",
                 "examples": [
                     "always(loc.error <= 0.35 m)",
                     "never(contact)",
                     "eventually within 60 s (mission.leg == 2)",
+                    "whenever contact then speed <= 0.1 m/s within 2 s",
                     "fraction(loc.inside_2sigma) >= 95 %",
                     "max(speed) <= 0.8 m/s when clearance < 0.1 m",
                     "reached(mission, 0.25 m)",

@@ -1,7 +1,8 @@
 """The oracle language: requirements on a run with units, one line per oracle."""
 
+from grammars.oracle._bounds import RunOutline, check_bounds
 from grammars.oracle._checks import kind_of, margin_kind, unit_of
-from grammars.oracle._limits import ComparedLimit, check_joint_limits, compared_limits
+from grammars.oracle._limits import ComparedLimit, compared_limits
 from grammars.oracle._model import (
     ROBOT,
     Amount,
@@ -11,6 +12,7 @@ from grammars.oracle._model import (
     Limit,
     Oracle,
     Reached,
+    Response,
     Signal,
     Statistic,
     Temporal,
@@ -53,12 +55,14 @@ __all__ = [
     "Limit",
     "Oracle",
     "Reached",
+    "Response",
+    "RunOutline",
     "Signal",
     "SignalDeclaration",
     "Statistic",
     "Temporal",
     "Until",
-    "check_joint_limits",
+    "check_bounds",
     "check_references",
     "compared_limits",
     "custom_oracle",

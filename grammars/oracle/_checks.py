@@ -7,12 +7,15 @@ from typing import Final
 
 from grammars.model.movers import PLANAR_JOINTS
 from grammars.oracle._model import (
+    OPERATORS,
+    RESPONSE_FORM,
     ROBOT,
     Amount,
     CustomCall,
     Limit,
     Oracle,
     Reached,
+    Response,
     Signal,
     Statistic,
     Temporal,
@@ -34,6 +37,7 @@ from grammars.text.expression_check import DimensionCheck, Kind, MaybeKind, Unkn
 from grammars.text.expressions import Comparison, Expression, Logic, Name, Not, Number, render, walk
 from grammars.text.units import LENGTH, RATIO, TIME, Dimension
 
+_AMOUNTS: Final = "a share is a fraction(…), a time is a time(…) or longest(…), a number a count(…)"
 _EQUALITY: Final = (
     "only counts can be equal, measured values never are exactly",
     "use <= or >=",
@@ -79,8 +83,8 @@ def unit_of(oracle: Oracle) -> str:
     """
     kind: Kind = RATIO
     match oracle.judgement:
-        case Temporal(predicate=predicate) | Until(predicate=predicate):
-            kind = margin_kind(predicate)
+        case Temporal() | Until() | Response() as judgement:
+            kind = margin_kind(judgement.predicate)
         case Amount(operator="time" | "longest"):
             kind = TIME
         case Statistic(signal=signal):
@@ -122,12 +126,14 @@ class _OracleCheck:
                 for judged, _ in oracle.judged():
                     self.predicate(judged)
         match oracle.judgement:
-            case Temporal(within=Number() as within) | Until(within=Number() as within):
-                self._require(within, TIME, '"within" takes a time')
+            case Temporal() | Until() | Response() as judgement if judgement.within is not None:
+                self._require(judgement.within, TIME, '"within" takes a time')
             case Amount(operator=operator, limit=Limit(number=number) as limit):
                 kind = TIME if operator in ("time", "longest") else RATIO
-                if number.dimension != kind:
-                    self.expressions.compare(kind, number, number.dimension)
+                if operator == "count" and "%" in number.text:
+                    self._error(number, f'"{number.text}" is a share, not a count', _AMOUNTS)
+                elif number.dimension != kind:
+                    self.expressions.compare(kind, number, number.dimension, _AMOUNTS)
                 elif limit.operator in ("==", "!=") and operator != "count":
                     self._error(number, *_EQUALITY)
             case Statistic(limit=Limit(operator="==" | "!=", number=number)):
@@ -181,7 +187,12 @@ class _OracleCheck:
                 message = f"{signal.name} takes the name of a node of the behaviour tree"
                 self._error(signal, message, f"such as: {signal.name}(FollowPath)")
         else:
-            if declared.takes_object and thing_of(signal) is not None:
+            thing = thing_of(signal) if declared.takes_object else None
+            if thing is not None:
+                if thing is not arguments[0]:
+                    hint = f"write {signal.name}({thing.name})"
+                    self._error(signal, f"{signal.name} is always that of the robot", hint)
+                    return declared.dimension
                 arguments = arguments[1:]
             if arguments or declared.required:
                 self._arguments(signal, arguments, declared.arguments)
@@ -214,6 +225,10 @@ class _OracleCheck:
 
 
 def _signal_hint(name: str) -> str:
+    if name in OPERATORS:
+        return f"operators stand first: {RESPONSE_FORM}"
+    if name.endswith((".open", ".closed")):
+        return f"compare its joint: abs({name.rpartition('.')[0]}.angle) >= 80 deg"
     parts = name.split("-")
     if len(parts) > 1 and all(part in signal_names() for part in parts):
         return f"to subtract, put blanks around the sign: {' - '.join(parts)}"

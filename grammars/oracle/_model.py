@@ -16,6 +16,12 @@ from grammars.text.expressions import (
     walk,
 )
 
+OPERATORS: Final = (
+    *("always", "never", "eventually", "whenever", "fraction", "time", "longest", "count"),
+    *("max", "min", "mean", "median", "final", "p95", "reached"),
+)
+"""Words with which the oracles of the language begin."""
+RESPONSE_FORM: Final = "whenever contact then speed <= 0.1 m/s within 2 s"
 ROBOT: Final = "robot"
 """Name of the robot in oracles and recorded contacts."""
 
@@ -67,6 +73,19 @@ class Until:
 
 
 @dataclass(frozen=True, slots=True)
+class Response:
+    """``predicate`` at some time within ``within`` [s] of each time that ``occasion`` becomes true.
+
+    Guard and leg apply to that moment. The time after an occasion may end with the run: then it
+    counts only if ``predicate`` held before.
+    """
+
+    occasion: Expression
+    predicate: Expression
+    within: Number
+
+
+@dataclass(frozen=True, slots=True)
 class Amount:
     """Amount of time or number of times that a predicate holds; without a limit, a measure.
 
@@ -106,7 +125,7 @@ class CustomCall:
     arguments: tuple[Number, ...] = ()
 
 
-Judgement: TypeAlias = Temporal | Until | Amount | Statistic | Reached | CustomCall
+Judgement: TypeAlias = Temporal | Until | Response | Amount | Statistic | Reached | CustomCall
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,6 +170,9 @@ class Oracle:
             case Until(operator=operator, predicate=predicate, release=release):
                 yield predicate, operator == "always"
                 yield release, None
+            case Response(occasion=occasion, predicate=predicate):
+                yield occasion, None
+                yield predicate, None
             case Amount(predicate=predicate, limit=limit):
                 yield predicate, None if limit is None else limit.operator in (">=", ">")
             case Statistic(signal=signal, limit=None):

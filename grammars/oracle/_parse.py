@@ -9,6 +9,8 @@ from typing import Final
 
 from grammars.oracle._checks import check_types
 from grammars.oracle._model import (
+    OPERATORS,
+    RESPONSE_FORM,
     Amount,
     CustomCall,
     Judgement,
@@ -16,6 +18,7 @@ from grammars.oracle._model import (
     Limit,
     Oracle,
     Reached,
+    Response,
     Statistic,
     Temporal,
     Until,
@@ -41,10 +44,6 @@ from grammars.text.expressions import (
 )
 from grammars.text.parsing import SyntaxFault
 
-_OPERATORS: Final = (
-    *("always", "never", "eventually", "fraction", "time", "longest", "count"),
-    *("max", "min", "mean", "median", "final", "p95", "reached"),
-)
 _MAX_LENGTH: Final = 1000
 """Characters of an oracle at most."""
 _EXAMPLE: Final = "an oracle looks like: always(loc.error <= 0.35 m)"
@@ -68,9 +67,54 @@ def parse_oracle(name: str, text: str, where: Where) -> Oracle:
     return oracle
 
 
+_RESPONSE: Final = f"write {RESPONSE_FORM}"
+_MEANT: Final = tuple(
+    (re.compile(done), re.compile(rest), hint)
+    for done, rest, hint in (
+        (r"^$", r"(?:if|after|every)\b", _RESPONSE),
+        (r"^$", r"(?:avg|average)\b", "write mean(…)"),
+        (r"^$", r"not\b", "write never(…)"),
+        (r"^$", r"([\w-]+)\s+(?:is|opens?)\b", "write eventually(abs({0}.angle) >= 80 deg)"),
+        (r"^$", r"([^(]+[<>=≤≥].*)", "say when it must hold: always({0})"),
+        (r"^reached\s*\(.*\)$", r"within\s+(.+)", "write a second oracle: final(elapsed) <= {0}"),
+        (r"^reached\b", r".*?(\d[\d.]* ?[a-z]+)", "write reached(mission, {0}), for all waypoints"),
+        (r"^reached\b", r"", "write reached(mission, 0.25 m), for all waypoints"),
+        (r"^whenever\b|-$|\bif$", r"", _RESPONSE),
+        (r"", r"=>\s*-?[\d.]", "write >="),
+        (r"", r"=>|implies\b|then\b", _RESPONSE),
+        (r".\b(?:always|never|eventually)\b", r"", f"operators stand first: {RESPONSE_FORM}"),
+        (r"^(always|never|eventually)$", r"([^(].*)", "write {0}({1})"),
+        (rf"^({'|'.join(OPERATORS)})$", r"([^<>=(]+?)\s*([<>]=?.+)", "write {0}({1}) {2}"),
+        (r"\)$", r"(?:during|in|at|for)\s+(leg\b.*)", "write on {0}"),
+        (r"^(\w+)\s*(\(.*\))$", r"(?:within|before|in|by)\b\s*(.+)", "write {0} within {2} {1}"),
+        (r"\)$", r"(?:if|while|unless)\b\s*(.+)", "write when {0}"),
+        (r"^[^(]+\([^()]*\)[^()]*$", r"and\b|or\b|;|&|\|", "write two oracles, one line each"),
+        (r"", r"≤|=<", "write <="),
+        (r"", r"≥", "write >="),
+        (r"", r"=", "write <=, >=, or == for counts"),
+        (r"", r"&", "write and"),
+        (r"", r"\|", "write or"),
+        (r"", r"!", "write not"),
+        (r"(\d)$", r",(\d+)", "write decimals with a point: {0}.{1}"),
+        (r"\brobot$", r"(?:is\s+)?in\s+([\w-]+)", "write in(robot, {0})"),
+        (r"([\w-]+)(?:\.angle)?$", r"(?:is|opens?)\b", "write abs({0}.angle) >= 80 deg"),
+        (r"([\w.]+)$", r"between\s+(.+?)\s+and\s+([^)]+)", "write {0} >= {1} and {0} <= {2}"),
+    )
+)
+"""Patterns of the text read so far and of the rest, and the sentence that was meant there."""
+
+
+def _meant(done: str, rest: str) -> str:
+    """Return the sentence that was meant by the rest of a text, empty if unknown."""
+    for before, after, hint in _MEANT:
+        if (found := before.search(done)) and (following := after.match(rest)):
+            return hint.format(*found.groups(), *following.groups())
+    return ""
+
+
 class _OracleLanguage(ExpressionLanguage):
     def hint(self, fault: SyntaxFault) -> str:
-        return _EXAMPLE
+        return _meant(fault.done, fault.rest) or _EXAMPLE
 
 
 _LANGUAGE: Final = _OracleLanguage(Path(__file__).with_name("oracle.tx"), autokwd=True)
@@ -78,12 +122,14 @@ _LANGUAGE: Final = _OracleLanguage(Path(__file__).with_name("oracle.tx"), autokw
 
 def _refuse_unknown_operator(text: str, where: Where) -> None:
     word = re.match(r"\s*([A-Za-z_][\w.-]*)", text)
-    if word is not None and word[1] in _OPERATORS:
+    if word is not None and word[1] in OPERATORS:
         return
-    operators = (*_OPERATORS, *custom_oracle_names())
+    operators = (*OPERATORS, *custom_oracle_names())
     if word is None or word[1] not in operators:
         subject = f'"{word[1]}"' if word else "this"
         hint = did_you_mean(word[1], operators) if word else _EXAMPLE
+        if not hint.startswith("did"):
+            hint = _meant("", text.strip()) or hint
         raise InputError.at(where, f"{subject} does not begin an oracle", hint)
 
 
@@ -94,6 +140,11 @@ def _judgement(node: SyntaxNode, source: SourceText) -> Judgement:
             if node.until:
                 return _until(node, predicate, source)
             return Temporal(node.operator, predicate, _quantity(node.within, source))
+        case "Response":
+            occasion, predicate = (
+                read_expression(part, source) for part in (node.occasion, node.predicate)
+            )
+            return Response(occasion, predicate, read_number(node.within, source))
         case "Amount":
             predicate = read_expression(node.predicate, source)
             return Amount(node.operator, predicate, _limit(node.limit, source))
@@ -103,7 +154,11 @@ def _judgement(node: SyntaxNode, source: SourceText) -> Judgement:
         case "Reached":
             return Reached(read_number(node.tolerance, source))
     arguments = tuple(read_number(argument, source) for argument in node.arguments)
-    return CustomCall(read_name(node.name), arguments)
+    name = read_name(node.name)
+    if name in OPERATORS:
+        message = f'"{name}" judges something else than this'
+        raise InputError.at(source.at(node), message, _meant(name, "") or _EXAMPLE)
+    return CustomCall(name, arguments)
 
 
 def _until(node: SyntaxNode, predicate: Expression, source: SourceText) -> Until:

@@ -1,17 +1,20 @@
-"""Checks of behaviours: joints that cannot move, and events and triggers that never happen."""
+"""Checks of behaviours: joints that cannot move, times, and events that never happen."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Final, TypeAlias
 
 from shapely.geometry import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from grammars.model.behaviour import (
+    Behaviour,
     Event,
     Hold,
     JointActs,
+    KeyFrames,
     LegBegins,
     Reaction,
     Trigger,
@@ -27,6 +30,10 @@ from grammars.preflight._checked import CheckedScene, free_space
 from grammars.text.diagnostics import Findings, did_you_mean
 
 _TOLERANCE: Final = 1e-9
+_FASTEST: Final = 10.0
+"""Speed [m/s] above which a unit is almost surely wrong."""
+_FASTEST_TURN: Final = 20.0
+"""The same of a joint that turns [rad/s]."""
 _WaitingBehaviour: TypeAlias = Reaction | Walk
 
 
@@ -52,6 +59,61 @@ def check_behaviours(checked: CheckedScene) -> bool:
             problems.error(where, f"{name} should move, but its limits leave no room")
     checked.findings.add(problems.all)
     return not problems.all
+
+
+def check_times(checked: CheckedScene, limit: float) -> None:
+    """Warn of motions that are too late, too slow or too fast for a run of ``limit`` [s]."""
+    scene = checked.scene
+    turning = {
+        f"{b.name}.{j.name}" for b in scene.objects for j in b.joints if j.kind == "revolute"
+    }
+    for behaviour in checked.behaviours:
+        where = behaviour.joint
+        late = [time for time in _times(behaviour) if time > limit]
+        if late:
+            message = f"{late[0]:g} s is longer than a run, which ends after {limit:g} s"
+            checked.warn(where, message, "use a shorter time, or a longer limit")
+        motion = None if isinstance(behaviour, Hold | Walk) else behaviour.motion
+        turns = motion is not None and where in turning
+        most, unit = (_FASTEST_TURN, "deg/s") if turns else (_FASTEST, "m/s")
+        rate = behaviour.speed if isinstance(behaviour, Walk) else getattr(motion, "rate", 0.0)
+        shown = f"{math.degrees(rate) if turns else rate:.4g} {unit}"
+        if rate > most:
+            checked.warn(where, f"{shown} is too fast for any door or person", "check the unit")
+        ways = _ways(behaviour, scene.initial_joints, limit)
+        if isinstance(behaviour, Trigger | Reaction) and not ways[0][0]:
+            checked.warn(where, "nothing moves: start and end are one position")
+        elif rate and ways and all(way > rate * time * (1.0 + _TOLERANCE) for way, time in ways):
+            way, time = ways[0]
+            message = f"the motion takes {way / rate:.1f} s at {shown}, but has only {time:g} s"
+            checked.warn(where, message, "use a higher speed, or more time")
+
+
+def _times(behaviour: Behaviour) -> tuple[float, ...]:
+    """Return the times [s] that a behaviour waits at least."""
+    match behaviour:
+        case KeyFrames(frames=frames):
+            return tuple(frame.time for frame in frames)
+        case Reaction(delay=delay):
+            return (delay,)
+        case Walk(start=start, pause=pause):
+            return (start, pause)
+    return ()
+
+
+def _ways(
+    behaviour: Behaviour, initial: Mapping[str, float], limit: float
+) -> list[tuple[float, float]]:
+    """Return the ways [rad or m] of the motions of a joint, and the time [s] for each."""
+    match behaviour:
+        case Trigger(start=start, end=end) | Reaction(start=start, end=end):
+            return [(abs(end - start), limit)]
+        case KeyFrames(frames=frames):
+            ends = [*(frame.time for frame in frames[1:]), limit]
+            starts = [initial[behaviour.joint], *behaviour.positions]
+            moves = zip(frames, starts, ends, strict=False)
+            return [(abs(f.position - q), t - f.time) for f, q, t in moves if 0.0 < f.time < t]
+    return []
 
 
 def check_events(checked: CheckedScene, mission: Mission) -> None:

@@ -13,7 +13,12 @@ from grammars.model.free_space import inscribed_radius, is_overlap
 from grammars.model.mission import Mission
 from grammars.model.robot import Robot
 from grammars.model.scene import Scene
-from grammars.preflight._behaviours import check_behaviours, check_events, check_triggers
+from grammars.preflight._behaviours import (
+    check_behaviours,
+    check_events,
+    check_times,
+    check_triggers,
+)
 from grammars.preflight._checked import CheckedScene, sweeps
 from grammars.preflight._doors import colliding_doors
 from grammars.preflight._mission import Spot, spots_of
@@ -31,6 +36,7 @@ def check_run(
     mission: Mission,
     behaviours: Sequence[Behaviour],
     *,
+    limit: float = math.inf,
     where: Where | None = None,
     places: Mapping[str, Where] | None = None,
 ) -> tuple[Finding, ...]:
@@ -40,10 +46,11 @@ def check_run(
     width of the robot; unreachable waypoints, with the doorway that is too narrow; behaviours of
     joints that cannot move; legs and waypoints that the mission lacks. Warnings:
     waypoints behind shut doors or under a leaf; leaves that move through walls or other objects;
-    triggers out of reach of the robot; events that never happen; routes through walls.
+    times beyond the limit; triggers out of reach of the robot; events that never happen; routes
+    through walls.
 
-    ``where`` is the place of the mission; ``places`` has finer ones: ``start``, ids of waypoints,
-    names of joints and objects.
+    A run ends after ``limit`` [s]. ``where`` is the place of the mission; ``places`` has finer
+    ones: ``start``, ids of waypoints, names of joints and objects.
     """
     checked = CheckedScene(scene, places or {}, where or Where(mission.name), behaviours)
     home, *waypoints = spots_of(mission, checked.places, checked.home)
@@ -58,6 +65,7 @@ def check_run(
     check_walks(checked, robot, body)
     # The next checks need the joints of all behaviours.
     if check_behaviours(checked):
+        check_times(checked, limit)
         _check_doors(checked, sound)
         check_triggers(checked, robot, mission)
     return checked.findings.all

@@ -70,6 +70,32 @@ _OTHER_FORMS: Final = frozenset(
 """Valid forms of words that messages do not suggest."""
 
 
+_MEANT: Final = tuple(
+    (re.compile(pattern.replace("SUBJECT", r"((?:every\s+|all\s+)?[\w.]+)\s+")), f"write {hint}")
+    for pattern, hint in (
+        (r"(?:if|when)\s+(.+?)(?:,|\s+then)\s+(\w+)\s", "{1} goes from closed to open when {0}"),
+        (r"SUBJECT(?:remains?|keeps?|is kept)\s+(\w+)", "{0} stays {1}"),
+        (r"SUBJECT(?:begins?|is initially)\s+(\w+)", "{0} starts {1}"),
+        (r"SUBJECT(?:is|are)\s+(?:always\s+)?(\w+)", "{0} starts {1}; all the time: {0} stays {1}"),
+        (r"SUBJECT(?:\w+\s+)?opens?\s+(?:at|after|in)\s+(.+)", "{0} moves to open at {1}"),
+        (r"SUBJECT(?:closes?|shuts?)\s+(?:at|after|in)\s+(.+)", "{0} moves to closed at {1}"),
+        (r"SUBJECTopens?\s+when\s+(.+)", "{0} goes from closed to open when {1}"),
+        (r"SUBJECT(?:closes?|shuts?)\s+when\s+(.+)", "{0} goes from open to closed when {1}"),
+        (r"SUBJECT(?:goes?|moves?)\s+from\s+(\w+)\s+to\s+(\w+)\s+at\s+(.+)",
+         "{0} moves to {1} at 0 s, to {2} at {3}"),
+        (r".*\swhen\s+(?:the\s+)?robot\s", "when the robot is within 1 m of its hinge"),
+        (r"SUBJECT(?:goes?|moves?)\s+(?:to\s+)?(\w+)\s+(?:at|after|in)\s+([^,]+)",
+         "{0} moves to {1} at {2}"),
+        (r"SUBJECTmoves?\s+at\s+(.+?)\s+to\s+(\w+)", "{0} moves to {2} at {1}"),
+        (r"SUBJECTmoves?\s+to\s+(\w+)$", "{0} moves to {1} at 8 s"),
+        (r"SUBJECTstays?\s+(\w+)\s+until\s+(.+)", "{0} moves to {1} at 0 s, and to another at {2}"),
+        (r"SUBJECTtoggles?\s", "{0} toggles between closed and open every 30 s"),
+        (r"SUBJECT(?:walks?|moves along)\s", "{0} walks along (0 m, 1 m), (2 m, 1 m) of hall"),
+    )
+)  # fmt: skip
+"""Patterns of sentences of others, and the ones that they mean."""
+
+
 class _SceneryLanguage(Language):
     words = _READABLE
     token = re.compile(r"\w+|\S")
@@ -125,7 +151,9 @@ class _SceneryLanguage(Language):
             close = difflib.get_close_matches(word, choices, 1, 0.75)
             if close:
                 return f'did you mean "{close[0]}"?'
-        return ""
+        sentence = (line + fault.rest.partition("\n")[0]).partition("//")[0].strip()
+        meant = ((pattern.match(sentence), hint) for pattern, hint in _MEANT)
+        return next((hint.format(*found.groups()) for found, hint in meant if found), "")
 
 
 def _is_reserved(fault: SyntaxFault) -> bool:

@@ -83,11 +83,14 @@ class DimensionCheck:
         """Report an expression that is not a predicate."""
         self._predicate(expression, self.kind(expression))
 
-    def compare(self, subject: Dimension, limit: Expression, dimension: Dimension) -> None:
+    def compare(
+        self, subject: Dimension, limit: Expression, dimension: Dimension, hint: str = ""
+    ) -> None:
         """Report a ``limit`` whose ``dimension`` is not that of its ``subject``."""
-        hint = f"write the limit in {subject.unit}" if dimension == RATIO else ""
         if isinstance(limit, Number):
-            hint = with_unit(limit, subject)
+            hint = with_unit(limit, subject) or hint
+        elif dimension == RATIO:
+            hint = f"write the limit in {subject.unit}"
         self.error(limit, f"compares {_named(subject)} with {_named(dimension)}", hint)
 
     def _visit(self, part: Expression, kinds: Sequence[MaybeKind]) -> MaybeKind:
@@ -149,8 +152,8 @@ class DimensionCheck:
 
 def with_unit(number: Number, kind: Dimension) -> str:
     """Return a hint with the unit that a plain number lacks, empty if it has a unit."""
-    if number.dimension != RATIO:
-        return ""
+    if number.dimension != RATIO or not number.text[-1:].isdecimal():
+        return ""  # it has a unit, perhaps %
     return f"write it in {kind.unit}: {number.text} {kind.unit}"
 
 

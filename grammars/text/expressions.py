@@ -96,7 +96,7 @@ class Logic:
 
 Expression: TypeAlias = Number | Name | Arithmetic | Function | Comparison | Not | Logic
 
-_PLAIN_NAME: Final = re.compile(r"(?!(and|or|not|when|within)$)[^\W\d][\w-]*(\.\w[\w-]*)*")
+_PLAIN_NAME: Final = re.compile(r"(?!(and|or|not|when|within|then)$)[^\W\d][\w-]*(\.\w[\w-]*)*")
 
 
 def read_expression(node: SyntaxNode, source: SourceText) -> Expression:

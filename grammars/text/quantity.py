@@ -22,6 +22,10 @@ _PATTERN: Final = re.compile(
 )
 
 
+_PARTS_OF_TIME: Final = re.compile(r"\s*\d+(?::\d+)+\s*|(?:\s*\d+\s*[a-z]+){2,}\s*")
+"""A time in several parts: ``2:30``, ``2 min 30 s``."""
+
+
 @dataclass(frozen=True, slots=True)
 class Quantity:
     """A value in SI units and its dimension (a key of ``SI_UNITS``)."""
@@ -60,6 +64,8 @@ def read_as(text: str | float | int, dimension: str) -> float:
     """
     if isinstance(text, bool) or not isinstance(text, str | float | int):
         raise ValueError(f"expected {with_article(dimension)} such as {_example(dimension)}")
+    if isinstance(text, str) and dimension == "time" and _PARTS_OF_TIME.fullmatch(text):
+        raise ValueError(f'"{text}" is no time here: write one number with a unit, such as "150 s"')
     quantity = read_quantity(text) if isinstance(text, str) else Quantity(float(text), "ratio")
     if quantity.dimension != dimension:
         value = f'"{text}"' if isinstance(text, str) else str(text)

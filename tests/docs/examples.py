@@ -148,7 +148,7 @@ def with_keys(before, text):
 _COMPOSED = "composition"
 _COMPOSITION = """\
 campaign: composition
-limit: 1 min
+limit: 5 min
 robot: courier
 matrix: {{sut: pilot}}
 oracles: {oracles}

@@ -3,16 +3,20 @@
 import dataclasses
 import re
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 
+from grammars.model.behaviour import Hold
 from grammars.model.geometry import Pose2
 from grammars.model.mission import Mission, Waypoint
 from grammars.model.movers import with_planar_chain
+from grammars.model.robot_files import load_robot
 from grammars.model.scene import Doorway, Joint, Link, Region, Scene, SceneObject, Solid
 from grammars.oracle import (
     SIGNALS,
-    check_joint_limits,
+    RunOutline,
+    check_bounds,
     check_references,
     compared_limits,
     load_oracles,
@@ -22,6 +26,7 @@ from grammars.oracle import (
 from grammars.text.diagnostics import InputError, Where
 from grammars.text.expressions import Name, Number, render
 from tests.languages.plans import HERE, answers
+from tests.parts import ROOT
 
 
 def parse(text):
@@ -162,16 +167,50 @@ def test_the_robot_is_in_places_and_in_contact_with_things(name):
     assert bool(findings(f"never(contact({name}))", scene=EVERYTHING)) is is_place
 
 
+ROBOT = load_robot(ROOT / "campaigns" / "robots" / "courier.yaml")
+
+
+def undecidable(text, scene, *behaviours):
+    """Return the findings about a run of 60 s at 0.5 m/s at most."""
+    run = RunOutline(scene, ROBOT, SOMEWHERE, 60.0, 0.5, behaviours)
+    oracle = parse_oracle("it", text, Where("o.yaml", 1, 1))
+    said = " ".join(map(str, check_bounds(oracle, run))) or "nothing"
+    return said.replace("\n   ", ",").replace("warning: ", "")
+
+
 def limits(text):
     """Return what is said of a door that opens from 0 to 1.9 rad, and of its mirror image."""
     said = []
     for mirrored in (False, True):
         joint = replace(hinge("hinge", "leaf"), lower=-1.9 * mirrored, upper=1.9 * (not mirrored))
         scene = replace(SCENE, objects=(replace(thing("door-17", joint), mirrored=mirrored),))
-        oracle = parse_oracle("it", text, Where("o.yaml", 1, 1))
-        said.append(" ".join(map(str, check_joint_limits(oracle, scene))) or "nothing")
-    return " | ".join(said).replace("\n   ", ",")
+        said.append(undecidable(text, scene))
+    return " | ".join(said)
 
 
 def test_what_a_door_cannot_come_to_is_warned_of(golden):
     golden("tables/limits.txt", answers("tables/limits.txt", limits))
+
+
+def walls(*corners):
+    sides = (((x, y), (u, v), (u + 0.1, v + 0.1)) for (x, y), (u, v) in pairwise(corners))
+    return tuple(Solid(f"wall-{i}", "wall", ring, 0.0, 2.7) for i, ring in enumerate(sides))
+
+
+CLOSED = ((-1.0, -1.0), (9.0, -1.0), (9.0, 5.0), (-1.0, 5.0), (-1.0, -1.0))
+HALLS = {
+    "open": replace(EVERYTHING, solids=walls(*CLOSED[:4])),
+    "shut": replace(EVERYTHING, solids=walls(*CLOSED)),
+    "still": replace(PLACES, objects=(replace(thing("door-17", hinge("h", "l")), frozen=True),)),
+}
+HELD = Hold("door-17.hinge", 0.0)
+
+
+def bounds(text):
+    """Return what is said in a hall: ``open`` to the outside, ``shut``, or with ``still`` doors."""
+    name, _, oracle = text.partition(": ")
+    return undecidable(oracle, HALLS[name], *([HELD] if name == "open" else []))
+
+
+def test_what_no_run_can_change_is_warned_of(golden):
+    golden("tables/bounds.txt", answers("tables/bounds.txt", bounds))

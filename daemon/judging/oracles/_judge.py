@@ -18,9 +18,11 @@ from daemon.judging.oracles._obstacles import DigestedScene
 from daemon.judging.oracles._operators import (
     judge_amount,
     judge_reached,
+    judge_response,
     judge_statistic,
     judge_temporal,
     judge_until,
+    occasions_of,
     true_stretches,
 )
 from daemon.judging.oracles._predicate import (
@@ -43,6 +45,7 @@ from grammars.oracle import (
     CustomCall,
     Oracle,
     Reached,
+    Response,
     Signal,
     Statistic,
     Temporal,
@@ -171,6 +174,8 @@ def _evaluate(oracle: Oracle, sampler: SignalSampler) -> MarginInterval:
             return judge_temporal(oracle, judgement, sampler)
         case Until() as judgement:
             return judge_until(oracle, judgement, sampler)
+        case Response() as judgement:
+            return judge_response(oracle, judgement, sampler)
         case Amount() as judgement:
             return judge_amount(oracle, judgement, sampler)
         case Statistic() as judgement:
@@ -226,6 +231,12 @@ def _violations(oracle: Oracle, sampler: SignalSampler) -> tuple[TimeSpan, ...]:
             # A release holds for good, so nothing after it is a violation.
             released = np.logical_or.accumulate(evaluate_predicate(release, sampler).margin >= 0.0)
             wrong = (values < 0.0) & ~released
+        case Response(predicate=predicate) as judgement:
+            values = evaluate_predicate(predicate, sampler).margin
+            scope = scope_of(oracle, sampler, window_of(oracle, sampler), values)
+            wrong = np.zeros(len(values), dtype=np.bool_)
+            for span, over in zip(*occasions_of(judgement, sampler, scope.allowed), strict=True):
+                wrong[span] |= over and not (values[span] >= 0.0).any()
         case Amount(predicate=predicate, limit=limit) if limit is not None:
             values = evaluate_predicate(predicate, sampler).margin
             wrong = values < 0.0 if limit.operator in (">=", ">") else values >= 0.0

@@ -4,9 +4,10 @@ A verdict's margin is flat until its event happens: ``never(contact)`` has the s
 the robot passed a box at 30 cm or at 2 cm. A leading margin has the verdict's sign and continues
 there. No verdict and no trace contains leading margins.
 
-- ``always``, ``never``, ``eventually``, ``until``: quantitative semantics over signals that lead.
-  At every sample a clause keeps the sign that it has for the verdict. If the units of clauses
-  differ, each is divided by its scale. For a release that never came: the smallest distance to it.
+- ``always``, ``never``, ``eventually``, ``until``, ``whenever``: quantitative semantics over
+  signals that lead. At every sample a clause keeps the sign that it has for the verdict. If the
+  units of clauses differ, each is divided by its scale. For a release that never came: the smallest
+  distance to it.
 - ``time``, ``longest``, ``fraction``, ``count``: the verdict's margin. While the amount is 0, or
   the condition always holds, the smallest distance to a change is added.
 - ``max``, ``min``, ``median``, ``final``, ``p95``: of the signal that leads; ``mean``: as judged.
@@ -43,6 +44,7 @@ from daemon.judging.oracles._clearance import nearest_polygons, place_outline
 from daemon.judging.oracles._judge import bind_oracle, judge, written_oracle
 from daemon.judging.oracles._obstacles import footprint_box, obstacles_named
 from daemon.judging.oracles._operators import (
+    judge_response,
     judge_statistic,
     judge_temporal,
     judge_until,
@@ -71,6 +73,7 @@ from grammars.oracle import (
     Amount,
     Oracle,
     Reached,
+    Response,
     Signal,
     Statistic,
     Temporal,
@@ -170,6 +173,9 @@ def _lead(oracle: Oracle, verdict: Verdict, sampler: SignalSampler) -> _Lead | N
             return _decisive(judge_temporal(oracle, judgement, sampler, lead))
         case Until() as judgement:
             return _lead_until(oracle, judgement, verdict, sampler)
+        case Response(predicate=predicate) as judgement:
+            lead = _clause_lead(predicate, sampler)
+            return _decisive(judge_response(oracle, judgement, sampler, lead))
         case Amount() as judgement:
             return _lead_amount(oracle, judgement, verdict, sampler)
         case Statistic() as judgement:

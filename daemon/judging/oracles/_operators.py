@@ -1,4 +1,4 @@
-"""The operators of the oracle language on one trace: always, fraction, max, until, reached.
+"""The operators of the oracle language on one trace: always, fraction, max, until, whenever.
 
 Between two samples everything is constant. On a trace that was cut, the unknown rest of the run (at
 most until its time limit) widens the interval of the margin; recorded violations stay.
@@ -6,6 +6,10 @@ most until its time limit) widens the interval of the margin; recorded violation
 ``always(...) until (...)``: the margin is that of the predicate before the release, in the
 predicate's unit. A release that never came has no amount in that unit, so it is missed by the
 smallest possible number.
+
+``whenever A then B within T``: the margin is that of ``B``, of each occasion the best and of all
+occasions the worst. The end of the run may cut the time of an occasion: it then counts only if
+``B`` held before. Without an occasion there is nothing to judge.
 
 ``reached(mission, tolerance)``: all waypoints, in strict order, by the true position. A run is as
 good as its best reading: of all ways to name a moment for every waypoint, in order, the one whose
@@ -40,7 +44,7 @@ from daemon.judging.oracles._series import SignalSeries, TimeBase, quantile_inde
 from daemon.model.verdicts import Evidence, MarginInterval, join_notes, unknown_margin
 from grammars.model.geometry import Floats
 from grammars.model.mission import Waypoint
-from grammars.oracle import Amount, Limit, Oracle, Reached, Statistic, Temporal, Until
+from grammars.oracle import Amount, Limit, Oracle, Reached, Response, Statistic, Temporal, Until
 from grammars.text.expressions import render
 
 _RELEASED = "what it waits for held from the start"
@@ -254,6 +258,48 @@ def judge_until(
     return MarginInterval(worst if came.any() or closed else -math.inf, worst, evidence)
 
 
+def occasions_of(
+    judgement: Response, sampler: SignalSampler, allowed: SampleMask
+) -> tuple[list[slice], SampleMask]:
+    """Return the samples in which each occasion has its answer, and whether all were recorded."""
+    time, within = sampler.time_base.time, judgement.within.value
+    holds = evaluate_predicate(judgement.occasion, sampler).margin >= 0.0
+    starts = [s.start for s in true_stretches(holds) if allowed[s.start]]
+    ends = np.searchsorted(time, time[starts] + within + 1e-9, side="right").tolist()
+    over = sampler.time_base.end >= time[starts] + within - 1e-9
+    return [slice(*ends) for ends in zip(starts, ends, strict=True)], over
+
+
+def judge_response(
+    oracle: Oracle, judgement: Response, sampler: SignalSampler, lead: ClauseLead | None = None
+) -> MarginInterval:
+    """Judge the answer to every occasion by its best moment, or return the margin that leads."""
+    window, closed = window_of(oracle, sampler), sampler.time_base.closed
+    occasion = evaluate_predicate(judgement.occasion, sampler).margin
+    scope = scope_of(oracle, sampler, window, occasion)
+    spans, over = occasions_of(judgement, sampler, scope.allowed)
+    answer = evaluate_predicate(judgement.predicate, sampler, lead=lead)
+    known = np.where(np.isnan(answer.margin), -math.inf, answer.margin)
+    best = np.array([span.start + int(known[span].argmax()) for span in spans], dtype=np.int64)
+    # The end of the run may cut the time of an occasion: then only an answer counts. In a cut trace
+    # this time goes on.
+    unknown = np.isinf(known[best]) if closed else np.isinf(known[best]) & over
+    judged = ~unknown & ((known[best] >= 0.0) | over | (not closed))
+    if not judged.any():
+        reason = f"vacuous: {render(judgement.occasion)} never became true"
+        if spans:
+            reason = f"no time for {render(judgement.predicate)} was recorded to its end"
+        return unknown_margin(reason if scope.allowed.any() else scope.reason)
+    final = judged & (over | closed)
+    worst = min(np.flatnonzero(final if final.any() else judged), key=lambda i: known[best[i]])
+    begun = f"{render(judgement.occasion)} at {sampler.time_base.time[spans[worst].start]:.2f} s"
+    notes = (begun, scope.note, window.cut)
+    evidence = _evidence_at_sample(answer, sampler.time_base, best[worst], *notes)
+    # Answers may still come in a cut run, and further occasions.
+    lower = float(known[best[judged]].min()) if window.closed else -math.inf
+    return MarginInterval(lower, float(known[best[worst]]) if final.any() else math.inf, evidence)
+
+
 def _window_within(
     oracle: Oracle, judgement: Temporal | Until, sampler: SignalSampler
 ) -> tuple[JudgedWindow, bool, SampleMask]:
@@ -329,25 +375,32 @@ def _decisive_visit(
     closest: float,
     tolerance: float,
 ) -> Evidence:
-    """Return the evidence for the worst distance of the best reading."""
-    time, start = sampler.time_base.time, 0
-    worst, decisive, when = -math.inf, 0, 0
+    """Return the evidence of the best reading: its first missed waypoint, otherwise its worst."""
+    time, count, within = sampler.time_base.time, len(waypoints), max(closest, tolerance)
+    worst, decisive, when, note = -math.inf, 0, 0, ""
+    # The earliest visits of the best reading, and those within the tolerance.
+    loose = start = 0
     for index, waypoint in enumerate(waypoints):
-        distance = waypoint_distance(sampler, usable, waypoint)[start:]
-        visit = _first_visit(distance, max(closest, tolerance))
-        best = visit.start + int(distance[visit].argmin())
-        if distance[best] > worst:
-            worst, decisive, when = float(distance[best]), index, start + best
-        start += visit.start
-    count = len(waypoints)
-    if closest <= tolerance:
-        note = f"all {count} waypoints visited, the last at {time[start]:.2f} s"
+        distance = waypoint_distance(sampler, usable, waypoint)
+        if distance[start:].min() > within:
+            start = loose
+        visit = _first_visit(distance[start:], within)
+        best = start + visit.start + int(distance[start:][visit].argmin())
+        is_missed = distance[best] > tolerance
+        if distance[best] > worst or is_missed:
+            worst, decisive, when = float(distance[best]), index, best
+        if is_missed:
+            note = f"waypoint {index + 1} of {count} is the first missed"
+            if closest > worst + 1e-9:
+                note += f", a later one by {closest - tolerance:.2f} m"
+            break
+        loose += _first_visit(distance[loose:], within).start
+        start += int((distance[start:] <= tolerance).argmax())
     else:
-        note = f"in order, waypoint {decisive + 1} of {count} is not visited nearer"
-    if not sampler.time_base.closed:
-        cut = f"the trace ends at {sampler.time_base.end:.2f} s, before the run"
-        note = join_notes(note, "" if closest <= tolerance else cut)
-    return Evidence(float(time[when]), closest, tolerance, waypoints[decisive].id, note)
+        note = f"all {count} waypoints visited, the last at {time[start]:.2f} s"
+    if not sampler.time_base.closed and closest > tolerance:
+        note = join_notes(note, f"the trace ends at {sampler.time_base.end:.2f} s, before the run")
+    return Evidence(float(time[when]), worst, tolerance, waypoints[decisive].id, note)
 
 
 def _first_visit(distance: Floats, within: float) -> slice:

@@ -19,7 +19,7 @@ from grammars.scenery.model import (
     Word,
     require_dimension,
 )
-from grammars.text.diagnostics import InputError, Where, did_you_mean
+from grammars.text.diagnostics import Finding, InputError, Severity, Where, did_you_mean
 
 
 class SentenceContext:
@@ -36,7 +36,13 @@ class SentenceContext:
         self.frames = frames
         self.seed = seed
         self.limit = limit
+        self.warnings: list[Finding] = []
         self.parameters: dict[str, Measure] = {p.name: p.value for p in layer.parameters}
+
+    def warn(self, where: Where, message: str) -> None:
+        """Add a warning about a sentence that does nothing."""
+        hint = "change the sentence, or leave it out"
+        self.warnings.append(Finding(where, message, hint, Severity.WARNING))
 
     def value(self, amount: Amount, *dimensions: str) -> float:
         """Return the SI value of a quantity or parameter."""

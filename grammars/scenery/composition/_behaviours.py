@@ -17,21 +17,22 @@ from grammars.scenery.composition._amounts import SentenceContext
 from grammars.scenery.composition._catalogue import Catalogue
 from grammars.scenery.composition._compiler import refuse_unapplied
 from grammars.scenery.composition._sentences import SentenceResolver
-from grammars.scenery.model import SceneryLayer, Sentence
+from grammars.scenery.model import SceneryLayer, Sentence, Starts
 from grammars.text.diagnostics import Finding, Findings, InputError, Severity, Where
 from grammars.text.words import enumerate_words
 
 
 @dataclass(frozen=True, slots=True)
 class ResolvedBehaviours:
-    """At most one behaviour per joint, in scene order, with warnings about replaced sentences.
+    """At most one behaviour per joint, in scene order, with warnings about sentences.
 
-    ``overridden`` has one warning for each sentence that a later layer replaced for some joints.
-    ``places`` has for every joint the place of the effective sentence.
+    The warnings are about sentences that a later layer replaced for some joints, that change
+    nothing in this run, or that contradict the start of their layer. ``places`` has for every joint
+    the place of the effective sentence.
     """
 
     behaviours: tuple[Behaviour, ...]
-    overridden: tuple[Finding, ...] = ()
+    warnings: tuple[Finding, ...] = ()
     places: tuple[tuple[str, Where], ...] = ()
 
 
@@ -65,8 +66,13 @@ def resolve_behaviours(
     applied: dict[str, _AppliedSentence] = {}
     overridden: dict[tuple[Where, Where], list[str]] = {}
     findings = Findings()
+    initial = scene.initial_joints
+    idle: list[Finding] = []
     for number, layer in enumerate(layers):
         context = SentenceContext(layer, seed, limit, frames)
+        starts = (one for one in layer.settings if isinstance(one, Starts))
+        begun = {t.object for one in starts for t in catalogue.targets(layer, one.subject)}
+        begun |= {one.name for one in layer.instances if one.starts is not None}
         for sentence in layer.sentences:
             with findings.collecting():
                 for behaviour in _behaviours(context, catalogue, bodies, sentence):
@@ -78,12 +84,22 @@ def resolve_behaviours(
                         overridden.setdefault(places, []).append(_subject(behaviour))
                     # A walk moves all three joints of its mover.
                     applied.update(dict.fromkeys(_joints(behaviour), new))
+                    start = None if isinstance(behaviour, Walk) else behaviour.start_position
+                    is_begun = behaviour.joint.partition(".")[0] in begun
+                    if is_begun and start not in (None, initial[behaviour.joint]):
+                        message = f"{behaviour.joint} has two positions at 0 s in this layer"
+                        context.warn(sentence.where, message)
+        idle += context.warnings
     findings.raise_errors()
     # The specification of a run must not depend on the order of layers and sentences.
+    effective = {one.where for one in applied.values()}
     order = [(joint, applied[joint]) for joint in scene.joint_names if joint in applied]
     return ResolvedBehaviours(
         tuple(one.behaviour for joint, one in order if one.behaviour.joint == joint),
-        tuple(_replaced(joints, *places) for places, joints in overridden.items()),
+        (
+            *(_replaced(joints, *places) for places, joints in overridden.items()),
+            *(one for one in dict.fromkeys(idle) if one.where in effective),
+        ),
         tuple((joint, one.where) for joint, one in order),
     )
 

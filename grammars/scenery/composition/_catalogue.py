@@ -73,9 +73,15 @@ class Catalogue:
         return tuple(dict.fromkeys(targets))
 
     def unknown_members(self) -> list[Finding]:
-        """Return a warning for every group, used or not, with unknown members."""
+        """Return a warning for every group with unknown members, and every sentence without any."""
         findings: list[Finding] = []
         for layer in self._layers:
+            for sentence in (*layer.settings, *layer.sentences):
+                if not self.targets(layer, sentence.subject):
+                    rest = " after except" if sentence.subject.exceptions else ""
+                    message = f"{sentence.subject}: there is none{rest}"
+                    hint = "name other objects, or leave the sentence out"
+                    findings.append(Finding(sentence.where, message, hint, _WARNING))
             for group in layer.groups:
                 try:
                     self.targets(layer, group.members)

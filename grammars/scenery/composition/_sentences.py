@@ -123,11 +123,19 @@ class SentenceResolver:
         first, second = self._positions(sentence.first), self._positions(sentence.second)
         self._same_joints(sentence, first, second)
         period = sentence.period
+        earliest = 0.0
         if isinstance(period, Waiting):
             chance: RandomWaits | RandomToggles = self._random_waits(sentence, period)
+            earliest = self._time(period.first) if period.kind == "uniform" else 0.0
             period = period.first
         else:
             chance = self._random_toggles(sentence, period)
+        earliest += chance.since
+        if first == second or earliest > chance.until:
+            reason = f"{sentence.first} and {sentence.second} are one position"
+            if first != second:
+                reason = f"the first change is at {earliest:g} s, the end at {chance.until:g} s"
+            self._context.warn(sentence.where, f"nothing changes: {reason}")
         if chance.count > MOST_DRAWS:
             message = f"this needs more than {MOST_DRAWS} draws"
             raise InputError.at(period.where, message, "check the units")

@@ -1,6 +1,7 @@
 """Laws of all oracles: verdicts never flip as a run goes on, limits act one way."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -8,10 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daemon.judging.oracles import judge, judge_so_far
+from daemon.judging.oracles import SignalSampler, judge, judge_so_far
+from daemon.judging.oracles._predicate import evaluate_predicate
 from daemon.model.spec import OracleText
 from daemon.model.verdicts import Outcome
 from daemon.trace import ContactRecord, ProgressRecord
+from grammars.oracle import Signal, parse_oracle
+from grammars.text.diagnostics import Where
 from tests.engine.judging.traces import along, cut, make_trace, mission, track, verdict
 
 LIMIT = 6.0
@@ -58,7 +62,8 @@ PREDICATES = (
 TEMPORAL = (
     *("always({p})", "never({p})", "eventually({p})", "always within 2 s ({p})"),
     *("eventually within 2 s ({p})", "always({p}) until (mission.reached >= 1)"),
-    "never({p}) until within 2 s (speed > {q} m/s)",
+    *("never({p}) until within 2 s (speed > {q} m/s)", "whenever {p} then contact within 1 s"),
+    "whenever speed > {q} m/s then {p} within 0.5 s",
 )
 FORMS = (
     *TEMPORAL,
@@ -131,6 +136,40 @@ def test_a_run_that_is_over_is_decided_unless_there_was_nothing_to_judge(whole, 
     assert found == tuple(judge(whole, (text,))[0] for text in texts)
 
 
+@given(traces(), oracles(("whenever {p} then loc.error <= {q} m within 1 s",)), st.booleans())
+def test_an_answer_comes_in_time_after_each_occasion(trace, text, whole):
+    """The plain definition: of each occasion the best margin in its time, of all the worst."""
+    trace = trace if whole else cut(trace, 1.5)
+    occasion, rest = text.removeprefix("whenever ").split(" then ")
+    guard = rest.partition(" when ")[2] or "elapsed >= 0 s"
+    holds, allowed = (flags(trace, one) for one in (occasion, guard))
+    sampler = SignalSampler(trace)
+    if " on leg " in rest:
+        on_leg = sampler.current == 0
+        gone = ~on_leg & np.logical_or.accumulate(on_leg)
+        allowed &= on_leg & ~np.logical_or.accumulate(gone)
+    error, time = sampler.sample(Signal("loc.error")).values, sampler.time_base.time
+    limit = float(re.search(r"loc.error <= (\S+) m within", rest)[1])
+    best = []
+    for i in range(len(time)):
+        if holds[i] and not (i and holds[i - 1]) and allowed[i]:
+            near = [limit - e for e, t in zip(error, time, strict=True)
+                    if time[i] <= t <= time[i] + 1.0 and not math.isnan(e)]  # fmt: skip
+            if max(near, default=-1.0) >= 0.0 or (near and time[i] + 1.0 <= time[-1]):
+                best.append(max(near))
+    judged = verdict(trace, text)
+    if whole:
+        assert judged.margin == (min(best) if best else None)
+    elif judged.outcome is Outcome.FAIL:
+        assert min(best) < 0.0
+
+
+def flags(trace, predicate):
+    """Return where a predicate holds, sample by sample."""
+    written = parse_oracle("it", f"never({predicate})", Where("o.yaml", 1))
+    return evaluate_predicate(written.judgement.predicate, SignalSampler(trace)).margin >= 0.0
+
+
 @given(traces(), written(), st.integers(1, 4000), st.booleans())
 def test_shifting_time_changes_nothing(trace, texts, quarters, whole):
     judged = trace if whole else cut(trace, 1.0)
@@ -174,6 +213,7 @@ LIMITED = (
     "eventually(loc.error <= {q} m)",
     "always(loc.error <= {q} m) until (mission.reached >= 1)",
     "never(contact) until within {q} s (mission.reached >= 1)",
+    "whenever contact then loc.error <= {q} m within 1 s",
     "always(loc.error <= {q} m) on leg 1",
     "max(loc.error) <= {q} m",
     "p95(loc.error) < {q} m",

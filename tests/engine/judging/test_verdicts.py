@@ -301,6 +301,7 @@ TRACES = {
     "near miss": lambda: journey(
         ((0, 0.26), (4, 0.0), (8, 0.0), (0, 0.0)), (0, 0), (4, 0), (8, 0), (0, 0)
     ),
+    "left undone": lambda: journey(STRAIGHT, (1.0, 0.0), (6.0, 0.0), (0.0, 9.0), (5.0, 3.0)),
     "circuit": lambda: journey(BACK, *BACK),
     "half a circuit": lambda: journey(STRAIGHT, *BACK),
     "straight": lambda: journey(STRAIGHT, (2.0, 0.1), (3.0, 0.0)),

@@ -9,12 +9,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grammars.model.behaviour import Behaviour, Hold, Jump
+from grammars.preflight._behaviours import check_times
+from grammars.preflight._checked import CheckedScene
 from grammars.scenery import configure
 from grammars.scenery.composition import compile_scene
+from grammars.scenery.composition._catalogue import Catalogue
 from grammars.scenery.composition._chance import RandomWaits
 from grammars.text import codec
-from grammars.text.diagnostics import InputError
-from tests.languages.plans import PEOPLE, behaviours_of, layer, resolved, scene_with, two_rooms
+from grammars.text.diagnostics import InputError, Where
+from tests.languages.plans import (
+    PEOPLE,
+    answers,
+    behaviours_of,
+    layer,
+    resolved,
+    scene_with,
+    two_rooms,
+)
 from tests.scene.composition.test_sentences import line
 
 DOORS = """
@@ -156,7 +167,7 @@ def test_layers_of_behaviours(golden):
             lines.append(str(refusal))
             continue
         lines += [line(codec.to_plain(one, Behaviour)).rstrip() for one in found.behaviours]
-        lines += [str(one) for one in found.overridden]
+        lines += [str(one) for one in found.warnings]
         lines += [f"{who} at {where}" for who, where in found.places]
     golden("layers.txt", "\n".join(lines) + "\n")
 
@@ -174,3 +185,21 @@ def test_frames_are_kept_only_where_something_walks():
     assert scene_with(DOORS).frames == ()
     frames = dict(scene_with(VISITED).frames)
     assert {"hall", "hall.walls[3]", "kitchen.pillar", "kitchen_doorway"} <= set(frames)
+
+
+def said_of(sentences):
+    """Return the warnings about sentences of one layer, in a run of 60 s."""
+    layers = [layer(VISITED), layer(sentences, "then", models=False)]
+    if sentences.startswith("object"):
+        layers = [layer(VISITED + sentences)]
+    scene = compile_scene(two_rooms(), layers)
+    found = resolved(scene, layers, limit=60.0)
+    checked = CheckedScene(scene, dict(found.places), Where("task.yaml"), found.behaviours)
+    check_times(checked, 60.0)
+    empty = Catalogue(layers).unknown_members()
+    said = dict.fromkeys((*found.warnings, *checked.findings.all, *empty))
+    return " | ".join(f"{one.message} ({one.hint})" for one in said) or "nothing"
+
+
+def test_what_does_nothing_in_a_run_is_warned_of(golden):
+    golden("idle.txt", answers("../scene/composition/idle.txt", said_of))
