@@ -9,17 +9,19 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from daemon.campaign._file import CampaignFile
 from daemon.campaign._layers import CampaignCell, Draft
 from daemon.campaign._scenarios import LayerReference
+from daemon.judging.statistics import CONFIDENCE, at_least
+from daemon.model.assessments import RepeatPolicy
 from daemon.model.spec import SutReference
 from daemon.stacks.findings import format_path
 from daemon.stacks.registry import stack_kind
 from grammars.model.robot import Robot
-from grammars.oracle import RunOutline, check_bounds, signal_declaration
-from grammars.preflight import check_limit, check_map, check_run, check_scene
+from grammars.oracle import Reached, RunOutline, check_bounds, signal_declaration
+from grammars.preflight import check_limit, check_map, check_robot, check_run, check_scene
 from grammars.scenery import unused_groups, unused_parameters
 from grammars.scenery.composition import Catalogue
 from grammars.text.diagnostics import Finding, InputError, Severity, Where
@@ -78,17 +80,15 @@ def without_allowed(
 def find_unmet(
     allowed: Sequence[AllowedWarning], covered: Sequence[Finding]
 ) -> tuple[Finding, ...]:
-    """Return a warning for each line of ``allow`` that matches no warning any more."""
-    return tuple(
-        Finding(
-            one.where,
-            "no warning is like this one",
-            "leave it out, or write the warning as `scenario check` says it",
-            Severity.WARNING,
-        )
-        for one in allowed
-        if not any(map(one.covers, covered))
-    )
+    """Return a warning for each line of ``allow`` that matches no warning any more, or all."""
+    doubts = []
+    for one in allowed:
+        if not any(map(one.covers, covered)):
+            hint = "leave it out, or write the warning as `scenario check` says it"
+            doubts.append(_warning(one.where, "no warning is like this one", hint))
+        elif not one.pattern.strip("* "):
+            doubts.append(_warning(one.where, "this allows every warning", "write the text of one"))
+    return tuple(doubts)
 
 
 def find_problems(cells: Sequence[CampaignCell]) -> list[Finding]:
@@ -97,7 +97,9 @@ def find_problems(cells: Sequence[CampaignCell]) -> list[Finding]:
     # Scenarios that differ only in behaviours or mission share a scene, which is checked once.
     for cell in {id(cell.scene): cell for cell in cells}.values():
         problems.extend(check_scene(cell.scene, places=cell.places))
-    pairs = ((sut, cell.robot, cell.scenario.where) for cell in cells for sut in cell.suts)
+    pairs = (
+        (sut, cell.robot, cell.places[f"sut {sut.name}"]) for cell in cells for sut in cell.suts
+    )
     problems.extend(_advise(pairs))
     for cell in cells:
         problems.extend(_problems_of(cell))
@@ -107,7 +109,7 @@ def find_problems(cells: Sequence[CampaignCell]) -> list[Finding]:
 def _advise(pairs: Iterable[tuple[SutReference, Robot, Where]]) -> Iterator[Finding]:
     """Yield the warnings of kinds of systems about the sensors of robots, once for each pair.
 
-    ``pairs`` of a system and a robot come with the place of their scenario.
+    ``pairs`` of a system and a robot come with the place that names it.
     """
     once: dict[tuple[str, str], tuple[SutReference, Robot, Where]] = {}
     for sut, robot, where in pairs:
@@ -138,16 +140,47 @@ def _unrecorded(cell: CampaignCell) -> Iterator[Finding]:
             yield Finding(where, message, hint, Severity.WARNING)
 
 
-def _blind_lasers(cell: CampaignCell) -> Iterator[Finding]:
-    """Yield the lasers at whose height nothing stands."""
-    heights = [(one.z_min, one.z_max) for one in cell.scene.solids]
-    heights += [(link.z_min, link.z_max) for body in cell.scene.objects for link in body.links]
-    for laser in cell.robot.lasers:
-        if not any(low <= laser.z <= high for low, high in heights):
-            top = max((high for _, high in heights), default=0.0)
-            message = f"the {laser.label} of {cell.robot.name} sees nothing at {laser.z:g} m"
-            hint = f"walls and objects of {cell.scene.name} end at {top:g} m: lower it"
-            yield Finding(cell.scenario.where, message, hint, Severity.WARNING)
+def _finer_than_systems(cell: CampaignCell) -> Iterator[Finding]:
+    """Yield the oracles that ask for waypoints nearer than a system drives to them."""
+    for oracle, sut in itertools.product(cell.oracles, cell.suts):
+        kind = stack_kind(sut.kind)
+        if isinstance(oracle.judgement, Reached):
+            asked = oracle.judgement.tolerance.value
+            stops = kind.tolerance(kind.read(sut.local_parameters))
+            if asked < stops:
+                message = (
+                    f"{oracle.name} asks for waypoints within {asked:g} m, {sut.name} stops "
+                    f"within {stops:g} m"
+                )
+                hint = "use a larger tolerance, or a finer one of the system"
+                yield Finding(oracle.where, message, hint, Severity.WARNING)
+
+
+def find_doubts(draft: Draft, policy: RepeatPolicy) -> Iterator[Finding]:
+    """Yield warnings about values of a campaign file that make it say nothing."""
+    text, where, n = draft.text, draft.document.where, policy.at_most
+    if policy.rule == "rate" and at_least(n, n) < policy.rate:
+        shown = at_least(n, n)
+        message = f"{n} repeats show a rate of {shown:.0%} at best, {policy.rate:.0%} are asked"
+        enough = math.ceil(math.log(1.0 - CONFIDENCE) / math.log(policy.rate))
+        yield _warning(where(("repeats",)), message, f"write n: {enough} or more")
+    if text.gate is not None and text.gate.worse_by > 1.0:
+        message = f"worse-by: {text.gate.worse_by:g} allows results {text.gate.worse_by:.0%} worse"
+        yield _warning(where(("gate", "worse-by")), message, f"write {text.gate.worse_by:g} %")
+    first: dict[Any, CampaignCell] = {}
+    for cell in draft.cells:
+        content = (
+            cell.scene.digest, cell.mission, cell.robot, cell.suts, cell.behaviours, cell.map,
+            cell.limit, tuple(oracle.name for oracle in cell.oracles),
+        )  # fmt: skip
+        other = first.setdefault(repr(content), cell)
+        if other is not cell:
+            message = f"scenario {cell.name} is the same as {other.name}"
+            yield _warning(cell.scenario.where, message, "change something in it, or leave it out")
+
+
+def _warning(where: Where, message: str, hint: str) -> Finding:
+    return Finding(where, message, hint, Severity.WARNING)
 
 
 def _problems_of(cell: CampaignCell) -> Iterable[Finding]:
@@ -160,8 +193,9 @@ def _problems_of(cell: CampaignCell) -> Iterable[Finding]:
             where=cell.scenario.map_file.where,
             places=cell.places,
         )
+    yield from check_robot(cell.robot, cell.scene, cell.robot_file.where)
     yield from _unrecorded(cell)
-    yield from _blind_lasers(cell)
+    yield from _finer_than_systems(cell)
     speeds = {}
     for sut in cell.suts:
         kind = stack_kind(sut.kind)

@@ -381,10 +381,10 @@ class CampaignCell:
     """One scenario in one world, with all its layers loaded.
 
     ``name`` is the scenario's, with ``@<seed>`` for a variant of its plan. ``behaviours`` are those
-    of each repeat, including the reserve. ``places`` are the places in files of waypoints, objects
-    and the sentences about joints. The scene is composed of ``plan`` and ``layers``, with the
-    campaign's overrides, objects before behaviours. ``given_map`` is the map file of the campaign,
-    if it has one.
+    of each repeat, including the reserve. ``places`` are the places in files of waypoints, objects,
+    systems and the sentences about joints. The scene is composed of ``plan`` and ``layers``, with
+    the campaign's overrides, objects before behaviours. ``given_map`` is the map file of the
+    campaign, if it has one.
     """
 
     name: str
@@ -396,6 +396,7 @@ class CampaignCell:
     mission_where: Where
     places: Mapping[str, Where]
     robot: Robot
+    robot_file: YamlDocument
     suts: tuple[SutReference, ...]
     oracles: tuple[Oracle, ...]
     behaviours: tuple[tuple[Behaviour, ...], ...]

@@ -18,6 +18,7 @@ from daemon.campaign._declarations import read_declarations, time_legs
 from daemon.campaign._file import CampaignFile, repeat_policy
 from daemon.campaign._findings import (
     allowed_warnings,
+    find_doubts,
     find_problems,
     find_unmet,
     find_unused,
@@ -96,6 +97,7 @@ def load_campaign(path: str | Path, *, system: str = "") -> Campaign:
             *draft.library.warnings,
             *_announce_repeats((sut for cell in cells for sut in cell.suts), document),
             *find_unused(draft),
+            *find_doubts(draft, declared.policy),
             *findings,
         ),
         allow,
@@ -217,6 +219,7 @@ def _compose_cell(
 ) -> CampaignCell:
     library = draft.library
     mission, document = library.mission(required(scenario.mission))
+    robot, robot_file = library.robot_file(required(scenario.robot))
     suts = tuple(map(library.sut, scenario.suts))
     settings, given_map = scenario.map, None
     if scenario.map_file is not None:
@@ -244,8 +247,10 @@ def _compose_cell(
             **dict(resolved[0].places),
             **{w.id: document.where(("waypoints", number)) for number, w in waypoints},
             "start": document.where(("start",)),
+            **{f"sut {s.name}": r.where for s, r in zip(suts, scenario.suts, strict=True)},
         },
-        robot=library.robot(required(scenario.robot)),
+        robot=robot,
+        robot_file=robot_file,
         suts=suts,
         oracles=oracles,
         behaviours=tuple(one.behaviours for one in resolved),

@@ -59,6 +59,10 @@ class StackKind(ABC, Generic[S]):
         """Return an upper bound of the robot's speed over ground [m/s]; infinite if unlimited."""
         return speed_over_ground(robot.drive)
 
+    def tolerance(self, settings: S) -> float:
+        """Return the distance [m] within which a waypoint counts as reached; 0 if unknown."""
+        return 0.0
+
     def defaults(self) -> Mapping[str, Any]:
         """Return the default of each parameter; empty if parameters have namespaces."""
         return {}

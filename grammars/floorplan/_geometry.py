@@ -17,6 +17,10 @@ _OVERLAP: Final = 1e-2
 """Area that two rooms may share without a warning [m²]."""
 _SHARED: Final = 1e-3
 """Area that two openings of a wall may share [m²]."""
+_LONGEST: Final = 1000.0
+"""Length up to which a space is usual [m]."""
+_LOWEST: Final = 0.1
+"""Height from which a column or divider is usual [m]."""
 _TURNED: Final = 1e-6
 """One minus the cosine of the angle by which facing walls may be turned."""
 
@@ -52,6 +56,7 @@ def geometric_flaws(plan: FloorPlan) -> Iterator[Flaw]:
         yield from _of_opening(plan, opening, [walls[name] for name in opening.walls])
     yield from _colliding_openings(plan, walls)
     yield from overlaps(plan)
+    yield from _of_sizes(plan)
     yield from _of_features(plan)
 
 
@@ -153,6 +158,20 @@ def overlaps(plan: FloorPlan) -> Iterator[Flaw]:
             area = float(outlines[a].intersection(outlines[b]).area)
             message = f'"{other.name}" and "{one.name}" overlap ({area:.2f} m²)'
             yield Flaw(f"overlap {one.name} {other.name}", area, _OVERLAP, other.where, message)
+
+
+def _of_sizes(plan: FloorPlan) -> Iterator[Flaw]:
+    """Yield the lengths of spaces and the missing heights of features."""
+    for space in plan.spaces:
+        corners = list(zip(*space.outline, strict=True))
+        size = max(max(values) - min(values) for values in corners)
+        message = f'space "{space.name}" is {size:g} m long'
+        hint = "lengths without a unit are metres: write mm or cm if these are meant"
+        yield Flaw(f"{space.name} long", size, _LONGEST, space.where, message, hint)
+    for feature in plan.features:
+        message = f'{feature.kind} "{feature.name}" is only {feature.height:g} m high'
+        low = _LOWEST - feature.height if feature.height > 0.0 else 0.0
+        yield Flaw(f"{feature.id} low", low, 0.0, feature.where, message, "check the unit")
 
 
 def _of_features(plan: FloorPlan) -> Iterator[Flaw]:

@@ -12,8 +12,9 @@ import shapely
 from shapely.geometry import Polygon, box
 from shapely.geometry.base import BaseGeometry
 
-from grammars.model.free_space import is_overlap, moving_links
+from grammars.model.free_space import inscribed_radius, is_overlap, moving_links
 from grammars.model.movers import is_mover
+from grammars.model.robot import Robot
 from grammars.model.scene import Doorway, Scene, SceneObject
 from grammars.preflight._checked import CheckedScene, Footprint, footprints
 from grammars.scenery.composition import height_problem
@@ -22,6 +23,8 @@ _BESIDE: Final = 0.2
 """Leaves up to this distance from the faces of the wall [m] close the doorway, such as sliders."""
 _LEAST_SHARE: Final = 0.8
 """Shut doors that cover a smaller share of the width of their doorway get a warning."""
+_SLACK: Final = 0.05
+"""Width that an open door may take from a robot [m] without a warning."""
 _SHARED_SHARE: Final = 0.5
 """Doors whose common width is at least this share of the narrower one conflict."""
 
@@ -74,6 +77,47 @@ def colliding_doors(scene: Scene) -> set[frozenset[str]]:
         for one, other in combinations(doors, 2)
         if one.meets(other)
     }
+
+
+def check_openings(checked: CheckedScene, robot: Robot) -> None:
+    """Warn of doors that never open wide enough for a robot, and of leaves that it passes below."""
+    needed = 2.0 * inscribed_radius(robot.footprint)
+    bodies = {body.name: body for body in checked.scene.objects}
+    for doorway, doors in _doors_by_doorway(checked.scene):
+        for door in doors:
+            low = min(leaf.link.z_min for leaf in door.leaves)
+            if low >= robot.height:
+                message = (
+                    f"{robot.name} is {robot.height:.2f} m high and passes below {door.name}, "
+                    f"which begins {low:.2f} m above the floor"
+                )
+                checked.warn(door.name, message, "let its leaf begin at the floor")
+        widest = doorway.width - _extent(*(_open(bodies[d.name], doorway) for d in doors))
+        posts = _extent(*(door.still.intersection(door.passage) for door in doors))
+        if widest + _SLACK < needed <= doorway.width - posts and checked.shut.keys().isdisjoint(
+            door.name for door in doors
+        ):
+            names = " and ".join(door.name for door in doors)
+            message = (
+                f"{doorway.name} opens {widest:.2f} m at most with {names}, {robot.name} is "
+                f"{needed:.2f} m wide"
+            )
+            checked.warn(doors[-1].name, message, "check the range of its joint")
+
+
+@functools.lru_cache(maxsize=256)
+def _open(body: SceneObject, doorway: Doorway) -> BaseGeometry:
+    """Return the part of a doorway that a door covers when it is open, in the doorway's frame."""
+    to_local = doorway.frame.inverse()
+    x_min, y_min, x_max, y_max = Polygon(to_local.apply_ring(doorway.footprint)).bounds
+    hole = box(x_min, y_min - _BESIDE, x_max, y_max + _BESIDE)
+    body = replace(body, pose=to_local @ body.pose)
+    ends = (tuple(getattr(j, end) for j in body.joints) for end in ("lower", "upper"))
+    covers = [
+        shapely.union_all([part.shape for part in footprints(body, positions)]).intersection(hole)
+        for positions in (body.initial, *ends)
+    ]
+    return min(covers, key=_extent)
 
 
 @functools.lru_cache(maxsize=4)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from typing import Final
@@ -20,7 +21,7 @@ from grammars.preflight._behaviours import (
     check_triggers,
 )
 from grammars.preflight._checked import CheckedScene, sweeps
-from grammars.preflight._doors import colliding_doors
+from grammars.preflight._doors import check_openings, colliding_doors
 from grammars.preflight._mission import Spot, spots_of
 from grammars.preflight._parts import check_meetings, check_walls
 from grammars.preflight._reach import check_reach
@@ -28,6 +29,8 @@ from grammars.preflight._walks import check_walks
 from grammars.text.diagnostics import Finding, Where
 
 _TOLERANCE: Final = 1e-9
+_ROUNDED: Final = 0.01
+"""Largest error of multiples of pi / 4 that people write with two decimals."""
 
 
 def check_run(
@@ -60,7 +63,8 @@ def check_run(
     body = Polygon(mission.start.apply_ring(robot.footprint))
     if home in sound and _check_start(checked, robot, body, home):
         check_reach(checked, robot, home, sound[1:])
-    _check_turns(checked, mission)
+    _check_mission(checked, mission, [home, *waypoints])
+    check_openings(checked, robot)
     check_events(checked, mission)
     check_walks(checked, robot, body)
     # The next checks need the joints of all behaviours.
@@ -105,14 +109,29 @@ def _check_start(checked: CheckedScene, robot: Robot, body: Polygon, home: Spot)
     return not hits
 
 
-def _check_turns(checked: CheckedScene, mission: Mission) -> None:
-    """Warn of headings beyond one turn, which were probably meant in degrees."""
-    yaws = {"start": mission.start.yaw} | {w.id: w.yaw or 0.0 for w in mission.waypoints}
-    for name, yaw in yaws.items():
-        if abs(yaw) > math.tau:
-            label = "the start" if name == "start" else f"waypoint {name}"
-            message = f"the yaw of {label}, {yaw:g} rad, is {abs(yaw) / math.tau:.1f} turns"
-            checked.warn(name, message, f'write "{yaw:g} deg" if degrees are meant')
+def _check_mission(checked: CheckedScene, mission: Mission, spots: Sequence[Spot]) -> None:
+    """Warn of headings in a wrong unit, places twice in a row, and ids that are other numbers."""
+    yaws = [mission.start.yaw, *(w.yaw for w in mission.waypoints)]
+    for spot, yaw in zip(spots, yaws, strict=True):
+        if yaw is None:
+            continue
+        turns, degrees = abs(yaw) / math.tau, math.degrees(yaw)
+        message = f"the yaw of {spot.label}, {yaw:g} rad, is {turns:.1f} turns"
+        if turns > 1.0:
+            checked.warn(spot.where, message, f'write "{yaw:g} deg" if degrees are meant')
+        quarters = abs(degrees) / (math.pi / 4)
+        message = f"the yaw of {spot.label} is {degrees:.3g} deg"
+        if 0.5 < quarters < 8.5 and abs(quarters - round(quarters)) < _ROUNDED:
+            checked.warn(spot.where, message, f'write "{degrees:.3g} rad" if radians are meant')
+    for (before, spot), yaw in zip(itertools.pairwise(spots), yaws[1:], strict=True):
+        if math.dist(before.point, spot.point) < _TOLERANCE and yaw is None:
+            message = f"{spot.label} is where {before.label} is: there is nothing to drive"
+            checked.warn(spot.where, message, "move it, or leave it out")
+    numbers = {str(number): number for number, _ in enumerate(mission.waypoints, start=1)}
+    for number, waypoint in enumerate(mission.waypoints, start=1):
+        if numbers.get(waypoint.id, number) != number:
+            message = f'waypoint {number} has the id "{waypoint.id}", the number of another one'
+            checked.warn(waypoint.id, message, "legs count from 1: give it a name instead")
 
 
 def _check_doors(checked: CheckedScene, spots: Sequence[Spot]) -> None:

@@ -18,6 +18,8 @@ from grammars.text.diagnostics import Finding, Where
 
 _BLOCKED: Final = 0.05
 """Largest share of a passage that a wall may cover."""
+_DENSITIES: Final = (1.0, 25_000.0)
+"""Densities of things [kg/m3], from foam with air to the heaviest metals."""
 _THRESHOLD: Final = 0.06
 """Required free distance of a passage beyond the faces of its walls [m]."""
 
@@ -43,6 +45,7 @@ def check_scene(scene: Scene, *, places: Mapping[str, Where] | None = None) -> t
     high = {name for name, *others in clashes if not others}
     in_walls = high | check_starts(checked, [body for body in standing if body.name not in high])
     _check_furniture(checked)
+    _check_masses(checked)
     swept = [
         part
         for body in standing
@@ -118,3 +121,21 @@ def _check_furniture(checked: CheckedScene) -> None:
     for name, walls in owners.items():
         if walls:
             checked.warn(name, f"{name} is partly inside {' and '.join(walls)}", "move or turn it")
+
+
+def _check_masses(checked: CheckedScene) -> None:
+    """Report links that are lighter than air or heavier than any metal, once for each model."""
+    models: set[tuple[str, str]] = set()
+    for part in checked.floor.start:
+        link = part.link
+        volume = part.shape.area * (link.z_max - link.z_min)
+        if (part.body.model, link.name) in models or not volume or not link.mass:
+            continue
+        models.add((part.body.model, link.name))
+        density = link.mass / volume
+        if not _DENSITIES[0] <= density <= _DENSITIES[1]:
+            message = (
+                f"the {link.name} of {part.body.name} has a mass of {link.mass:g} kg in "
+                f"{volume:.2g} m3, {density:.2g} kg/m3"
+            )
+            checked.warn(part.body.name, message, "check the unit: water has 1000 kg/m3")

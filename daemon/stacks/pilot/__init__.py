@@ -7,15 +7,16 @@ pilot knows only :mod:`daemon.model.sut`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, Final
 
 from daemon.stacks.kind import StackKind, speed_over_ground
-from daemon.stacks.pilot._parameters import PilotParameters, read_parameters
+from daemon.stacks.pilot._parameters import PilotParameters, doubts, read_parameters
 
 if TYPE_CHECKING:
     from daemon.model.sut import SystemUnderTest
+    from daemon.stacks.findings import ParameterFinding
     from grammars.model.robot import Robot
 
 __all__ = ["PILOT", "PilotParameters"]
@@ -35,6 +36,12 @@ class _PilotKind(StackKind[PilotParameters]):
 
     def top_speed(self, settings: PilotParameters, robot: Robot) -> float:
         return speed_over_ground(robot.drive, settings.max_speed)
+
+    def tolerance(self, settings: PilotParameters) -> float:
+        return settings.goal_tolerance
+
+    def advise(self, settings: PilotParameters, robot: Robot) -> Iterable[ParameterFinding]:
+        return doubts(settings)
 
     def defaults(self) -> Mapping[str, Any]:
         return {each.name: each.default for each in fields(PilotParameters)}

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import fields
 from typing import Annotated, Any, Final, TypeAlias
 
@@ -93,3 +94,19 @@ def read_parameters(values: Mapping[str, object]) -> PilotParameters:
     if problems:
         raise ParameterError(problems)
     return parameters
+
+
+def doubts(settings: PilotParameters) -> Iterator[ParameterFinding]:
+    """Yield warnings about values that were probably meant in another unit."""
+    if settings.goal_tolerance > 1.0:
+        message = f"{settings.goal_tolerance:g} m: waypoints count as reached from far away"
+        yield ParameterFinding(("goal_tolerance",), message, "write cm if centimetres are meant")
+    for name, most in (("start_yaw_sigma", 1.0), ("yaw_tolerance", math.pi)):
+        value = getattr(settings, name)
+        if value >= most:
+            message = f"{value:g} rad: any heading is good enough"
+            yield ParameterFinding((name,), message, "write deg if degrees are meant")
+    if settings.obstacle_memory >= settings.patience:
+        message = f"{settings.obstacle_memory:g} s, patience is {settings.patience:g} s"
+        hint = "the pilot gives up before it looks again"
+        yield ParameterFinding(("obstacle_memory",), message, hint)

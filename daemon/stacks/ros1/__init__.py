@@ -51,6 +51,9 @@ class _RosKind(StackKind["RosParameters"]):
             return min(planner.max_vel_trans, bound)
         return bound
 
+    def tolerance(self, settings: RosParameters) -> float:
+        return settings.local_planner.xy_goal_tolerance
+
     def schemas(self) -> dict[str, dict[str, Any]]:
         from daemon.stacks.ros1.schema import ros_definitions
 
