@@ -7,7 +7,7 @@ import platform
 import stat
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -54,6 +54,7 @@ from daemon.model.status import (
     WorkerRow,
 )
 from daemon.model.verbs import Role
+from grammars.text.words import first_words
 
 _PACKAGES: Final = ("eclipse-zenoh", "numpy", "numba", "pymunk", "pydantic", "mcap", "textual")
 # Seconds. Leases use the daemon's clock alone; this is for times that people compare.
@@ -77,7 +78,6 @@ _WRONG: Final = (
 )
 _LONGEST: Final = 400
 """Longest text of an unexpected exception [characters]."""
-_SHOWN: Final = 3
 
 
 class FindingLevel(StrEnum):
@@ -111,12 +111,6 @@ ok = partial(DoctorFinding, FindingLevel.OK)
 warning = partial(DoctorFinding, FindingLevel.WARNING)
 problem = partial(DoctorFinding, FindingLevel.PROBLEM)
 """Makers of findings from subject, message and, unless all is well, the remedy."""
-
-
-def names(things: Sequence[Path | str]) -> str:
-    """Return the first of some paths or runs, and the number of the others."""
-    more = f" and {len(things) - _SHOWN} more" if len(things) > _SHOWN else ""
-    return ", ".join(map(str, things[:_SHOWN])) + more
 
 
 def guarded(subject: str, check: Callable[[], Iterable[DoctorFinding]]) -> Iterator[DoctorFinding]:
@@ -213,11 +207,11 @@ def _exposed(
     subject: str, exposure: Exposure, owner: str, remedy: str, *, readable: FindingLevel
 ) -> Iterator[DoctorFinding]:
     if exposure.foreign:
-        yield problem(subject, f"{names(exposure.foreign)} belong to somebody else", owner)
+        yield problem(subject, f"{first_words(exposure.foreign)} belong to somebody else", owner)
     if exposure.writable:
-        yield problem(subject, f"others can write {names(exposure.writable)}", remedy)
+        yield problem(subject, f"others can write {first_words(exposure.writable)}", remedy)
     if exposure.readable:
-        message = f"others can read {names(exposure.readable)}"
+        message = f"others can read {first_words(exposure.readable)}"
         yield DoctorFinding(readable, subject, message, remedy)
 
 
@@ -288,7 +282,7 @@ def _history_findings(integrity: LedgerIntegrity, now: float) -> Iterator[Doctor
 
 def _content_findings(report: ContentReport, *, quick: bool) -> Iterator[DoctorFinding]:
     for words, places in report.problems.items():
-        yield problem("contents", f"{words}: {names(places)}", _WRONG)
+        yield problem("contents", f"{words}: {first_words(places)}", _WRONG)
     if report.missing:
         first = ", ".join(name[:12] for name in report.missing[:3])
         yield problem(
@@ -505,6 +499,6 @@ def check_leftovers(paths: StatePaths, now: float) -> Iterator[DoctorFinding]:
         for path in place.aside.glob("*"):
             leftovers["moved aside, damaged or not removable", why].append(path)
     for (kind, remedy), places in leftovers.items():
-        yield warning("leftovers", f"{kind}, {len(places)}: {names(places)}", remedy)
+        yield warning("leftovers", f"{kind}, {len(places)}: {first_words(places)}", remedy)
     if not leftovers:
         yield ok("leftovers", "none")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -13,13 +13,13 @@ from typing import Any, Final
 
 from daemon.campaign._file import CampaignFile
 from daemon.campaign._layers import CampaignCell, Draft
+from daemon.campaign._parameter_files import ParameterValues
 from daemon.campaign._scenarios import LayerReference
 from daemon.judging.statistics import CONFIDENCE, at_least
 from daemon.model.assessments import RepeatPolicy
 from daemon.model.spec import SutReference
-from daemon.stacks.findings import format_path
+from daemon.stacks.findings import ParameterFinding, ParameterLocation, format_path
 from daemon.stacks.registry import stack_kind
-from grammars.model.robot import Robot
 from grammars.oracle import Reached, RunOutline, check_bounds, signal_declaration
 from grammars.preflight import check_limit, check_map, check_robot, check_run, check_scene
 from grammars.scenery import unused_groups, unused_parameters
@@ -97,30 +97,50 @@ def find_problems(cells: Sequence[CampaignCell]) -> list[Finding]:
     # Scenarios that differ only in behaviours or mission share a scene, which is checked once.
     for cell in {id(cell.scene): cell for cell in cells}.values():
         problems.extend(check_scene(cell.scene, places=cell.places))
-    pairs = (
-        (sut, cell.robot, cell.places[f"sut {sut.name}"]) for cell in cells for sut in cell.suts
-    )
-    problems.extend(_advise(pairs))
+    systems = {id(sut): sut for cell in cells for sut in cell.suts}
+    settings = {
+        key: stack_kind(sut.kind).read(sut.local_parameters) for key, sut in systems.items()
+    }
+    problems.extend(_advise(cells, settings))
     for cell in cells:
-        problems.extend(_problems_of(cell))
+        problems.extend(_problems_of(cell, settings))
     return problems
 
 
-def _advise(pairs: Iterable[tuple[SutReference, Robot, Where]]) -> Iterator[Finding]:
-    """Yield the warnings of kinds of systems about the sensors of robots, once for each pair.
+def _advise(cells: Iterable[CampaignCell], settings: Mapping[int, Any]) -> Iterator[Finding]:
+    """Yield the warnings of kinds of systems about robots and missions, each once.
 
-    ``pairs`` of a system and a robot come with the place that names it.
+    ``settings`` go by the identity of the system.
     """
-    once: dict[tuple[str, str], tuple[SutReference, Robot, Where]] = {}
-    for sut, robot, where in pairs:
-        once.setdefault((sut.name, robot.name), (sut, robot, where))
-    for sut, robot, where in once.values():
+    once: dict[tuple[int, ...], tuple[SutReference, CampaignCell]] = {}
+    for cell in cells:
+        for sut in cell.suts:
+            # The library hands out each layer once. One name may have other values in a scenario.
+            once.setdefault((id(sut), id(cell.robot), id(cell.mission)), (sut, cell))
+    found: set[tuple[str, ParameterFinding]] = set()
+    for sut, cell in once.values():
         kind = stack_kind(sut.kind)
-        settings = kind.read(sut.local_parameters)
-        for finding in kind.advise(settings, robot):
+        for finding in kind.advise(settings[id(sut)], cell.robot, cell.mission):
+            if (sut.name, finding) in found:
+                continue
+            found.add((sut.name, finding))
             place = "" if kind.keys else f" {format_path(finding.path)}:"
             message = f"{sut.name}:{place} {finding.message}"
+            home = cell.places[f"sut {sut.name}"]
+            where = _value_place(cell.sut_values[sut.name], finding.path, home)
             yield Finding(where, message, finding.hint, Severity.WARNING)
+
+
+def _value_place(values: ParameterValues, path: ParameterLocation, home: Where) -> Where:
+    """Return the place of the value at ``path``, ``home`` if no file has it.
+
+    Flat files of costmaps have the values of layers, and move_base those of costmaps.
+    """
+    names = tuple(map(str, path))
+    for each in (names, (*names[:2], *names[3:]), (names[0], names[-1])):
+        if each in values:
+            return values[each].where
+    return home
 
 
 def _unrecorded(cell: CampaignCell) -> Iterator[Finding]:
@@ -140,13 +160,13 @@ def _unrecorded(cell: CampaignCell) -> Iterator[Finding]:
             yield Finding(where, message, hint, Severity.WARNING)
 
 
-def _finer_than_systems(cell: CampaignCell) -> Iterator[Finding]:
+def _finer_than_systems(cell: CampaignCell, settings: Mapping[int, Any]) -> Iterator[Finding]:
     """Yield the oracles that ask for waypoints nearer than a system drives to them."""
     for oracle, sut in itertools.product(cell.oracles, cell.suts):
         kind = stack_kind(sut.kind)
         if isinstance(oracle.judgement, Reached):
             asked = oracle.judgement.tolerance.value
-            stops = kind.tolerance(kind.read(sut.local_parameters))
+            stops = kind.tolerance(settings[id(sut)])
             if asked < stops:
                 message = (
                     f"{oracle.name} asks for waypoints within {asked:g} m, {sut.name} stops "
@@ -183,7 +203,7 @@ def _warning(where: Where, message: str, hint: str) -> Finding:
     return Finding(where, message, hint, Severity.WARNING)
 
 
-def _problems_of(cell: CampaignCell) -> Iterable[Finding]:
+def _problems_of(cell: CampaignCell, settings: Mapping[int, Any]) -> Iterable[Finding]:
     if cell.given_map is not None and cell.scenario.map_file is not None:
         yield from check_map(
             cell.given_map,
@@ -195,11 +215,10 @@ def _problems_of(cell: CampaignCell) -> Iterable[Finding]:
         )
     yield from check_robot(cell.robot, cell.scene, cell.robot_file.where)
     yield from _unrecorded(cell)
-    yield from _finer_than_systems(cell)
-    speeds = {}
-    for sut in cell.suts:
-        kind = stack_kind(sut.kind)
-        speeds[sut.name] = kind.top_speed(kind.read(sut.local_parameters), cell.robot)
+    yield from _finer_than_systems(cell, settings)
+    speeds = {
+        sut.name: stack_kind(sut.kind).top_speed(settings[id(sut)], cell.robot) for sut in cell.suts
+    }
     run = RunOutline(
         cell.scene,
         cell.robot,

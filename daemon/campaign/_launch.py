@@ -22,6 +22,7 @@ from grammars.roslaunch import (
 )
 from grammars.text.diagnostics import Finding, InputError, Severity, Where, did_you_mean
 from grammars.text.ros_yaml import ParameterValue
+from grammars.text.words import first_words
 
 _MOVE_BASE: Final[NodeType] = ("move_base", "move_base")
 _AMCL: Final[NodeType] = ("amcl", "amcl")
@@ -201,8 +202,7 @@ def _resolve_topic(node: LaunchNode, name: str) -> str:
 
 def _listed(nodes: Iterable[LaunchNode]) -> str:
     names = [f"{node.name} ({node.package}/{node.type})" for node in nodes]
-    more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
-    return ", ".join(names[:_MOST_NAMED]) + more if names else "no node at all"
+    return first_words(names, _MOST_NAMED) or "no node at all"
 
 
 def _place(node: LaunchNode) -> str:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from daemon.campaign._file import CampaignFile, Overrides
+from daemon.campaign._parameter_files import ParameterValues
 from daemon.campaign._scenarios import LayerReference, PlanVariation, ResolvedScenario
 from daemon.campaign._suts import LoadedSut, SutLayer, complete_sut, kind_layer, read_sut
 from daemon.model.attachments import store_data
@@ -289,7 +290,9 @@ class LayerLibrary:
         """Load a SUT file and its bases; its warnings are kept once."""
 
         def load(path: Path) -> LoadedSut:
-            return self._complete_sut(read_sut(path, self._find_sut))
+            warnings: list[Finding] = []
+            with InputError.keeping(warnings):
+                return self._complete_sut(read_sut(path, self._find_sut, warnings))
 
         return self._once("sut file", path, load)
 
@@ -384,7 +387,8 @@ class CampaignCell:
     of each repeat, including the reserve. ``places`` are the places in files of waypoints, objects,
     systems and the sentences about joints. The scene is composed of ``plan`` and ``layers``, with
     the campaign's overrides, objects before behaviours. ``given_map`` is the map file of the
-    campaign, if it has one.
+    campaign, if it has one. ``sut_values`` are the parameters of the systems with their places, by
+    name.
     """
 
     name: str
@@ -404,6 +408,7 @@ class CampaignCell:
     limit: float
     limit_where: Where
     given_map: OccupancyGrid | None = None
+    sut_values: Mapping[str, ParameterValues] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

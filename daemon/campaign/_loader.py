@@ -81,42 +81,44 @@ def load_campaign(path: str | Path, *, system: str = "") -> Campaign:
         instead = LayerReference(system, {}, Where(f"system {system}"))
         scenarios = {name: replace(one, suts=(instead,)) for name, one in originals.items()}
     draft = Draft(text, document, LayerLibrary(Path(path).parent), scenarios)
-    _refuse_too_many(draft)
-    draft = _with_layers(draft)
-    draft = replace(draft, cells=_compose_cells(draft))
-    # Check the declarations against the systems in the file, not against ``system``.
-    declared, problems = read_declarations(replace(draft, scenarios=originals))
-    searches, findings = ((), ()) if system else read_searches(draft)
-    problems += [one for one in findings if one.severity is Severity.ERROR]
-    timed = [time_legs(cell, declared, document) for cell in draft.cells]
-    raise_all((*problems, *(problem for _, wrong in timed for problem in wrong)))
-    cells = tuple(cell for cell, _ in timed)
     allow = allowed_warnings(text, document)
-    warnings, allowed = without_allowed(
-        (
-            *draft.library.warnings,
-            *_announce_repeats((sut for cell in cells for sut in cell.suts), document),
-            *find_unused(draft),
-            *find_doubts(draft, declared.policy),
-            *findings,
-        ),
-        allow,
-    )
-    return Campaign(
-        name=text.campaign,
-        about=text.about,
-        source=document.text,
-        file=str(path),
-        seed=text.seed,
-        repeats=declared.policy.n if "repeats" in document.data else None,
-        declared=declared,
-        oracle_layers=tuple(text.oracles or ()),
-        cells=cells,
-        warnings=say_once(warnings),
-        searches=searches,
-        allow=allow,
-        allowed=tuple(allowed),
-    )
+    others = (w for w in draft.library.warnings if not any(one.covers(w) for one in allow))
+    with InputError.keeping(others):
+        _refuse_too_many(draft)
+        draft = _with_layers(draft)
+        draft = replace(draft, cells=_compose_cells(draft))
+        # Check the declarations against the systems in the file, not against ``system``.
+        declared, problems = read_declarations(replace(draft, scenarios=originals))
+        searches, findings = ((), ()) if system else read_searches(draft)
+        problems += [one for one in findings if one.severity is Severity.ERROR]
+        timed = [time_legs(cell, declared, document) for cell in draft.cells]
+        raise_all((*problems, *(problem for _, wrong in timed for problem in wrong)))
+        cells = tuple(cell for cell, _ in timed)
+        warnings, allowed = without_allowed(
+            (
+                *draft.library.warnings,
+                *_announce_repeats((sut for cell in cells for sut in cell.suts), document),
+                *find_unused(draft),
+                *find_doubts(draft, declared.policy),
+                *findings,
+            ),
+            allow,
+        )
+        return Campaign(
+            name=text.campaign,
+            about=text.about,
+            source=document.text,
+            file=str(path),
+            seed=text.seed,
+            repeats=declared.policy.n if "repeats" in document.data else None,
+            declared=declared,
+            oracle_layers=tuple(text.oracles or ()),
+            cells=cells,
+            warnings=say_once(warnings),
+            searches=searches,
+            allow=allow,
+            allowed=tuple(allowed),
+        )
 
 
 def _refuse_too_many(draft: Draft) -> None:
@@ -220,7 +222,8 @@ def _compose_cell(
     library = draft.library
     mission, document = library.mission(required(scenario.mission))
     robot, robot_file = library.robot_file(required(scenario.robot))
-    suts = tuple(map(library.sut, scenario.suts))
+    loaded = tuple(map(library.loaded_sut, scenario.suts))
+    suts = tuple(one.reference for one in loaded)
     settings, given_map = scenario.map, None
     if scenario.map_file is not None:
         settings, given_map = library.map(scenario.map_file)
@@ -258,6 +261,7 @@ def _compose_cell(
         limit=scenario.limit,
         limit_where=limit_place(scenario.name, draft.text, draft.document),
         given_map=given_map,
+        sut_values={one.reference.name: one.settings for one in loaded},
     )
     cell = leave_out(whole)
     raise_all(

@@ -10,8 +10,10 @@ another arg: the launch files are then read again with it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+import os
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, fields
 from functools import partial, reduce
 from pathlib import Path
 from typing import Annotated, Any, Final, TypeAlias
@@ -30,6 +32,7 @@ from grammars.text.documents import (
 )
 from grammars.text.ros_yaml import ParameterValue, load_ros_yaml
 from grammars.text.sources import is_file, is_folder, names_in, note_read
+from grammars.text.words import first_words
 
 ParameterPath: TypeAlias = tuple[str, ...]
 ParameterValues: TypeAlias = dict[ParameterPath, ParameterValue]
@@ -238,31 +241,60 @@ _COSTMAPS: Final = (("move_base", "global_costmap"), ("move_base", "local_costma
 class _PackageFile:
     """A file of a navigation package: its possible names, the namespace it is loaded into.
 
-    Files about one ``section`` often omit its name; they are then loaded into the section.
+    Files about one ``section`` often omit its name; they are then loaded into the section. Without
+    any file of a ``usual`` subject the defaults of ROS apply.
     """
 
-    names: tuple[str, ...]
-    namespace: str
+    stems: str
     section: str = ""
-    usual: bool = True
+    usual: str = ""
+    namespace: str = "move_base"
+
+    @property
+    def names(self) -> list[str]:
+        """The names of the file, the usual one first."""
+        return [f"{stem}.yaml" for stem in self.stems.split()]
+
+    def place(self, data: Mapping[str, Any]) -> str:
+        """Return the namespace into which launch files load ``data``, by the names in it."""
+        from daemon.stacks.ros1.move_base import MoveBaseParameters
+
+        names = {name.lstrip("/").partition("/")[0] for name in data}
+        if self.namespace in names:
+            return ""
+        if self.namespace == _COMMON and names & _SPACES:
+            return "move_base"
+        own = {field.name for field in fields(MoveBaseParameters)}
+        is_whole = names <= own or any(
+            name in _SPACES
+            or name.endswith("PlannerROS")
+            or (name in own and name not in _SHARED)
+            or (isinstance(data.get(name), Mapping) and self.section not in _SPACES)
+            for name in names
+        )
+        return "/".join(filter(None, (self.namespace, "" if is_whole else self.section)))
 
 
+_SPACES: Final = frozenset({"global_costmap", "local_costmap"})
+_SHARED: Final = frozenset({"controller_frequency", "latch_xy_goal_tolerance"})
+"""Names that move_base and its local planners read."""
 _PACKAGE_FILES: Final = (
-    _PackageFile(("amcl.yaml", "amcl_params.yaml"), "amcl"),
-    _PackageFile(("costmap_common_params.yaml", "common_costmap_params.yaml"), _COMMON),
-    _PackageFile(
-        ("costmap_global_params.yaml", "global_costmap_params.yaml"), "move_base", "global_costmap"
+    _PackageFile("amcl amcl_params", "", "amcl", "amcl"),
+    _PackageFile(f"{_COMMON}_params common_costmap_params {_COMMON}", "", _COMMON, _COMMON),
+    *(
+        _PackageFile(
+            f"costmap_{one}_params {one}_costmap_params costmap_{one} {one}_costmap "
+            f"costmap_{one}_static",
+            *(f"{one}_costmap", one),
+        )
+        for one in ("global", "local")
     ),
-    _PackageFile(
-        ("costmap_local_params.yaml", "local_costmap_params.yaml"), "move_base", "local_costmap"
-    ),
-    _PackageFile(("move_base_params.yaml", "move_base.yaml"), "move_base"),
-    _PackageFile(
-        ("navfn_global_planner_params.yaml", "navfn_params.yaml"), "move_base", "NavfnROS", False
-    ),
-    _PackageFile(
-        ("dwa_local_planner_params.yaml", "dwa_params.yaml"), "move_base", "DWAPlannerROS"
-    ),
+    _PackageFile("move_base_params move_base move_base_common_params", "", "move_base"),
+    _PackageFile("planner planner_params local_planner_params", "", "planner"),
+    _PackageFile("navfn_global_planner_params navfn_params", "NavfnROS"),
+    _PackageFile("global_planner_params global_planner", "GlobalPlanner"),
+    _PackageFile("base_local_planner_params trajectory_planner", "TrajectoryPlannerROS", "planner"),
+    _PackageFile("dwa_local_planner_params dwa_params", "DWAPlannerROS", "planner"),
 )
 """Package files in the order of a usual launch file: a later file wins."""
 
@@ -278,19 +310,25 @@ def load_package_folder(
     if not is_folder(folder):
         raise InputError(Finding(where, f"no folder {folder}", _near(folder, is_folder)))
     # Of two names for the same file the usual one wins: it is the last in reversed order.
-    present = set(names_in(folder))
-    named = {kind: name for kind in _PACKAGE_FILES for name in kind.names[::-1] if name in present}
+    names = names_in(folder)
+    present = {re.sub(r"\.yml$", ".yaml", name): name for name in sorted(names, reverse=True)}
+    named = {
+        kind: present[name]
+        for kind in _PACKAGE_FILES
+        for name in kind.names[::-1]
+        if name in present
+    }
     if not named:
         message = f"{folder} has no parameter files"
-        raise InputError(Finding(where, message, _instead_of_files(folder, present)))
+        raise InputError(Finding(where, message, _instead_of_files(folder, names)))
+    warnings += _unread_files(folder, set(names) - set(named.values()), where)
     settings = _load_files(
-        partial(_load, folder / named[kind], kind.namespace, warnings, kind.section)
+        partial(_load, folder / named[kind], kind.place, warnings)
         for kind in _PACKAGE_FILES
         if kind in named
     )
-    warnings += _unread_files(folder, present - set(named.values()), where)
     if whole:
-        warnings += _missing_files(folder, named, where)
+        warnings += _missing_files(folder, named, settings, where)
     return settings
 
 
@@ -305,7 +343,7 @@ def load_parameter_files(
     def load(namespace: str, path: Path, where: Where) -> ParameterValues:
         if not is_file(path):
             raise InputError(Finding(where, f"no file {path}", _near(path)))
-        return _load(path, namespace, warnings)
+        return _load(path, lambda _: namespace, warnings)
 
     return _load_files(
         partial(load, namespace, path, where)
@@ -320,18 +358,16 @@ def _load_files(loads: Iterable[Callable[[], ParameterValues]]) -> ParameterValu
 
 
 def _load(
-    path: Path, namespace: str, warnings: list[Finding], section: str = ""
+    path: Path, place: Callable[[Mapping[str, Any]], str], warnings: list[Finding]
 ) -> ParameterValues:
-    """Return the values of a file; names that begin with a slash leave the namespace.
+    """Return the values of a file below the namespace that ``place`` returns for them.
 
-    A file that omits the name of its only ``section`` is loaded into that section.
+    Names that begin with a slash leave the namespace.
     """
     document, findings = load_ros_yaml(path)
     _refuse_nav2(document)
     warnings += findings
-    first_names = (name.lstrip("/").partition("/")[0] for name in document.data)
-    if section and section not in first_names:
-        namespace = f"{namespace}/{section}"
+    namespace = place(document.data)
     leaving = {name: value for name, value in document.data.items() if name.startswith("/")}
     own = {name: value for name, value in document.data.items() if name not in leaving}
     base = tuple(part for part in namespace.split("/") if part)
@@ -351,27 +387,59 @@ def _instead_of_files(folder: Path, names: Iterable[str]) -> str:
     if launch:
         listed = ", ".join(str(path.relative_to(folder)) for path in launch[:6])
         return f'it has launch files ({listed}): write "ros: {{launch: FILE}}" to read one'
-    expected = ", ".join(kind.names[0] for kind in _PACKAGE_FILES)
-    return f"looked for {expected}"
+    return f"looked for {', '.join(name for kind in _PACKAGE_FILES for name in kind.names)}"
 
 
 def _unread_files(folder: Path, names: Iterable[str], where: Where) -> list[Finding]:
+    """Return warnings about files of other names, first about those that look like ROS files."""
     spare = sorted(name for name in names if name.endswith((".yaml", ".yml")))
-    if not spare:
+    groups: dict[str, list[str]] = {}
+    for name in spare:
+        groups.setdefault(_likely_namespace(folder / name), []).append(name)
+    findings = []
+    for space, alike in sorted(groups.items(), reverse=True):
+        message = f"not read in {folder}: {first_words(alike)}"
+        hint = 'name them under "files" with their namespace if the stack reads them'
+        if space:
+            message += f", with names that {space.partition('/')[0]} reads"
+            path = os.path.relpath(folder / alike[0], Path(where.file).parent)
+            hint = f'write "files: {{{space}: {path}}}" to read one'
+        findings.append(Finding(where, message, hint, Severity.WARNING))
+    return findings
+
+
+_TELLING: Final[Mapping[str, str]] = {
+    "move_base": "base_local_planner base_global_planner recovery_behaviors planner_frequency "
+    "global_costmap local_costmap TrajectoryPlannerROS DWAPlannerROS TebLocalPlannerROS",
+    "amcl": "odom_model_type laser_model_type min_particles odom_alpha1 update_min_d",
+    _COMMON: "footprint robot_radius observation_sources inflation_radius plugins global_frame "
+    "obstacle_layer inflation_layer",
+    "move_base/DWAPlannerROS": "max_vel_x max_vel_trans acc_lim_x sim_time",
+}
+"""Names by which to recognise files, by namespace."""
+
+
+def _likely_namespace(path: Path) -> str:
+    """Return the namespace of the names in a file, if any."""
+    try:
+        names = set(load_ros_yaml(path)[0].data)
+    except InputError:
+        return ""
+    return next((space for space, known in _TELLING.items() if names & set(known.split())), "")
+
+
+def _missing_files(
+    folder: Path, present: Iterable[_PackageFile], settings: ParameterValues, where: Where
+) -> list[Finding]:
+    spaces = _namespaces(settings)
+    inside = [k.usual for k in _PACKAGE_FILES if (k.namespace, k.section) in spaces]
+    subjects = {"", *inside, *(kind.usual for kind in present)}
+    usual = {kind.usual: kind.names[0] for kind in _PACKAGE_FILES if kind.usual not in subjects}
+    if not usual:
         return []
-    message = f"not read in {folder}: {', '.join(spare)}"
-    hint = 'name them under "files" with their namespace if the stack reads them'
+    message = f"no {first_words(usual.values())} in {folder}: ROS defaults apply"
+    hint = "docs/languages/systems-under-test.md lists the names of files that are read"
     return [Finding(where, message, hint, Severity.WARNING)]
-
-
-def _missing_files(folder: Path, present: Iterable[_PackageFile], where: Where) -> list[Finding]:
-    lacking = [kind.names for kind in _PACKAGE_FILES if kind.usual and kind not in present]
-    return [
-        Finding(
-            where, f"no {' or '.join(names)} in {folder}: ROS defaults apply", "", Severity.WARNING
-        )
-        for names in lacking
-    ]
 
 
 def _near(path: Path, pick: Callable[[Path], bool] = is_file) -> str:
@@ -406,47 +474,15 @@ def spread_common(changes: ParameterValues, base: ParameterValues) -> ParameterV
 
 
 _ROS2_MARK: Final = "ros__parameters"
-_DEEPEST: Final = 5
-_COUNTERPARTS: Final = {
-    "amcl": "amcl (here odom_alpha1 for alpha1, odom_model_type for robot_model_type, "
-    "laser_max_beams, laser_z_hit, laser_sigma_hit for max_beams, z_hit, sigma_hit, "
-    "kld_err for pf_err)",
-    "controller_server": "a DWB controller as move_base/DWAPlannerROS (max_vel_trans for "
-    "max_speed_xy), controller_frequency as move_base/controller_frequency",
-    "planner_server": "a NavfnPlanner as move_base/NavfnROS (default_tolerance for tolerance)",
-    "global_costmap": "global_costmap as move_base/global_costmap",
-    "local_costmap": "local_costmap as move_base/local_costmap",
-    "behavior_server": "behaviors as move_base/recovery_behaviors",
-    "recoveries_server": "recoveries as move_base/recovery_behaviors",
-}
-"""Counterparts of the nodes of Nav2 in the reference stack, under their names of ROS 1."""
 
 
 def _refuse_nav2(document: YamlDocument) -> None:
-    """Raise :class:`InputError` for a parameter file of ROS 2, with hints on alternatives."""
-    sections = list(_ros2_sections(document.data, ()))
-    if not sections:
-        return
-    names = list(dict.fromkeys(str(path[-1]) if path else "" for path in sections))
-    counterparts = [_COUNTERPARTS[name] for name in names if name in _COUNTERPARTS]
-    other = [name for name in names if name and name not in _COUNTERPARTS]
-    hints = ['Nav2 itself is tested as an external system: "kind: ros2" (docs/ros2.md)']
-    if counterparts:
-        hints.append(f"the reference stack has, under names of ROS 1: {'; '.join(counterparts)}")
-    if other:
-        hints.append(f"nothing here corresponds to {', '.join(other)}")
-    message = f"is a parameter file of ROS 2 ({_ROS2_MARK}), which move_base does not read"
-    raise InputError.at(document.where((*sections[0], _ROS2_MARK)), message, "\n    ".join(hints))
-
-
-def _ros2_sections(data: Any, path: KeyPath) -> Iterator[KeyPath]:
-    if not isinstance(data, Mapping) or len(path) > _DEEPEST:
-        return
-    for name, below in data.items():
-        if name == _ROS2_MARK:
-            yield path
-        else:
-            yield from _ros2_sections(below, (*path, name))
+    """Raise :class:`InputError` for a parameter file of ROS 2."""
+    for path in document.places:
+        if path[-1:] == (_ROS2_MARK,):
+            message = f"is a parameter file of ROS 2 ({_ROS2_MARK}), which move_base does not read"
+            hint = 'Nav2 itself is tested as an external system: "kind: ros2" (docs/ros2.md)'
+            raise InputError.at(document.where(path), message, hint)
 
 
 def _is_of_ros2(path: Path) -> bool:

@@ -49,9 +49,13 @@ from grammars.text.overrides import Override, split_key
 from grammars.text.quantity import read_quantity
 from grammars.text.ros_yaml import ParameterValue
 from grammars.text.sources import is_file
+from grammars.text.words import first_words
 
 _MOST_NAMED: Final = 6
 """Most parameters without effect that a warning names."""
+
+_MOST_ALIKE: Final = 3
+"""Most warnings of one kind about parameters of one namespace."""
 
 FindSutFile: TypeAlias = Callable[[Path, LayerReference], Path]
 """Finds the SUT file of a reference in a file of a folder; raises :class:`InputError`."""
@@ -133,10 +137,13 @@ def kind_layer(kind: str, where: Where) -> SutLayer:
 def read_sut(
     path: Path,
     find: FindSutFile,
+    warnings: list[Finding],
     above: tuple[Path, ...] = (),
     changes: tuple[LaunchChange, ...] = (),
 ) -> SutLayer:
     """Read a SUT file and its bases; ``changes`` to its launch files come from ``above``.
+
+    ``warnings`` receives those about all its files.
 
     Raises :class:`InputError` for files that cannot be read or contradict each other.
     """
@@ -148,11 +155,10 @@ def read_sut(
         check_source(ros)
         below = (ros, *changes) if ros.source.is_change else ()
         changes = below or changes
-    base = _base(path, document, text, find, above, below)
+    base = _base(path, document, text, find, warnings, above, below)
     kind = _kind(document, text, base)
     _refuse_keys_of_others(document, text, kind)
     layer = replace(base or SutLayer(text, document, kind), text=text, document=document)
-    warnings = list(layer.warnings)
     if ros is not None and ros.source.launch:
         # Only systems with launch files load their reader.
         from daemon.campaign._launch import load_launched
@@ -204,6 +210,7 @@ def _base(
     document: YamlDocument,
     text: SutFile,
     find: FindSutFile,
+    warnings: list[Finding],
     above: tuple[Path, ...],
     changes: tuple[LaunchChange, ...],
 ) -> SutLayer | None:
@@ -219,7 +226,7 @@ def _base(
     if len(chain) > MOST_LIKE:
         message = f"like: more than {MOST_LIKE} files are like one another in a row"
         raise InputError(Finding(where, message, "be like one near the first of them"))
-    return read_sut(other, find, chain, changes)
+    return read_sut(other, find, warnings, chain, changes)
 
 
 def _kind(document: YamlDocument, text: SutFile, base: SutLayer | None) -> StackKind[Any]:
@@ -312,20 +319,44 @@ def complete_sut(layer: SutLayer, overrides: Sequence[Override] = ()) -> LoadedS
     if kind.external:
         tree.setdefault("repeatable", False)
     reference = SutReference(layer.text.sut, kind.name, tree, _attach(layer))
+    place = partial(_placed, document=document, settings=settings, severity=Severity.WARNING)
     try:
         findings = kind.findings(kind.read(reference.local_parameters))
     except ValueError as error:
+        warnings = []
         if isinstance(error, ParameterError):
             # An unused file leaves the defaults in place, which may cause unrelated errors.
             _refuse_unread(settings, error.findings, layer.parameter_files)
-        raise RefusedSutError(_diagnostics(error, document, settings), settings) from error
+            warnings = _warnings(error.findings, place)
+        with InputError.keeping(warnings):
+            raise RefusedSutError(_diagnostics(error, document, settings), settings) from error
     _refuse_unread(settings, findings, layer.parameter_files)
-    place = partial(_placed, document=document, settings=settings, severity=Severity.WARNING)
-    warnings = dict.fromkeys(map(place, findings.problems))
+    warnings = _warnings(findings, place)
     idle = _idle_warning(findings, layer, settings)
     return LoadedSut(
         reference, layer, settings, findings, (*layer.warnings, *warnings, *idle), idle
     )
+
+
+def _warnings(
+    findings: ParameterFindings, place: Callable[[ParameterFinding], Finding]
+) -> list[Finding]:
+    """Return the warnings, each once, names that nothing reads first: they may cause the others.
+
+    Of many alike in one namespace the first also names others.
+    """
+    groups: dict[object, list[ParameterFinding]] = {}
+    for one in sorted(findings.problems, key=lambda one: not one.unread):
+        kind = (one.path[:-1], *one.message.split()[:3])
+        groups.setdefault(one if "did you mean" in one.hint else kind, []).append(one)
+    warnings: list[Finding] = []
+    for alike in groups.values():
+        found = list(map(place, alike))
+        if len(alike) > _MOST_ALIKE:
+            others = first_words(one.path[-1] for one in alike[1:])
+            found = [replace(found[0], message=f"{found[0].message}; the same with {others}")]
+        warnings += found
+    return list(dict.fromkeys(warnings))
 
 
 def _refuse_missing(settings: ParameterValues) -> None:
@@ -466,9 +497,7 @@ def _idle_warning(
     }
     if not idle:
         return ()
-    names = list(idle.values())
-    more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
-    message = f"without effect here: {', '.join(names[:_MOST_NAMED])}{more}"
+    message = f"without effect here: {first_words(idle.values(), _MOST_NAMED)}"
     hint = f"scenario sut show {shlex.quote(layer.document.file)} says why" if layer.files else ""
     return (Finding(layer.document.where(("sut",)), message, hint, Severity.WARNING),)
 

@@ -43,7 +43,7 @@ from daemon.search.methods import SearchMethod
 from daemon.search.nearest import NEAREST_POINTS, find_nearest
 from daemon.search.point_runner import MEDIAN_OF, PointRunner
 from daemon.search.space import SearchSpace
-from grammars.text.words import count_noun, enumerate_words
+from grammars.text.words import count_noun, enumerate_words, first_words
 
 ERRORS_IN_A_ROW: Final = 5
 """Errors in a row that end a search: the next run would be one too."""
@@ -317,8 +317,7 @@ def missing_words(whole: Candidate, part: Candidate) -> str:
     """Return the missing parts of a candidate: ``without bedroom_door, waypoint home``."""
     remaining = _part_names(part)
     missing = [name for name in _part_names(whole) if name not in remaining]
-    more = f" and {len(missing) - _NAMED} more" if len(missing) > _NAMED else ""
-    return f"without {', '.join(missing[:_NAMED])}{more}" if missing else "with fewer values"
+    return f"without {first_words(missing, _NAMED)}" if missing else "with fewer values"
 
 
 def _part_names(candidate: Candidate) -> list[str]:

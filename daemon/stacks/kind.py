@@ -13,6 +13,7 @@ from grammars.model.geometry import Twist2
 
 if TYPE_CHECKING:
     from daemon.model.sut import SystemUnderTest
+    from grammars.model.mission import Mission
     from grammars.model.robot import Drive, Robot
 
 S = TypeVar("S")
@@ -51,8 +52,8 @@ class StackKind(ABC, Generic[S]):
         """Return warnings about ``settings``; raises ``ValueError`` as :meth:`read` does."""
         return ParameterFindings()
 
-    def advise(self, settings: S, robot: Robot) -> Iterable[ParameterFinding]:
-        """Return warnings about ``settings`` for the sensors of a robot."""
+    def advise(self, settings: S, robot: Robot, mission: Mission) -> Iterable[ParameterFinding]:
+        """Return warnings about ``settings`` for a robot and its mission."""
         return ()
 
     def top_speed(self, settings: S, robot: Robot) -> float:

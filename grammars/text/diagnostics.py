@@ -81,6 +81,17 @@ class InputError(ScenarioError):
         self.findings = (findings,) if isinstance(findings, Finding) else tuple(findings)
         super().__init__("\n".join(map(str, self.findings)))
 
+    @classmethod
+    @contextmanager
+    def keeping(cls, warnings: Iterable[Finding]) -> Iterator[None]:
+        """Add ``warnings`` that were found so far to an error that ends the block."""
+        try:
+            yield
+        except cls as error:
+            error.findings = tuple(dict.fromkeys((*error.findings, *warnings)))
+            error.args = ("\n".join(map(str, error.findings)),)
+            raise
+
     def __reduce__(self) -> tuple[Any, ...]:
         # Errors travel between processes, and subclasses take other arguments.
         return _restore_error, (type(self), self.findings)

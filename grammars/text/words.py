@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 NOTHING: Final = "–"
@@ -22,6 +22,13 @@ def count_noun(number: int, noun: str, plural: str = "") -> str:
 def enumerate_words(words: Sequence[str], conjunction: str = "and") -> str:
     """Return ``a, b and c``; an empty text for no words."""
     return f" {conjunction} ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
+
+
+def first_words(words: Iterable[object], most: int = 3) -> str:
+    """Return the first ``most`` words and the number of the others: ``a, b, c and 4 more``."""
+    every = list(map(str, words))
+    more = f" and {len(every) - most} more" if len(every) > most else ""
+    return ", ".join(every[:most]) + more
 
 
 def command_line(*words: object) -> str:

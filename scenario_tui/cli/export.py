@@ -13,6 +13,7 @@ import typer
 
 from daemon.batch.errors import TraceUnavailable
 from grammars.text.diagnostics import Finding, Severity, Where
+from grammars.text.words import first_words
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer, CommandError, ExitCode, wrong_usage
 from scenario_tui.cli.options import Base, check_folder, check_writable, refuse_typed
@@ -305,5 +306,4 @@ def _about(source: Path, worlds: list[str], count: int) -> str:
     """Return the subject of a note: the source, with the worlds unless all of them have it."""
     if len(worlds) == count:
         return str(source)
-    more = f" and {len(worlds) - 3} more" if len(worlds) > 3 else ""
-    return f"{source} ({', '.join(worlds[:3])}{more})"
+    return f"{source} ({first_words(worlds)})"

@@ -61,9 +61,19 @@ _SIGNS: Final = {
 }
 """The sign of a line by its state, its style, and the style of the text."""
 
+
+class _SutGroup(PlainFlagsGroup):
+    """A group in which a file in place of a command is shown."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
+        """Return the name and the command of ``args``, and the rest of them."""
+        is_file = args[0].endswith((".yaml", ".yml"))
+        return super().resolve_command(ctx, ["show", *args] if is_file else args)
+
+
 app = typer.Typer(
     name="sut",
-    cls=PlainFlagsGroup,
+    cls=_SutGroup,
     help="Show a system under test, or start an external one and see what it lacks.",
     no_args_is_help=True,
     add_completion=False,

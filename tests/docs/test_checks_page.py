@@ -15,6 +15,9 @@ SOURCES = (
 SHARED = (
     ROOT / "grammars" / "scenery" / "_parameters.py",
     ROOT / "grammars" / "scenery" / "composition" / "_placement.py",
+    ROOT / "daemon" / "stacks" / "ros1" / "advice.py",
+    ROOT / "daemon" / "stacks" / "ros1" / "wiring.py",
+    ROOT / "daemon" / "stacks" / "ros1" / "costmap" / "reading.py",
 )
 _ROW = re.compile(r"^\| `(.+?)` \|", re.MULTILINE)
 _PLACEHOLDER = re.compile(r"\b[A-Z]+\b|\bN\b")

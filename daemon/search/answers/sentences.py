@@ -26,7 +26,7 @@ from daemon.model.search_answer import (
 )
 from daemon.model.trials import Trial
 from daemon.search.points import change_size, is_as_written
-from grammars.text.words import count_noun, enumerate_words, format_quantity
+from grammars.text.words import count_noun, enumerate_words, first_words, format_quantity
 
 AS_WRITTEN: Final = "as written"
 """Words for a point with every value as in the scenario."""
@@ -131,9 +131,7 @@ def point_words(task: SearchTask, point: Point, most: int = 4) -> str:
         for parameter, value in zip(task.parameters, point, strict=True)
         if not is_as_written(parameter, value)
     ]
-    more = len(words) - most
-    named = ", ".join(words[:most]) or AS_WRITTEN
-    return f"{named} and {more} more" if more > 0 else named
+    return first_words(words, most) or AS_WRITTEN
 
 
 def _value_words(task: SearchTask, parameter: SearchParameter, value: PointValue) -> str:

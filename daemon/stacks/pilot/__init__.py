@@ -17,6 +17,7 @@ from daemon.stacks.pilot._parameters import PilotParameters, doubts, read_parame
 if TYPE_CHECKING:
     from daemon.model.sut import SystemUnderTest
     from daemon.stacks.findings import ParameterFinding
+    from grammars.model.mission import Mission
     from grammars.model.robot import Robot
 
 __all__ = ["PILOT", "PilotParameters"]
@@ -40,7 +41,9 @@ class _PilotKind(StackKind[PilotParameters]):
     def tolerance(self, settings: PilotParameters) -> float:
         return settings.goal_tolerance
 
-    def advise(self, settings: PilotParameters, robot: Robot) -> Iterable[ParameterFinding]:
+    def advise(
+        self, settings: PilotParameters, robot: Robot, mission: Mission
+    ) -> Iterable[ParameterFinding]:
         return doubts(settings)
 
     def defaults(self) -> Mapping[str, Any]:

@@ -15,6 +15,7 @@ from daemon.stacks.kind import StackKind
 if TYPE_CHECKING:
     from daemon.model.sut import SystemUnderTest
     from daemon.stacks.ros1.configuration import RosParameters
+    from grammars.model.mission import Mission
     from grammars.model.robot import Robot
 
 
@@ -37,11 +38,12 @@ class _RosKind(StackKind["RosParameters"]):
     def findings(self, settings: RosParameters) -> ParameterFindings:
         return settings.findings
 
-    def advise(self, settings: RosParameters, robot: Robot) -> Iterable[ParameterFinding]:
-        from daemon.stacks.ros1.wiring import advise_for_robot
+    def advise(
+        self, settings: RosParameters, robot: Robot, mission: Mission
+    ) -> Iterable[ParameterFinding]:
+        from daemon.stacks.ros1.advice import advise
 
-        costmaps = settings.global_costmap, settings.local_costmap
-        return advise_for_robot(settings.topics, costmaps, robot)
+        return advise(settings, robot, mission)
 
     def top_speed(self, settings: RosParameters, robot: Robot) -> float:
         from daemon.stacks.ros1.dwa import DwaParameters

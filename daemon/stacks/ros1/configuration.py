@@ -62,6 +62,8 @@ _SECTIONS: Final = ("amcl", "move_base", "dispatcher", "topics", "quirks")
 _BODY: Final = ("footprint", "robot_radius", "obstacle_range", "raytrace_range")
 """Names that costmaps look up in the namespace of move_base if their own lacks them."""
 _ROTATION_OWN: Final = frozenset({"sim_granularity", "frequency"})
+_TURN: Final = {*OTHER_NAMES, *(field.name for field in fields(RotateRecoveryParameters))}
+"""Names that rotate_recovery reads, most of them in the namespace of TrajectoryPlannerROS."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,10 +147,6 @@ def _read_move_base(tree: ParameterTree) -> MoveBaseParameters:
         if isinstance(each, Mapping) and each.get("name")
     ]
     recoveries = {"rotate_recovery", "conservative_reset", "aggressive_reset", *names}
-    if "DWAPlannerROS" in space.entries and "base_local_planner" not in space.entries:
-        message = f"base_local_planner is not given: ROS takes {_TRAJECTORY}, and nobody reads this"
-        hint = f"write base_local_planner: {_DWA}"
-        tree.report.warn(("move_base", "DWAPlannerROS"), message, hint)
     if "footprint_padding" in space.entries:
         message = "costmap_2d looks for it in the namespaces of the costmaps only"
         hint = "write it under global_costmap and local_costmap"
@@ -166,7 +164,7 @@ def _usual_frames(amcl: ParameterNamespace) -> dict[str, str]:
     return {
         name: f"costmaps call this frame {usual} anyway"
         for name, usual in (("global_frame_id", "map"), ("odom_frame_id", "odom"))
-        if str(amcl.value(name)).strip("/") == usual
+        if str(amcl.value(name)).removeprefix("/") == usual
     }
 
 
@@ -178,10 +176,12 @@ def _read_planner(
     inherited: Mapping[str, Any],
 ) -> P:
     """Return a planner's parameters; refuse a planner that is not built in."""
+    key = f"base_{kind}_planner"
     if plugin in planners:
+        _doubt_choice(tree, key, plugin, [name for name in planners if name != plugin])
         space = tree.at("move_base", namespace_of(plugin))
         return read_section(planners[plugin], space, tree.report, inherited=inherited)
-    place = ("move_base", f"base_{kind}_planner")
+    place = ("move_base", key)
     near = [full for full in planners if namespace_of(full) == namespace_of(plugin.strip())]
     if near:
         message = f'pluginlib knows no {kind} planner "{plugin}": a name is taken to the letter'
@@ -191,6 +191,18 @@ def _read_planner(
         hint = "to test a stack that uses it, bring that stack itself as the system under test"
         tree.report.refuse(place, message, f"{hint} (docs/ros2.md)")
     return next(iter(planners.values()))()
+
+
+def _doubt_choice(tree: ParameterTree, key: str, chosen: str, others: Iterable[str]) -> None:
+    """Warn of parameters of other planners if nobody chose, or if the chosen one has none."""
+    spaces = tree.at("move_base").entries
+    message = f"{key} is not given: ROS takes {chosen}, and nobody reads this"
+    if key in spaces:
+        message = f"{key} is {chosen}, which has no parameters and reads none of these"
+    for other in others if key not in spaces or namespace_of(chosen) not in spaces else ():
+        unread = {*tree.at("move_base", namespace_of(other)).entries}
+        if unread - _TURN or (unread and key not in spaces):
+            tree.report.warn(("move_base", namespace_of(other)), message, f"write {key}: {other}")
 
 
 def _ignore_other_planners(tree: ParameterTree, move_base: MoveBaseParameters) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
@@ -24,6 +25,11 @@ Finite: TypeAlias = Annotated[float, Field(allow_inf_nan=False)]
 Positive: TypeAlias = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 NotNegative: TypeAlias = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 M = TypeVar("M", bound="Section")
+_ANGLES: Final = frozenset(
+    ("yaw_goal_tolerance", "update_min_a", "oscillation_reset_angle", "angular_sim_granularity")
+)
+_LARGEST_ANGLE: Final = 1.1 * math.tau
+"""[rad] 6.3 and the like stand for any angle."""
 ALTERNATIVE: Final = "(either)"
 """Prefix of tags of alternatives (:class:`pydantic.Tag`), which do not belong to a place."""
 
@@ -131,6 +137,10 @@ def read_section(
     values: dict[str, Any] = {}
     errors = len(report.fatal)
     for name, (value, place) in space.entries.items():
+        if "$(" in str(value) and (name in adapters or name.endswith("_frame")):
+            hint = "that is for launch files to fill in: write the value"
+            report.refuse(place, f"ROS takes {value} to the letter", hint)
+            continue
         if name in idle:
             report.ignore(place, idle[name])
         if name in adapters:
@@ -226,6 +236,9 @@ def _take(
         return
     try:
         values[name] = adapter.validate_json(json.dumps(_integral_as_int(value)), strict=True)
+        if name in _ANGLES and value > _LARGEST_ANGLE:
+            turns = f"{value:g} rad is {value / math.tau:.1f} turns"
+            report.warn(place, turns, f"write radians: {math.radians(value):.4g} for {value:g} deg")
     except ValidationError as error:
         report.fatal += [_finding(issue, place) for issue in error.errors()]
     except TypeError:
@@ -253,8 +266,8 @@ def _advice(value: Any) -> str:
     """Return advice for a text in the place of a number."""
     if not isinstance(value, str):
         return ""
-    if "$(" in value:
-        return "that is for launch files to fill in: write the value"
+    if degrees := re.fullmatch(r"\s*([-+.\d]+)\s*(?:deg|°).*", value):
+        return f"ROS takes that for text: write deg({degrees[1]})"
     try:
         float(value)
     except ValueError:

@@ -1,42 +1,34 @@
-"""Wiring of lasers: topics as roscpp resolves them, listeners, advice for a robot.
+"""Wiring of lasers: topics as roscpp resolves them, and their listeners.
 
 A name without a leading slash is resolved in the namespace of the node (``/`` for a node called
 ``/move_base``), ``~name`` below the node's own name. A remap of the launch file holds for every
 node, also for the simulator and the driver: **the published name is remapped too**. A remap of one
 node holds for that node. A name is remapped only once.
-
-A configuration gives the topics of listeners and their heights, a robot the lasers. Advice
-therefore needs a robot. It also describes what the original would do.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar, Final, Literal, TypeAlias
 
 from pydantic import ConfigDict, Discriminator, Field, Tag
 from pydantic.dataclasses import dataclass as checked
 
-from daemon.stacks.findings import ParameterFinding, ParameterLocation
 from daemon.stacks.ros1.amcl import AmclParameters
-from daemon.stacks.ros1.costmap import point_height
 from daemon.stacks.ros1.costmap.layers import (
+    InflationLayer,
     LayeredCostmap,
-    ObservationSource,
     ObstacleLayer,
-    VoxelLayer,
+    StaticLayer,
 )
 from daemon.stacks.ros1.costmap.reading import CostmapContext, CostmapReader
 from daemon.stacks.ros1.parameters import ALTERNATIVE, ParameterTree, Section
-from grammars.model.robot import Laser, Robot
 
 _Name: TypeAlias = Annotated[str, Field(pattern=r"^[~/]?[A-Za-z][A-Za-z0-9_/]*$", max_length=200)]
 _NodeName: TypeAlias = Annotated[str, Field(pattern=r"^/[A-Za-z][A-Za-z0-9_/]*$", max_length=200)]
 NodeOfStack: TypeAlias = Literal["amcl", "move_base"]
 COSTMAPS: Final = ("global_costmap", "local_costmap")
-_SCAN: Final[ParameterLocation] = ("topics", "scan")
-_WHERE: Final = "topics/scan says where lasers are published"
 _ONE: Final = f"{ALTERNATIVE} one"
 _SEVERAL: Final = f"{ALTERNATIVE} several"
 # With tags, messages are about the intended alternative only.
@@ -195,8 +187,8 @@ def read_costmaps(
     context = CostmapContext(
         above=tree.at("move_base"),
         frames={
-            localisation.global_frame_id.strip("/"): "map",
-            localisation.odom_frame_id.strip("/"): "odom",
+            localisation.global_frame_id.removeprefix("/"): "map",
+            localisation.odom_frame_id.removeprefix("/"): "odom",
         },
         resolve=lambda name: names.resolve("move_base", name),
         maps=names.resolved_maps(),
@@ -222,100 +214,26 @@ def _read_costmap(tree: ParameterTree, name: str, context: CostmapContext) -> La
     if space.entries and "global_frame" not in space.entries and is_local:
         message = "global_frame is missing: ROS takes map, a local costmap usually has odom"
         report.warn(path, message, "write global_frame: odom, or map if you want map")
+    if report.fatal:
+        # Warnings about the whole would be about defaults in the place of bad values.
+        return costmap
+    has_map = any(isinstance(layer, StaticLayer) for layer in costmap.layers)
+    if space.entries and not (costmap.rolling_window or has_map or "origin_x" in space.entries):
+        message = f"the {title} neither rolls nor shows the map: it stays at its origin"
+        hint = "write rolling_window: true, static_map: true, or its origin"
+        report.warn((*path, "rolling_window"), message, hint)
+    if not is_local and not any(isinstance(layer, InflationLayer) for layer in costmap.layers):
+        message = "the global costmap has no inflation layer: plans lead right along walls"
+        hint = "add {name: inflation_layer, type: costmap_2d::InflationLayer} at its end"
+        report.warn((*path, "plugins"), message, hint)
     if not any(isinstance(layer, ObstacleLayer) for layer in costmap.layers):
-        report.warn((*path, "plugins"), f"the {title} has no obstacle layer", _blind(title))
+        report.warn((*path, "plugins"), f"the {title} has no obstacle layer", blind(title))
     elif not any(costmap.laser_sources()):
         message = f"the {title} has no source of type LaserScan"
-        report.warn((*path, "observation_sources"), message, _blind(title))
+        report.warn((*path, "observation_sources"), message, blind(title))
     return costmap
 
 
-def _blind(title: str) -> str:
+def blind(title: str) -> str:
+    """Return the effect of a costmap without lasers."""
     return f"the {title} shows no obstacle that the map does not show"
-
-
-def advise_for_robot(
-    topics: Topics, costmaps: tuple[LayeredCostmap, LayeredCostmap], robot: Robot
-) -> Iterator[ParameterFinding]:
-    """Yield warnings about lasers of ``robot`` that do not fit their listeners.
-
-    ``costmaps`` are the global and the local one.
-    """
-    names = [laser.name for laser in robot.lasers]
-    for name in topics.by_laser:
-        if name not in names:
-            others = ", ".join(other for other in names if other)
-            hint = f"its lasers are {others}" if others else "its only laser has no name"
-            yield ParameterFinding((*_SCAN, name), f"the robot has no laser {name}", hint)
-    wiring = topics.wire(names)
-    used = {*wiring.amcl, *wiring.global_costmap, *wiring.local_costmap}
-    for laser in robot.lasers:
-        if laser.name not in used:
-            published = ", ".join(topics.topics_of(laser.name, names))
-            where = f"it is published on {published}" if published else "it is published nowhere"
-            message = f"nobody listens to the {laser.label} of robot {robot.name}: {where}"
-            yield ParameterFinding(_SCAN, message, _WHERE)
-    if not wiring.amcl:
-        published = ", ".join(topic for name in names for topic in topics.topics_of(name, names))
-        message = (
-            f"amcl listens to {topics.amcl}, the lasers of robot {robot.name} are on "
-            f"{published or 'no topic'}"
-        )
-        hint = "amcl never corrects odometry: set topics/amcl or topics/remap"
-        yield ParameterFinding(_SCAN, message, hint)
-    for name, costmap in zip(COSTMAPS, costmaps, strict=True):
-        yield from _about_costmap(name, costmap, topics, robot)
-
-
-def _about_costmap(
-    name: str, costmap: LayeredCostmap, topics: Topics, robot: Robot
-) -> Iterator[ParameterFinding]:
-    title, names = name.replace("_", " "), [laser.name for laser in robot.lasers]
-    sources = list(costmap.laser_sources())
-    sees = any(topics.lasers_on(source.topic, names) for _, source in sources)
-    for layer, source in sources:
-        below = ("move_base", name, layer.name, source.name)
-        audible = topics.lasers_on(source.topic, names)
-        if not audible:
-            message = (
-                f'the source "{source.name}" of the {title} listens to {source.topic}, where robot '
-                f"{robot.name} publishes no laser"
-            )
-            hint = _WHERE if sees else _blind(title)
-            rate = source.expected_update_rate
-            if rate > 0.0:
-                message += f": after {rate:g} s move_base would stop the robot"
-            yield ParameterFinding((*below, "topic"), message, hint)
-        for laser in robot.lasers:
-            if laser.name in audible:
-                yield from _about_laser(laser, layer, source, below)
-
-
-def _about_laser(
-    laser: Laser, layer: ObstacleLayer, source: ObservationSource, place: ParameterLocation
-) -> Iterator[ParameterFinding]:
-    """Yield warnings about a height that excludes a laser, and a rate that would stop the robot."""
-    _, name, *_ = place
-    title, above = str(name).replace("_", " "), place[:-1]
-    at, height = f"the {laser.label} at {laser.z:g} m", point_height(laser.z)
-    marks_nothing = f"{at} marks nothing in the layer {layer.name} of the {title}"
-    if height < source.min_obstacle_height:
-        message = f"the {title} ignores {at}, below {source.min_obstacle_height:g} m"
-        yield ParameterFinding((*place, "min_obstacle_height"), message)
-    elif height > source.max_obstacle_height:
-        message = f"the {title} ignores {at}, above {source.max_obstacle_height:g} m"
-        yield ParameterFinding((*place, "max_obstacle_height"), message)
-    elif source.marking and height > layer.max_obstacle_height:
-        message = f"{marks_nothing}, whose limit is {layer.max_obstacle_height:g} m"
-        yield ParameterFinding((*above, "max_obstacle_height"), message)
-    elif source.marking and isinstance(layer, VoxelLayer) and height >= layer.top:
-        message = f"{marks_nothing}, whose voxels end at {layer.top:g} m"
-        yield ParameterFinding((*above, "z_voxels"), message)
-    expected = source.expected_update_rate
-    if expected > 0.0 and laser.rate > 0.0 and 1.0 / laser.rate > expected:
-        message = (
-            f"a scan of the {laser.label} comes every {1.0 / laser.rate:g} s, and move_base would "
-            f"stop the robot after {expected:g} s without one; here it does not"
-        )
-        place = (*place, "expected_update_rate")
-        yield ParameterFinding(place, message, "write a longer time, or 0 for none")

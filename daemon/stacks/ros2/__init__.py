@@ -22,6 +22,7 @@ from daemon.stacks.ros2.settings import (
 
 if TYPE_CHECKING:
     from daemon.model.sut import SystemUnderTest
+    from grammars.model.mission import Mission
     from grammars.model.robot import Robot
 
 
@@ -51,7 +52,9 @@ class _Ros2Kind(StackKind[Ros2Settings]):
     def findings(self, settings: Ros2Settings) -> ParameterFindings:
         return ParameterFindings(tuple(warnings_about(settings)))
 
-    def advise(self, settings: Ros2Settings, robot: Robot) -> Iterable[ParameterFinding]:
+    def advise(
+        self, settings: Ros2Settings, robot: Robot, mission: Mission
+    ) -> Iterable[ParameterFinding]:
         return advise_for_robot(settings, robot)
 
 

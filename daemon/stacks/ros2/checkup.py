@@ -30,6 +30,7 @@ from daemon.stacks.ros2.settings import Ros2Settings
 from daemon.stacks.ros2.telemetry import report_subscriptions, report_topics
 from grammars.model.robot import Laser
 from grammars.text.diagnostics import closest
+from grammars.text.words import first_words
 
 CLOCK: Final = TopicSetup("/clock", "rosgraph_msgs/msg/Clock")
 
@@ -37,7 +38,6 @@ _ZENOH: Final = "rmw_zenoh_cpp"
 """Zenoh has no incompatible quality of service."""
 _GET_STATE: Final = "/get_state"
 _SEND_GOAL: Final = "/_action/send_goal"
-_SHOWN_NAMES: Final = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -385,6 +385,4 @@ def _nearest(name: str, names: Iterable[str], prefix: str = "") -> str:
 
 
 def _names(ends: Sequence[GraphEndpoint]) -> str:
-    names = list(dict.fromkeys(end.node for end in ends))
-    more = f" and {len(names) - _SHOWN_NAMES} more" if len(names) > _SHOWN_NAMES else ""
-    return f"{', '.join(names[:_SHOWN_NAMES])}{more}"
+    return first_words(dict.fromkeys(end.node for end in ends))

@@ -28,6 +28,7 @@ from scenario_tui.library.checking import check_file
 
 GOLDENS = tuple(sorted(Path(__file__).parent.glob("*.txt")))
 _PLACE = "…"
+_ROOT = f"{Path(__file__).parents[3]}/"
 _BLOCK = re.compile(
     r"^=== (?P<name>.+)\n(?P<text>(?:(?!===|---|## ).*\n)*)"
     r"|^(?P<case>(?:---(?: .*)?\n)+)(?:(?!---).+\n)*",
@@ -68,7 +69,7 @@ def renew(golden, folder, describe=findings):
         case = "\n".join(line[4:] for line in block["case"].splitlines())
         try:
             _write(_changed(files, checked, case), folder)
-            text = describe(folder / checked).replace(f"{folder}/", "")
+            text = describe(folder / checked).replace(f"{folder}/", "").replace(_ROOT, "")
             shutil.rmtree(folder)
             return block["case"] + (text or "nothing\n")
         except Exception as error:

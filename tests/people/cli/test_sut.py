@@ -85,6 +85,10 @@ def test_parameters_are_shown_with_places_defaults_and_wiring(start, place, tran
     assert not (place / "started").exists()
 
 
+def test_a_file_in_place_of_a_command_is_shown(scenario, start, place):
+    assert scenario("sut", "slow.yaml").out == scenario("sut", "show", "slow.yaml").out != ""
+
+
 def test_scripts_get_the_merged_tree(scenario, campaigns):
     body = declared(scenario("sut", "show", "fro-omni", "--json").out)
     planner = body["reference"]["parameters"]["move_base"]["DWAPlannerROS"]

@@ -18,10 +18,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.stacks.findings import FindingCollector, ParameterError
+from daemon.stacks.ros1.advice import advise
 from daemon.stacks.ros1.configuration import RosParameters, read_ros
 from daemon.stacks.ros1.costmap.reading import CostmapContext, CostmapReader
 from daemon.stacks.ros1.parameters import ParameterNamespace
-from daemon.stacks.ros1.wiring import advise_for_robot
+from grammars.model.geometry import Pose2
+from grammars.model.mission import Mission, Waypoint
 from grammars.model.robot import Laser, Mount
 from tests.stacks.cases import cases, written
 from tests.stacks.ros1.scenes import ROBOT
@@ -30,6 +32,7 @@ from tests.stacks.ros1.sections import said, shown
 CONFIGURATION = Path(__file__).with_name("configuration.txt")
 COSTMAPS = Path(__file__).with_name("costmaps.txt")
 LASER = Laser(Mount(0.0), 0.2, -1.5, 1.5, 181, 0.05, 10.0, 10.0, 0.0, 0.0)
+MISSION = Mission("far", Pose2(), (Waypoint("near", 2.0, 1.0), Waypoint("far", 9.0, 1.0)))
 SOUND = yaml.safe_load("""
 move_base:
   base_local_planner: dwa_local_planner/DWAPlannerROS
@@ -75,8 +78,9 @@ def summary(tree):
             found = [str(value)] if each.name == "topics" else shown(value)
             lines += [f"{each.name}: {line}" for line in found]
     front, *others = (replace(LASER, name=name) for name in names)
-    robot = replace(ROBOT, laser=front, other_lasers=tuple(others))
-    advice = advise_for_robot(read.topics, (read.global_costmap, read.local_costmap), robot)
+    body = tuple(map(tuple, SOUND["move_base"]["footprint"]))
+    robot = replace(ROBOT, footprint=body, laser=front, other_lasers=tuple(others))
+    advice = advise(read, robot, MISSION)
     return lines, said((), read.findings) + [f"advice {finding}" for finding in advice]
 
 

@@ -133,7 +133,12 @@ class AmclParameters(Section):
     }
 
     def rules(self) -> Iterator[Objection]:
-        """Yield an objection if min_particles exceeds max_particles."""
+        """Yield objections to limits in the wrong order."""
+        if self.laser_min_range >= self.laser_max_range > 0.0:
+            message = (
+                f"no return is between {self.laser_min_range:g} and {self.laser_max_range:g} m"
+            )
+            yield Objection(("laser_min_range", "laser_max_range"), message, fatal=False)
         if self.min_particles > self.max_particles:
             yield Objection(
                 ("min_particles", "max_particles"),

@@ -54,7 +54,6 @@ from daemon.stacks.ros1.costmap.layers import (
 from daemon.stacks.ros1.costmap.master_grid import MAXIMUM, NOTHING, OVERWRITE, REPLACE
 from grammars.model.geometry import Floats, Pose2
 from grammars.model.grid import OCCUPIED, OccupancyGrid
-from grammars.model.grid import UNKNOWN as UNKNOWN_IN_MAP
 
 _NOWHERE: Final = np.array((1e30, 1e30, -1e30, -1e30))
 """Empty bounds [m] (costmap_2d uses the same numbers)."""
@@ -177,12 +176,17 @@ class _Resets:
         return True
 
 
-def map_grid(world: OccupancyGrid, *, track_unknown: bool) -> Grid:
-    """Return the costs of a map: lethal, free, and with ``track_unknown`` unknown."""
-    costs = np.zeros(world.cells.shape, dtype=np.uint8)
-    costs[world.cells == OCCUPIED] = LETHAL
-    if track_unknown:
-        costs[world.cells == UNKNOWN_IN_MAP] = NO_INFORMATION
+def map_grid(world: OccupancyGrid, layer: StaticLayer) -> Grid:
+    """Return the costs of a map (``StaticLayer::interpretValue``).
+
+    Unknown cells of a map are -1, as an unsigned byte 255.
+    """
+    values = world.cells.astype(np.uint8)
+    threshold = min(layer.lethal_cost_threshold, OCCUPIED)
+    between = 0.0 if layer.trinary_costmap else values / threshold * LETHAL
+    costs = np.where(values >= threshold, LETHAL, between).astype(np.uint8)
+    unknown = NO_INFORMATION if layer.track_unknown_space else 0
+    costs[values == layer.unknown_cost_value % 256] = unknown
     rows, columns = world.cells.shape
     return Grid(costs.ravel(), Frame(rows, columns, world.x, world.y, world.resolution))
 
@@ -236,7 +240,7 @@ class MapLayer:
         self.name = layer.name
         self.maximum = layer.use_maximum
         self.method = MAXIMUM if layer.use_maximum else REPLACE
-        self.grid = map_grid(world, track_unknown=layer.track_unknown_space)
+        self.grid = map_grid(world, layer)
         if row is not None:
             row[:] = self.grid.cells
             self.grid = self.grid._replace(cells=row)

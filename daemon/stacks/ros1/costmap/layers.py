@@ -32,7 +32,6 @@ _CORNERS: Final = 16
 _DISPLAY: Final = "only for display"
 _NO_OTHER_MAP: Final = "the map never changes"
 _NEVER_LATE: Final = "transforms are never late here"
-THREE_VALUES: Final = "maps are read as free, occupied and unknown only"
 _BUTTON: Final = {"restore_defaults": "only a button of rqt_reconfigure"}
 _OBSTACLES: Final = {"transform_tolerance": _NEVER_LATE, **_BUTTON}
 
@@ -76,7 +75,6 @@ class StaticLayer(Section):
     without_effect: ClassVar[Mapping[str, str]] = {
         "first_map_only": _NO_OTHER_MAP,
         "subscribe_to_updates": _NO_OTHER_MAP,
-        "trinary_costmap": THREE_VALUES,
         **_BUTTON,
     }
     name: SkipJsonSchema[str] = "static_layer"
@@ -89,9 +87,11 @@ class StaticLayer(Section):
     use_maximum: bool = False
     """Keep the maximum with the layers below instead of overwriting them."""
     lethal_cost_threshold: int = 100
-    """Least occupancy of a lethal cell of the map."""
+    """Least occupancy of a lethal cell of the map, at most 100."""
     unknown_cost_value: int = -1
-    """Occupancy of an unknown cell, as an unsigned byte."""
+    """Occupancy, as an unsigned byte, of a cell that counts as unknown."""
+    trinary_costmap: bool = True
+    """Cells of the map below the threshold are free; otherwise they cost in proportion."""
 
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)

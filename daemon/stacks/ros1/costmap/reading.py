@@ -8,14 +8,13 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final, Literal, TypeAlias, TypeVar
 
 from daemon.stacks.findings import FindingCollector
 from daemon.stacks.ros1.costmap.layers import (
     SEARCHED_UPWARDS,
-    THREE_VALUES,
     InflationLayer,
     Layer,
     LayeredCostmap,
@@ -23,6 +22,7 @@ from daemon.stacks.ros1.costmap.layers import (
     ObstacleLayer,
     StaticLayer,
     VoxelLayer,
+    inscribed_radius,
 )
 from daemon.stacks.ros1.costmap.namespaces import (
     COPIED,
@@ -35,6 +35,7 @@ from daemon.stacks.ros1.costmap.namespaces import (
     plan_layers,
 )
 from daemon.stacks.ros1.parameters import Entry, ParameterNamespace, Section, read_section
+from grammars.text.diagnostics import did_you_mean
 
 M = TypeVar("M", bound=Section)
 Frame: TypeAlias = Literal["map", "odom"]
@@ -92,7 +93,7 @@ class CostmapReader:
         """Return the costmap with the layers that are on."""
         own = self._own
         costmap = self._read_own()
-        layers = [self._layer(one, costmap) for one in self._planned]
+        read = [(one, self._layer(one, costmap)) for one in self._planned]
         self._check_old_parameters()
         if not costmap.rolling_window and self._shows_map():
             for name in _SIZE:
@@ -100,8 +101,45 @@ class CostmapReader:
         else:
             width, height = (self._whole_metres(costmap, name) for name in ("width", "height"))
             costmap = replace(costmap, width=width, height=height)
-        active = tuple(layer for layer in layers if layer is not None)
-        return replace(costmap, layers=active, frame=self._frame(costmap))
+        active = [(one, layer) for one, layer in read if layer is not None]
+        self._doubt_order(active)
+        self._doubt_inflation(costmap, active)
+        costmap = replace(costmap, frame=self._frame(costmap))
+        return replace(costmap, layers=tuple(layer for _, layer in active))
+
+    def _doubt_order(self, active: Sequence[tuple[PlannedLayer, Layer]]) -> None:
+        """Warn of layers that are not inflated, and of maps that overwrite obstacles."""
+        layers = [layer for _, layer in active]
+        inflating = [n for n, layer in enumerate(layers) if isinstance(layer, InflationLayer)]
+        for number, (one, layer) in enumerate(active):
+            if inflating and number > inflating[-1]:
+                last = active[inflating[-1]][0].name
+                message = f"{one.name} comes after {last}: its cells are not inflated"
+                self._report.warn(one.place, message, f"put {last} last")
+            covered = [each.name for each in layers[:number] if isinstance(each, ObstacleLayer)]
+            if covered and isinstance(layer, StaticLayer) and not layer.use_maximum:
+                message = f"{one.name} overwrites all that {', '.join(covered)} shows"
+                self._report.warn(one.place, message, f"put {one.name} first")
+
+    def _doubt_inflation(
+        self, costmap: LayeredCostmap, active: Sequence[tuple[PlannedLayer, Layer]]
+    ) -> None:
+        """Warn of radii below that of the robot, and of cells above it."""
+        corners = replace(costmap, footprint_padding=0.0).padded_footprint()
+        inscribed = inscribed_radius(corners)
+        if costmap.resolution > corners.max() and costmap.rolling_window:
+            message = f"cells of {costmap.resolution:g} m are larger than the robot"
+            self._report.warn((*self._own.path, "resolution"), message)
+        for one, layer in active:
+            if isinstance(layer, InflationLayer) and layer.inflation_radius < inscribed - 1e-6:
+                message = (
+                    f"inflation_radius {layer.inflation_radius:g} m is below the inscribed radius "
+                    f"of the footprint, {inscribed:.3g} m: plans lead where the robot touches walls"
+                )
+                near = self._context.above.entries | self._own.entries | one.namespace.entries
+                names = (name for name in ("inflation_radius", *SEARCHED_UPWARDS) if name in near)
+                place = next((near[name].place for name in names), self._own.path)
+                self._report.warn(place, message, f"write {inscribed:.3g} or more")
 
     def _read_own(self) -> LayeredCostmap:
         """Read the costmap without its layers."""
@@ -128,11 +166,13 @@ class CostmapReader:
         elsewhere: Collection[str] = (),
         idle: Mapping[str, str] | None = None,
     ) -> M:
+        is_silent = model is ObservationSource and space.value("data_type") != "LaserScan"
         for name, effect in _SLASHED.items():
             frame = space.value(name)
-            if isinstance(frame, str) and frame.startswith("/"):
-                message = f"tf2 refuses frames that begin with a slash: {effect}"
-                self._report.warn(space.entries[name].place, message, f"write {frame.lstrip('/')}")
+            if isinstance(frame, str) and frame.startswith("/") and not is_silent:
+                message = f"{frame} begins with a slash, which tf2 refuses: {effect}"
+                place = space.entries[name].place
+                self._report.refuse(place, message, f"write {frame.lstrip('/')}")
         return read_section(model, space, self._report, without_effect=idle, elsewhere=elsewhere)
 
     def _ignore(self, space: ParameterNamespace, name: str, reason: str) -> None:
@@ -216,19 +256,15 @@ class CostmapReader:
                 "under topics/maps if that is the same map"
             )
             report.refuse(planned.place if entry is None else entry.place, message, hint)
-        # Unknown cells of a map are -1, as an unsigned byte 255 (``interpretValue``).
         name, value = "unknown_cost_value", layer.unknown_cost_value
         if value % 256 != 255:
-            message = f"{value} would make the unknown cells of the map lethal"
-            report.refuse(space.entries[name].place, message, "write -1 or leave it out")
-        else:
-            self._ignore(space, name, THREE_VALUES)
+            state = "unknown" if layer.track_unknown_space else "free"
+            message = f"{value}: unknown cells of the map become lethal, cells of {value} {state}"
+            report.warn(space.entries[name].place, message, "write -1 or leave it out")
         name, value = "lethal_cost_threshold", layer.lethal_cost_threshold
         if value < 1:
             message = f"{value} makes every known cell of the map lethal"
             report.refuse(space.entries[name].place, message, "write 1 to 100")
-        else:
-            self._ignore(space, name, THREE_VALUES)
         return replace(layer, name=planned.name)
 
     def _obstacle(
@@ -277,8 +313,14 @@ class CostmapReader:
             reason = "a late source stops the robot only if it is one of the local costmap"
             self._ignore(space, "expected_update_rate", reason)
         if source.data_type != "LaserScan":
-            self._say_unheard(name, space, source.data_type, topic)
+            self._say_unheard(name, layer, source.data_type, topic)
             return None
+        reach, cleared = source.obstacle_range, source.raytrace_range
+        if source.marking and source.clearing and reach > cleared:
+            message = f"{name} marks up to {reach:g} m and clears only up to {cleared:g} m"
+            ranges = self._with_ranges(space, layer).entries
+            place = next(ranges[key].place for key in _RANGES if key in ranges)
+            report.warn(place, message, "write a raytrace_range above the obstacle_range")
         return replace(source, name=name, topic=topic, expected_update_rate=rate if stops else 0.0)
 
     def _with_ranges(
@@ -293,10 +335,17 @@ class CostmapReader:
         return ParameterNamespace(space.path, entries)
 
     def _say_unheard(
-        self, name: str, space: ParameterNamespace, data_type: str, topic: str
+        self, name: str, layer: ParameterNamespace, data_type: str, topic: str
     ) -> None:
+        space = layer.below(name)
         entry = space.entries.get("data_type") or space.entries.get("topic")
         place = space.path if entry is None else entry.place
+        if name not in layer.entries and (names := layer.entries.get("observation_sources")):
+            near = [*layer.entries.items(), *self._own.entries.items()]
+            described = [key for key, entry in near if isinstance(entry.value, Mapping)]
+            message = f'it names "{name}", which has no keys here and waits for a {data_type}'
+            self._report.warn(names.place, message, did_you_mean(name, described))
+            return
         if data_type not in _CLOUDS:
             message = f'must be LaserScan, PointCloud or PointCloud2 (given: "{data_type}")'
             self._report.refuse(place, message, "move_base ends at once with anything else")
@@ -339,7 +388,7 @@ class CostmapReader:
         return whole
 
     def _frame(self, costmap: LayeredCostmap) -> Frame:
-        frames, name = self._context.frames, costmap.global_frame.strip("/")
+        frames, name = self._context.frames, costmap.global_frame.removeprefix("/")
         if name in frames:
             return frames[name]
         entry = self._own.entries.get("global_frame")

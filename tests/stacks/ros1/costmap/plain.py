@@ -2,6 +2,7 @@
 
 import heapq
 import math
+from functools import partial
 
 import numpy as np
 
@@ -265,6 +266,16 @@ def line_in_space(begin, end, most):
     return cells
 
 
+def interpreted(layer, value):
+    """Return the cost of a value of the map (``StaticLayer::interpretValue``)."""
+    value = int(value) % 256
+    if value == layer.unknown_cost_value % 256:
+        return UNKNOWN if layer.track_unknown_space else 0
+    if value >= layer.lethal_cost_threshold:
+        return LETHAL
+    return 0 if layer.trinary_costmap else int(value / layer.lethal_cost_threshold * LETHAL)
+
+
 class PlainCostmap:
     """Reference for :class:`Costmap`: same arguments, ``cells`` instead of ``grid``."""
 
@@ -284,10 +295,7 @@ class PlainCostmap:
             if isinstance(layer, StaticLayer):
                 assert static is not None
                 grid = PlainGrid(static.x, static.y, static.resolution, static.cells.shape, 0)
-                shown = UNKNOWN if layer.track_unknown_space else 0
-                grid.cells = np.where(
-                    static.cells == 100, LETHAL, np.where(static.cells == -1, shown, 0)
-                )
+                grid.cells = np.vectorize(partial(interpreted, layer))(static.cells)
                 self.grids.append(grid)
             elif isinstance(layer, ObstacleLayer):
                 spared = shows_map and not quirks.unknown_becomes_free

@@ -32,8 +32,8 @@ QUIRKS = st.sampled_from([FAST, FIXED, replace(FAST, inflation_queue_order=True)
 
 
 def random_map(rng):
-    share = [0.9, 0.05, 0.05] if rng.random() < 0.7 else [1.0, 0.0, 0.0]
-    cells = rng.choice(np.array([0, 100, -1], dtype=np.int8), size=(ROWS, COLUMNS), p=share)
+    share = [0.9, 0.05, 0.04, 0.01] if rng.random() < 0.7 else [1.0, 0.0, 0.0, 0.0]
+    cells = rng.choice(np.array([0, 100, -1, 70], dtype=np.int8), size=(ROWS, COLUMNS), p=share)
     return OccupancyGrid(0.05, -0.3, -0.2, cells)
 
 
@@ -112,6 +112,9 @@ def random_static(rng, name="map"):
         name,
         track_unknown_space=bool(rng.random() < 0.6),
         use_maximum=bool(rng.random() < 0.3),
+        lethal_cost_threshold=int(rng.choice([100, 100, 65, 1])),
+        unknown_cost_value=int(rng.choice([-1, -1, 0, 1, 100, 255])),
+        trinary_costmap=bool(rng.random() < 0.7),
     )
 
 
