@@ -423,6 +423,7 @@ class CampaignFile(StrictModel):
         "sut": "for all scenarios write: matrix: {sut: [pilot]}",
         "name": 'the name of a campaign is the value of "campaign:"',
         **SYNONYMS,
+        "": 'a scenario is written below "scenarios:", indented',
     }
 
     campaign: str = Field(pattern=_CAMPAIGN_NAME, examples=["courier-tests"])

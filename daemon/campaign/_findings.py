@@ -219,6 +219,12 @@ def _problems_of(cell: CampaignCell, settings: Mapping[int, Any]) -> Iterable[Fi
     speeds = {
         sut.name: stack_kind(sut.kind).top_speed(settings[id(sut)], cell.robot) for sut in cell.suts
     }
+    stays = [waypoint.id for waypoint in cell.mission.waypoints if waypoint.wait]
+    for sut in cell.suts if stays else ():
+        mode = getattr(settings[id(sut)], "mission", "waypoints")
+        if mode != "waypoints":
+            message = f"{sut.name} gets all waypoints at once (mission: {mode}) and does not wait"
+            yield Finding(cell.places[stays[0]], message, "write mission: waypoints in its file")
     run = RunOutline(
         cell.scene,
         cell.robot,

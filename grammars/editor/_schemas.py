@@ -139,8 +139,9 @@ def _reachable(kind: Any, visited: set[Any]) -> Iterator[type[Any]]:
         yield kind
         for hint in typing.get_type_hints(kind, include_extras=True).values():
             yield from _reachable(hint, visited)
-    for argument in typing.get_args(kind):
-        yield from _reachable(argument, visited)
+    for argument in (*typing.get_args(kind), getattr(kind, "json_schema_input_type", None)):
+        if argument is not None:
+            yield from _reachable(argument, visited)
 
 
 def _short(name: str) -> str:

@@ -7,6 +7,7 @@ from grammars.floorplan._files import (
     parse_floorplan,
     parse_syntax,
     read_floorplan,
+    variables_of,
 )
 from grammars.floorplan._geometry import Flaw, geometric_flaws, overlaps, warn_of
 from grammars.floorplan._spaces import outer_corners, space_at, wall_frames
@@ -43,6 +44,7 @@ __all__ = [
     "parse_syntax",
     "read_floorplan",
     "space_at",
+    "variables_of",
     "wall_frames",
     "warn_of",
 ]

@@ -11,10 +11,13 @@ from grammars.text.diagnostics import (
     Findings,
     SourceText,
     SyntaxNode,
+    Where,
     did_you_mean,
     with_article,
 )
-from grammars.text.units import NAMES, read_unit, to_si
+from grammars.text.expression_check import DimensionCheck, MaybeKind, Unknown
+from grammars.text.expressions import Name, evaluate, read_expression, walk
+from grammars.text.units import NAMES, RATIO, Dimension, read_unit, to_si
 
 LARGEST: Final = 1e6
 """Largest number of metres or radians in a plan."""
@@ -25,27 +28,51 @@ _UNIT_ADVICE: Final = {
 PlanDimension: TypeAlias = Literal["length", "angle"]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class PlanVariable:
+    """Variable of a plan: ``value`` [m or rad], ``text`` as written, and its place."""
+
+    name: str
+    value: float
+    dimension: str
+    text: str
+    where: Where
+
+
 class ElementReader(Findings):
     """Reader of the quantities of one plan: reports broken ones and reads them as NaN."""
 
     def __init__(self, source: SourceText) -> None:
         super().__init__(source)
-        self._variables: dict[str, list[SyntaxNode]] = {}
-        self._values: Mapping[str, float] = {}
+        self._text = source
+        self._nodes: dict[str, list[SyntaxNode]] = {}
+        self._values: dict[str, tuple[Dimension, float]] = {}
+        """Dimension and value [m or rad] of each variable read so far."""
+        self._check = DimensionCheck(source, self, self._dimension_of)
 
-    def define(self, variables: Sequence[SyntaxNode], values: Mapping[str, float]) -> None:
+    def define(
+        self, variables: Sequence[SyntaxNode], values: Mapping[str, float]
+    ) -> tuple[PlanVariable, ...]:
         """Define the variables of the plan; ``values`` [m or rad] replace the written ones."""
-        self._values = values
         for variable in variables:
-            self._variables.setdefault(variable.name, []).append(variable)
-        for variable in variables:
-            if kind_of(variable.unit) not in _UNIT_ADVICE:
-                message = f'variable "{variable.name}" is in {variable.unit}'
-                self.error(variable, message, "a plan has only lengths and angles")
-        for name, nodes in self._variables.items():
+            self._nodes.setdefault(variable.name, []).append(variable)
+        defined = []
+        for node in variables:
+            dimension, value = self._value_of(node)
+            if NAMES.get(dimension) not in _UNIT_ADVICE and not math.isnan(value):
+                is_plain = dimension == RATIO
+                problem = "has no unit" if is_plain else f"is in {node.unit or dimension.unit}"
+                hint = "a plan has only lengths and angles"
+                self.error(node, f'variable "{node.name}" {problem}', hint)
+            self._values.setdefault(node.name, (dimension, values.get(node.name, value)))
+            text = self._written(node.sum) if node.sum else f"{node.number} {node.unit}"
+            name = NAMES.get(dimension, node.unit)
+            defined.append(PlanVariable(node.name, value, name, text, self.where(node)))
+        for name, nodes in self._nodes.items():
             for node in nodes[1:]:
                 first = self.where(nodes[0]).line
                 self.warning(node, f'variable "{name}" is already defined in line {first}')
+        return tuple(defined)
 
     def length(self, node: SyntaxNode) -> float:
         """Return a length in metres."""
@@ -55,56 +82,82 @@ class ElementReader(Findings):
         """Return an angle in radians."""
         return self._read(node, "angle")
 
+    def _value_of(self, node: SyntaxNode) -> tuple[Dimension, float]:
+        """Return dimension and SI value of a number with a unit, or of a sum."""
+        if not node.sum:
+            return read_unit(node.unit)[1], to_si(float(node.number), node.unit)
+        with self.collecting():
+            expression = read_expression(node.sum, self._text)
+            dimension = self._check.quantity(expression)
+            if dimension is not None:
+                value = evaluate(expression, lambda name: self._values[name.name][1])
+                names = [part.name for part in walk(expression) if isinstance(part, Name)]
+                if math.isnan(value) and not any(math.isnan(self._values[n][1]) for n in names):
+                    self.error(node.sum, f"{self._written(node.sum)} divides by zero")
+                return dimension, value
+        return RATIO, math.nan
+
+    def _written(self, node: SyntaxNode) -> str:
+        return " ".join(self._text.text[node._tx_position : node._tx_position_end].split())
+
+    def _dimension_of(self, name: Name) -> MaybeKind:
+        place = self._text.where(name.column)
+        if name.arguments:
+            hint = "there are abs, min and max"
+            self.error(place, f'there is no function "{name.name}"', hint)
+        elif self._is_defined(name.name, place):
+            return self._values[name.name][0]
+        return Unknown.UNKNOWN
+
+    def _is_defined(self, name: str, place: SyntaxNode | Where) -> bool:
+        """Return whether a variable has one value at ``place``, and report one that has none."""
+        nodes = self._nodes.get(name, [])
+        if not nodes:
+            hint = did_you_mean(name, self._values) or f'define it: "var {name} = 1.0 m"'
+            self.error(place, f'unknown variable "{name}"', hint)
+        elif len(nodes) > 1:
+            lines = " and ".join(str(self.where(v).line) for v in nodes)
+            self.error(place, f'variable "{name}" is not unique: defined in lines {lines}')
+        elif name not in self._values:
+            line = self.where(nodes[0]).line
+            self.error(place, f'variable "{name}" is defined later, in line {line}')
+        return len(nodes) == 1 and name in self._values
+
     def _read(self, node: SyntaxNode, kind: PlanDimension) -> float:
-        value = self._variable(node, kind) if node.variable else self._literal(node, node, kind)
+        text = node.number
+        if node.variable:
+            if not self._is_defined(node.variable, node):
+                return math.nan
+            dimension, value = self._values[node.variable]
+            text = self._nodes[node.variable][0].number or node.variable
+        elif node.sum:
+            dimension, value = self._value_of(node)
+            text = self._written(node)
+        else:
+            unit = node.unit or ("m" if kind == "length" else "rad")
+            dimension, value = read_unit(unit)[1], to_si(float(node.number), unit)
+        if math.isnan(value):
+            return value
+        if NAMES.get(dimension) != kind:
+            self._report_kind(node, kind, dimension)
+            return math.nan
+        if abs(value) > LARGEST:
+            self.error(node, f"{text} is too large", "the limit is 1000 km")
+            return math.nan
+        if kind == "angle" and node.number and not node.unit and abs(value) > math.tau:
+            hint = f'write "{node.number} deg" for degrees'
+            self.warning(node, f"{node.number} without a unit means radians", hint)
         return -value if node.negated else value
 
-    def _literal(self, node: SyntaxNode, place: SyntaxNode, kind: PlanDimension) -> float:
-        unit = node.unit or ("m" if kind == "length" else "rad")
-        if kind_of(unit) != kind:
-            self.error(
-                place,
-                f'expected {with_article(kind)}, not "{node.number} {unit}"',
-                _UNIT_ADVICE[kind],
-            )
-            return math.nan
-        number, value = float(node.number), to_si(float(node.number), unit)
-        if abs(value) > LARGEST:
-            self.error(place, f"{node.number} is too large", "the limit is 1000 km")
-            return math.nan
-        if kind == "angle" and not node.unit and abs(number) > math.tau:
-            self.warning(
-                place,
-                f"{node.number} without a unit means radians",
-                f'write "{node.number} deg" for degrees',
-            )
-        return value
-
-    def _variable(self, node: SyntaxNode, kind: PlanDimension) -> float:
-        name = node.variable
-        nodes = self._variables.get(name, [])
-        if not nodes:
-            hint = did_you_mean(name, self._variables) or f'define it: "var {name} = 1.0 m"'
-            self.error(node, f'unknown variable "{name}"', hint)
-            return math.nan
-        if len(nodes) > 1:
-            lines = " and ".join(str(self.where(v).line) for v in nodes)
-            self.error(node, f'variable "{name}" is not unique: defined in lines {lines}')
-            return math.nan
-        variable = nodes[0]
-        if kind_of(variable.unit) != kind:
-            self.error(
-                node,
-                f'expected {with_article(kind)}, but variable "{name}" is in {variable.unit}',
-                _UNIT_ADVICE[kind],
-            )
-            return math.nan
-        return self._values[name] if name in self._values else self._literal(variable, node, kind)
-
-
-def kind_of(unit: str) -> str:
-    """Return the dimension of a unit, such as ``length``, or the unit itself if it has none."""
-    return NAMES.get(read_unit(unit)[1], unit)
+    def _report_kind(self, node: SyntaxNode, kind: PlanDimension, dimension: Dimension) -> None:
+        wrong = f'not "{node.number} {node.unit}"'
+        if node.variable:
+            unit = self._nodes[node.variable][0].unit or dimension.unit
+            wrong = f'but variable "{node.variable}" is in {unit}'
+        elif node.sum:
+            unit = "has no unit" if dimension == RATIO else f"is in {dimension.unit}"
+            wrong = f'but "{self._written(node)}" {unit}'
+        self.error(node, f"expected {with_article(kind)}, {wrong}", _UNIT_ADVICE[kind])
 
 
 _ALLOWED: Final = {

@@ -174,8 +174,14 @@ def _build(
         tuple(build_opening(o, tuple(walls[key] for key in o.walls), reader) for o in openings),
     )
     _check_winding(drafts, reader)
-    _check_gaps(drafts, reader)
-    warn_of(geometric_flaws(plan), reader)
+    overlapping = _check_gaps(drafts, reader)
+    # One mistake, one message: doorways between overlapping walls have the wrong depth too.
+    known = {
+        f"{opening.node.name} depth"
+        for opening in openings
+        if frozenset(space for space, _ in opening.walls) in overlapping
+    }
+    warn_of((flaw for flaw in geometric_flaws(plan) if flaw.key not in known), reader)
     return replace(plan, warnings=reader.warnings)
 
 
@@ -189,8 +195,12 @@ def _check_winding(drafts: Sequence[SpaceDraft], findings: Findings) -> None:
             )
 
 
-def _check_gaps(drafts: Sequence[SpaceDraft], findings: Findings) -> None:
-    """Warn of facing walls that overlap because the gap is smaller than both together."""
+def _check_gaps(drafts: Sequence[SpaceDraft], findings: Findings) -> set[frozenset[str]]:
+    """Warn of facing walls that overlap because the gap is smaller than both together.
+
+    Returns the pairs of spaces.
+    """
+    overlapping: set[frozenset[str]] = set()
     for draft in drafts:
         location, other = draft.location, draft.against
         if other is None or draft.own is None or draft.other is None:
@@ -201,9 +211,11 @@ def _check_gaps(drafts: Sequence[SpaceDraft], findings: Findings) -> None:
         gap = location.get("translation.y")
         needed = draft.thickness + other.thickness
         if gap < needed - 1e-9:
+            overlapping.add(frozenset((draft.name, other.name)))
             findings.warning(
                 draft.node,
                 f'the facing walls of "{draft.name}" and "{other.name}" overlap: '
                 f"{gap:g} m apart, {needed:g} m thick together",
                 'write "spaced" to make them touch',
             )
+    return overlapping

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from grammars.floorplan._attributes import LARGEST, kind_of
+from grammars.floorplan._attributes import LARGEST, ElementReader, PlanVariable
 from grammars.floorplan._compile import compile_plan
 from grammars.floorplan.model import FloorPlan
 from grammars.text.diagnostics import (
@@ -24,8 +24,8 @@ from grammars.text.diagnostics import (
 )
 from grammars.text.parsing import Language, SyntaxFault, without_comments
 from grammars.text.quantity import parse_quantity
+from grammars.text.repetition import repeated
 from grammars.text.sources import read_text
-from grammars.text.units import to_si
 
 _ELEMENT_START: Final = re.compile(
     r"\b(?:(?:Space|Column|Divider|Entryway|Window)\s*[^\d\W]\w*\s*:|var\s*[^\d\W]\w*\s*=|Defaults\s*:)"
@@ -34,7 +34,9 @@ _ELEMENT_START: Final = re.compile(
 _ELEMENTS: Final = {"Space", "Column", "Divider", "Entryway", "Window"}
 _WORDS: Final = {
     "ID": "a name",
+    "Name": "a name",
     "REAL": "a number",
+    "UNSIGNED": "a number",
     "INDEX": "a wall index (a whole number)",
     "UNIT": "a unit (such as m, cm or deg)",
     "AXIS": "an axis (x, y or z)",
@@ -47,15 +49,38 @@ _GROUPS: Final = (
     ({"wrt", "of", "in", "translation", "rotation", "spaced", "NOT_ALIGNED"}, "a location part"),
     ({"Rectangle", "Circle", "Polygon"}, "a shape (Rectangle, Circle or Polygon)"),
 )
-_CONTINUATIONS: Final = {".", ",", "UNIT", "EOF"}
+_OPERATORS: Final = {"[+-]", "[*\\/]", "("}
+_CONTINUATIONS: Final = {".", ",", "UNIT", "EOF"} | _OPERATORS
+_AMOUNT: Final = {"REAL", "UNSIGNED", "ID", "Name", "-", "("}
 _SPACE_ORDER: Final = "a space has shape, location, walls, features: in this order, each once"
+_VERSION_1: Final = {
+    "metres": "var n = 1.0 m",
+    "degrees": "var n = 30 deg",
+    "pose": "location: with wrt:, of:, translation: and rotation:",
+    "from": '"wrt:" for the frame to place against',
+    "to": '"of:" for the own frame',
+    "Default": '"Defaults: walls: …" right after the plan\'s name',
+    "wall": '"walls: thickness: … height: …"',
+}
+"""Words of version 1 of the language, each with the present form."""
 _HINTS: Final = {
+    **{
+        word: f"this is version 1 of the FloorPlan language; version 2 has {form}"
+        for word, form in _VERSION_1.items()
+    },
+    **dict.fromkeys(
+        ("Room", "Corridor", "Hall", "Kitchen", "room"), 'rooms are written "Space NAME:"'
+    ),
+    **dict.fromkeys(
+        ("Door", "Doorway", "Opening", "Gate", "door"),
+        'a hole in a wall is written "Entryway NAME:"; a .scenery file hangs doors into it',
+    ),
+    **dict.fromkeys(("Wall",), "walls are not written: every edge of a space's shape is a wall"),
+    "Pillar": 'it is written "Column NAME:"',
+    "for": "a repetition is written: for i in 1..6 { … }",
     "walls": _SPACE_ORDER,
     "shape": "every element starts with its shape, written once",
     "location": "the location follows the shape (and the height of a column or divider)",
-    "wall": 'the wall dimensions of a space are written "walls:"',
-    "Default": 'wall defaults are written "Defaults:" and come right after the plan\'s name',
-    "from": 'the frame to place against is written "wrt:"',
     "aligned": 'walls face each other unless you write "not aligned"',
     "thickness": 'thickness is written inside "walls:" of a space or of Defaults',
     "frame": "frames cannot be named; every element publishes its own",
@@ -82,9 +107,13 @@ class _FloorPlanLanguage(Language):
             if len(keys & members) > 1:
                 phrases.append(phrase)
                 keys -= members
+        if "UNSIGNED" in keys:
+            phrases.append("a number or a variable")
+            keys -= _AMOUNT
         if phrases and len(keys) > 1:
             keys -= _CONTINUATIONS
-        return sorted(_WORDS.get(key, f'"{key}"') for key in keys) + phrases
+        keys -= _OPERATORS
+        return sorted({_WORDS.get(key, f'"{key}"') for key in keys}) + phrases
 
     def hint(self, fault: SyntaxFault) -> str:
         word, done, rest = fault.word, fault.done, fault.rest
@@ -96,8 +125,6 @@ class _FloorPlanLanguage(Language):
             return "lengths are in m, cm or mm, angles in deg or rad"
         if re.match(r"[+-]?[\d.]+[^\W\d]", word):
             return "write a blank between a number and its unit: 4.0 m"
-        if re.match(r"[-+*/]", word) and re.search(r"\w$", done):
-            return "there is no arithmetic; write the number or a variable"
         if re.match(r"p\d$", word):
             return "walls are not written: every edge of a space's shape is a wall"
         if word in _HINTS:
@@ -118,23 +145,17 @@ def parse_syntax(source: SourceText) -> SyntaxNode:
     return _LANGUAGE.parse(source)
 
 
+def variables_of(tree: SyntaxNode, source: SourceText) -> tuple[PlanVariable, ...]:
+    """Return the variables of a plan, in the order they are written."""
+    return ElementReader(source).define(tree.variables, {})
+
+
 def load_floorplan(path: str | Path) -> FloorPlan:
     """Read and compile a ``.fpm`` file (UTF-8).
 
     Raises :class:`InputError` with all errors; warnings are in the plan.
     """
     return read_floorplan(path).compile()
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PlanVariable:
-    """Variable of a plan: ``value`` [m or rad], ``text`` as written, and its place."""
-
-    name: str
-    value: float
-    dimension: str
-    text: str
-    where: Where
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -156,27 +177,39 @@ class ParsedFloorPlan:
         ``where``. ``places`` holds the exact place of a value, if known.
         """
         whole = where or Where(self.source.file)
-        numbers = _read_values(self._tree, values, whole, places or {}) if values else {}
+        numbers = self._numbers(values, whole, places or {}) if values else {}
         return compile_plan(self._tree, self.source, numbers)
+
+    def _numbers(
+        self, values: Mapping[str, object], whole: Where, places: Mapping[str, Where]
+    ) -> dict[str, float]:
+        """Return values of variables in SI units; raises :class:`InputError` with all errors."""
+        variables = {variable.name: variable for variable in self.variables}
+        read: dict[str, float] = {}
+        findings = Findings()
+        for key, value in values.items():
+            # Campaigns are YAML, where names are written with dashes.
+            name = str(key).replace("-", "_")
+            where = places.get(str(key), whole)
+            variable = variables.get(name)
+            if variable is None:
+                hint = did_you_mean(name, variables) or "the plan has no variables"
+                findings.error(where, f'plan {self._tree.name} has no variable "{key}"', hint)
+                continue
+            with findings.collecting():
+                read[name] = _read_value(variable, value, where)
+        raise_all(findings.all)
+        return read
 
     @property
     def variables(self) -> tuple[PlanVariable, ...]:
         """The variables of the plan, in the order they are written."""
-        return tuple(
-            PlanVariable(
-                node.name,
-                to_si(float(node.number), node.unit),
-                kind_of(node.unit),
-                f"{node.number} {node.unit}",
-                self.source.at(node),
-            )
-            for node in self._tree.variables
-        )
+        return variables_of(self._tree, self.source)
 
 
 def read_floorplan(path: str | Path) -> ParsedFloorPlan:
     """Read and parse a ``.fpm`` file; raises :class:`InputError` if it is not a plan."""
-    source = SourceText(read_text(path, "the plan"), str(path))
+    source = repeated(SourceText(read_text(path, "the plan"), str(path)))
     return ParsedFloorPlan(source, parse_syntax(source))
 
 
@@ -185,37 +218,15 @@ def parse_floorplan(text: str, file: str = "<text>") -> FloorPlan:
 
     Raises :class:`InputError` with all errors; warnings are in the plan.
     """
-    source = SourceText(text, file)
+    source = repeated(SourceText(text, file))
     return compile_plan(parse_syntax(source), source)
 
 
-def _read_values(
-    tree: SyntaxNode, values: Mapping[str, object], whole: Where, places: Mapping[str, Where]
-) -> dict[str, float]:
-    """Return the values of variables in SI units; raises :class:`InputError` with all errors."""
-    variables = {variable.name: variable for variable in tree.variables}
-    read: dict[str, float] = {}
-    findings = Findings()
-    for key, value in values.items():
-        # Campaigns are YAML, where names are written with dashes.
-        name = str(key).replace("-", "_")
-        where = places.get(str(key), whole)
-        variable = variables.get(name)
-        if variable is None:
-            hint = did_you_mean(name, variables) or "the plan has no variables"
-            findings.error(where, f'plan {tree.name} has no variable "{key}"', hint)
-            continue
-        with findings.collecting():
-            read[name] = _read_value(variable, value, where)
-    raise_all(findings.all)
-    return read
-
-
-def _read_value(variable: SyntaxNode, value: object, where: Where) -> float:
-    quantity, kind = parse_quantity(str(value), where), kind_of(variable.unit)
+def _read_value(variable: PlanVariable, value: object, where: Where) -> float:
+    quantity, kind = parse_quantity(str(value), where), variable.dimension
     name = variable.name
     if quantity.dimension != kind:
-        example = f"write {name}: {variable.number} {variable.unit}"
+        example = f"write {name}: {variable.text}"
         raise InputError.at(where, f"{name} is {with_article(kind)}, not {value}", example)
     if abs(quantity.value) > LARGEST:
         raise InputError.at(where, f"{name}: {value} is too large", "the limit is 1000 km")

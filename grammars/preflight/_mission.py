@@ -49,18 +49,20 @@ def check_limit(
 ) -> tuple[Finding, ...]:
     """Return a warning for a limit [s] that is too short for the mission.
 
-    Legs count as straight. ``speeds`` has the top speeds [m/s] of the systems under test by name,
-    ``where`` is the place of the limit.
+    Legs count as straight, stays in full. ``speeds`` has the top speeds [m/s] of the systems under
+    test by name, ``where`` is the place of the limit.
     """
     spots = spots_of(mission, {}, where)
     legs = [math.dist(a.point, b.point) for a, b in itertools.pairwise(spots)]
     # A robot need not reach waypoints exactly, but the first leg begins exactly at the start.
     ends = [_ARRIVAL, *([2.0 * _ARRIVAL] * (len(legs) - 1))]
     way = math.fsum(max(0.0, leg - end) for leg, end in zip(legs, ends, strict=True))
+    stays = math.fsum(waypoint.wait for waypoint in mission.waypoints)
+    waits = f" and {stays:g} s of waiting" if stays else ""
     late = [
-        f"{name} at least {way / speed:.1f} s for {way:.1f} m at {speed:.2f} m/s"
+        f"{name} at least {way / speed + stays:.1f} s for {way:.1f} m at {speed:.2f} m/s{waits}"
         for name, speed in speeds.items()
-        if way > limit * speed
+        if way > (limit - stays) * speed
     ]
     findings = Findings()
     if late:

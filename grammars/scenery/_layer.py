@@ -25,6 +25,7 @@ from grammars.scenery.model import (
 )
 from grammars.text.diagnostics import SourceText, SyntaxNode, Where, rule_of
 from grammars.text.parsing import Language, SyntaxFault, keywords_of, without_comments
+from grammars.text.repetition import repeated
 from grammars.text.sources import read_text
 from grammars.text.units import UNIT_WORDS
 from grammars.text.words import enumerate_words
@@ -50,6 +51,7 @@ _UNITLESS: Final = re.compile(
     r"(?<!leg\s)(?<!waypoint\s)(?<!probability\s)(?<![\w.\[])\d+(?:\.\d*)?$"
 )
 _UNIT: Final = re.compile(r"(?<![\w.])(\d+(?:\.\d*)?)[ \t]*([^\W\d_]+)$")
+_VERBS: Final = ("is", "starts", "stays", "moves", "toggles", "goes", "walks")
 _READABLE: Final = {
     "Name": "a name",
     "QuantityText": "a number",
@@ -61,6 +63,7 @@ _READABLE: Final = {
     r"robot's\s+footprint\b": '"robot\'s footprint"',
     r"back\s+and\s+forth\b": '"back and forth"',
     "WaypointName": "a waypoint",
+    "verb": f"a verb ({enumerate_words(_VERBS, 'or')})",
 }
 """Names of rules and patterns of the grammar in messages."""
 _MOST_WORDS: Final = 8
@@ -76,7 +79,9 @@ _MEANT: Final = tuple(
         (r"(?:if|when)\s+(.+?)(?:,|\s+then)\s+(\w+)\s", "{1} goes from closed to open when {0}"),
         (r"SUBJECT(?:remains?|keeps?|is kept)\s+(\w+)", "{0} stays {1}"),
         (r"SUBJECT(?:begins?|is initially)\s+(\w+)", "{0} starts {1}"),
-        (r"SUBJECT(?:is|are)\s+(?:always\s+)?(\w+)", "{0} starts {1}; all the time: {0} stays {1}"),
+        (r"SUBJECT(.+)\s+if\s+(.+)", "{0} {1} when {2}"),
+        (r"SUBJECT(?:is|are)\s+(?!an?\s)(?:always\s+)?(\w+)",
+         "{0} starts {1}; all the time: {0} stays {1}"),
         (r"SUBJECT(?:\w+\s+)?opens?\s+(?:at|after|in)\s+(.+)", "{0} moves to open at {1}"),
         (r"SUBJECT(?:closes?|shuts?)\s+(?:at|after|in)\s+(.+)", "{0} moves to closed at {1}"),
         (r"SUBJECTopens?\s+when\s+(.+)", "{0} goes from closed to open when {1}"),
@@ -110,6 +115,8 @@ class _SceneryLanguage(Language):
     def phrases(self, fault: SyntaxFault) -> Sequence[str]:
         """Return the expectations in words, words before signs."""
         keys = [key for key in fault.expected if key not in _OTHER_FORMS]
+        if "toggles" in keys:
+            keys = [key for key in keys if key not in _VERBS] + ["verb"]
         phrases = dict.fromkeys(self.words.get(key, f'"{key}"') for key in keys)
         return sorted(phrases, key=lambda phrase: not phrase.strip('"')[:1].isalnum())
 
@@ -118,9 +125,9 @@ class _SceneryLanguage(Language):
         phrases = self.phrases(fault)
         if not phrases:
             return f"{word} {'cannot be a name' if _is_reserved(fault) else 'is not expected'}"
-        many = len(phrases) > _MOST_WORDS
-        expected = ", ".join((*phrases[:_MOST_WORDS], "…")) if many else ""
-        return f"expected {expected or enumerate_words(phrases, 'or')}, found {word}"
+        more = len(phrases) - _MOST_WORDS
+        phrases = [*phrases[:_MOST_WORDS], f"{more} more words"] if more > 1 else phrases
+        return f"expected {enumerate_words(phrases, 'or')}, found {word}"
 
     def hint(self, fault: SyntaxFault) -> str:
         """Compare the word with the expected ones, and the first word of its line with openings."""
@@ -129,6 +136,8 @@ class _SceneryLanguage(Language):
             return "choose another name"
         if fault.word == "#":
             return "comments start with //"
+        if fault.word in ("+", "*", "/"):
+            return "only the braces of a repetition calculate: {1.5 * i} m"
         if re.search(r"\d,\d[^,()]*$", fault.done):
             return "write decimals with a point: 1.5, not 1,5"
         unitless = _UNITLESS.search(fault.done)
@@ -178,11 +187,11 @@ def parse_scenery(text: str, file: str, within: Where | None = None) -> SceneryL
     ``within`` is the place of a text that is part of another file. Raises :class:`InputError` with
     all problems, but only one syntax error per statement.
     """
-    source = SourceText(text, file, within=within)
+    source = repeated(SourceText(text, file, within=within))
     reader = SceneryReader(source)
     # An empty text gives no tree.
     nodes = getattr(_LANGUAGE.parse_sound(source, reader), "statements", ())
-    values: list[_Part] = reader.read_all(nodes, partial(_part, text))
+    values: list[_Part] = reader.read_all(nodes, partial(_part, source.text))
     _check_names(reader, values)
     reader.raise_errors()
     return SceneryLayer(

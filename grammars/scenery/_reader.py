@@ -15,7 +15,14 @@ from grammars.scenery.model import (
     Word,
     parse_measure,
 )
-from grammars.text.diagnostics import Findings, InputError, SyntaxNode, Where, rule_of
+from grammars.text.diagnostics import (
+    Findings,
+    InputError,
+    SourceText,
+    SyntaxNode,
+    Where,
+    rule_of,
+)
 
 T = TypeVar("T")
 
@@ -28,6 +35,10 @@ class SceneryReader(Findings):
 
     An invalid quantity is reported and becomes NaN, so that the rest of its statement is read too.
     """
+
+    def __init__(self, source: SourceText) -> None:
+        super().__init__(source)
+        self._text = source.text
 
     def refusal(self, place: SyntaxNode | Where, message: str, hint: str = "") -> InputError:
         """Return an error that ends the reading of a statement."""
@@ -51,7 +62,8 @@ class SceneryReader(Findings):
         """Read a quantity of one of ``dimensions``, or of any if none are given."""
         where = self.where(node)
         with self.collecting():
-            return parse_measure(node.text, where, *dimensions)
+            beside = self._text[node._tx_position_end :].partition("\n")[0]
+            return parse_measure(node.text, where, *dimensions, beside=beside)
         return Measure(math.nan, "", node.text, where)
 
     def value(self, node: SyntaxNode | None, *dimensions: str) -> float:

@@ -7,6 +7,7 @@ quantities also keep their unit and text, sentences their text.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final, Literal, TypeAlias
 
@@ -14,6 +15,7 @@ from grammars.model.behaviour import LegBegins, WaypointReached
 from grammars.model.scene import Joint, Link
 from grammars.text.diagnostics import InputError, Where, with_article
 from grammars.text.quantity import parse_quantity, unit_of
+from grammars.text.units import DIMENSIONS, NAMES, TIME, UNIT, read_unit
 from grammars.text.words import enumerate_words
 
 LARGEST: Final = 1e6
@@ -357,10 +359,11 @@ class SceneryLayer:
     sentences: tuple[Sentence, ...] = ()
 
 
-def parse_measure(text: str, where: Where, *dimensions: str) -> Measure:
+def parse_measure(text: str, where: Where, *dimensions: str, beside: str = "") -> Measure:
     """Read ``1.3 m``, of one of ``dimensions`` if any are given.
 
-    Raises :class:`InputError` for anything but a number with such a unit.
+    ``beside`` is the text behind it, which hints at a missing unit. Raises :class:`InputError` for
+    anything but a number with such a unit.
     """
     # Exactly one blank after the number.
     spelled = " ".join(_NUMBER.sub(r"\1 ", text, count=1).split())
@@ -370,6 +373,8 @@ def parse_measure(text: str, where: Where, *dimensions: str) -> Measure:
     if number and not unit and "ratio" not in dimensions:
         units = [_DEGREES.get(dimension, unit_of(dimension)) for dimension in dimensions]
         hint = f"write {number} m, {number} rad, {number} s, …"
+        near = next((u for u in _UNIT.findall(beside) if _dimension_of(u) in dimensions), "")
+        units = [near] if near else units
         if units:
             hint = f"write {enumerate_words([f'{number} {unit}' for unit in units], 'or')}"
         raise InputError.at(where, f"a unit is missing after {number}", hint)
@@ -391,8 +396,24 @@ def require_dimension(value: Measure, *dimensions: str) -> float:
     raise InputError.at(
         value.where,
         f"expected {expected}, but {value.text} is {_in_words(value.dimension)}",
-        "write it as 0.5 or 50 %" if is_ratio else f"write it in {unit_of(dimensions[0])}",
+        "write it as 0.5 or 50 %" if is_ratio else _remedy(value, dimensions),
     )
+
+
+_UNIT: Final = re.compile(rf"\d[ \t]*({UNIT})(?!\w)")
+
+
+def _dimension_of(unit: str) -> str:
+    return NAMES.get(read_unit(unit)[1], "")
+
+
+def _remedy(value: Measure, dimensions: Sequence[str]) -> str:
+    """Return how to write a value of other dimensions: a rate by its unit, others in theirs."""
+    rate = DIMENSIONS[value.dimension] / TIME
+    if NAMES.get(rate) in dimensions:
+        return f"write {value.text}/s"
+    units = [_DEGREES.get(dimension, unit_of(dimension)) for dimension in dimensions]
+    return f"write it in {enumerate_words(units, 'or')}"
 
 
 def _in_words(dimension: str) -> str:

@@ -7,10 +7,11 @@ import re
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Any, Final, TypeAlias, TypeVar
 
+from grammars.text.look_alikes import look_alike, plain_text
 from grammars.text.terminal_text import spell_out
 
 T = TypeVar("T")
@@ -40,6 +41,18 @@ class Where:
         return ":".join(parts)
 
 
+@dataclass(frozen=True, slots=True)
+class RepeatedPlace(Where):
+    """A place in a repeated text; ``turn`` names the repetition, such as ``i = 3``."""
+
+    turn: str = field(default="", compare=False)
+
+
+def turn_of(place: Where) -> str:
+    """Return the name of the repetition of a place, empty outside of repeated texts."""
+    return place.turn if isinstance(place, RepeatedPlace) else ""
+
+
 _LONGEST_SHOWN: Final = 4_000
 
 
@@ -53,6 +66,7 @@ class Finding:
     """A problem in a file: ``where: message``, with an optional hint on how to solve it.
 
     Message and hint are safe for a terminal and bounded in length, even if they quote other text.
+    The message names the turn of a repeated text.
     """
 
     where: Where
@@ -61,7 +75,10 @@ class Finding:
     severity: Severity = Severity.ERROR
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "message", _shortened(spell_out(self.message)))
+        name = turn_of(self.where)
+        turn = f" ({name})" if name else ""
+        message = self.message.removesuffix(turn) + turn
+        object.__setattr__(self, "message", _shortened(spell_out(message)))
         object.__setattr__(self, "hint", _shortened(spell_out(self.hint)))
 
     def __str__(self) -> str:
@@ -110,9 +127,28 @@ def _restore_error(kind: type[InputError], findings: tuple[Finding, ...]) -> Inp
 
 def raise_all(problems: Iterable[Finding]) -> None:
     """Raise :class:`InputError` with the problems, each once, if there are any."""
-    findings = tuple(dict.fromkeys(problems))
+    findings = each_once(problems)
     if findings:
         raise InputError(findings)
+
+
+def each_once(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Return each finding once; of a repeated text, that of the first turn with the number more."""
+    alike: dict[object, list[Finding]] = {}
+    for one in dict.fromkeys(findings):
+        numbers = _NUMBER.sub("#", one.message) if turn_of(one.where) else one.message
+        alike.setdefault((one.where, one.severity, numbers), []).append(one)
+    return tuple(_with_turns(first, len(others)) for first, *others in alike.values())
+
+
+def _with_turns(first: Finding, others: int) -> Finding:
+    if not others or not turn_of(first.where):
+        return first
+    turns = f"the same in {others} more of its repetitions"
+    return replace(first, hint=f"{first.hint}; {turns}" if first.hint else turns)
+
+
+_NUMBER: Final = re.compile(r"\d+(?:\.\d+)?")
 
 
 def gather(makes: Iterable[Callable[[], T]]) -> list[T]:
@@ -147,9 +183,11 @@ def closest(word: str, words: Iterable[str]) -> str:
 def did_you_mean(word: str, words: Iterable[str]) -> str:
     """Return ``did you mean "x"?`` for the closest of the known ``words``, otherwise a list."""
     candidates = sorted(set(words))
-    close = closest(word, candidates)
+    close = closest(plain_text(word), candidates) or closest(word, candidates)
     if close:
-        return f'did you mean "{close}"?'
+        alike = plain_text(close) == plain_text(word)
+        note = f" {look_alike(word) or look_alike(close)}" if alike else ""
+        return f'did you mean "{close}"?{note.rstrip()}'
     if not candidates:
         return ""
     return f"known here: {', '.join(candidates[:12])}{', …' if len(candidates) > 12 else ''}"
@@ -211,17 +249,17 @@ class Findings:
     @property
     def all(self) -> tuple[Finding, ...]:
         """All findings, each once, in the order of their discovery."""
-        return tuple(dict.fromkeys(self._all))
+        return each_once(self._all)
 
     @property
     def errors(self) -> tuple[Finding, ...]:
         """The errors, in source order."""
-        return in_source_order(d for d in self._all if d.severity is Severity.ERROR)
+        return in_source_order(d for d in self.all if d.severity is Severity.ERROR)
 
     @property
     def warnings(self) -> tuple[Finding, ...]:
         """The warnings, in source order."""
-        return in_source_order(d for d in self._all if d.severity is Severity.WARNING)
+        return in_source_order(d for d in self.all if d.severity is Severity.WARNING)
 
     def where(self, place: SyntaxNode | Where) -> Where:
         """Return the place of a node."""

@@ -22,6 +22,7 @@ from grammars.text.diagnostics import (
     SyntaxNode,
     Where,
 )
+from grammars.text.look_alikes import look_alike
 from grammars.text.units import FACTOR, UNIT
 from grammars.text.words import enumerate_words
 
@@ -31,6 +32,8 @@ _LONGEST: Final = 40
 _COMMENT: Final = re.compile(r"(\"[^\"\n]*\"|'[^'\n]*')|//[^\n]*")
 
 _BRACKET: Final = re.compile(r"[()\[\]{}]")
+_CLOSING: Final = {"(": ")", "[": "]", "{": "}"}
+_SIGN: Final = re.compile(r"\S|[^\S \t\r\n]")
 _EXPRESSIONS: Final = Path(__file__).with_name("expressions.tx")
 
 # textX reads all grammars with one parser, cached for the whole process: two threads that load
@@ -166,7 +169,8 @@ class Language:
 
     def _fault(self, text: str, error: Any) -> SyntaxFault:
         offset = min(len(text), offset_of(text, error.line, error.col))
-        word = self.token.match(text, offset)
+        # Foreign blanks are no token.
+        word = self.token.match(text, offset) or _SIGN.match(text, offset)
         done = without_comments(text[:offset]).rstrip()
         keys = tuple(self._keys(error.expected_rules))
         return SyntaxFault(text, offset, word[0] if word else "", done, keys)
@@ -184,12 +188,20 @@ class Language:
 
     def explain(self, source: SourceText, fault: SyntaxFault) -> Finding:
         """Return the finding for ``fault``, at the wrong word or where a word is missing."""
+        opening, is_lost = _open_bracket(fault)
+        bracket = fault.text[opening : opening + 1]
+        if is_lost:
+            hint = f'add "{_CLOSING[bracket]}" at its end'
+            return Finding(source.where(opening), f'"{bracket}" is never closed', hint)
         if self.ends_early(fault):
             last = re.split(r"\s", fault.done)[-1][-_LONGEST:]
             message = f'expected {enumerate_words(self.phrases(fault), "or")} after "{last}"'
             hint = self.hint(replace(fault, word=""))
             return Finding(source.where(len(fault.done)), message, hint)
-        return Finding(source.where(fault.offset), self.message(fault), self.hint(fault))
+        hint = look_alike(fault.word) or self.hint(fault)
+        if bracket and not hint:
+            hint = f'the "{bracket}" at {source.where(opening)} is still open'
+        return Finding(source.where(fault.offset), self.message(fault), hint)
 
     def statement_starts(self, text: str) -> Sequence[int]:
         """Return the offsets of statements; if empty, reading ends at the first error."""
@@ -212,6 +224,27 @@ class Language:
     def hint(self, fault: SyntaxFault) -> str:
         """Return advice on ``fault``, if any."""
         return ""
+
+
+def _open_bracket(fault: SyntaxFault) -> tuple[int, bool]:
+    """Return the offset of the bracket that a fault should close, and whether it is never closed.
+
+    The offset is that of the end of the text if there is none.
+    """
+    opened: list[int] = []
+    for match in _BRACKET.finditer(fault.done):
+        if match[0] in _CLOSING:
+            opened.append(match.start())
+        elif opened:
+            opened.pop()
+    if not opened:
+        return len(fault.text), False
+    bracket = fault.text[opened[-1]]
+    closing = _CLOSING[bracket]
+    other = fault.word == bracket == "{" or fault.word in {*_CLOSING.values()} - {closing}
+    if closing not in fault.expected and not other:
+        return len(fault.text), False
+    return opened[-1], other or fault.on_new_line or not fault.word
 
 
 def _deepest(source: SourceText) -> Where:

@@ -15,6 +15,7 @@ from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import core_schema
 
 from grammars.text.diagnostics import InputError, Where, with_article
+from grammars.text.look_alikes import look_alike
 from grammars.text.units import NAMES, SI_UNITS, WRITTEN_UNIT, read_unit, to_si
 
 _PATTERN: Final = re.compile(
@@ -46,7 +47,9 @@ def read_quantity(text: str) -> Quantity:
     """
     match = _PATTERN.fullmatch(text)
     if match is None or not math.isfinite(float(match["number"])):
-        raise ValueError(f'"{text}" is not a number with a unit, such as "0.35 m"')
+        alike = look_alike(text)
+        note = f"; {alike}" if alike else ""
+        raise ValueError(f'"{text}" is not a number with a unit, such as "0.35 m"{note}')
     number = float(match["number"])
     if match["unit"] is None:
         return Quantity(number, "ratio")

@@ -242,6 +242,16 @@ def mark_place(source: SourceText, mark: Any) -> Where:
 _REMEDIES: Final = (
     ("found character", "", "put quotes around a value that starts with @ ` % & or *"),
     ("line break", "a value starts with > or |", "put the value in quotes"),
+    (
+        "expected key",
+        "this line is indented like none of those above it",
+        "indent the lines of one mapping alike, such as every scenario under scenarios:",
+    ),
+    (
+        "expected '-'",
+        "a list goes on with - , but this line begins a key",
+        "write it under the key it belongs to: a scenario under scenarios:",
+    ),
     ("chomping", "a value starts with > or |", "put the value in quotes"),
     (
         "mapping values",

@@ -13,6 +13,7 @@ from grammars.floorplan import FloorPlan, parse_floorplan
 from grammars.text.diagnostics import Finding, InputError, Severity, Where
 from grammars.text.expressions import Expression, Name, evaluate
 from grammars.text.files import write_atomically
+from grammars.text.parsing import offset_of
 from grammars.text.terminal_text import printable
 from grammars.text.units import RATIO, Dimension, from_si, to_si
 from grammars.variation._load import Requirement, Variant, VariantValue, Variation
@@ -118,7 +119,9 @@ class VariantBuilder:
         """Return findings about a variant with places in its source plan."""
         result = []
         for finding in findings:
-            line = max(0, finding.where.line - _HEADER_LINES)
+            plan, line = self.variation.plan_text, max(0, finding.where.line - _HEADER_LINES)
+            if line:
+                line = plan.source.where(offset_of(plan.text, line, 1)).line
             where = Where(str(self.variation.plan_file), line, finding.where.column)
             result.append(Finding(where, finding.message))
         return result
@@ -181,8 +184,8 @@ class SampledPoint:
             return to_si(setting.number, setting.unit or slot.unit)
         if isinstance(slot.value, float):
             return slot.value
-        variable = self._variation.plan_text.variables[slot.value.variable]
-        return slot.value.sign * self._attribute(variable)
+        variables = self._variation.plan_text.variables
+        return evaluate(slot.value, lambda name: self._attribute(variables[name.name]))
 
 
 WriteOutcome: TypeAlias = Literal["written", "overwritten", "unchanged", "kept"]

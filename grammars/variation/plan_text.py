@@ -10,10 +10,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
-from grammars.floorplan import parse_syntax
+from grammars.floorplan import parse_syntax, variables_of
 from grammars.text.diagnostics import SourceText, SyntaxNode, rule_of
+from grammars.text.expressions import Expression, Function, Name, read_expression
 from grammars.text.parsing import without_comments
-from grammars.text.units import NAMES, read_unit, to_si
+from grammars.text.repetition import repeated
+from grammars.text.units import to_si
 
 Span: TypeAlias = tuple[int, int]
 
@@ -27,27 +29,19 @@ _AXES: Final = {
 
 
 @dataclass(frozen=True, slots=True)
-class VariableReference:
-    """A use of a variable, possibly negated."""
-
-    variable: str
-    sign: float
-
-
-@dataclass(frozen=True, slots=True)
 class Slot:
     """An attribute or variable as a place in the text of the plan.
 
-    ``number`` is the span of the number (or the reference to a variable), ``unit_at`` that of its
-    unit. An attribute missing in the text has neither: it has a value but cannot vary; ``remedy``
-    is the text to add. ``unit`` applies to numbers without a unit. ``value`` is the current value
-    in metres or radians.
+    ``number`` is the span of the number (or of the variable or sum in its place), ``unit_at`` that
+    of its unit. An attribute missing in the text has neither: it has a value but cannot vary;
+    ``remedy`` is the text to add. ``unit`` applies to numbers without a unit. ``value`` is the
+    current value in metres or radians, or an expression of variables.
     """
 
     name: str
     kind: str
     unit: str
-    value: float | VariableReference
+    value: float | Expression
     number: Span | None = None
     unit_at: Span | None = None
     remedy: str = ""
@@ -90,17 +84,17 @@ class PlanText:
     """
 
     def __init__(self, text: str, file: str) -> None:
-        self.text = text
-        self.source = SourceText(text, file)
-        self.bare = without_comments(text)
+        self.source = repeated(SourceText(text, file))
+        self.text = self.source.text
+        self.bare = without_comments(self.text)
         self.newline = "\r\n" if "\r\n" in text else "\n"
         self.tree = parse_syntax(self.source)
         self.elements: dict[str, list[PlanElement]] = {}
         self.variables: dict[str, Slot] = {}
         tree = self.tree
         self._defaults: SyntaxNode = tree.defaults[-1] if tree.defaults else None
-        for node in tree.variables:
-            self.variables[node.name] = self._variable(node)
+        for node, variable in zip(tree.variables, variables_of(tree, self.source), strict=True):
+            self.variables[node.name] = self._variable(node, variable.dimension)
         for node in tree.spaces:
             self._add(node.name, "space", node)
             for feature in node.features:
@@ -125,14 +119,15 @@ class PlanText:
         elements.append(PlanElement(address, kind, node))
         elements.sort(key=lambda element: element.node._tx_position)
 
-    def _variable(self, node: SyntaxNode) -> Slot:
+    def _variable(self, node: SyntaxNode, kind: str) -> Slot:
+        if node.sum:
+            return self._sum(node.name, node.sum, kind)
         sign = self.bare.index("=", node._tx_position)
         number = _REAL.search(self.bare, sign)
         assert number is not None
         end = node._tx_position_end
         value = to_si(float(node.number), node.unit)
         unit_at = (end - len(node.unit), end)
-        kind = NAMES[read_unit(node.unit)[1]]
         return Slot(node.name, kind, node.unit, value, number.span(), unit_at)
 
     def slot(self, element: PlanElement, path: str) -> Slot | None:
@@ -148,12 +143,19 @@ class PlanText:
         node = element.node.height if path == "height" else _sizes(element.node.shape)[path[6:]]
         return self._quantity(name, node, "length")
 
+    def _sum(self, name: str, node: SyntaxNode, kind: str) -> Slot:
+        span = (node._tx_position, node._tx_position_end)
+        return Slot(name, kind, _DEFAULT_UNIT[kind], read_expression(node, self.source), span)
+
     def _quantity(self, name: str, node: SyntaxNode, kind: str) -> Slot:
         start, end = node._tx_position, node._tx_position_end
+        if node.sum:
+            return self._sum(name, node.sum, kind)
         if node.variable:
             unit = self.variables[node.variable].unit
-            reference = VariableReference(node.variable, -1.0 if node.negated else 1.0)
-            return Slot(name, kind, unit, reference, (start, end))
+            variable = Name(node.variable)
+            value = Function("-", (variable,)) if node.negated else variable
+            return Slot(name, kind, unit, value, (start, end))
         number = _REAL.match(self.bare, start)
         assert number is not None
         unit = node.unit or _DEFAULT_UNIT[kind]

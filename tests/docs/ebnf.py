@@ -8,7 +8,9 @@ of times, ``+`` at least once, ``|`` either or.
 from functools import cache
 from types import MappingProxyType
 
+from grammars.text.diagnostics import SourceText
 from grammars.text.parsing import load_metamodel
+from grammars.text.repetition import repeated
 from tests.docs.markdown import ROOT
 
 GRAMMARS = {
@@ -23,6 +25,9 @@ _IN_WORDS = {
     ("floorplan", "UNIT"): "? a unit such as m, cm, deg ?",
     ("variation", "UNIT"): "? a unit such as m, cm, deg ?",
     ("scenery", "QuantityText"): "? a number, and a unit such as m, deg, s, kg, N m, m/s^2 or % ?",
+    ("floorplan", "Name"): "? the name of a variable ?",
+    ("floorplan", "UNSIGNED"): "? a number without a sign ?",
+    ("floorplan", "Operator"): "? one of + - * / ( ?",
     ("variation", "Name"): "? letters, digits and _, in parts with a dot between ?",
     (
         "expressions",
@@ -132,6 +137,8 @@ def used(language, text):
     """
     parser = _parser(language).clone()
     found = set()
+    if language in ("floorplan", "scenery"):
+        text = repeated(SourceText(text, "")).text
     parser.parse(text)
     pending = [parser.parse_tree]
     while pending:

@@ -84,7 +84,7 @@ GRAMMARS = sorted(Path(grammars.__path__[0]).glob("*/*.tx"))
 
 
 def test_languages_are_loaded_by_several_threads_at_once():
-    assert len(GRAMMARS) == 5
+    assert len(GRAMMARS) == 6
     together = Barrier(len(GRAMMARS))
 
     def load(grammar):

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from grammars.floorplan import parse_floorplan
 from grammars.text.diagnostics import InputError
+from grammars.text.expressions import evaluate
 from grammars.text.units import read_unit
 from grammars.variation import parse_variation, sample
 from grammars.variation.plan_text import PlanText, SlotValue, rewrite
@@ -38,7 +39,7 @@ def slots(plan):
 def value(plan, slot):
     if isinstance(slot.value, float):
         return slot.value
-    return slot.value.sign * value(plan, plan.variables[slot.value.variable])
+    return evaluate(slot.value, lambda name: value(plan, plan.variables[name.name]))
 
 
 def comments(text):

@@ -90,6 +90,7 @@ class Pilot:
         # Time at a standstill [s], and attempts to get free since the last progress.
         self._standing, self._attempts = 0.0, 0
         self._reached = -1
+        self._stays_until = 0.0
         self._begin_waypoint()
 
     def _begin_waypoint(self) -> None:
@@ -129,12 +130,17 @@ class Pilot:
 
     def _target_velocity(self, now: float, pose: Pose2) -> Twist2:
         """Return the velocity to aim at, before accelerations and the guard limit it."""
-        while self._reached < len(self._waypoints):
+        while now >= self._stays_until and self._reached < len(self._waypoints):
             goal = self._waypoints[self._reached]
             if not self._is_reached(pose, goal):
                 return self._towards(now, pose, goal)
             self._events.append(f"waypoint {self._reached + 1} reached")
+            self._stays_until = now + goal.wait
             self._begin_waypoint()
+        if now < self._stays_until:
+            # Staying is neither standing in a jam nor waiting for a way.
+            self._standing, self._waited = 0.0, 0.0
+            return STILL
         self._state = "succeeded"
         self._events.append("mission complete")
         return STILL

@@ -30,6 +30,9 @@ class GoalSequence:
         self._names = tuple(waypoint.id for waypoint in mission.waypoints)
         self._mode: MissionMode = mode
         self._link, self._frame = link, frame
+        self._waits = tuple(waypoint.wait for waypoint in mission.waypoints)
+        self._stay, self._stays_until = 0.0, 0
+        """Stay at a waypoint that begins now [s], and the end of the latest [ns]."""
         self._goal = -1
         self._accepted = False
         self._recoveries = 0
@@ -45,6 +48,13 @@ class GoalSequence:
         """Send the next goal, stamped with ROS ``time`` [ns], unless one is under way."""
         due = self.progress.reached if self._mode == "waypoints" else 0
         if self.progress.state != "active" or self._goal >= due:
+            return
+        if self._stay:
+            self._stays_until, self._stay = time + round(self._stay * 1e9), 0.0
+        if time < self._stays_until:
+            return
+        if due == len(self._poses):
+            self.progress = Progress(due, due, "succeeded")
             return
         self._goal = due
         self._recoveries = 0
@@ -112,7 +122,9 @@ class GoalSequence:
             return (SutEvent(f"goal {name} ended with missed waypoints: {names}", "error"),)
         total = len(self._poses)
         reached = self.progress.reached + 1 if self._mode == "waypoints" else total
-        self.progress = Progress(reached, reached, "succeeded" if reached == total else "active")
+        self._stay = self._waits[reached - 1] if self._mode == "waypoints" else 0.0
+        is_over = reached == total and not self._stay
+        self.progress = Progress(reached, reached, "succeeded" if is_over else "active")
         return (SutEvent(f"goal {name} succeeded"),)
 
     def _take_end(self, update: GoalUpdate, name: str) -> tuple[SutEvent, ...]:

@@ -56,6 +56,8 @@ def _reflect(point: Point2, across: Point2) -> Point2:
 
 SLIDER_GAP: Final = 0.01
 """Gap between a sliding leaf and the face of its wall [m]."""
+_HALF: Final = 2 / 3
+"""Largest width of one of two leaves that slide apart, as a share of the doorway."""
 _FIT: Final = 1e-3
 _HIGHER: Final = 0.01
 """Tolerance for leaves higher than their doorway [m]."""
@@ -222,7 +224,10 @@ def height_problem(name: str, leaf: Link, hole: Opening | Doorway) -> tuple[str,
 
 
 def _sliding(instance: Instance, model: ObjectModel, how: In, gap: _Gap) -> ObjectPlacement:
-    """Return the pose with the leaf in front of the hole, close to the face of the wall."""
+    """Return the pose with the leaf in front of the hole, close to the face of the wall.
+
+    A leaf of about half the width is one of two that slide apart: they meet in the middle.
+    """
     joint = _only_joint(instance, model, how, "prismatic")
     way = _opening_way(joint, _closed(model, joint))
     slides = math.atan2(joint.axis[1] * way, joint.axis[0] * way)
@@ -233,7 +238,10 @@ def _sliding(instance: Instance, model: ObjectModel, how: In, gap: _Gap) -> Obje
     near, far = _extent(everything, (0.0, 1.0))
     # The gap is between the wall and the nearest part of the object, such as a rail.
     y = gap.opening.depth + SLIDER_GAP - near if gap.outwards else -SLIDER_GAP - far
-    return ObjectPlacement(gap.opening.frame @ Pose2(gap.middle - (low + high) / 2, y, turned.yaw))
+    x = gap.middle - (low + high) / 2
+    if high - low <= _HALF * gap.width:
+        x = gap.middle - (high if gap.left else low)
+    return ObjectPlacement(gap.opening.frame @ Pose2(x, y, turned.yaw))
 
 
 def _closed(model: ObjectModel, joint: Joint) -> float:

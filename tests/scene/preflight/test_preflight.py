@@ -127,6 +127,10 @@ def test_each_system_that_is_too_slow_is_named():
     assert "walking at least 5.5 s" in message
     assert "quick" not in message
     assert limit_messages(0.1, pilot=math.inf) == limit_messages(0.1) == []
+    stay = mission((3.0, 0.0))
+    stay = dataclasses.replace(stay, waypoints=(dataclasses.replace(stay.waypoints[0], wait=60.0),))
+    (late,) = check_limit(stay, {"pilot": 1.0}, limit=62.0, where=PLACE)
+    assert "pilot at least 62.5 s for 2.5 m at 1.00 m/s and 60 s of waiting" in late.message
     # Waypoints side by side take no time.
     near = mission((0.4, 0.0), (0.4, 0.9))
     assert check_limit(near, {"pilot": 0.1}, limit=0.0, where=PLACE) == ()

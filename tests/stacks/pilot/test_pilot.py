@@ -45,6 +45,15 @@ def test_it_drives_through_a_doorway_without_touching_it(kind):
     ]  # fmt: skip
 
 
+def test_it_stays_at_a_waypoint_as_long_as_the_mission_says():
+    # Longer than its patience, which a stay does not wear down.
+    log = drive(ONE_DOORWAY, SIZE, START, [(2.5, 2.5, None, 70.0), (2.5, 3.5, None, 5.0)])
+    (first, _), (second, _), (last, _) = log.events
+    assert (log.state, log.last.progress.reached) == ("succeeded", 2)
+    assert 70.0 < second - first < 80.0
+    assert last - second == pytest.approx(5.0, abs=0.06)
+
+
 @pytest.mark.parametrize("yaw", [math.pi / 2, -2.5])
 def test_a_waypoint_with_a_heading_is_left_with_that_heading(yaw):
     log = drive(ONE_DOORWAY, SIZE, START, [(2.5, 2.5, yaw)])

@@ -106,14 +106,12 @@ def drive(
 ):
     """Drive a mission; ``doors`` are boxes the map does not show, there when their function says.
 
-    Waypoints are (x, y) or (x, y, yaw).
+    Waypoints are (x, y), (x, y, yaw) or (x, y, yaw, wait).
     """
     robot = robot or a_robot()
     doors = doors or {}
     random = np.random.default_rng(seed)
-    goals = tuple(
-        Waypoint(f"w{k}", w[0], w[1], w[2] if len(w) > 2 else None) for k, w in enumerate(waypoints)
-    )
+    goals = tuple(Waypoint(f"w{k}", *waypoint) for k, waypoint in enumerate(waypoints))
     pilot = make_sut("pilot", parameters)
     grid = draw(walls, size)
     mission = Mission("test", start, goals)

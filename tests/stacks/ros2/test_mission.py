@@ -1,5 +1,7 @@
 """Missions as goals: what is sent when, and what results mean; ``missions.txt`` has it."""
 
+from dataclasses import replace
+
 from daemon.model.sut import SutFailure
 from daemon.stacks.ros2.link import GoalUpdate
 from daemon.stacks.ros2.mission import GoalSequence
@@ -74,6 +76,23 @@ def conversation(mode, steps):
         state = goals.progress
         is_active = "active" if goals.active else "no goal"
         yield f"=> {state.reached} reached, {state.current} {state.state}, {is_active}"
+
+
+def test_the_next_goal_waits_until_the_stay_is_over():
+    link = PretendedLink()
+    desk, door, _ = MISSION.waypoints
+    stays = replace(MISSION, waypoints=(replace(desk, wait=2.0), replace(door, wait=1.0)))
+    goals = GoalSequence(stays, "waypoints", link, "map")
+    sent = []
+    for time, ended in [(0, None), (5, 0), (6, None), (7.9, None), (8, 1), (9, None), (9.9, None)]:
+        goals.send_next(round(time * 1e9))
+        sent += [time] * (len(link.goals) - len(sent))
+        if ended is not None:
+            goals.take(ends(ended))
+    # The clock of a stay begins with the cycle after the result.
+    assert (sent, goals.progress.reached, goals.progress.state) == ([0, 8], 2, "active")
+    goals.send_next(round(10e9))
+    assert goals.progress.state == "succeeded"
 
 
 def test_goals_and_what_comes_of_them(golden):

@@ -2,7 +2,7 @@
 
 It follows argenos/waypoint_dispatcher: request a plan, whose side effects count but not its result;
 send the goal; wait for the outcome; send at most one goal a second. A missed goal ends the mission.
-There is no time-out and no second attempt.
+There is no time-out and no second attempt. The robot may stay at a waypoint, which is ours.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ class WaypointDispatcher:
         make_plan: Callable[[Pose2, Pose2], None],
     ) -> None:
         self._parameters, self._make_plan = parameters, make_plan
+        self._waits = tuple(waypoint.wait for waypoint in waypoints)
         self._goals = tuple(_goal(waypoint, parameters.default_yaw) for waypoint in waypoints)
         self._rate: RosRate | None = None
         self._sleeps_until = 0.0
@@ -65,8 +66,9 @@ class WaypointDispatcher:
         if result == "aborted":
             self._note(self.progress.reached, "aborted")
             return
+        stays_until = now + self._waits[self.progress.reached]
         self._note(self.progress.reached + 1, "active")
-        self._sleeps_until = rate.sleep(now)
+        self._sleeps_until = max(rate.sleep(now), stays_until)
 
     def _note(self, reached: int, state: Literal["active", "succeeded", "aborted"]) -> None:
         self.progress = Progress(min(reached, max(len(self._goals) - 1, 0)), reached, state)

@@ -215,6 +215,16 @@ def test_goals_are_sent_one_after_the_other(steps, progress):
     assert asked == [(HERE, GOALS[sent]) for _, _, sent in steps if sent is not None]
 
 
+def test_the_next_goal_waits_until_the_stay_is_over():
+    stays = (replace(WAYPOINTS[0], wait=5.0), replace(WAYPOINTS[1], wait=3.0))
+    dispatcher = WaypointDispatcher(DispatcherParameters(make_plan=False), stays, pytest.fail)
+    instants = {0.0: "", 10.0: "succeeded", 14.9: "", 15.0: "", 20.0: "succeeded", 22.9: ""}
+    sent = [t for t, result in instants.items() if dispatcher.step(t, result or None, HERE)]
+    assert (sent, dispatcher.progress.state) == ([0.0, 15.0], "active")
+    dispatcher.step(23.0, None, HERE)
+    assert dispatcher.progress.state == "succeeded"
+
+
 def test_a_waypoint_without_a_heading_gets_that_of_the_parameters():
     given = DispatcherParameters(default_yaw=1.0, make_plan=False)
     dispatcher = WaypointDispatcher(given, WAYPOINTS[1:], pytest.fail)
