@@ -83,7 +83,7 @@ def draw_map(
     """
     where = Where(str(path))
     code, player = _shown(path, where, findings)
-    unit = unit or _UNIT_CODES.get(code, "")
+    unit = unit.lower() or _UNIT_CODES.get(code, "")
     if unit not in _UNITS:
         problem = f'unknown unit "{unit}"' if unit else "the drawing names no known unit"
         raise InputError.at(where, problem, f"give its unit with --unit: {', '.join(_UNITS)}")
@@ -91,7 +91,7 @@ def draw_map(
     walls, things = _take(lines, layers), _take(lines, standing)
     others = _listed({name: len(on_it) for name, on_it in lines.items()})
     if not walls:
-        hint = f"choose one with --layer: {others}" if others else "it holds no lines"
+        hint = f"choose one with --layer: {others}" if others else "its model space shows no lines"
         raise InputError.at(where, f"no layer with lines matches {', '.join(layers)}", hint)
     if others:
         findings.warning(where, f"lines on other layers were ignored: {others}")
@@ -285,8 +285,10 @@ def _open_floor(walls: Cells, rooms: Cells) -> npt.NDArray[np.intp] | None:
     cells = np.argwhere(walls)
     low, high = cells.min(axis=0), cells.max(axis=0) + 1
     extent = np.s_[low[0] : high[0], low[1] : high[1]]
-    floors, _ = ndimage.label(~(walls | rooms)[extent])
-    floor = floors == np.bincount(floors[floors > 0], minlength=2).argmax()
+    floors, count = ndimage.label(~(walls | rooms)[extent])
+    if not count:
+        return None
+    floor = floors == np.bincount(floors[floors > 0]).argmax()
     along = np.count_nonzero(ndimage.binary_dilation(floor) & walls[extent])
     ends = sum(np.count_nonzero(floor[side]) for side in (0, -1, np.s_[:, 0], np.s_[:, -1]))
     is_open = np.count_nonzero(floor) > np.count_nonzero(rooms) and along > 2 * ends

@@ -176,7 +176,7 @@ def spoil(change):
         (draw, {"unit": "m"}, "measure 1e\\+04 m by 6e\\+03 m: not a building"),
         (draw, {"layers": ("A-FLOR*",)}, r"choose one with --layer: A-WALL \(19\)"),
         (lambda p: lines_of(p, (0, 0, 9, 0), (0, 4, 9, 4)), {}, "the walls enclose no room"),
-        (spoil(lambda d: d.modelspace().delete_all_entities()), {}, "it holds no lines"),
+        (spoil(lambda d: d.modelspace().delete_all_entities()), {}, "shows no lines"),
     ],
 )  # fmt: skip
 def test_what_is_no_building_is_refused_with_a_remedy(make, settings, message, tmp_path):
@@ -257,7 +257,9 @@ def test_drawings_of_either_form_are_read_whole_or_refused(tmp_path):
         with pytest.raises(InputError, match="is cut off"):
             drawn(path)
     path.write_bytes(whole)
-    assert areas(drawn(path)[0]) == [INSIDE]
+    grid, warnings = drawn(path)
+    assert areas(grid) == [INSIDE]
+    assert warnings == "", "a closed room has no open floor"
 
 
 def test_racks_and_columns_of_their_layer_stand_in_the_room(tmp_path):
