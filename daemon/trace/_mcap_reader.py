@@ -19,6 +19,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 import zstandard
+from lz4.frame import LZ4FrameDecompressor
 from mcap import records
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
@@ -41,6 +42,7 @@ Steps are counted, not timed, so that the result does not depend on the load of 
 RECORD_STEPS: Final = 4
 """Steps of a single record, and of a run of messages of equal size."""
 
+_MESSAGE: Final = bytes([Opcode.MESSAGE])
 _RECORD: Final = struct.Struct("<BQ")
 _CHUNK_HEAD: Final = struct.Struct("<QQQII")
 _LENGTH: Final = struct.Struct("<Q")
@@ -166,12 +168,23 @@ class _McapWalk:
             elif opcode == Opcode.DATA_END:
                 break
             elif opcode == Opcode.MESSAGE:
-                raise DamagedTraceError("messages outside chunks are not read")
+                content = self._loose_messages(self.at)
             elif opcode != Opcode.MESSAGE_INDEX:
                 self._rare(opcode, data[content.start : content.stop])
             self.at = content.stop
         if not data.endswith(MAGIC):
             raise DamagedTraceError("the end of the file is missing")
+
+    def _loose_messages(self, at: int) -> slice:
+        """Read successive messages outside chunks; return their place."""
+        start, offsets = at, []
+        while self._data[at : at + 1] == _MESSAGE:
+            self.recording.spend(1)
+            offsets.append(at)
+            at = self._record(at)[1].stop
+        if self._select is not None:
+            self._messages(self._data, np.array(offsets, np.int64), self._select)
+        return slice(start, at)
 
     def _record(self, at: int) -> tuple[int, slice]:
         if at + _RECORD.size > len(self._data):
@@ -204,8 +217,9 @@ class _McapWalk:
         elif isinstance(record, records.Channel):
             kind = KINDS.get(record.topic)
             # Foreign topics may have any type: merged files and additions of other tools.
-            if kind is not None and self._schemas.get(record.schema_id) != kind:
-                raise DamagedTraceError(f"{record.topic} is not {kind}")
+            schema = self._schemas.get(record.schema_id, "of no type")
+            if kind is not None and schema != kind:
+                raise DamagedTraceError(f"{record.topic} is {schema}, expected {kind}")
             self._channels[record.id] = record.topic
         elif isinstance(record, records.Metadata):
             self.recording.metadata[record.name] = record.metadata
@@ -352,11 +366,14 @@ def decompress(
             own = decompressor or zstandard.ZstdDecompressor()
             with own.stream_reader(data) as reader:
                 content = reader.read(1 + (min(claimed, most) if claimed >= 0 else most))
+        elif method == b"lz4":
+            content = LZ4FrameDecompressor().decompress(data, most + 1)
         elif method == b"":
             content = bytes(data)
         else:
-            raise DamagedTraceError(f"unknown compression {method[:16]!r}")
-    except zstandard.ZstdError as error:
+            name = method[:16].decode("ascii", "replace")
+            raise DamagedTraceError(f"chunks compressed by {name}: zstd, lz4 and none are read")
+    except (zstandard.ZstdError, RuntimeError) as error:
         raise DamagedTraceError("a chunk that cannot be decompressed") from error
     if len(content) > most or (size is not None and len(content) != size):
         raise DamagedTraceError("a chunk of another size than it says")

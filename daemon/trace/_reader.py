@@ -154,6 +154,8 @@ def decode_trace(
         *(problem for name, track in tracks.items() for problem in _not_finite(name, track)),
         *_gaps(truth.time, valid_until),
     ]
+    if recording.cut and not len(truth.time):
+        problems[-1] += f": {recording.cut}"
     return Trace(
         path=recording.path,
         spec=spec,
@@ -214,8 +216,11 @@ def _attached_scene(recording: McapContents, spec: RunSpec) -> Scene:
 def _attachment(recording: McapContents, name: str) -> bytes:
     data = recording.attachments.get(name)
     if data is None:
-        fault = "was cut before anything was recorded" if recording.cut else "is not a trace"
-        raise TraceError(recording.path, f"{fault}: no {name} in it", "run it again")
+        message = f"is not the trace of a run: no {name} in it"
+        hint = "name an .mcap file that a run left"
+        if recording.cut:
+            message, hint = f"no {name} can be read: {recording.cut}", "run it again"
+        raise TraceError(recording.path, message, hint)
     return data
 
 

@@ -182,13 +182,20 @@ def rejudge_parts(results: Sequence[RejudgedTrace]) -> list[Text | Table]:
     ]
     parts: list[Text | Table] = [Text(_summary(judged, len(results) - len(judged)))]
     if lines:
-        parts += [Text(f"\n{count_noun(len(lines), 'verdict')} changed", "bold"), *lines[:_LISTED]]
-    if len(lines) > _LISTED:
-        parts.append(Text(f"and {len(lines) - _LISTED} more"))
+        parts += [Text(f"\n{count_noun(len(lines), 'verdict')} changed", "bold"), *_first(lines)]
     if judged:
         parts += [Text(), _oracle_table(judged, labels)]
     problems = [Text(f"{one.trace}: error: {one.problem}") for one in results if one.problem]
-    return [*parts, *problems]
+    for one in judged:
+        errors = (v.evidence.note_text for v in one.verdicts if v.outcome is Outcome.ERROR)
+        problems += [Text(f"{labels[one.trace]}: error: {why}") for why in dict.fromkeys(errors)]
+    return [*parts, *_first(problems)]
+
+
+def _first(lines: list[Text]) -> list[Text]:
+    """Return the first lines, and the number of the others."""
+    more = [Text(f"and {len(lines) - _LISTED} more")] if len(lines) > _LISTED else []
+    return [*lines[:_LISTED], *more]
 
 
 def _summary(judged: Sequence[RejudgedTrace], unreadable: int) -> str:

@@ -204,6 +204,8 @@ def test_a_doubtful_recording_says_what_is_wrong(tmp_path, problem):
     [
         {"chunk_size": 50_000},
         {"compression": CompressionType.NONE},
+        {"compression": CompressionType.LZ4},
+        {"use_chunking": False},
         {"index_types": IndexType.NONE},
     ],
 )
