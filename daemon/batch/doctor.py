@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import platform
 import stat
@@ -43,7 +44,7 @@ from daemon.batch.paths import (
 )
 from daemon.batch.permissions import Exposure, find_exposure, find_key_exposure
 from daemon.batch.security import find_credentials, is_authority, keys_folder, load_register
-from daemon.model.execution import available_cores
+from daemon.model.execution import available_cores, core_quota
 from daemon.model.ids import is_id
 from daemon.model.spec import ENGINE_VERSION
 from daemon.model.status import (
@@ -152,7 +153,9 @@ def examine(
 
 
 def _slots() -> Iterator[DoctorFinding]:
-    words = f"{available_cores()} cores may be used, one run each by default: --slots changes it"
+    quota = f" (the container's quota is {core_quota():.3g})" if core_quota() < math.inf else ""
+    words = f"{available_cores()} cores may be used{quota}, one run each by default: "
+    words += "--slots changes it"
     yield ok("slots", words)
 
 

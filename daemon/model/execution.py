@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import math
 import os
 import platform
 import re
@@ -64,10 +65,36 @@ def commands_allowed() -> bool:
 
 
 def available_cores() -> int:
-    """Return the number of cores this process may use, the default number of slots."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    """Return the number of cores this process may use, the default number of slots.
+
+    The quota of a container limits it to whole cores, at least one.
+    """
+    has_affinity = hasattr(os, "sched_getaffinity")
+    cores = len(os.sched_getaffinity(0)) if has_affinity else os.cpu_count() or 1
+    return int(max(1, min(cores, core_quota())))
+
+
+def core_quota(root: Path = Path("/")) -> float:
+    """Return the cores that control groups grant to this process, infinite without a quota."""
+    quotas = [math.inf]
+    with contextlib.suppress(OSError, ValueError):
+        for line in (root / "proc/self/cgroup").read_text("utf-8").splitlines():
+            _, controllers, path = line.split(":", 2)
+            # Version 2 has no controllers here. In version 1, a container's path leads nowhere, and
+            # its group is at the top.
+            if controllers == "" or "cpu" in controllers.split(","):
+                group = root / "sys/fs/cgroup" / controllers / path.strip("/")
+                quotas += map(_group_quota, (group, *group.parents))
+    return min(quotas)
+
+
+def _group_quota(group: Path) -> float:
+    """Return the quota of a control group in cores, infinite without one."""
+    for names in (("cpu.max",), ("cpu.cfs_quota_us", "cpu.cfs_period_us")):
+        with contextlib.suppress(OSError):
+            quota, period = " ".join((group / name).read_text("utf-8") for name in names).split()
+            return math.inf if quota in ("max", "-1") else int(quota) / int(period)
+    return math.inf
 
 
 @functools.cache

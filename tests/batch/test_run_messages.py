@@ -1,5 +1,6 @@
 """What a run and its worker tell each other: bounded, and never at the cost of the run."""
 
+import math
 import platform
 import socket
 from contextlib import suppress
@@ -24,7 +25,7 @@ from daemon.batch.worker import _zygotes
 from daemon.batch.worker._attempts import Attempt
 from daemon.batch.worker._live import LineBudget
 from daemon.batch.worker._zygotes import ForkedExecution
-from daemon.model.execution import available_cores, machine_text
+from daemon.model.execution import available_cores, core_quota, machine_text
 from daemon.model.messages import Lease
 from daemon.model.spec import Snapshot
 from daemon.model.status import LiveSnapshot
@@ -190,3 +191,30 @@ def test_a_machine_is_told_by_its_processor_and_cores_and_not_by_its_name():
     assert platform.python_version() in said
     assert platform.node() not in said
     assert all(part.strip() for part in said.split(","))
+
+
+@pytest.mark.parametrize(
+    ("groups", "files", "cores"),
+    [
+        ("0::/a/b\n", {"a/cpu.max": "150000 100000", "a/b/cpu.max": "max 100000"}, 1.5),
+        ("0::/../other\n", {"cpu.max": "50000 100000"}, 0.5),
+        ("0::/a\n", {}, math.inf),
+        (
+            "4:memory:/x\n3:cpu,cpuacct:/docker/1\n",
+            {"cpu,cpuacct/cpu.cfs_quota_us": "200000", "cpu,cpuacct/cpu.cfs_period_us": "100000"},
+            2.0,
+        ),
+        (
+            "1:cpu:/\n",
+            {"cpu/cpu.cfs_quota_us": "-1", "cpu/cpu.cfs_period_us": "100000"},
+            math.inf,
+        ),
+    ],
+)
+def test_a_container_grants_the_cores_of_its_quota(tmp_path, groups, files, cores):
+    for name, text in {f"sys/fs/cgroup/{n}": t for n, t in files.items()}.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    (tmp_path / "proc/self").mkdir(parents=True)
+    (tmp_path / "proc/self/cgroup").write_text(groups)
+    assert core_quota(tmp_path) == cores
