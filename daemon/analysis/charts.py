@@ -16,12 +16,11 @@ from functools import cache
 from importlib import metadata
 from typing import Any, Final, TypeAlias
 
-import platformdirs
 from markupsafe import Markup, escape
 
 from daemon.analysis.parallel_map import parallel_map
 from daemon.model.execution import available_cores
-from grammars.text.files import write_atomically
+from grammars.text.files import user_folder, write_atomically
 from templates.naming import xml_text
 from templates.report import OURS
 
@@ -200,7 +199,7 @@ def page_script() -> str:
     script of a version is kept in the user's cache.
     """
     version = metadata.version("vl-convert-python")
-    cached = platformdirs.user_cache_path("scenario") / f"vega-{version}.js"
+    cached = user_folder("cache") / f"vega-{version}.js"
     try:
         script = cached.read_text(encoding="utf-8")
     except OSError:

@@ -25,10 +25,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal
 
-import platformdirs
-
 from daemon.model.ids import is_digest, is_id
-from grammars.text.files import private_folder
+from grammars.text.files import private_folder, user_folder
 
 if TYPE_CHECKING:
     from daemon.model.status import DiskUsage
@@ -146,7 +144,7 @@ class StatePaths:
     @classmethod
     def find(cls, state: Path | None = None) -> StatePaths:
         """Choose the directory: the argument, ``SCENARIO_STATE`` or the user's state folder."""
-        path = state or os.environ.get(STATE_VARIABLE) or platformdirs.user_state_path("scenario")
+        path = state or os.environ.get(STATE_VARIABLE) or user_folder("state")
         return cls(Path(path).expanduser().absolute())
 
     @property

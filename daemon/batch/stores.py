@@ -19,8 +19,6 @@ from pathlib import Path
 from typing import Final, TypeAlias
 from urllib.parse import urlsplit
 
-import platformdirs
-
 from daemon.batch.errors import TraceUnavailable, Unavailable
 from daemon.batch.paths import StatePaths
 from daemon.model.ids import is_id
@@ -28,7 +26,7 @@ from daemon.model.messages import PART, FilePart
 from daemon.model.status import RunRow
 from daemon.model.verbs import DaemonClient
 from grammars.text import codec
-from grammars.text.files import move_durably, sync_directory, write_atomically
+from grammars.text.files import move_durably, sync_directory, user_folder, write_atomically
 
 _FAULTS: Final = 5
 
@@ -183,7 +181,7 @@ def local_copy(
     # Check the digest: the path may be another file on this machine.
     if not is_url(trace.location) and matches_digest(original, trace.size, trace.sha256):
         return original
-    folder = cache or platformdirs.user_cache_path("scenario") / "traces"
+    folder = cache or user_folder("cache") / "traces"
     copy = folder / f"{trace.sha256}.mcap"
     if matches_digest(copy, trace.size, trace.sha256):
         os.utime(copy)

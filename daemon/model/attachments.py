@@ -14,9 +14,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
-import platformdirs
-
-from grammars.text.files import replacing
+from grammars.text.files import replacing, user_folder
 from grammars.text.sources import note_read
 
 FILES_PARAMETER: Final = "files"
@@ -36,7 +34,7 @@ class SutMissing(ValueError):  # noqa: N818  (reads as a sentence where it is ra
 
 def user_files_folder() -> Path:
     """Return the folder with the files of this user's runs, named by digest."""
-    return platformdirs.user_cache_path("scenario") / "files"
+    return user_folder("cache") / "files"
 
 
 def attach_files(files: Mapping[str, Path]) -> dict[str, str]:

@@ -27,14 +27,13 @@ from pickle import UnpicklingError
 from typing import Any, Final, TypeAlias, TypeVar, cast
 
 import numpy as np
-import platformdirs
 from numba import typeof
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
 from numba.core.registry import CPUDispatcher
 from numba.core.sigutils import normalize_signature
 
 from daemon.supervision.child import die_with_parent
-from grammars.text.files import write_atomically
+from grammars.text.files import user_folder, write_atomically
 
 F = TypeVar("F", bound=Callable[..., Any])
 KernelFile: TypeAlias = tuple[str, str, str]
@@ -138,7 +137,7 @@ def cache_folder() -> Path:
     package = Path(__file__).parents[1]
     place = hashlib.sha256(bytes(package)).hexdigest()[:8]
     folders = [package / "__pycache__" / "kernels"]
-    folders.append(platformdirs.user_cache_path("scenario") / f"kernels-{place}")
+    folders.append(user_folder("cache") / f"kernels-{place}")
     if state := os.environ.get("SCENARIO_STATE"):
         folders.append(Path(state) / f"kernels-{place}")
     return next((folder for folder in folders if _can_be_written(folder)), folders[0])

@@ -1,4 +1,4 @@
-"""Atomic file writes, durable across a power cut, and listings that tolerate concurrent removal.
+"""Atomic file writes, durable across a power cut, folders, and listings despite removal.
 
 Every part of the product that stores data for other readers writes it through this module.
 """
@@ -10,8 +10,11 @@ import glob
 import os
 import stat
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Literal
+
+import platformdirs
 
 
 def write_atomically(
@@ -81,6 +84,29 @@ def private_folder(folder: Path) -> Path:
     if status.st_mode & (stat.S_IRWXG | stat.S_IRWXO):
         folder.chmod(0o700)
     return folder
+
+
+def user_folder(kind: Literal["cache", "config", "state"]) -> Path:
+    """Return the folder of a kind of files of this user.
+
+    Without a home directory, caches go below the folder of temporary files, all else to the state
+    directory. Raises ``OSError`` if that is unknown too.
+    """
+    folder = Path("~")
+    with suppress(RuntimeError):
+        # Versions without this error return a relative path.
+        folder = Path(getattr(platformdirs, f"user_{kind}_path")("scenario"))
+    if folder.is_absolute():
+        return folder
+    if kind == "cache":
+        import tempfile
+
+        return private_folder(Path(tempfile.gettempdir()) / f"scenario-{os.getuid()}") / kind
+    if state := os.environ.get("SCENARIO_STATE"):
+        return Path(state).absolute() / kind
+    message = f"there is no home directory (HOME is not set, user {os.getuid()} is unknown): "
+    message += "set HOME, or SCENARIO_STATE and XDG_CACHE_HOME"
+    raise FileNotFoundError(errno.ENOENT, message)
 
 
 def matching_paths(folder: Path, pattern: str) -> Iterator[Path]:

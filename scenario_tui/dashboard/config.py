@@ -17,9 +17,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import platformdirs
-
 from grammars.text.diagnostics import Finding, InputError, Where
+from grammars.text.files import user_folder
 from grammars.text.sources import read_text
 
 
@@ -39,7 +38,7 @@ class Config:
 
 def config_path() -> Path:
     """Return the path of the user's settings."""
-    return platformdirs.user_config_path("scenario") / "config.toml"
+    return user_folder("config") / "config.toml"
 
 
 def read_config(path: Path | None = None) -> Config:

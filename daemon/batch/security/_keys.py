@@ -15,12 +15,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-import platformdirs
-
 from daemon.batch.errors import KeysUnusable
 from daemon.model.verbs import Role
 from grammars.text import codec
-from grammars.text.files import write_atomically
+from grammars.text.files import user_folder, write_atomically
 
 CA_FILE: Final = "ca.pem"
 CERTIFICATE_FILE: Final = "cert.pem"
@@ -131,8 +129,8 @@ class DaemonCredentials:
 
 def keys_folder(keys: Path | None = None, environ: Mapping[str, str] = os.environ) -> Path:
     """Choose the folder: the argument, ``SCENARIO_KEYS``, else ``keys`` in the user's settings."""
-    default = platformdirs.user_config_path("scenario") / "keys"
-    return Path(keys or environ.get(KEYS_VARIABLE) or default).expanduser().absolute()
+    folder = keys or environ.get(KEYS_VARIABLE) or user_folder("config") / "keys"
+    return Path(folder).expanduser().absolute()
 
 
 def is_authority(folder: Path) -> bool:

@@ -159,12 +159,15 @@ class StackProcess:
         relay = self._place_relay()
         relay_variables = {SOCKET_VARIABLE: str(self.socket), NONCE_VARIABLE: self.nonce}
         container = settings.container
+        home = None
+        with suppress(RuntimeError):
+            home = None if container else Path.home()
         script = folder / "environment.sh"
         script.write_text(
             environment_script(
                 settings.environment.setup,
                 settings.environment.variables,
-                isolating_variables(folder, None if container else Path.home()),
+                isolating_variables(folder, home),
                 {"ROS_DOMAIN_ID": str(self.domain), MARKER: token},
             )
         )
