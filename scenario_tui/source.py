@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Final
 from daemon.batch.errors import DaemonError, Refused, TraceUnavailable, Unreachable
 from daemon.model.verdicts import RunState
 from grammars.text.diagnostics import Finding, InputError, Where, did_you_mean
+from grammars.text.file_kinds import kind_of_file
 from grammars.text.words import command_line, count_noun
 from scenario_tui.text.run_state import unfinished_text, without_trace_text, without_traces_text
 
@@ -177,7 +178,9 @@ def _why_no_traces(name: str) -> str:
         holds = "is a folder of traces" if trace_files(name) else "holds no traces (.mcap files)"
         return f"{name} {holds}"
     if Path(name).is_file():
-        return f"{name} is a trace" if trace_files(name) else f"{name} is not a trace (MCAP file)"
+        kind = kind_of_file(Path(name))
+        other = f"is {kind.title}: {kind.advice}" if kind else "is not a trace (MCAP file)"
+        return f"{name} {'is a trace' if trace_files(name) else other}"
     return ""
 
 

@@ -29,6 +29,7 @@ from grammars.oracle import Oracle, load_oracles
 from grammars.scenery import SceneryLayer, configure, load_scenery
 from grammars.text.diagnostics import Finding, InputError, Where, did_you_mean
 from grammars.text.documents import YamlDocument, load_yaml
+from grammars.text.file_kinds import kind_of_file, refuse_kind
 from grammars.text.overrides import Override, override_document, placed_at
 from grammars.text.sources import (
     is_file,
@@ -87,6 +88,8 @@ def find_layer(
     if "/" in name or name.endswith(kind.endings):
         path = folder / name
         if is_file(path):
+            if not name.endswith(kind.endings):
+                refuse_kind(kind_of_file(path), reference.where, name)
             return _shortened(path)
         if _is_folder_of(path, kind):
             return path
@@ -102,6 +105,7 @@ def find_layer(
                 return place / f"{name}{ending}"
         if _is_folder_of(place / name, kind):
             return place / name
+    refuse_kind(kind_of_file(folder / name), reference.where, name)
     names = [n for place in places for n in layer_names(place, kind)]
     ships = ", and none of that name ships" if kind.ships else ""
     raise InputError(

@@ -1,4 +1,4 @@
-"""Map files: the YAML and the image (PGM or PNG) of ``map_server`` and nav2, and packed maps.
+"""Map files: YAML and image of ``map_server`` and nav2, plain pictures, and packed maps.
 
 Pixels are read like ``map_server`` of Noetic does (``image_loader.cpp``): an occupancy of
 (255 - grey) / 255, or grey / 255 with ``negate``, is occupied above ``occupied_thresh``, free below
@@ -12,7 +12,9 @@ A packed map is a byte string that depends only on the content, so that its dige
 
 from __future__ import annotations
 
+import io
 import json
+import math
 import re
 import struct
 import zlib
@@ -26,17 +28,29 @@ from pydantic import Field
 
 from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from grammars.text import codec
-from grammars.text.diagnostics import Finding, Findings, InputError, Where
-from grammars.text.documents import StrictModel, load_yaml, read_model
+from grammars.text.diagnostics import Finding, Findings, InputError, Where, closest, did_you_mean
+from grammars.text.documents import StrictModel, YamlDocument, load_yaml, read_model
+from grammars.text.file_kinds import kind_of_content
 from grammars.text.plugins import load_extra
-from grammars.text.sources import is_file, note_read
+from grammars.text.sources import is_file, names_in, note_read
 
 MOST_CELLS: Final = 64_000_000
 """Cells of a map at most: 400 m by 400 m at 5 cm."""
 _WHITE: Final = 255
 """The lightest shade of 8 bits."""
 _LONGEST_HEADER: Final = 4096
-_PNG: Final = b"\x89PNG\r\n\x1a\n"
+PICTURES: Final = (".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".pbm")
+"""Endings of images."""
+_PPM: Final = dict.fromkeys((b"P1", b"P2", b"P3", b"P4", b"P5", b"P6"), "PPM")
+_FORMATS: Final = {b"\x89P": "PNG", b"\xff\xd8": "JPEG", b"BM": "BMP", **_PPM}
+"""Names of formats in pillow by the first bytes of a file."""
+_PICTURE: Final = {"image": "-", "origin": [0.0, 0.0, 0.0], "negate": 0} | {
+    "occupied_thresh": 0.65,
+    "free_thresh": 0.196,
+}
+"""Keys of the YAML file that a plain picture lacks."""
+_COARSE: Final = 0.5
+"""Cells [m] wider than any mapping tool makes for a robot in a building."""
 _DEEP: Final = 65535
 """The lightest shade of 16 bits."""
 # Magic number, columns, rows and largest grey with comments in between, then exactly one white
@@ -46,20 +60,18 @@ _SAVED_UNKNOWN: Final = 205
 _SAVED_GREYS: Final = {0, _SAVED_UNKNOWN, 254, _WHITE}
 """Greys that map_saver writes for occupied, unknown and free cells."""
 
-_Share = Annotated[float, Field(ge=0.0, le=1.0)]
-
 
 class _MapKeys(StrictModel):
     """Keys of the YAML file of a map; unknown keys are ignored."""
 
     model_config = StrictModel.model_config | {"extra": "ignore"}
 
-    image: str = Field(min_length=1)
-    resolution: Annotated[float, Field(ge=0.001, le=10.0)]
-    origin: Annotated[list[float], Field(min_length=3, max_length=3)]
-    negate: Annotated[int, Field(ge=0, le=1)]
-    occupied_thresh: _Share
-    free_thresh: _Share
+    image: str = Field(min_length=1, examples=["map.pgm"])
+    resolution: float = Field(ge=0.001, le=10.0, examples=[0.05])
+    origin: list[float] = Field(min_length=3, max_length=3, examples=[[0.0, 0.0, 0.0]])
+    negate: bool = Field(examples=[0])
+    occupied_thresh: float = Field(ge=0.0, le=1.0, examples=[0.65])
+    free_thresh: float = Field(ge=0.0, le=1.0, examples=[0.196])
     mode: Literal["trinary", "scale", "raw"] = "trinary"
 
 
@@ -75,9 +87,9 @@ class SavedMap:
 def read_map(path: str | Path, *, turned: bool = False) -> SavedMap:
     """Read the map of a YAML file and its image.
 
-    Warnings are about unknown cells that count as free or occupied. Images are PGM (P5 or P2, up to
-    8 bits) or PNG. Raises :class:`InputError` for unreadable files, more than :data:`MOST_CELLS`
-    cells, and a map with a yaw unless ``turned`` allows one.
+    Warnings are about values and cells that probably mean something else. Images of more than
+    8 bits, and other formats than PGM, need pillow. Raises :class:`InputError` for unreadable
+    files, more than :data:`MOST_CELLS` cells, and a map with a yaw unless ``turned`` allows one.
     """
     document = load_yaml(path)
     text = read_model(document, _MapKeys)
@@ -85,6 +97,8 @@ def read_map(path: str | Path, *, turned: bool = False) -> SavedMap:
         raise InputError.at(
             document.where(("free_thresh",)), "free_thresh is above occupied_thresh"
         )
+    findings, where = Findings(), document.where(("image",))
+    _warn_of_keys(document, text, findings)
     yaw = text.origin[2]
     if yaw != 0.0 and not turned:
         raise InputError.at(
@@ -93,16 +107,13 @@ def read_map(path: str | Path, *, turned: bool = False) -> SavedMap:
             "costmap_2d and amcl ignore that: turn the image and write 0 "
             "(scenario import accepts turned maps)",
         )
-    findings, where = Findings(), document.where(("image",))
     # In trinary maps, alpha is one of the averaged channels.
     trinary = text.mode == "trinary"
     image_path = Path(path).parent / text.image
     image = _read_image(image_path, where, alpha_counts=trinary)
     grid = _grid(image, text)
     if trinary and image.clear is not None:
-        colours = _grid(
-            _read_image(Path(path).parent / text.image, where, alpha_counts=False), text
-        )
+        colours = _grid(_read_image(image_path, where, alpha_counts=False), text)
         colours.cells[np.flipud(image.clear)] = UNKNOWN
         if share := float((colours.cells != grid.cells).mean()):
             message = (
@@ -113,6 +124,42 @@ def read_map(path: str | Path, *, turned: bool = False) -> SavedMap:
             findings.warning(where, message, hint)
     _warn_of_free_unknown(image, text, document.where(("free_thresh",)), findings)
     return SavedMap(grid, yaw, findings.warnings)
+
+
+def read_picture(path: Path, resolution: float) -> OccupancyGrid:
+    """Read a picture as a map: black is a wall, white is floor, transparent is unknown.
+
+    Floor at the edge of the picture is unknown too, unless there is no other.
+    ``resolution`` is the size of a pixel [m]. Raises :class:`InputError` for unreadable images.
+    """
+    from scipy import ndimage
+
+    text = _MapKeys.model_validate({**_PICTURE, "resolution": resolution})
+    image = _read_image(path, Where(str(path)), alpha_counts=False)
+    grid = _grid(image, text)
+    if image.clear is not None:
+        grid.cells[np.flipud(image.clear)] = UNKNOWN
+    areas, _ = ndimage.label(grid.cells == FREE)
+    edge = np.concatenate((areas[0], areas[-1], areas[:, 0], areas[:, -1]))
+    outside = np.isin(areas, edge[edge > 0])
+    if np.any((areas > 0) & ~outside):
+        grid.cells[outside] = UNKNOWN
+    return grid
+
+
+def _warn_of_keys(document: YamlDocument, text: _MapKeys, findings: Findings) -> None:
+    """Warn of names and values that probably mean something else."""
+    for key in document.data.keys() - _MapKeys.model_fields.keys():
+        if other := closest(key.lower(), _MapKeys.model_fields):
+            message = f'unknown key "{key}" is ignored'
+            findings.warning(document.where((key,)), message, f"did you mean {other}?")
+    if text.resolution > _COARSE:
+        message = f"a cell is {text.resolution:g} m wide"
+        findings.warning(document.where(("resolution",)), message, "the resolution is in metres")
+    if abs(yaw := text.origin[2]) > math.tau:
+        message = f"the map is turned by {yaw:g} rad, {abs(yaw) / math.tau:.3g} turns"
+        hint = f"write {math.radians(yaw):.6g} if {yaw:g} degrees are meant"
+        findings.warning(document.where(("origin",)), message, hint)
 
 
 def _warn_of_free_unknown(
@@ -179,7 +226,10 @@ def _read_image(path: Path, where: Where, *, alpha_counts: bool) -> _MapImage:
     ``map_server``). Raises :class:`InputError` for unreadable images.
     """
     if not is_file(path):
-        raise InputError.at(where, f"the image {path} cannot be read: no such file")
+        # Maps move between folders and machines.
+        near = names_in(Path(where.file).parent, lambda file: file.suffix.lower() in PICTURES)
+        hint = did_you_mean(re.split(r"[/\\]", path.name)[-1], near)
+        raise InputError.at(where, f"the image {path} cannot be read: no such file", hint)
     note_read(path)
     try:
         size = path.stat().st_size
@@ -189,18 +239,24 @@ def _read_image(path: Path, where: Where, *, alpha_counts: bool) -> _MapImage:
     except OSError as error:
         reason = error.strerror or str(error)
         raise InputError.at(where, f"the image {path} cannot be read: {reason}") from error
-    if data.startswith(_PNG):
-        return _read_png(path, data[: len(_PNG) + 16], where, alpha_counts)
-    return _MapImage(_read_pgm(data, path, where), np.arange(_WHITE + 1, dtype=np.float64))
+    header = _HEADER.match(data[:_LONGEST_HEADER])
+    if header is None or int(header[4]) > _WHITE:
+        return _read_with_pillow(path, data, where, alpha_counts)
+    return _MapImage(_read_pgm(data, header, path, where), np.arange(_WHITE + 1, dtype=np.float64))
 
 
-def _read_png(path: Path, head: bytes, where: Where, alpha_counts: bool) -> _MapImage:
-    # Check the size, which is in the first chunk, before unpacking anything.
-    if len(head) == len(_PNG) + 16:
-        _check_size(path, where, *struct.unpack(">II", head[-8:]))
-    pillow = load_extra("PIL.Image", "cad", "a map as PNG", str(path))
+def _read_with_pillow(path: Path, data: bytes, where: Where, alpha_counts: bool) -> _MapImage:
+    name = _FORMATS.get(data[:2])
+    if name is None:
+        kind = kind_of_content(data[:_LONGEST_HEADER])
+        message = f"the image {path.name} is {kind.title if kind else 'empty or damaged'}"
+        raise InputError.at(where, message, "images are PGM, PNG, BMP or JPEG files")
+    pillow = load_extra("PIL.Image", "cad", f"a map as {name}", str(path))
+    # Pillow complains about sizes that are refused below.
+    pillow.MAX_IMAGE_PIXELS = None
     try:
-        with pillow.open(path, formats=["PNG"]) as image:
+        with pillow.open(io.BytesIO(data), formats=[name]) as image:
+            _check_size(path, where, *image.size)
             if image.mode in ("1", "L"):
                 levels = np.asarray(image.convert("L"))
                 return _MapImage(levels, np.arange(_WHITE + 1, dtype=np.float64))
@@ -209,9 +265,9 @@ def _read_png(path: Path, head: bytes, where: Where, alpha_counts: bool) -> _Map
                 return _MapImage(levels, np.linspace(0.0, _WHITE, _DEEP + 1))
             alpha = image.mode in ("LA", "PA", "RGBA") or "transparency" in image.info
             pixels = np.asarray(image.convert("RGBA" if alpha else "RGB"))
-    # A damaged PNG makes pillow raise any of these.
+    # A damaged file makes pillow raise any of these.
     except (OSError, SyntaxError, ValueError, EOFError, struct.error, zlib.error) as error:
-        message = f"the image {path.name} is a damaged PNG file: {error}"
+        message = f"the image {path.name} is a damaged {name} file: {error}"
         raise InputError.at(where, message, "save the map again") from error
     channels = 4 if alpha and alpha_counts else 3
     levels = pixels[..., :channels].sum(axis=2, dtype=np.uint16)
@@ -227,17 +283,14 @@ def _check_size(path: Path, where: Where, columns: int, rows: int) -> None:
         raise InputError.at(where, message, f"at most {MOST_CELLS} can be read")
 
 
-def _read_pgm(data: bytes, path: Path, where: Where) -> npt.NDArray[np.uint8]:
+def _read_pgm(
+    data: bytes, header: re.Match[bytes], path: Path, where: Where
+) -> npt.NDArray[np.uint8]:
     """Return the greys of an image, top row first."""
-    header = _HEADER.match(data[:_LONGEST_HEADER])
-    if header is None:
-        message = f"the image {path.name} is neither a PGM nor a PNG file"
-        raise InputError.at(where, message, f"convert {path.name} map.pgm makes one")
     columns, rows, largest = (int(number) for number in header.groups()[1:])
     _check_size(path, where, columns, rows)
-    if not 1 <= largest <= _WHITE:
-        message = f"the image {path.name} has greys up to {largest}"
-        raise InputError.at(where, message, "only 8-bit images can be read")
+    if largest < 1:
+        raise InputError.at(where, f"the image {path.name} has greys up to {largest}")
     pixels = _pixels(data[header.end() :], header[1] == b"P5", where, path.name)
     if len(pixels) != columns * rows:
         message = f"the image {path.name} has {len(pixels)} pixels, its header says"
@@ -253,7 +306,7 @@ def _read_pgm(data: bytes, path: Path, where: Where) -> npt.NDArray[np.uint8]:
 def _pixels(data: bytes, binary: bool, where: Where, image: str) -> npt.NDArray[Any]:
     if binary:
         return np.frombuffer(data, dtype=np.uint8)
-    words = data.split()
+    words = re.sub(rb"#[^\n]*", b"", data).split()
     if not all(word.isdigit() and len(word) <= 3 for word in words):
         raise InputError.at(where, f"the image {image} has pixels that are not numbers")
     return np.array(words, dtype=np.uint16)

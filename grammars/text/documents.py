@@ -29,6 +29,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticCustomError
 
 from grammars.text.diagnostics import Finding, InputError, Where, closest, did_you_mean
+from grammars.text.file_kinds import HEAD, kind_of_content, kind_of_keys, refuse_kind
 from grammars.text.sources import read_text as read_text
 from grammars.text.yaml_composer import KeyPath as KeyPath
 from grammars.text.yaml_composer import compose, kind_of, source_at, source_line
@@ -154,7 +155,9 @@ def leaves(
 
 def load_yaml(path: str | Path) -> YamlDocument:
     """Read a YAML 1.2 file; raises :class:`InputError` with line and column."""
-    return parse_yaml(read_text(path), str(path))
+    text = read_text(path)
+    refuse_kind(kind_of_content(text[:HEAD].encode()), Where(str(path), 1, 1))
+    return parse_yaml(text, str(path))
 
 
 def parse_yaml(text: str, file: str) -> YamlDocument:
@@ -180,6 +183,7 @@ def read_model(document: YamlDocument, model: type[M]) -> M:
         return model.model_validate(document.data)
     except ValidationError as error:
         findings = error.errors(include_url=False)
+        refuse_kind(kind_of_keys(document.data, written_fields(model)), document.where())
         reported = [_explain(document, model, finding) for finding in findings[:_MOST_FINDINGS]]
         if len(findings) > len(reported):
             more = f"and {len(findings) - len(reported)} more problems"
@@ -239,7 +243,8 @@ def _explain_key(model: Any, key: str) -> tuple[str, str]:
 
 _WRONG_FORM: Final = "wrong_form"
 _SHAPES: Final = (
-    *("dict_type", "model_type", "dataclass_type", "list_type", "too_short", _WRONG_FORM),
+    *("dict_type", "model_type", "dataclass_type", "list_type", "too_short", "too_long"),
+    *("float_parsing", "bool_parsing", _WRONG_FORM),
 )
 """Findings about the form of a value, for which the hint is an example."""
 

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Final
 
 from grammars.text.diagnostics import InputError, Where, did_you_mean
+from grammars.text.file_kinds import kind_of_content, refuse_kind
 
 MAX_BYTES: Final = 8 * 1024 * 1024
 """Largest accepted file [bytes]; files written by people are smaller."""
@@ -144,13 +145,25 @@ def read_text(path: str | Path, label: str = "the file", *, keep_line_ends: bool
         with Path(path).open(encoding="utf-8-sig", newline=newline) as file:
             return file.read()
     except UnicodeDecodeError as error:
-        raise InputError.at(
-            Where(str(path)), f"{label} is not UTF-8 text (byte {error.start})", "save it as UTF-8"
-        ) from None
+        if not error.object.lstrip().startswith(b"<"):  # launch files are XML
+            refuse_kind(kind_of_content(error.object), Where(str(path)))
+        raise InputError.at(*_not_unicode(error, str(path), label), "save it as UTF-8") from None
     except OSError as error:
         raise InputError.at(
             Where(str(path)), f"{label} cannot be read: {reason_of(error)}"
         ) from error
+
+
+def _not_unicode(error: UnicodeDecodeError, file: str, label: str) -> tuple[Where, str]:
+    """Return the place of the first byte that is not UTF-8, and the message about it."""
+    before, byte = error.object[: error.start], error.object[error.start : error.start + 1]
+    if error.object[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return Where(file), f"{label} is not UTF-8 text but UTF-16"
+    sign = byte.decode("cp1252", "replace")
+    line = before[before.rfind(b"\n") + 1 :].decode("utf-8")
+    where = Where(file, before.count(b"\n") + 1, len(line) + 1)
+    message = f'{label} is not UTF-8 text: byte {error.start} is "{sign}" in Windows-1252'
+    return where, message
 
 
 def reason_of(error: OSError | ValueError) -> str:

@@ -29,6 +29,8 @@ _MOST_FINDINGS: Final = 20
 
 _CONTROL: Final = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """Characters that YAML 1.2 allows only as escapes in quotes."""
+_FOREIGN: Final = re.compile(r"^[ -]*(?:[\w.]+:)?\xa0|^<{7} ", re.MULTILINE)
+"""Spaces of web pages in the place of separators, and conflicts of git."""
 
 
 def compose(text: str, file: str) -> tuple[Any, Places]:
@@ -40,6 +42,10 @@ def compose(text: str, file: str) -> tuple[Any, Places]:
     merge keys and tags.
     """
     source = SourceText(text, file)
+    if (foreign := _FOREIGN.search(text)) is not None:
+        is_space = foreign[0][-1] == "\u00a0"
+        about = "a no-break space (U+00A0)" if is_space else "the mark of a merge conflict"
+        raise InputError.at(source.where(foreign.end() - 1), f"holds {about}", "replace it")
     control = _CONTROL.search(text)
     if control is not None:
         sign = f"U+{ord(control[0]):04X}"
@@ -253,10 +259,11 @@ _REMEDIES: Final = (
         "write it under the key it belongs to: a scenario under scenarios:",
     ),
     ("chomping", "a value starts with > or |", "put the value in quotes"),
+    ("expected key", "is indented unlike the keys above", "give keys of one level one indent"),
     (
         "mapping values",
         "has a second colon or is indented too far",
-        "put text with a colon in quotes",
+        "write a space behind each colon, and put text with a colon in quotes",
     ),
 )
 """Part of a message of PyYAML, our message (empty: the same), hint."""
@@ -274,6 +281,11 @@ def _explain(source: SourceText, error: Any) -> Finding:
     # libyaml and PyYAML's own parser have different messages for these two.
     if source.text.startswith("\t", mark.index):
         return Finding(where, "is not valid YAML: indents with a tab", "indent with spaces")
+    if "end of stream" in problem and error.context_mark is not None:
+        opened = mark_place(source, error.context_mark)
+        return Finding(
+            where, "is not valid YAML: ends in quotes", f"they open in line {opened.line}"
+        )
     if mark.index >= len(source.text) and "expected" in problem.split():
         message = "is not valid YAML: ends in the middle of a list or mapping"
         return Finding(where, message, "a bracket or value is missing")

@@ -70,7 +70,7 @@ _PANELS: Final[dict[str, dict[str, str]]] = {
         "gc": "Remove unused files, and the oldest traces of finished campaigns.",
     },
     "Artefacts": {
-        "import": "Make a building, NAME.walls.yaml, from a robot's map or a drawing (DXF).",
+        "import": "Make a building, NAME.walls.yaml, from a map, a drawing (DXF) or a picture.",
         "export": "Write artefacts of a building, a campaign or a run: maps, worlds, pictures, "
         "traces, …",
         "vary": "Write variants of a floor plan, drawn from distributions.",

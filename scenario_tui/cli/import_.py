@@ -1,4 +1,4 @@
-"""The command that makes a building, a walls layer, from a map or a drawing."""
+"""The command that makes a building, a walls layer, from a map, a drawing or a picture."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from grammars.text.diagnostics import Findings, InputError, Where
+from grammars.text.file_kinds import kind_of_file, refuse_kind
 from grammars.text.words import command_line
 from scenario_tui.cli.answer import Answer
 from scenario_tui.cli.output import report_findings, say
@@ -34,8 +35,8 @@ def import_(
     file: Annotated[
         Path,
         typer.Argument(
-            metavar="MAP.yaml|DRAWING.dxf",
-            help="A map (YAML of map_server, with its image) or a drawing.",
+            metavar="MAP.yaml|DRAWING.dxf|PICTURE",
+            help="A map (YAML of map_server, with its image), a drawing, or a picture of walls.",
             exists=True,
             dir_okay=False,
         ),
@@ -86,38 +87,55 @@ def import_(
             help="For drawings: thickness of walls drawn as one line. Default: 0.1 m.",
         ),
     ] = None,
+    resolution: Annotated[
+        float | None,
+        typer.Option(min=0.001, max=10.0, help="For pictures: size of a pixel, metres."),
+    ] = None,
     force: Annotated[bool, "Overwrite an existing walls layer."] = False,
 ) -> Answer[ImportedBuilding]:
-    """Make a building, NAME.walls.yaml, from a robot's map or a drawing (DXF).
+    """Make a building, NAME.walls.yaml, from a map, a drawing (DXF) or a picture.
 
     Campaigns name it in place of a floor plan: floorplan: NAME.
     """
     from grammars.maps import walls_text
     from grammars.maps.map_import import EmptyMapError, ImportedBuilding, ImportSettings, vectorise
-    from grammars.model.map_files import read_map
+    from grammars.model.map_files import PICTURES, read_map, read_picture
 
     target = _target(file, out)
     if target.exists() and not force:
         remedy = "choose another name (-o), or overwrite it with --force"
         raise InputError.at(Where(str(target)), "exists already", remedy)
+    ending = file.suffix.lower()
+    is_drawing, is_picture = ending in (".dxf", ".dwg"), ending in PICTURES
+    if (layer or standing or unit or thickness) and not is_drawing:
+        message = "is no drawing: --layer, --standing, --unit and --thickness have no meaning"
+        raise InputError.at(Where(str(file)), message)
+    if resolution and not is_picture:
+        raise InputError.at(Where(str(file)), "is no picture: --resolution has no meaning")
     yaw = 0.0
-    if file.suffix.lower() in (".dxf", ".dwg"):
+    if is_drawing:
         grid = _drawn(file, layer, standing or (), unit, thickness or 0.1)
-    elif file.suffix.lower() in (".yaml", ".yml"):
+    elif ending in (".yaml", ".yml"):
         saved = read_map(file, turned=True)
         report_findings(saved.warnings)
         grid, yaw = saved.grid, saved.yaw
+    elif is_picture:
+        if resolution is None:
+            message = "is a picture: the size of its pixels is unknown"
+            remedy = "give it in metres, --resolution 0.05; of a map, name the YAML file"
+            raise InputError.at(Where(str(file)), message, remedy)
+        grid = read_picture(file, resolution)
     else:
-        message = "is neither the YAML file of a map nor a drawing"
-        remedy = "for a map, name the YAML file that map_server reads, not its image"
-        raise InputError.at(Where(str(file)), message, remedy)
+        refuse_kind(kind_of_file(file), Where(str(file)))
+        message = "is neither the YAML file of a map, a drawing nor a picture"
+        raise InputError.at(Where(str(file)), message)
     settings = ImportSettings(
         _name_in(target), tolerance, specks, least_room, height or 2.5, doorways
     )
     try:
         imported = vectorise(grid, settings, yaw=yaw)
     except EmptyMapError as error:
-        remedy = "check its free_thresh and negate"
+        remedy = "floor is white, walls are black" if resolution else "check free_thresh and negate"
         raise InputError.at(Where(str(file)), str(error), remedy) from error
     target.write_text(walls_text(imported.building), encoding="utf-8")
     value = ImportedBuilding(str(target), imported.report)

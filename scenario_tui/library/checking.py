@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from grammars.text.diagnostics import Finding, InputError, Where
+from grammars.text.file_kinds import kind_of_file, refuse_kind
 from grammars.text.sources import is_folder, is_jsonld, refuse_unreadable
 from grammars.text.words import count_noun
 from scenario_tui.library.campaign import Campaign, load
@@ -45,6 +46,7 @@ def _checker(path: Path) -> Checker:
         if path.name.endswith(ending):
             return checker
     if path.suffix not in (".yaml", ".yml"):
+        refuse_kind(kind_of_file(path), Where(str(path)))
         hint = f"known: {', '.join(_BY_ENDING)}, .yaml"
         raise InputError(Finding(Where(str(path)), "is no kind of file known here", hint))
     return _yaml

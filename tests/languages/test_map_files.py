@@ -78,7 +78,8 @@ def test_pixels_mean_what_they_mean_to_map_server(tmp_path, changes, expected):
         b"P5 3 2 255\n" + bytes([0, 254, 205, 0, 0, 254]),
         b"P5\n# drawn\n3 2\n#by hand\n255\n" + bytes([0, 254, 205, 0, 0, 254]),
         b"P2\n3 2\n255\n0 254 205\n0 0 254\n",
-        b"P2 # ascii\n3\t2 255 0 254 205 0 0\n254",
+        b"P2 # ascii\n3\t2 255 0 254 205 # the upper row\n 0 0\n254",
+        b"P5 3 2 65535\n" + b"\0\0\xfe\xfe\xcd\xcd\0\0\0\0\xfe\xfe",
         # Of five greys, white is the fifth.
         b"P5 3 2 5\n" + bytes([0, 5, 4, 0, 0, 5]),
     ],
@@ -103,7 +104,8 @@ def test_an_image_lies_beside_the_file_that_names_it(tmp_path):
         (b"P5 2 1 255\n\x00\x00\x00", "has 3 pixels"),
         (b"P5 2 1 3\n\x00\x04", "pixels above 3"),
         (b"\x89PNG\r\n\x1a\n", "damaged PNG file"),
-        (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\1\0\0\0\1\0\0", "4294967296 pixels.*at most 64"),
+        (b"P6 65536 65536 255\n", "4294967296 pixels.*at most 64"),
+        (b"version https://git-lfs.github.com/spec/v1", "a placeholder of Git LFS"),
     ],
 )
 def test_an_image_that_is_none_is_refused(tmp_path, image, complaint):

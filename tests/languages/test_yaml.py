@@ -62,6 +62,22 @@ def test_a_text_that_ends_too_early_is_refused_where_it_ends(text):
     assert problem.where == Where("x.yaml", text.count("\n") + 1, len(last) + 1)
 
 
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("a:\u00a01\n", "1:3: holds a no-break space"),
+        ("a:\n\u00a0 b: 1\n", "2:1: holds a no-break space"),
+        ("a: 1\n<<<<<<< HEAD\nb: 2\n", "2:8: holds the mark of a merge conflict"),
+        ("a:\n  b: 1\n c: 2\n", "3:2: is not valid YAML: is indented unlike"),
+        ('a: "x\nb: 3\n', "3:1: is not valid YAML: ends in quotes\n    they open in line 1"),
+    ],
+)
+def test_slips_of_editors_are_named(text, problem):
+    assert parse_yaml("a: 1\u00a0m\n", "x.yaml").data == {"a": "1\u00a0m"}
+    with pytest.raises(InputError, match=problem):
+        parse_yaml(text, "x.yaml")
+
+
 SPECIFIED = (
     (r"null|Null|NULL|~|", lambda text: None),
     (r"true|True|TRUE", lambda text: True),

@@ -25,6 +25,9 @@ def folder(place):
     # A map of nav2: what nobody saw is free by its thresholds.
     text = (place / "office.yaml").read_text()
     (place / "grey.yaml").write_text(text.replace("free_thresh: 0.196", "free_thresh: 0.25"))
+    turned = text.replace(", 0.0]", ", 90]").replace("resolution", "Resolution: 1\nresolution")
+    (place / "turned.yaml").write_text(turned)
+    (place / "hall.world").write_text("<sdf version='1.6'/>")
     return place
 
 

@@ -1,0 +1,97 @@
+"""Kinds of files that people give in place of others, told apart by their content.
+
+A message about a wrong file names its kind and the way to use it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from grammars.text.diagnostics import InputError, Where
+
+HEAD: Final = 4096
+"""Bytes of a file that tell its kind."""
+_XML: Final = re.compile(rb"<(sdf|gazebo|robot|launch)[\s>]")
+_RECORDING: Final = "recordings of robots are not read: `scenario run` records traces, .mcap files"
+_PICTURE: Final = (
+    "of a map, name its YAML file; else make a building: scenario import FILE --resolution 0.05"
+)
+_DRAWING: Final = "`scenario import` makes a building of a drawing saved as DXF"
+
+
+class FileKind(NamedTuple):
+    """A kind of file for messages: ``a picture``, and what to do with it."""
+
+    title: str
+    advice: str
+
+
+_MAGIC: Final = {
+    rb"#ROSBAG": FileKind("a bag of ROS 1", _RECORDING),
+    rb"SQLite format 3": FileKind("a database, such as a bag of ROS 2", _RECORDING),
+    rb"\x89MCAP": FileKind("a recording (MCAP)", "`scenario show` and `judge` read traces of runs"),
+    rb"\x89PNG|\xff\xd8\xff|GIF8|BM.{4}\0{4}|P[1-6]\s": FileKind("a picture", _PICTURE),
+    rb"(999\r?\n[^\n]*\n)*\s*0\s+SECTION\s|AutoCAD Binary": FileKind("a DXF drawing", _DRAWING),
+    rb"ISO-10303-21": FileKind("an IFC model", _DRAWING),
+    rb"AC10": FileKind("a DWG drawing", _DRAWING),
+    rb"%PDF": FileKind("a PDF file", _DRAWING),
+    rb"PK\x03\x04": FileKind("a ZIP archive", "unpack it first"),
+    rb"version https://git-lfs": FileKind("a placeholder of Git LFS", "fetch it: git lfs pull"),
+}
+"""Kinds by patterns of the first bytes."""
+_WORLD: Final = FileKind("a model of Gazebo", "import a map that a robot made in it")
+_ELEMENTS: Final = {
+    b"sdf": _WORLD,
+    b"gazebo": _WORLD,
+    b"robot": FileKind("a URDF model", "write the robot's size and laser in robots/NAME.yaml"),
+    b"launch": FileKind("a launch file", "the file of a system under test names it: launch: FILE"),
+}
+_KEYS: Final = {
+    ("campaign", "scenarios"): FileKind("a campaign", "run it: scenario run FILE"),
+    ("robot", "footprint"): FileKind("a robot", "a campaign names it: robot: NAME"),
+    ("waypoints",): FileKind("a mission", "a campaign names it: mission: NAME"),
+    ("walls", "spaces"): FileKind("a walls layer", "a campaign names it: floorplan: NAME"),
+    ("image", "resolution"): FileKind(
+        "a map", "`scenario import` makes a building of it; campaigns name it as map: {file: FILE}"
+    ),
+    ("levels",): FileKind(
+        "a building of Open-RMF", "import the picture it is drawn on, or draw its walls as DXF"
+    ),
+}
+
+
+def kind_of_content(head: bytes) -> FileKind | None:
+    """Return the kind of a file that begins with ``head``, unless it may be text of ours."""
+    head = head[:HEAD].removeprefix(b"\xef\xbb\xbf").lstrip()
+    if head.startswith(b"<"):
+        element = _XML.search(head)
+        return _ELEMENTS[element[1]] if element else FileKind("an XML or HTML file", "")
+    return next((kind for magic, kind in _MAGIC.items() if re.match(magic, head, re.DOTALL)), None)
+
+
+def kind_of_keys(keys: Iterable[str], known: Iterable[str] = ()) -> FileKind | None:
+    """Return the kind of a YAML file with these top keys, unless they are ``known`` ones."""
+    own = next((own for own in _KEYS if {*keys} >= {*own}), None)
+    return None if own is None or {*known} >= {*own} else _KEYS[own]
+
+
+def kind_of_file(path: Path) -> FileKind | None:
+    """Return the kind of a file, ``None`` if it is unknown or cannot be read."""
+    with suppress(OSError, ValueError):
+        # A pipe may have no end.
+        if path.is_file():
+            with path.open("rb") as file:
+                head = file.read(HEAD)
+            keys = re.findall(r"^(\w+):", head.decode("utf-8", "replace"), re.MULTILINE)
+            return kind_of_content(head) or kind_of_keys(keys)
+    return None
+
+
+def refuse_kind(kind: FileKind | None, where: Where, name: str = "") -> None:
+    """Raise :class:`InputError` at ``where`` for a file of a well-known kind."""
+    if kind is not None:
+        raise InputError.at(where, f"{name} is {kind.title}".lstrip(), kind.advice)
