@@ -1,11 +1,14 @@
 """Oracles: what is read of each, and binding to a scene, whose doors and movers they speak of."""
 
 import dataclasses
+import math
 import re
 from dataclasses import replace
 from itertools import pairwise
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from grammars.model.behaviour import Hold
 from grammars.model.geometry import Pose2
@@ -23,8 +26,9 @@ from grammars.oracle import (
     margin_kind,
     parse_oracle,
 )
+from grammars.oracle._bounds import _quantity, signal_bound
 from grammars.text.diagnostics import InputError, Where
-from grammars.text.expressions import Name, Number, render
+from grammars.text.expressions import Name, Number, evaluate, render
 from tests.languages.plans import HERE, answers
 from tests.parts import ROOT
 
@@ -214,3 +218,40 @@ def bounds(text):
 
 def test_what_no_run_can_change_is_warned_of(golden):
     golden("tables/bounds.txt", answers("tables/bounds.txt", bounds))
+
+
+SIZES = (
+    "speed",
+    "elapsed * 1 m/s^2",
+    "(mission.reached - 3) * 1 m/s",
+    "-loc.error / 2 s",
+    "0.5 m/s",
+)
+QUANTITIES = st.recursive(
+    st.sampled_from(SIZES),
+    lambda inner: st.one_of(
+        st.builds("({} {} {})".format, inner, st.sampled_from("+-"), inner),
+        st.builds("{}({}, {})".format, st.sampled_from(["min", "max"]), inner, inner),
+        st.builds("abs({})".format, inner),
+        st.builds("({} * ({} / 1 m/s))".format, inner, inner),
+        st.builds("({} / (({}) / 1 m/s))".format, inner, inner),
+    ),
+    max_leaves=5,
+)
+
+
+@given(QUANTITIES, st.data())
+def test_the_bounds_of_a_quantity_hold_for_all_values_of_its_signals(text, data):
+    run = RunOutline(HALLS["open"], ROBOT, SOMEWHERE, 60.0, 0.5)
+    values = {}
+    for name in ("speed", "elapsed", "mission.reached", "loc.error"):
+        low, high = signal_bound(Name(name), run)[:2]
+        high = min(high, 9.0)
+        values[name] = data.draw(st.sampled_from([low, high]) | st.floats(low, high))
+    quantity = parse(f"max({text})").judgement.signal
+    value, (low, high) = (
+        evaluate(quantity, lambda one: values[one.name]),
+        _quantity(quantity, run)[:2],
+    )
+    rounding = 1e-6 * (1.0 + abs(value))
+    assert math.isnan(value) or low - rounding <= value <= high + rounding
