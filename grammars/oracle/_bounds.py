@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Final, NamedTuple
 
-from grammars.model.behaviour import Behaviour, Hold, KeyFrames, Reaction, Trigger, Walk
+from grammars.model.behaviour import Behaviour, Hold, Walk
 from grammars.model.mission import Mission
 from grammars.model.movers import is_mover
 from grammars.model.robot import Robot
@@ -102,9 +102,12 @@ class RunOutline:
     @cached_property
     def fastest(self) -> float:
         """The highest speed [m/s] of the robot, also if something pushes it."""
-        moving = (b for b in self.behaviours if not isinstance(b, Hold))
-        pushes = max(map(_pushing_speed, moving), default=0.0)
-        return 2.0 * (self.speed + pushes) + _PUSH
+        pushes = (
+            b.speed if isinstance(b, Walk) else _LEVER * getattr(b.motion, "rate", math.inf)
+            for b in self.behaviours
+            if not isinstance(b, Hold)
+        )
+        return 2.0 * (self.speed + max(pushes, default=0.0)) + _PUSH
 
     @cached_property
     def span(self) -> tuple[float, str]:
@@ -125,13 +128,6 @@ class RunOutline:
             return size, "no way leads out of the building"
         way = self.fastest * self.limit
         return size + way, f"{self.robot.name} drives at most {way:.0f} m in a run"
-
-
-def _pushing_speed(behaviour: KeyFrames | Trigger | Reaction | Walk) -> float:
-    """Return the speed [m/s] with which a behaviour may push; infinite without a rate."""
-    if isinstance(behaviour, Walk):
-        return behaviour.speed
-    return _LEVER * getattr(behaviour.motion, "rate", math.inf)
 
 
 def check_bounds(oracle: Oracle, run: RunOutline) -> tuple[Finding, ...]:

@@ -104,10 +104,12 @@ def _times(behaviour: Behaviour) -> tuple[float, ...]:
 def _ways(
     behaviour: Behaviour, initial: Mapping[str, float], limit: float
 ) -> list[tuple[float, float]]:
-    """Return the ways [rad or m] of the motions of a joint, and the time [s] for each."""
+    """Return the ways [rad or m] of motions, and the time [s] for each."""
     match behaviour:
         case Trigger(start=start, end=end) | Reaction(start=start, end=end):
             return [(abs(end - start), limit)]
+        case Walk(route=(first, second, *_), start=begin) if begin < limit:
+            return [(math.dist(first, second), limit - begin)]
         case KeyFrames(frames=frames):
             ends = [*(frame.time for frame in frames[1:]), limit]
             starts = [initial[behaviour.joint], *behaviour.positions]

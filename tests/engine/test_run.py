@@ -15,6 +15,7 @@ import pytest
 from mcap.reader import make_reader
 
 from daemon import run
+from daemon.judging.oracles import SignalSampler
 from daemon.model.attachments import SutMissing
 from daemon.model.spec import kernel_list, short_run
 from daemon.model.sut import CostmapPicture, Progress
@@ -30,6 +31,8 @@ from grammars.floorplan import load_floorplan
 from grammars.model.behaviour import Jump, Reaction, WaypointReached
 from grammars.model.kinematics import link_poses
 from grammars.model.robot_files import load_robot
+from grammars.oracle import SIGNALS, RunOutline, Signal, object_signals, obstacle_names
+from grammars.oracle._bounds import signal_bound
 from grammars.scenery import load_scenery
 from grammars.scenery.composition import compile_scene, resolve_behaviours
 from grammars.text import codec
@@ -318,3 +321,19 @@ def test_an_exception_before_anything_drives_leaves_its_run_to_the_next_collecti
     gc.collect()
     assert made
     assert left(made) == set()
+
+
+@pytest.mark.parametrize("scenario", ["open-house", "rude-house"])
+def test_no_signal_of_a_run_leaves_the_bounds_known_before_it(runs, tmp_path, scenario):
+    spec = runs.spec(scenario, limit=40.0)
+    runs.execute(spec, tmp_path / "run.mcap")
+    sampler, scene = SignalSampler(read_trace(tmp_path / "run.mcap")), runs.scene
+    outline = RunOutline(scene, spec.robot, spec.mission, 40.0, 0.5, spec.behaviours)
+    plain = (k.name for k in SIGNALS.values() if not (k.relates or k.report or k.dimension is None))
+    signals = [Signal(name) for name in (*plain, *object_signals(scene))]
+    signals += [Signal("distance", (Signal("robot"), Signal(n))) for n in obstacle_names(scene)]
+    for signal in signals:
+        low, high, *_, slack = signal_bound(signal, outline)
+        values = sampler.sample(signal).values
+        known = values[~np.isnan(values)]
+        assert ((low - slack <= known) & (known <= high + slack)).all(), signal.name
