@@ -177,7 +177,7 @@ def _movable(checked: CheckedScene) -> set[str]:
 
 
 def check_triggers(checked: CheckedScene, robot: Robot, mission: Mission) -> None:
-    """Warn of triggers whose distance the robot can never reach.
+    """Warn of triggers whose distance the robot can never reach, or never leaves.
 
     The robot counts as a disc of its inscribed radius that can pass all doors not held shut, so
     that no warning is wrong.
@@ -198,8 +198,16 @@ def check_triggers(checked: CheckedScene, robot: Robot, mission: Mission) -> Non
         nearest = origin.distance(parts.parts[home]) - SNAP_DISTANCE
         if trigger.to == "footprint":
             nearest -= radius
+        point = f"{trigger.joint.partition('.')[0]}'s {trigger.of}"
+        spots = [Point(mission.start.x, mission.start.y)]
+        spots += [Point(one.x, one.y) for one in mission.waypoints]
+        if all(spot.hausdorff_distance(origin) <= trigger.distance for spot in spots):
+            message = (
+                f"{trigger.joint} fires at once: start and waypoints are within "
+                f"{trigger.distance:g} m of {point}"
+            )
+            checked.warn(trigger.joint, message, "use a smaller distance")
         if nearest >= trigger.distance:
-            point = f"{trigger.joint.partition('.')[0]}'s {trigger.of}"
             checked.warn(
                 trigger.joint,
                 f"{trigger.joint} never fires: {robot.name} stays at least {nearest:.2f} m away "

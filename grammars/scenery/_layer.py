@@ -88,6 +88,7 @@ _MEANT: Final = tuple(
         (r"SUBJECT(?:closes?|shuts?)\s+when\s+(.+)", "{0} goes from open to closed when {1}"),
         (r"SUBJECT(?:goes?|moves?)\s+from\s+(\w+)\s+to\s+(\w+)\s+at\s+(.+)",
          "{0} moves to {1} at 0 s, to {2} at {3}"),
+        (r".*\swhen\s+([\w.]+)\s+(?:opens?|closes?|moves?)\b", "when {0} starts to move"),
         (r".*\swhen\s+(?:the\s+)?robot\s", "when the robot is within 1 m of its hinge"),
         (r"SUBJECT(?:goes?|moves?)\s+(?:to\s+)?(\w+)\s+(?:at|after|in)\s+([^,]+)",
          "{0} moves to {1} at {2}"),

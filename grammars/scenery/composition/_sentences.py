@@ -131,10 +131,13 @@ class SentenceResolver:
         else:
             chance = self._random_toggles(sentence, period)
         earliest += chance.since
-        if first == second or earliest > chance.until:
-            reason = f"{sentence.first} and {sentence.second} are one position"
-            if first != second:
-                reason = f"the first change is at {earliest:g} s, the end at {chance.until:g} s"
+        reasons = {
+            "both positions are the same": first == second,
+            "its probability is 0": sentence.probability == 0.0,
+            f"it would begin at {earliest:g} s and end at {chance.until:g} s": earliest
+            > chance.until,
+        }
+        for reason in [reason for reason, holds in reasons.items() if holds]:
             self._context.warn(sentence.where, f"nothing changes: {reason}")
         if chance.count > MOST_DRAWS:
             message = f"this needs more than {MOST_DRAWS} draws"
