@@ -259,7 +259,6 @@ _REMEDIES: Final = (
         "write it under the key it belongs to: a scenario under scenarios:",
     ),
     ("chomping", "a value starts with > or |", "put the value in quotes"),
-    ("expected key", "is indented unlike the keys above", "give keys of one level one indent"),
     (
         "mapping values",
         "has a second colon or is indented too far",

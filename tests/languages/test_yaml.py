@@ -68,7 +68,7 @@ def test_a_text_that_ends_too_early_is_refused_where_it_ends(text):
         ("a:\u00a01\n", "1:3: holds a no-break space"),
         ("a:\n\u00a0 b: 1\n", "2:1: holds a no-break space"),
         ("a: 1\n<<<<<<< HEAD\nb: 2\n", "2:8: holds the mark of a merge conflict"),
-        ("a:\n  b: 1\n c: 2\n", "3:2: is not valid YAML: is indented unlike"),
+        ("a:\n  b: 1\n c: 2\n", "3:2: is not valid YAML: this line is indented"),
         ('a: "x\nb: 3\n', "3:1: is not valid YAML: ends in quotes\n    they open in line 1"),
     ],
 )
