@@ -189,6 +189,9 @@ def find_doubts(draft: Draft, policy: RepeatPolicy) -> Iterator[Finding]:
         yield _warning(where(("gate", "worse-by")), message, f"write {text.gate.worse_by:g} %")
     first: dict[Any, CampaignCell] = {}
     for cell in draft.cells:
+        if cell.oracles and all(oracle.is_measure for oracle in cell.oracles):
+            message = f"nothing in {cell.name} can fail: its oracles are measures"
+            yield _warning(cell.scenario.where, message, "name an oracle with a limit")
         content = (
             cell.scene.digest, cell.mission, cell.robot, cell.suts, cell.behaviours, cell.map,
             cell.limit, tuple(oracle.name for oracle in cell.oracles),

@@ -17,6 +17,7 @@ from grammars.model.behaviour import (
     KeyFrames,
     LegBegins,
     Reaction,
+    Servo,
     Trigger,
     Walk,
     WaypointReached,
@@ -67,6 +68,7 @@ def check_times(checked: CheckedScene, limit: float) -> None:
     turning = {
         f"{b.name}.{j.name}" for b in scene.objects for j in b.joints if j.kind == "revolute"
     }
+    frictions = {f"{b.name}.{j.name}": j.friction for b in scene.objects for j in b.joints}
     for behaviour in checked.behaviours:
         where = behaviour.joint
         late = [time for time in _times(behaviour) if time > limit]
@@ -80,6 +82,13 @@ def check_times(checked: CheckedScene, limit: float) -> None:
         shown = f"{math.degrees(rate) if turns else rate:.4g} {unit}"
         if rate > most:
             checked.warn(where, f"{shown} is too fast for any door or person", "check the unit")
+        if isinstance(motion, Servo) and motion.effort <= frictions[where]:
+            unit = "N m" if turns else "N"
+            message = (
+                f"a servo with {motion.effort:g} {unit} does not move a joint with a friction of "
+                f"{frictions[where]:g} {unit}"
+            )
+            checked.warn(where, message, "use more effort")
         ways = _ways(behaviour, scene.initial_joints, limit)
         if isinstance(behaviour, Trigger | Reaction) and not ways[0][0]:
             checked.warn(where, "nothing moves: start and end are one position")

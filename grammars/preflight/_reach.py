@@ -18,6 +18,7 @@ import shapely
 from shapely.geometry import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
+from grammars.model.behaviour import Reaction, WaypointReached
 from grammars.model.free_space import (
     ConnectedParts,
     FreeSpace,
@@ -28,7 +29,7 @@ from grammars.model.geometry import Point2
 from grammars.model.movers import is_mover
 from grammars.model.robot import Robot
 from grammars.model.scene import Doorway
-from grammars.preflight._checked import CheckedScene, free_space
+from grammars.preflight._checked import CheckedScene, Footprint, free_space
 from grammars.preflight._mission import Spot
 from grammars.preflight._walks import resting_places
 from grammars.text.words import enumerate_words
@@ -72,6 +73,21 @@ def check_reach(checked: CheckedScene, robot: Robot, home: Spot, waypoints: Sequ
     shut = checked.shut_below(robot.height) | resting_places(checked, robot.height)
     if shut:
         _check_doors(checked, space, shut, home.point, reached, radius)
+    by_label = {spot.label: spot for spot in reached}
+    for behaviour in checked.behaviours:
+        if not isinstance(behaviour, Reaction) or not isinstance(behaviour.event, WaypointReached):
+            continue
+        awaited = by_label.get(f"waypoint {behaviour.event.waypoint}")
+        start = [p.shape for p in _at_start(checked, behaviour) if p.link.z_min < robot.height]
+        if awaited and not _connected(space.for_radius(radius, start), home.point, awaited.point):
+            message = f"{behaviour.joint} waits for {awaited.label}, which it keeps out of reach"
+            checked.warn(behaviour.joint, message, "let it wait for something in front of it")
+
+
+def _at_start(checked: CheckedScene, behaviour: Reaction) -> list[Footprint]:
+    """Return the movable parts of the object of a behaviour, where they start."""
+    name = behaviour.joint.partition(".")[0]
+    return [part for part in checked.at_start if part.body.name == name and part.jointed]
 
 
 def _report(checked: CheckedScene, spots: Sequence[Spot], message: str, hint: str) -> None:
