@@ -96,7 +96,7 @@ def test_a_failure_is_told_with_moment_picture_and_replay_command(run, house):
         [
             "*moving / pilot / arrives*",
             "✗ fail  arrives  ! expected pass",
-            "  worst in repeat 0: −*bedroom*",
+            "  worst in repeat 0: −*kitchen, waypoint 1 of 4 is the first missed*",
             "picture: .pytest_cache/d/scenario/pictures/house-*.2.svg",
             "replay:  scenario replay .pytest_cache/d/scenario/traces/house-*/moving.pilot.0.mcap",
         ]
