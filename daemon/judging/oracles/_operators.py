@@ -274,30 +274,26 @@ def judge_response(
     oracle: Oracle, judgement: Response, sampler: SignalSampler, lead: ClauseLead | None = None
 ) -> MarginInterval:
     """Judge the answer to every occasion by its best moment, or return the margin that leads."""
-    window, closed = window_of(oracle, sampler), sampler.time_base.closed
+    window, ended = window_of(oracle, sampler), sampler.time_base.closed
     occasion = evaluate_predicate(judgement.occasion, sampler).margin
     scope = scope_of(oracle, sampler, window, occasion)
     spans, over = occasions_of(judgement, sampler, scope.allowed)
     answer = evaluate_predicate(judgement.predicate, sampler, lead=lead)
-    known = np.where(np.isnan(answer.margin), -math.inf, answer.margin)
-    best = np.array([span.start + int(known[span].argmax()) for span in spans], dtype=np.int64)
-    # The end of the run may cut the time of an occasion: then only an answer counts. In a cut trace
-    # this time goes on.
-    unknown = np.isinf(known[best]) if closed else np.isinf(known[best]) & over
-    judged = ~unknown & ((known[best] >= 0.0) | over | (not closed))
-    if not judged.any():
-        reason = f"vacuous: {render(judgement.occasion)} never became true"
-        if spans:
-            reason = f"no time for {render(judgement.predicate)} was recorded to its end"
+    margin = np.where(np.isnan(answer.margin), -math.inf, answer.margin)
+    best = np.array([span.start + int(margin[span].argmax()) for span in spans], dtype=np.int64)
+    # Of a time that the end of the run cuts, only an answer counts; in a cut trace it goes on.
+    judged = best[~np.isinf(margin[best]) & (over | (ended & (margin[best] >= 0.0)))]
+    if not len(judged):
+        reason = f"vacuous: no answer to {render(judgement.occasion)} was due"
         return unknown_margin(reason if scope.allowed.any() else scope.reason)
-    final = judged & (over | closed)
-    worst = min(np.flatnonzero(final if final.any() else judged), key=lambda i: known[best[i]])
-    begun = f"{render(judgement.occasion)} at {sampler.time_base.time[spans[worst].start]:.2f} s"
-    notes = (begun, scope.note, window.cut)
-    evidence = _evidence_at_sample(answer, sampler.time_base, best[worst], *notes)
-    # Answers may still come in a cut run, and further occasions.
-    lower = float(known[best[judged]].min()) if window.closed else -math.inf
-    return MarginInterval(lower, float(known[best[worst]]) if final.any() else math.inf, evidence)
+    index = int(judged[margin[judged].argmin()])
+    begun = max(span.start for span in spans if span.start <= index)
+    when = f"{render(judgement.occasion)} at {sampler.time_base.time[begun]:.2f} s"
+    notes = (when, scope.note, window.cut)
+    evidence = _evidence_at_sample(answer, sampler.time_base, index, *notes)
+    closed = window.closed and (ended or bool(over.all()))
+    worst = float(margin[index])
+    return MarginInterval(worst if closed else -math.inf, worst, evidence)
 
 
 def _window_within(
