@@ -52,7 +52,7 @@ def load_launch(
 
     An unreadable part is an error only if it concerns a node ``of_interest`` or decides which nodes
     are started. Incomplete parameters hold their own findings. Raises :class:`InputError` with all
-    errors.
+    errors and warnings.
     """
     packages = Packages()
     findings = Findings()
@@ -82,7 +82,7 @@ def load_launch(
         unique: dict[tuple[Where, str], Finding] = {}
         for problem in problems:
             unique.setdefault((problem.where, problem.message), problem)
-        raise InputError(unique.values())
+        raise InputError(dict.fromkeys((*unique.values(), *warnings)))
     return Launch(
         nodes=tuple(nodes),
         parameters=dict(server.values),

@@ -7,9 +7,7 @@ mistakes. It runs no code and bounds size, depth and number of values.
 
 from __future__ import annotations
 
-import ast
 import math
-import operator
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -33,12 +31,6 @@ _DATE: Final = "tag:yaml.org,2002:timestamp"
 _ANGLE: Final = re.compile(r"^(deg|rad)\(([^)]*)\)$")
 _LONGEST_ANGLE: Final = 100
 _ANGLE_TAGS: Final = {"!degrees": "deg", "!radians": "rad"}
-_ARITHMETIC: Final[dict[type[ast.operator], Callable[[float, float], float]]] = {
-    ast.Add: operator.add,
-    ast.Sub: operator.sub,
-    ast.Mult: operator.mul,
-    ast.Div: operator.truediv,
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,25 +210,12 @@ class _RosYamlReader:
 
 
 def _work_out(text: str) -> float:
-    """Evaluate an expression of numbers, pi and + - * /; raises ``ValueError``."""
+    """Evaluate an expression of numbers and pi, as rosparam does; raises ``ValueError``."""
+    import simpleeval  # Late: few files have angles, and it loads slowly.
+
     if len(text) > _LONGEST_ANGLE:
         raise ValueError("too long to be an angle")
     try:
-        return _value_of(ast.parse(text.strip(), mode="eval").body)
-    except SyntaxError as error:
+        return float(simpleeval.simple_eval(text.strip(), functions={}, names={"pi": math.pi}))
+    except (simpleeval.InvalidExpression, SyntaxError, TypeError) as error:
         raise ValueError("no arithmetic") from error
-
-
-def _value_of(node: ast.AST) -> float:
-    match node:
-        case ast.Constant(int() | float() as value):
-            return float(value)
-        case ast.Name("pi"):
-            return math.pi
-        case ast.UnaryOp(ast.USub(), operand):
-            return -_value_of(operand)
-        case ast.UnaryOp(ast.UAdd(), operand):
-            return _value_of(operand)
-        case ast.BinOp(left, sign, right) if type(sign) in _ARITHMETIC:
-            return _ARITHMETIC[type(sign)](_value_of(left), _value_of(right))
-    raise ValueError("no arithmetic")
