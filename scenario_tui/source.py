@@ -141,6 +141,9 @@ def open_source(
     """
     recorded = _read_here(name, target, judge)
     if recorded is not None:
+        if recorded.copies:
+            copies = count_noun(recorded.copies, "copy of a trace", "copies of traces")
+            target.say(f"{name}: {copies} left out, each run counts once")
         return nullcontext(recorded)
     try:
         return target.read()
@@ -280,6 +283,9 @@ def _why_no_campaign(source: CampaignSource, name: str) -> str:
     if "/" in name or "." in name:
         return f"the folder or file {name} does not exist"
     rows = source.campaign_page()
+    for row in rows[:_LISTED]:
+        if runs := source.runs(row.id, scenario=name, limit=1).rows:
+            return f"{name} is a scenario of {row.id}: name a run of it, such as {runs[0].id}"
     names = {row.name for row in rows} | {row.id for row in rows}
     return f'no campaign is called "{name}": {did_you_mean(name, names)}' if rows else _NONE_YET
 

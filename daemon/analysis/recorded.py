@@ -6,6 +6,7 @@ id is the path of its trace. Both can be typed again.
 
 from __future__ import annotations
 
+import filecmp
 import json
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
@@ -54,7 +55,7 @@ with each further amount."""
 
 @dataclass(slots=True)
 class RecordedCampaign(CampaignSource):
-    """One campaign in memory; ``specs`` are those of its runs, by id.
+    """One campaign in memory; ``specs`` are those of its runs, by id; ``copies`` do not count.
 
     With ``progress``, requested runs without a result are judged from their traces.
     """
@@ -67,6 +68,7 @@ class RecordedCampaign(CampaignSource):
     unread: tuple[tuple[str, str], ...] = ()
     machine: str = ""
     progress: Progress | None = None
+    copies: int = 0
 
     def ask(self, verb: Verb[..., A], request: object) -> A:
         """Answer a question to a :class:`CampaignSource`."""
@@ -186,12 +188,18 @@ def read_traces(name: str, *, progress: Progress | None = None) -> RecordedCampa
     rows: list[RunRow] = []
     specs: dict[str, RunSpec] = {}
     unread: list[tuple[str, str]] = []
+    first: dict[tuple[str, int], Path] = {}
+    copies = 0
     for trace in traces_below(path) if path.is_dir() else (path,):
         try:
             spec = read_spec(trace)
         except TraceError as error:
             # Reported with the results: no run is left out silently.
             unread.append((str(trace), error.findings[0].message))
+            continue
+        twin = first.setdefault((spec.digest, trace.stat().st_size), trace)
+        if twin != trace and filecmp.cmp(twin, trace, shallow=False):
+            copies += 1
             continue
         # The id of a single trace is its path as typed.
         run = str(trace) if path.is_dir() else name
@@ -227,7 +235,7 @@ def read_traces(name: str, *, progress: Progress | None = None) -> RecordedCampa
         total=len(rows),
     )
     return RecordedCampaign(
-        row, tuple(rows), note, str(folder), specs, tuple(unread), note.machine, progress
+        row, tuple(rows), note, str(folder), specs, tuple(unread), note.machine, progress, copies
     )
 
 

@@ -14,6 +14,7 @@ from pydantic import (
     ConfigDict,
     Field,
     PlainValidator,
+    field_validator,
     model_validator,
 )
 from pydantic_core import PydanticCustomError
@@ -168,7 +169,18 @@ class VaryText(StrictModel):
         return self
 
 
-class SlotsText(StrictModel):
+class _FilledModel(StrictModel):
+    """A model in which a key without a value is an error: it may be meant to take one away."""
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _filled(cls, value: Any) -> Any:
+        if value is None:
+            raise wrong_form("has no value: write one, or remove the line")
+        return value
+
+
+class SlotsText(_FilledModel):
     """Layers and settings of a scenario."""
 
     floorplan: LayerName | None = Field(default=None, examples=["flat"])
@@ -274,7 +286,7 @@ def _repeats_mapping(value: Any) -> Any:
     """Turn a plain number of repeats into ``{n: number}``."""
     # bool is an int in Python: "repeats: true" would be one run.
     if isinstance(value, bool) or not isinstance(value, int | dict):
-        raise ValueError("must be a whole number, or {n: 5, pass: rate >= 80 %}")
+        raise ValueError("must be a whole number, or {n: 20, pass: rate >= 80 %}")
     if isinstance(value, int) and not 1 <= value <= _MOST_REPEATS:
         raise ValueError(f"{value} is not a number of runs from 1 to {_MOST_REPEATS}")
     return {"n": value} if isinstance(value, int) else value
@@ -358,7 +370,7 @@ class GateText(StrictModel):
     baseline: str = Field(min_length=1)
     """Id or name of a campaign, a JSON file of results, or last-green: the newest earlier run of
     this campaign in which everything was as expected."""
-    worse_by: Ratio = Field(alias="worse-by", ge=0.0)
+    worse_by: Ratio = Field(alias="worse-by", ge=0.0, examples=["10 %"])
     """Share by which a margin or the duration may get worse, such as 10 %."""
 
 
@@ -399,7 +411,7 @@ class ReferenceText(StrictModel):
     """The values, one for each scenario, system and quantity."""
 
 
-class CampaignFile(StrictModel):
+class CampaignFile(_FilledModel):
     """The keys of a campaign file."""
 
     elsewhere: ClassVar[Mapping[str, str | OtherName]] = {
@@ -433,7 +445,7 @@ class CampaignFile(StrictModel):
     seed: int = Field(default=0, ge=0, lt=2**63)
     """The only source of chance: the same seed gives the same runs, byte for byte."""
     repeats: RepeatsText = ONCE
-    """Runs of every scenario, a number or {n: 5, pass: rate >= 80 %}. By default 1, and 5 with a
+    """Runs of every scenario, a number or {n: 20, pass: rate >= 80 %}. By default 1, and 5 with a
     system that is not repeatable."""
     limit: Duration = Field(gt=0, le=86_400, examples=["3 min"])
     """Most simulated time of a run."""
@@ -459,7 +471,9 @@ class CampaignFile(StrictModel):
     compare: dict[Annotated[str, Field(pattern=_NAME)], str] = Field(default_factory=dict)
     """Comparisons of scenarios by name, paired by repeat: delay(S3.2 vs S3.5) <= 30 s, also "on leg
     NAME"; the name of a measure instead of delay compares that."""
-    expect: list[ExpectText] = Field(default_factory=list)
+    expect: list[ExpectText] = Field(
+        default_factory=list, examples=[[{"oracle": "reached", "verdict": "fail", "why": "..."}]]
+    )
     """Expected verdicts other than pass, and why; everything else must pass."""
     allow: list[AllowText] = Field(default_factory=list)
     """Warnings of the check that are intended, and why; errors cannot be allowed."""

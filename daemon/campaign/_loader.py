@@ -43,6 +43,7 @@ from grammars.oracle import check_references
 from grammars.preflight import places_of
 from grammars.text.diagnostics import Finding, InputError, Severity, Where, gather, raise_all
 from grammars.text.documents import YamlDocument, load_yaml, read_model
+from grammars.text.file_kinds import kind_of_name, refuse_kind
 
 
 def examine(path: str | Path) -> tuple[Campaign, tuple[Finding, ...]]:
@@ -73,6 +74,7 @@ def load_campaign(path: str | Path, *, system: str = "") -> Campaign:
     searches are left out then. Raises :class:`InputError` with all problems of the first stage that
     has any.
     """
+    refuse_kind(kind_of_name(str(path)), Where(str(path)))
     document = load_yaml(path)
     text = read_model(document, CampaignFile)
     originals = resolve_scenarios(text, document)

@@ -287,21 +287,17 @@ def required(value: T | None) -> T:
     return value
 
 
+_BELOW: Final = 'write in the scenario, or under "defaults:" for all of them'
+_TOP: Final = "write at the top of the file"
+_SHIPPED: Final = "(`scenario new --layers` lists shipped ones)"
 _REQUIRED: Final = {
-    "floorplan": ("floorplan", 'write in the scenario, or under "defaults:" for all of them'),
-    "mission": ("mission", 'write in the scenario, or under "defaults:" for all of them'),
-    "robot": ("robot", "write at the top of the file, or in the scenario for that one alone"),
-    "suts": ("sut", "write at the top of the file"),
-    "oracles": ("oracles", 'write in the scenario, or under "defaults:" for all of them'),
+    "floorplan": f"{_BELOW}: floorplan: flat (the file flat.fpm)",
+    "mission": f"{_BELOW}: mission: courier (the file courier.mission.yaml)",
+    "robot": f"{_TOP}, or in the scenario for that one alone: robot: courier {_SHIPPED}",
+    "suts": f"{_TOP}: matrix: {{sut: [pilot]}} {_SHIPPED}",
+    "oracles": f"{_BELOW}: oracles: [reached, no-contact]",
 }
-"""Slots that a scenario needs, each with its key and its place in the file."""
-_EXAMPLES: Final = {
-    "floorplan": "floorplan: flat (the file flat.fpm)",
-    "mission": "mission: courier (the file courier.mission.yaml)",
-    "robot": "robot: courier (`scenario new --layers` lists shipped ones)",
-    "suts": "matrix: {sut: [pilot]} (`scenario new --layers` lists shipped ones)",
-    "oracles": "oracles: [reached, no-contact]",
-}
+"""Slots that a scenario needs, each with its place in the file and an example."""
 
 
 def _missing_slots(
@@ -309,13 +305,13 @@ def _missing_slots(
 ) -> list[Finding]:
     """Return an error for every empty slot that a scenario needs."""
     problems = []
-    for slot, (key, place) in _REQUIRED.items():
+    for slot, hint in _REQUIRED.items():
+        key = "sut" if slot == "suts" else slot
         missing = [
             scenario
             for scenario in scenarios
             if not getattr(scenario, slot) and not (slot == "floorplan" and scenario.vary)
         ]
-        hint = f"{place}: {_EXAMPLES[slot]}"
         if slot == "oracles":
             hint = f"{_oracle_files(text)}; which of their lines judge a scenario, {hint}"
         if len(missing) == len(scenarios) > 1:
@@ -346,7 +342,7 @@ def pick_oracles(
     Raises :class:`InputError` for all unknown ones.
     """
     unknown = [
-        Finding(r.where, f'no oracle "{r.name}"', _oracle_hint(r.name, pool, text.oracles or []))
+        Finding(r.where, f'no oracle "{r.name}"', _oracle_hint(r.name, pool, text))
         for r in scenario.oracles
         if r.name not in pool
     ]
@@ -355,13 +351,12 @@ def pick_oracles(
     return tuple(pool[r.name] for r in scenario.oracles)
 
 
-def _oracle_hint(name: str, pool: Mapping[str, Oracle], files: Sequence[str]) -> str:
-    if not files:
-        return (
-            'name its file at the top of the campaign file, such as "oracles: navigation" '
-            "for navigation.oracles.yaml"
-        )
-    if name in files:
+def _oracle_hint(name: str, pool: Mapping[str, Oracle], text: CampaignFile) -> str:
+    if not text.oracles:
+        return _oracle_files(text)
+    if "(" in name:
+        return f"write the condition as a line of {text.oracles[0]}, and its name here"
+    if name in text.oracles:
         some = ", ".join(list(pool)[:3])
         return f"that is a file: name lines of it here, such as: oracles: [{some}]"
     return did_you_mean(name, pool)

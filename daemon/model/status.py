@@ -262,7 +262,8 @@ class Preparation:
             case PreparationPhase.STARTING:
                 return "starting the worker on this machine: loading the simulator"
             case PreparationPhase.COMPILING:
-                return f"compiling kernels, once on this machine: {self.done} so far"
+                so_far = f": {self.done} so far" if self.done else ""
+                return f"compiling kernels, once on this machine{so_far}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -209,7 +209,7 @@ def explain_finding(model: type[BaseModel], finding: Any) -> tuple[KeyPath, str,
     kind = finding["type"]
     if kind in ("extra_forbidden", "unexpected_keyword_argument"):
         key = str(path[-1])
-        message, hint = _explain_key(_model_at(model, path[:-1]), key)
+        message, hint = _explain_key(_model_at(model, path[:-1]), key, finding.get("input"))
         if finding.get("input") is None and _REST_OF_VALUE.match(key):
             hint = f'inside {{ }} put a value with a comma in quotes: "..., {key}"'
         return path, message, hint
@@ -225,8 +225,8 @@ def explain_finding(model: type[BaseModel], finding: Any) -> tuple[KeyPath, str,
     return path, f"{words[-1]}: {message}" if words else message, hint
 
 
-def _explain_key(model: Any, key: str) -> tuple[str, str]:
-    """Return message and hint for a key that ``model`` does not have."""
+def _explain_key(model: Any, key: str, value: Any) -> tuple[str, str]:
+    """Return message and hint for a key with a value that ``model`` does not have."""
     fields, elsewhere = written_fields(model), getattr(model, "elsewhere", {})
     if key and key in elsewhere:
         if isinstance(elsewhere[key], RemovedKey):
@@ -234,7 +234,9 @@ def _explain_key(model: Any, key: str) -> tuple[str, str]:
         renamed = isinstance(elsewhere[key], OtherName)
         wrong = f'unknown key "{key}"' if renamed else f'key "{key}" is in the wrong place'
         return wrong, str(elsewhere[key])
-    other = "" if closest(key, fields) else closest(key, elsewhere)
+    # A key with keys below it is mostly the name of something.
+    is_known = closest(key, fields) or isinstance(value, dict)
+    other = "" if is_known else closest(key, elsewhere)
     hint = f"{other}: {elsewhere[other]}" if other else did_you_mean(key, fields)
     if not other and not closest(key, fields) and elsewhere.get(""):
         hint = f"{elsewhere['']}; {hint}"
@@ -297,6 +299,8 @@ def plain_message(finding: Any) -> str:
     kind, context = finding["type"], finding.get("ctx", {})
     if kind == "string_pattern_mismatch":
         return _pattern_in_words(context["pattern"])
+    if kind in ("dict_type", "model_type") and finding["input"] is None:
+        return "has no keys: indent those that belong to it below its name"
     if kind in _PLAIN_MESSAGES:
         return _PLAIN_MESSAGES[kind].format(**context)
     message: str = finding["msg"].removeprefix("Value error, ")

@@ -53,6 +53,8 @@ _ELEMENTS: Final = {
 _KEYS: Final = {
     ("campaign", "scenarios"): FileKind("a campaign", "run it: scenario run FILE"),
     ("robot", "footprint"): FileKind("a robot", "a campaign names it: robot: NAME"),
+    ("sut", "kind"): FileKind("a system under test", "a campaign names it: matrix: {sut: [NAME]}"),
+    ("sut", "like"): FileKind("a system under test", "a campaign names it: matrix: {sut: [NAME]}"),
     ("waypoints",): FileKind("a mission", "a campaign names it: mission: NAME"),
     ("walls", "spaces"): FileKind("a walls layer", "a campaign names it: floorplan: NAME"),
     ("image", "resolution"): FileKind(
@@ -62,6 +64,17 @@ _KEYS: Final = {
         "a building of Open-RMF", "import the picture it is drawn on, or draw its walls as DXF"
     ),
 }
+_ENDINGS: Final = {
+    ".fpm": FileKind("a floor plan", "a campaign names it: floorplan: NAME"),
+    ".scenery": FileKind("a scenery layer", "a campaign names it: objects: NAME"),
+    ".variation": FileKind("a variation", "a campaign names it: vary: {floorplan: NAME}"),
+    ".oracles.yaml": FileKind("a file of oracles", "a campaign names it: oracles: NAME"),
+}
+
+
+def kind_of_name(name: str) -> FileKind | None:
+    """Return the kind of a layer by the ending of its name."""
+    return next((kind for end, kind in _ENDINGS.items() if name.endswith(end)), None)
 
 
 def kind_of_content(head: bytes) -> FileKind | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import importlib
+import json
 import re
 import traceback
 from typing import TYPE_CHECKING, Any, Final
@@ -72,6 +73,18 @@ class MissingExtraError(InputError):
     """An optional library is not installed; the message names its purpose and how to install it."""
 
 
+def install_command(extra: str) -> str:
+    """Return the command that adds an extra to this package, from the place it came from."""
+    from importlib.metadata import distribution
+    from urllib.parse import unquote, urlsplit
+
+    origin = json.loads(distribution("scenario-tui").read_text("direct_url.json") or "{}")
+    # Built from a folder, the package may be in no index.
+    place = unquote(urlsplit(origin["url"]).path) if "dir_info" in origin else "scenario-tui"
+    editable = "-e " if origin.get("dir_info", {}).get("editable") else ""
+    return f"pip install {editable}'{place}[{extra}]'"
+
+
 def load_extra(module: str, extra: str, purpose: str, where: str) -> Any:
     """Import ``module``, which comes with the extra ``extra`` of this package.
 
@@ -83,5 +96,5 @@ def load_extra(module: str, extra: str, purpose: str, where: str) -> Any:
     except ImportError as error:
         library = module.partition(".")[0]
         message = f"{purpose} needs the library {library}, which is not installed"
-        hint = f'install it with: pip install "scenario-tui[{extra}]"'
+        hint = f"install it with: {install_command(extra)}"
         raise MissingExtraError(Finding(Where(where), message, hint)) from error

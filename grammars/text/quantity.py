@@ -40,7 +40,7 @@ class Quantity:
         return SI_UNITS[self.dimension]
 
 
-def read_quantity(text: str) -> Quantity:
+def read_quantity(text: str, example: str = '"0.35 m"') -> Quantity:
     """Read ``text`` such as ``1.3 m``; a number without a unit is a ratio.
 
     Raises :class:`ValueError` with a message for people.
@@ -49,7 +49,7 @@ def read_quantity(text: str) -> Quantity:
     if match is None or not math.isfinite(float(match["number"])):
         alike = look_alike(text)
         note = f"; {alike}" if alike else ""
-        raise ValueError(f'"{text}" is not a number with a unit, such as "0.35 m"{note}')
+        raise ValueError(f'"{text}" is not a number with a unit, such as {example}{note}')
     number = float(match["number"])
     if match["unit"] is None:
         return Quantity(number, "ratio")
@@ -69,13 +69,15 @@ def read_as(text: str | float | int, dimension: str) -> float:
         raise ValueError(f"expected {with_article(dimension)} such as {_example(dimension)}")
     if isinstance(text, str) and dimension == "time" and _PARTS_OF_TIME.fullmatch(text):
         raise ValueError(f'"{text}" is no time here: write one number with a unit, such as "150 s"')
-    quantity = read_quantity(text) if isinstance(text, str) else Quantity(float(text), "ratio")
+    example = _example(dimension)
+    if isinstance(text, str):
+        quantity = read_quantity(text, example)
+    else:
+        quantity = Quantity(float(text), "ratio")
     if quantity.dimension != dimension:
         value = f'"{text}"' if isinstance(text, str) else str(text)
         problem = "has no unit" if quantity.dimension == "ratio" else f"is in {quantity.unit}"
-        raise ValueError(
-            f"{value} {problem}, expected {with_article(dimension)} such as {_example(dimension)}"
-        )
+        raise ValueError(f"{value} {problem}, expected {with_article(dimension)} such as {example}")
     return quantity.value
 
 

@@ -13,7 +13,7 @@ from daemon.batch.errors import DaemonError
 from grammars.text.words import command_line, count_noun, duration_text
 from scenario_tui.cli import completion
 from scenario_tui.cli.answer import Answer, CommandError, ExitCode
-from scenario_tui.cli.options import out_folder, refuse_missing_file
+from scenario_tui.cli.options import check_campaign_file, out_folder, refuse_missing_file
 from scenario_tui.cli.output import open_progress, print_commands, print_line, say
 from scenario_tui.source import DaemonTarget, find_run, one_trace, trace_files
 from scenario_tui.text.formatting import verdict_line
@@ -137,7 +137,7 @@ def _recorded_case(words: list[str], target: DaemonTarget, campaign: Path | None
     trace = one_trace(words[0], target)
     spec = read_spec(trace)
     recorded = _recorded_file(words[0], trace, target)
-    file = campaign or Path(recorded)
+    file = check_campaign_file(campaign) if campaign else Path(recorded)
     if campaign is None and not (recorded and file.is_file()):
         problem = f"{recorded} does not exist any more"
         if not recorded:

@@ -127,6 +127,13 @@ def _report(error: Exception) -> ErrorValue:
 def _wrong_usage(error: typer.TyperException) -> ErrorValue:
     # The prefix that pydantic puts before the message of a validator.
     error.message = error.message.replace("Value error, ", "")
+    name, context = getattr(error, "option_name", "").lstrip("-"), getattr(error, "ctx", None)
+    parameters = context.command.params if name and context else ()
+    if any(getattr(one, "metavar", "") == "CAMPAIGN.yaml" for one in parameters):
+        from daemon.campaign import CampaignFile
+
+        if name in CampaignFile.model_fields:
+            error.message += f'; "{name}:" is a key of the campaign file'
     # Usage errors print themselves with their command; other typer errors have only a message.
     show: Callable[[], None] | None = getattr(error, "show", None)
     if show is not None:

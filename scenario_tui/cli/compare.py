@@ -34,6 +34,7 @@ if TYPE_CHECKING:
         VerdictChange,
     )
     from daemon.model.status import CampaignRow
+    from scenario_tui.library.campaign import Campaign
 
 LAST_GREEN: Final = "last-green"
 _DEFAULT_WORSE_BY: Final = 0.1
@@ -63,6 +64,15 @@ def compare_with_baseline(
         return None
     allowed = allowed if worse_by is None else worse_by
     return compare_campaigns(before.judged, results.judged, allowed)
+
+
+def refuse_unknown_baseline(campaign: Campaign, baseline: str, target: DaemonTarget) -> None:
+    """Raise before any run if the baseline, or that of the campaign file, does not exist."""
+    gate = campaign.checked.declared.gate
+    name = baseline or (gate.baseline if gate else "")
+    if name not in ("", LAST_GREEN):
+        with open_source(name, target, judge=False) as source:
+            find_campaign(source, name)
 
 
 def _read(name: str, target: DaemonTarget) -> CampaignResults:

@@ -21,7 +21,7 @@ from scenario_tui.cli.options import (
     refuse_typed,
     why_no_folder,
 )
-from scenario_tui.cli.output import print_line, track_progress
+from scenario_tui.cli.output import print_line, say, track_progress
 from scenario_tui.source import DaemonTarget, bring_traces, find_campaign, open_source
 
 if TYPE_CHECKING:
@@ -113,7 +113,7 @@ def report(
     material = read_report_data(results, specs, processes=processes, watched=bar)
     if page is not None:
         text = write_page(material, _run_commands, processes=processes, figure_folder=figures)
-        page.write_text(text, encoding="utf-8")
+        _write_page(page, text)
     if junit is not None:
         records = tuple(run.record for run in material.runs)
         write_junit(row.name, material.assessment, records, junit)
@@ -133,8 +133,8 @@ def report(
         material.references,
     )
     # A folder may have the name of a campaign, so print the id as well.
-    say = partial(_print_written, report, f"{row.name} ({row.id})", results.unread)
-    return Answer("report", report, say, code if exit_status else ExitCode.EXPECTED)
+    lines = partial(_print_written, report, f"{row.name} ({row.id})", results.unread)
+    return Answer("report", report, lines, code if exit_status else ExitCode.EXPECTED)
 
 
 def with_traces(
@@ -162,7 +162,7 @@ def _report_history(campaign: str, page: Path, target: DaemonTarget) -> Answer[W
 
     with target.read() as source:
         history = read_history(source, find_campaign(source, campaign).name)
-    page.write_text(history_page(history), encoding="utf-8")
+    _write_page(page, history_page(history))
     report = WrittenHistory(history.headline, history, {"page": str(page)})
     return Answer("history", report, partial(_print_written, report, history.name))
 
@@ -186,11 +186,18 @@ def _report_search(
     brought = zip(recorded, bring_traces(recorded, source, target), strict=True)
     traces = {run.id: trace for run, trace in brought if isinstance(trace, Path)}
     text = search_page(row, runs, traces=traces, commands=search_commands(row))
-    page.write_text(text, encoding="utf-8")
+    _write_page(page, text)
     code = search_code(row)
     report = WrittenReport(row.name, len(runs), headline(row), int(code), {"page": str(page)})
-    say = partial(_print_written, report, f"{row.task.name} ({campaign})")
-    return Answer("report", report, say, code if exit_status else ExitCode.EXPECTED)
+    lines = partial(_print_written, report, f"{row.task.name} ({campaign})")
+    return Answer("report", report, lines, code if exit_status else ExitCode.EXPECTED)
+
+
+def _write_page(page: Path, text: str) -> None:
+    """Write a page; say so if it replaces another."""
+    if page.exists():
+        say(f"{page} was there and is replaced; -o FILE writes elsewhere")
+    page.write_text(text, encoding="utf-8")
 
 
 def _run_commands(run: str, oracle: str, failed: bool) -> list[tuple[str, str]]:

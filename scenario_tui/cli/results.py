@@ -131,10 +131,9 @@ def _print_results(
     if listed and rows:
         more = (target.command("show", rows[0].id), "one run: the verdict of each oracle")
     # The dashboard shows a daemon, not a folder; a page needs more than a file of results.
-    whole = [(target.command("tui"), "the dashboard")]
-    if Path(row.id).exists():
-        page = (target.command("report", row.id), "one page with figures")
-        whole = [] if row.id.endswith(".json") else [page]
+    page = (target.command("report", row.id), "one page with figures")
+    whole = [page] if row.ended and not row.id.endswith(".json") else []
+    whole += [] if Path(row.id).exists() else [(target.command("tui"), "the dashboard")]
     print_commands(more, *whole)
 
 

@@ -79,19 +79,20 @@ def run(
     else is temporary.
     """
     from daemon.analysis.results import ComparedResults
-    from scenario_tui.cli.compare import compare_with_baseline
+    from scenario_tui.cli.compare import compare_with_baseline, refuse_unknown_baseline
 
     # Before the runs, not after them; the new folder of the traces may hold the file as well.
     if junit is not None and (out is None or out not in junit.parents):
         check_writable(junit, "--junit")
-    results = _run(load_announced(campaign), out, slots, wall, attempts)
+    target = DaemonTarget(say=say, progress=show_progress)
+    loaded = load_announced(campaign)
+    refuse_unknown_baseline(loaded, baseline, target)
+    results = _run(loaded, out, slots, wall, attempts)
     if junit is not None:
         from daemon.analysis.report import write_junit
 
         write_junit(results.row.name, results.assessment, results.rows, junit)
-    between = compare_with_baseline(
-        results, baseline, worse_by, DaemonTarget(say=say, progress=show_progress)
-    )
+    between = compare_with_baseline(results, baseline, worse_by, target)
     value = ComparedResults.of(results, between)
     return Answer(
         "results", value, partial(_print_run, results, between, campaign), value.exit_code

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
+from grammars.text.plugins import install_command
 from grammars.text.words import count_noun
 from scenario_tui.cli.answer import CommandError, ExitCode
 from scenario_tui.cli.options import CampaignFile
@@ -34,9 +35,6 @@ _LOOK: Final = 0.5
 """Seconds between two looks for news."""
 _NOBODY: Final = "nobody"
 """Name of the system under test if none drives."""
-_NO_SDK: Final = (
-    "Foxglove needs its SDK: pip install 'scenario-tui[foxglove]' (or turn it off: --no-foxglove)"
-)
 
 
 @dataclass(slots=True)
@@ -201,9 +199,11 @@ def _serve_foxglove(
     except ImportError as error:
         if error.name is None or error.name.partition(".")[0] != "foxglove":
             raise
+        command = install_command("foxglove")
+        no_sdk = f"Foxglove needs its SDK: {command} (or turn it off: --no-foxglove)"
         if is_required:
-            raise CommandError(_NO_SDK, ExitCode.INFRASTRUCTURE) from error
-        services.lacking = _NO_SDK
+            raise CommandError(no_sdk, ExitCode.INFRASTRUCTURE) from error
+        services.lacking = no_sdk
         return
     if host not in _LOOPBACK:
         say(

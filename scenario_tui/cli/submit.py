@@ -47,15 +47,16 @@ def submit(
     Only runs without a result are executed. If no daemon answers, one is started on this machine.
     """
     from daemon.analysis.results import ComparedResults
-    from scenario_tui.cli.compare import compare_with_baseline
+    from scenario_tui.cli.compare import compare_with_baseline, refuse_unknown_baseline
     from scenario_tui.cli.run import load_announced
     from scenario_tui.library.submission import receipt_text
 
     if baseline and not watch:
         raise typer.BadParameter("is compared at the end: add --watch", param_hint="--baseline")
-    job = load_announced(campaign).submit(
-        connect=target.connect, state=target.state, fresh=fresh, workers=slots
-    )
+    loaded = load_announced(campaign)
+    if watch:
+        refuse_unknown_baseline(loaded, baseline, target)
+    job = loaded.submit(connect=target.connect, state=target.state, fresh=fresh, workers=slots)
     say(receipt_text(job.receipt))
     if not watch:
         from daemon.model.status import HandedOver
@@ -90,6 +91,7 @@ def _print_end(
     print_commands(
         (target.command("tui"), "look at it in the dashboard"),
         (target.command("results", results.row.id, "--runs"), "every run and its trace"),
+        (target.command("report", results.row.id), "one page with figures"),
     )
 
 

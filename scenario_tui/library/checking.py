@@ -111,8 +111,8 @@ def _yaml(path: Path) -> tuple[str, tuple[Finding, ...]]:
     from grammars.text.documents import load_yaml
 
     data = load_yaml(path).data
-    keys = data.keys() if isinstance(data, dict) else ()
-    if "campaign" in keys or "scenarios" in keys:
+    keys = data.keys() if isinstance(data, dict) else set()
+    if {"campaign", "scenarios", "matrix", "defaults"} & keys:
         return _campaign(path)
     if "waypoints" in keys:
         return _mission(path)

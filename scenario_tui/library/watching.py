@@ -149,8 +149,8 @@ class _TroubleReporter:
         overview = daemon.overview()
         words = overview.trouble.strip()
         phase = overview.preparation.phase if overview.preparation else None
-        is_due = phase != self.phase or now >= self.say_at
-        if phase is not None and is_due and not self.display.on_screen:
+        is_news = overview.preparing != self.preparing and now >= self.say_at
+        if phase is not None and (is_news or phase != self.phase) and not self.display.on_screen:
             self.display.note(overview.preparing)  # a screen shows it continuously
             self.say_at = now + _SAY_AGAIN
         self.phase = phase

@@ -13,10 +13,12 @@ import pytest
 
 from daemon.batch import run_process
 from daemon.batch.run_process import (
+    COMPILED,
     ENDED,
     FAILED,
     LARGEST_MESSAGE,
     LIVE,
+    READY,
     STARTED,
     WATCH,
     SnapshotSender,
@@ -28,7 +30,7 @@ from daemon.batch.worker._zygotes import ForkedExecution
 from daemon.model.execution import available_cores, core_quota, machine_text
 from daemon.model.messages import Lease
 from daemon.model.spec import Snapshot
-from daemon.model.status import LiveSnapshot
+from daemon.model.status import LiveSnapshot, Preparation, PreparationPhase
 from grammars.model.geometry import Pose2
 from grammars.text import codec
 from tests.make import make_spec
@@ -53,6 +55,22 @@ def wires():
 
 
 # --- what a run tells
+
+
+def test_kernels_that_are_compiled_beside_the_first_runs_are_counted_on(wires):
+    zygote, pool = object.__new__(_zygotes.ZygoteProcess), _zygotes.ZygotePool(1)
+    zygote.wire, zygote.failure, zygote.ready, zygote._awaited = wires[0], "", set(), set()
+    zygote.compiled, zygote._count = None, 0
+    zygote.wire.setblocking(False)
+    pool._zygotes["pilot"] = zygote
+    counts = []
+    for message in (b"0", b"2", None, b"1"):
+        wires[1].send(READY + b"pilot" if message is None else COMPILED + message)
+        pool.listen()
+        counts.append(pool.preparation and pool.preparation.done)
+    assert counts == [0, 2, None, 3]
+    words = [Preparation(PreparationPhase.COMPILING, count).words for count in (0, 3)]
+    assert words[1] == f"{words[0]}: 3 so far"
 
 
 def test_a_building_full_of_doors_is_told_whole(wires):

@@ -128,12 +128,12 @@ def _outcome_without(one: Without) -> str:
 
 def _part_lines(story: Blame) -> Iterator[str]:
     before = dict(story.before)
-    doors = ", ".join(story.objects) or "no objects"
+    doors = ", ".join(story.objects) or "no objects needed"
     waypoints = ", ".join(story.waypoints)
     yield f"{'minimal' if story.minimal else 'so far'}: {doors} (of {before['object']})"
     yield f"  waypoints {waypoints} (of {before['waypoint']})"
-    behaviours = ", ".join(story.behaviours) or "none"
+    behaviours = ", ".join(story.behaviours) or "needed: none"
     yield f"  behaviours {behaviours} (of {before['behaviour']})"
     if before["parameter"]:
-        parameters = ", ".join(story.settings) or "none"
+        parameters = ", ".join(story.settings) or "needed: none"
         yield f"  parameters {parameters} (of {before['parameter']})"

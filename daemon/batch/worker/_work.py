@@ -22,6 +22,7 @@ from daemon.model.execution import DEFAULT_EXECUTOR, RunLimits, available_cores,
 from daemon.model.messages import ALIVE, WORK, WelcomeReply
 from daemon.model.verbs import Role
 from daemon.supervision.child import lower_session, when_stdin_ends
+from grammars.text.plugins import install_command
 
 _ASK_AGAIN: Final = 1.0
 """Period of registrations while no daemon answers [s]."""
@@ -146,7 +147,7 @@ def _open_backend(slots: int | None, executor: str, dask: str, stack: ExitStack)
         from daemon.batch.worker._dask import DaskPool
     except ImportError as error:
         raise WorkerBroken(
-            f"a Dask cluster needs the extra: pip install 'scenario-tui[dask]' ({error})"
+            f"a Dask cluster needs the extra: {install_command('dask')} ({error})"
         ) from error
     cluster = DaskPool(dask, executor, slots)
     stack.callback(cluster.close)

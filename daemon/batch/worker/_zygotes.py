@@ -60,6 +60,7 @@ class ZygoteProcess:
         self.ready: set[str] = set()
         self.failure = ""
         self.compiled: int | None = None
+        self._count = 0
         # Requested lists; the empty name is its own start.
         self._awaited = {""}
         self._answer_by = time.monotonic() + _PREPARING_LIMIT
@@ -87,7 +88,8 @@ class ZygoteProcess:
             for kind, content in _messages(self.wire):
                 self._answer_by = time.monotonic() + _PREPARING_LIMIT
                 if kind == run_process.COMPILED:
-                    self.compiled = (self.compiled or 0) + int(content)
+                    # The judge's kernels come after runs can start: the count goes on.
+                    self.compiled = self._count = self._count + int(content)
                 elif kind == run_process.READY:
                     self.ready.add(content.decode())
                     self._awaited.discard(content.decode())

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from grammars.text.plugins import install_command
 from scenario_tui.cli import export, invoke
 from templates.artefacts import ALL, KINDS
 
@@ -109,7 +110,7 @@ def test_pictures_need_no_mesh_library(campaigns, tmp_path, monkeypatch, capsys)
     plan = ["export", str(campaigns / "demo" / "flat.fpm"), "-o", str(tmp_path)]
     assert invoke([*plan, "picture", "map", "tasks"]) == 0
     assert invoke([*plan, "mesh"]) == 2
-    assert 'pip install "scenario-tui[cad]"' in capsys.readouterr().err
+    assert install_command("cad") in capsys.readouterr().err
 
 
 def test_a_note_about_every_scenario_is_said_once(demo, tmp_path, capsys):

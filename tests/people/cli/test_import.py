@@ -2,6 +2,7 @@
 
 import json
 import sys
+from types import SimpleNamespace
 
 import pytest
 
@@ -59,12 +60,24 @@ def test_scripts_get_an_object(scenario, folder):
     assert (report["doorways"], report["directions"]) == ({}, [0.0])
 
 
-def test_drawings_need_an_extra_that_the_message_names(scenario, folder, monkeypatch):
+@pytest.mark.parametrize(
+    ("origin", "command"),
+    [
+        (None, "pip install 'scenario-tui[cad]'"),
+        ('{"url": "file:///my%20clone", "dir_info": {}}', "pip install '/my clone[cad]'"),
+        ('{"url": "file:///c", "dir_info": {"editable": true}}', "pip install -e '/c[cad]'"),
+    ],
+)
+def test_drawings_need_an_extra_from_where_the_program_came(
+    scenario, folder, monkeypatch, origin, command
+):
+    package = SimpleNamespace(read_text=lambda _: origin)
+    monkeypatch.setattr("importlib.metadata.distribution", lambda _: package)
     (folder / "hall.dxf").write_text("")
     monkeypatch.setitem(sys.modules, "ezdxf", None)
     answer = scenario("import", "hall.dxf")
     assert answer.code == 2
-    assert 'pip install "scenario-tui[cad]"' in answer.err
+    assert f"install it with: {command}\n" in answer.err
 
 
 def test_a_drawing_that_is_refused_says_what_it_leaves_out(scenario, folder):

@@ -3,6 +3,7 @@
 import csv
 import os
 import re
+import shutil
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -41,6 +42,17 @@ def test_tables_alone_need_no_page(here, capsys):
     out = capsys.readouterr().out
     assert "Yes. All 6 verdicts are as expected." in out
     assert re.search(r"m\.parquet \([0-9.]+ kB\)", out)
+
+
+def test_a_copy_of_a_trace_does_not_count_and_a_page_is_not_replaced_silently(here, capsys):
+    (here / "traces" / "again").mkdir()
+    shutil.copy(here / "traces" / "a.mcap", here / "traces" / "again")
+    for is_there in (False, True):
+        assert invoke(["report", "traces", "-j", "1"]) == 0
+        out, err = capsys.readouterr()
+        assert "All 6 verdicts" in out
+        assert "traces: 1 copy of a trace left out, each run counts once" in err
+        assert ("report.html was there and is replaced" in err) == is_there
 
 
 def test_results_of_every_source_can_be_a_table(ledger, capsys):

@@ -19,6 +19,7 @@ from grammars.floorplan import load_floorplan
 from grammars.model.behaviour import Jump, LegBegins, Reaction, Walk
 from grammars.scenery.composition import compile_scene
 from grammars.text.diagnostics import InputError
+from grammars.text.plugins import install_command
 from templates.artefacts import KINDS, export
 from templates.mesh import wall_mesh
 from templates.naming import file_name
@@ -188,7 +189,7 @@ def test_what_takes_a_library_that_is_missing_is_left_out_of_all_and_said(tmp_pa
     monkeypatch.setitem(sys.modules, "manifold3d", None)
     found = export(world(), ["all"], tmp_path)
     assert "mesh" not in found.files
-    assert any('pip install "scenario-tui[cad]"' in note for note in found.notes)
+    assert any(install_command("cad") in note for note in found.notes)
     with pytest.raises(InputError, match="a mesh needs the library manifold3d"):
         export(world(), ["mesh"], tmp_path)
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from grammars.model.map_files import read_map
+from grammars.text.plugins import install_command
 from scenario_tui.cli.answer import ExitCode
 from tests.parts import DEADLINE
 from tests.people.cli.real import COMMAND
@@ -77,4 +78,4 @@ def test_an_extra_that_is_missing(scenario, file, monkeypatch):
     monkeypatch.setattr(builtins, "__import__", missing)
     left = scenario("serve", file, "--headless", "--foxglove")
     assert left.code == ExitCode.INFRASTRUCTURE
-    assert "pip install 'scenario-tui[foxglove]'" in left.err
+    assert install_command("foxglove") in left.err
