@@ -44,11 +44,6 @@ PICTURES: Final = (".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".pbm")
 _PPM: Final = dict.fromkeys((b"P1", b"P2", b"P3", b"P4", b"P5", b"P6"), "PPM")
 _FORMATS: Final = {b"\x89P": "PNG", b"\xff\xd8": "JPEG", b"BM": "BMP", **_PPM}
 """Names of formats in pillow by the first bytes of a file."""
-_PICTURE: Final = {"image": "-", "origin": [0.0, 0.0, 0.0], "negate": 0} | {
-    "occupied_thresh": 0.65,
-    "free_thresh": 0.196,
-}
-"""Keys of the YAML file that a plain picture lacks."""
 _COARSE: Final = 0.5
 """Cells [m] wider than any mapping tool makes for a robot in a building."""
 _DEEP: Final = 65535
@@ -134,7 +129,8 @@ def read_picture(path: Path, resolution: float) -> OccupancyGrid:
     """
     from scipy import ndimage
 
-    text = _MapKeys.model_validate({**_PICTURE, "resolution": resolution})
+    rest: dict[str, Any] = {"origin": [0.0, 0.0, 0.0], "negate": False, "free_thresh": 0.196}
+    text = _MapKeys.model_construct(resolution=resolution, occupied_thresh=0.65, **rest)
     image = _read_image(path, Where(str(path)), alpha_counts=False)
     grid = _grid(image, text)
     if image.clear is not None:

@@ -177,7 +177,7 @@ _VALUE: Final = re.compile(r"(?:[^\s:]+\s*:\s+)?([^\s,\]}#]+)")
 def read_model(document: YamlDocument, model: type[M]) -> M:
     """Check ``document`` against ``model``; raises :class:`InputError` with every finding."""
     if not isinstance(document.data, dict):
-        keys = ", ".join(written_fields(model))
+        keys = ", ".join([*written_fields(model)][:6])
         raise InputError.at(document.where(), f"expected keys such as {keys}")
     try:
         return model.model_validate(document.data)

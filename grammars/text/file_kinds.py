@@ -15,7 +15,7 @@ from grammars.text.diagnostics import InputError, Where
 
 HEAD: Final = 4096
 """Bytes of a file that tell its kind."""
-_XML: Final = re.compile(rb"<(sdf|gazebo|robot|launch)[\s>]")
+_XML: Final = rb"(?:<[?!][^>]*>\s*)*<"
 _RECORDING: Final = "recordings of robots are not read: `scenario run` records traces, .mcap files"
 _PICTURE: Final = (
     "of a map, name its YAML file; else make a building: scenario import FILE --resolution 0.05"
@@ -41,16 +41,13 @@ _MAGIC: Final = {
     rb"%PDF": FileKind("a PDF file", _DRAWING),
     rb"PK\x03\x04": FileKind("a ZIP archive", "unpack it first"),
     rb"version https://git-lfs": FileKind("a placeholder of Git LFS", "fetch it: git lfs pull"),
+    _XML + rb"(?:sdf|gazebo)\b": FileKind("a model of Gazebo", "import a map made in it"),
+    _XML + rb"robot\b": FileKind("a URDF model", "write the robot's size in robots/NAME.yaml"),
+    _XML + rb"launch\b": FileKind("a launch file", "a system under test names it: launch: FILE"),
+    rb"<(?!<)": FileKind("an XML or HTML file", ""),
 }
 """Kinds by patterns of the first bytes."""
-_WORLD: Final = FileKind("a model of Gazebo", "import a map that a robot made in it")
-_ELEMENTS: Final = {
-    b"sdf": _WORLD,
-    b"gazebo": _WORLD,
-    b"robot": FileKind("a URDF model", "write the robot's size and laser in robots/NAME.yaml"),
-    b"launch": FileKind("a launch file", "the file of a system under test names it: launch: FILE"),
-}
-_KEYS: Final = {
+_KEYS: Final[dict[tuple[str, ...], FileKind]] = {
     ("campaign", "scenarios"): FileKind("a campaign", "run it: scenario run FILE"),
     ("robot", "footprint"): FileKind("a robot", "a campaign names it: robot: NAME"),
     ("sut", "kind"): FileKind("a system under test", "a campaign names it: matrix: {sut: [NAME]}"),
@@ -60,6 +57,10 @@ _KEYS: Final = {
     ("image", "resolution"): FileKind(
         "a map", "`scenario import` makes a building of it; campaigns name it as map: {file: FILE}"
     ),
+    **{
+        (node,): FileKind("a parameter file of ROS", "the file of a system under test names it")
+        for node in ("amcl", "move_base", "controller_server", "bt_navigator")
+    },
     ("levels",): FileKind(
         "a building of Open-RMF", "import the picture it is drawn on, or draw its walls as DXF"
     ),
@@ -80,9 +81,6 @@ def kind_of_name(name: str) -> FileKind | None:
 def kind_of_content(head: bytes) -> FileKind | None:
     """Return the kind of a file that begins with ``head``, unless it may be text of ours."""
     head = head[:HEAD].removeprefix(b"\xef\xbb\xbf").lstrip()
-    if head.startswith(b"<"):
-        element = _XML.search(head)
-        return _ELEMENTS[element[1]] if element else FileKind("an XML or HTML file", "")
     return next((kind for magic, kind in _MAGIC.items() if re.match(magic, head, re.DOTALL)), None)
 
 

@@ -92,12 +92,10 @@ def user_folder(kind: Literal["cache", "config", "state"]) -> Path:
     Without a home directory, caches go below the folder of temporary files, all else to the state
     directory. Raises ``OSError`` if that is unknown too.
     """
-    folder = Path("~")
     with suppress(RuntimeError):
-        # Versions without this error return a relative path.
         folder = Path(getattr(platformdirs, f"user_{kind}_path")("scenario"))
-    if folder.is_absolute():
-        return folder
+        if folder.is_absolute():  # as in versions without this error
+            return folder
     if kind == "cache":
         import tempfile
 

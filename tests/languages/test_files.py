@@ -112,6 +112,7 @@ KINDS = {
     b"mission: go\nwaypoints: []\n": "a mission",
     b"campaign: one\nscenarios: {}\n": "a campaign",
     b"image: m.pgm\nresolution: 0.05\n": "a map",
+    b"amcl:\n  ros__parameters: {}\n": "a parameter file of ROS",
     b"name: house\nlevels: {}\n": "a building of Open-RMF",
     b"note: text\n": None,
 }
