@@ -425,7 +425,9 @@ def _likely_namespace(path: Path) -> str:
         names = set(load_ros_yaml(path)[0].data)
     except InputError:
         return ""
-    return next((space for space, known in _TELLING.items() if names & set(known.split())), "")
+    space = next((space for space, known in _TELLING.items() if names & set(known.split())), "")
+    which = next((one for one in _SPACES if one.partition("_")[0] in path.name), "")
+    return f"move_base/{which}" if space == _COMMON and which else space
 
 
 def _missing_files(
@@ -434,11 +436,15 @@ def _missing_files(
     spaces = _namespaces(settings)
     inside = [k.usual for k in _PACKAGE_FILES if (k.namespace, k.section) in spaces]
     subjects = {"", *inside, *(kind.usual for kind in present)}
-    usual = {kind.usual: kind.names[0] for kind in _PACKAGE_FILES if kind.usual not in subjects}
+    lacking = [kind for kind in _PACKAGE_FILES if kind.usual not in subjects]
+    usual = {kind.usual: kind.names[0] for kind in lacking}
     if not usual:
         return []
     message = f"no {first_words(usual.values())} in {folder}: ROS defaults apply"
+    names = [path for kind in lacking for name in kind.names for path in folder.glob(f"*/{name}")]
     hint = "docs/languages/systems-under-test.md lists the names of files that are read"
+    if names:
+        hint = f"name {first_words(names)} under files, if it is the one; {hint}"
     return [Finding(where, message, hint, Severity.WARNING)]
 
 
