@@ -13,6 +13,7 @@ from grammars.text.diagnostics import (
     SyntaxNode,
     Where,
     did_you_mean,
+    turn_of,
     with_article,
 )
 from grammars.text.expression_check import DimensionCheck, MaybeKind, Unknown
@@ -113,7 +114,9 @@ class ElementReader(Findings):
         """Return whether a variable has one value at ``place``, and report one that has none."""
         nodes = self._nodes.get(name, [])
         if not nodes:
+            counts = f" {name} = " in f" {turn_of(self.where(place))}"
             hint = did_you_mean(name, self._values) or f'define it: "var {name} = 1.0 m"'
+            hint = f"write {{{name}}} for the number of the repetition" if counts else hint
             self.error(place, f'unknown variable "{name}"', hint)
         elif len(nodes) > 1:
             lines = " and ".join(str(self.where(v).line) for v in nodes)

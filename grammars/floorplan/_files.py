@@ -90,6 +90,14 @@ _HINTS: Final = {
     "#": "comments start with //",
     "/": "comments start with // and end with the line",
 }
+_SLIPS: Final = {
+    r"rotation\s*: \S+$": "write rotation: z: 90 deg (in a wall y: …)",
+    r"translation\s*: \S+$": "write translation: x: 1 m, y: 2 m",
+    r"[xyz]\s*:[^:,]+ [xyz]$": "put a comma between x, y and z",
+    r"\. walls?$": "write hall.walls[0]",
+    r"walls\s*\[ \w+$": "walls count from 0; of a rectangle: 0 north (+y), 1 east, 2 south, 3 west",
+}
+"""Ends of a text, with the unexpected word, and the advice on it."""
 _UNITS: Final = re.compile(r"(?:in|inch|inches|ft|feet|yards?|miles?|[A-Za-z]?m|rads|degs)$")
 
 
@@ -125,6 +133,9 @@ class _FloorPlanLanguage(Language):
             return "lengths are in m, cm or mm, angles in deg or rad"
         if re.match(r"[+-]?[\d.]+[^\W\d]", word):
             return "write a blank between a number and its unit: 4.0 m"
+        slips = (advice for slip, advice in _SLIPS.items() if re.search(slip, f"{done} {word}"))
+        if advice := next(slips, ""):
+            return advice
         if re.match(r"p\d$", word):
             return "walls are not written: every edge of a space's shape is a wall"
         if word in _HINTS:

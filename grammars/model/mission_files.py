@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, ClassVar, Final
 
 from pydantic import AfterValidator, BeforeValidator, Field
 
@@ -93,9 +93,19 @@ class PoseText(_PlaceText):
 class WaypointText(_PlaceText):
     """A place the robot has to reach; the order of waypoints is the order of driving."""
 
-    elsewhere = dict.fromkeys(
-        ("position", "orientation"), "write x, y and yaw of the waypoint, or both under pose:"
-    ) | {"theta": OtherName("yaw"), "name": OtherName("id")}
+    elsewhere: ClassVar[Mapping[str, str | OtherName]] = {
+        **dict.fromkeys(
+            ("position", "orientation"), "write x, y and yaw of the waypoint, or both under pose:"
+        ),
+        **dict.fromkeys(
+            ("w", "qx", "qy", "qz", "qw"),
+            "write yaw, or a quaternion as pose: {position: …, orientation: …}",
+        ),
+        **dict.fromkeys(("pause", "dwell", "delay", "stay", "duration"), OtherName("wait")),
+        "frame_id": "a mission is in the frame of the map: remove it",
+        "theta": OtherName("yaw"),
+        "name": OtherName("id"),
+    }
 
     yaw: _Radians | None = None
     """Heading at the waypoint, counter-clockwise from the x axis of the map; default: any."""

@@ -132,7 +132,9 @@ class DimensionCheck:
                 return against
         if isinstance(part, Arithmetic):
             verb = "adds" if part.operator == "+" else "subtracts"
-            self.error(part, f"{verb} {_named(result)} and {_named(other)}")
+            bare, kind = (operand, result) if other == RATIO else (first, other)
+            hint = with_unit(bare, kind) if isinstance(bare, Number) else ""
+            self.error(part, f"{verb} {_named(result)} and {_named(other)}", hint)
         else:
             self.compare(result, operand, other)
         return None

@@ -32,7 +32,9 @@ from grammars.text.expressions import (
 from grammars.text.parsing import without_comments
 from grammars.text.units import RATIO, Dimension
 
-_MARK: Final = re.compile(r"(?<![\w.])for\s+(?P<name>[^\d\W]\w*)\s+in\b(?P<range>[^{\n]*)|[{}]")
+_MARK: Final = re.compile(
+    r"(?<![\w.])for\s+(?P<name>[^\d\W]\w*)\s+in\b(?P<range>[^{}\n]*(?:\n\s*(?={))?)|[{}]"
+)
 _RANGE: Final = re.compile(r"\s*([+-]?\w+)\s*\.\.\s*([+-]?\w+)\s*")
 _FORM: Final = "write for i in 1..6 { … }"
 _LARGEST: Final = 500_000

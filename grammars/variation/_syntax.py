@@ -87,6 +87,8 @@ class _VariationLanguage(Language):
         word, done, keys = fault.word, fault.done, fault.expected
         if not done:
             return 'a variation starts with the plan it varies: import "plan.fpm"'
+        if re.search(r"\bfor$", done):
+            return "a variation names each element of a repetition: room_1: { … }"
         if word in _HINTS:
             return _HINTS[word]
         function = re.search(r"(\w+)\s*\([^()]*$", done)
