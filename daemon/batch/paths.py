@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal
 
 from daemon.model.ids import is_digest, is_id
-from grammars.text.files import private_folder, user_folder
+from grammars.text.files import private_folder, user_folder, written_path
 
 if TYPE_CHECKING:
     from daemon.model.status import DiskUsage
@@ -145,7 +145,7 @@ class StatePaths:
     def find(cls, state: Path | None = None) -> StatePaths:
         """Choose the directory: the argument, ``SCENARIO_STATE`` or the user's state folder."""
         path = state or os.environ.get(STATE_VARIABLE) or user_folder("state")
-        return cls(Path(path).expanduser().absolute())
+        return cls(written_path(path))
 
     @property
     def socket(self) -> Path:

@@ -85,10 +85,11 @@ def find_layer(
     :class:`InputError` with the names that exist.
     """
     name = reference.name
-    if "/" in name or name.endswith(kind.endings):
+    endings = (*kind.endings, ".yml") if ".yaml" in kind.endings else kind.endings
+    if "/" in name or name.endswith(endings):
         path = folder / name
         if is_file(path):
-            if not name.endswith(kind.endings):
+            if not name.endswith(endings):
                 refuse_kind(kind_of_file(path), reference.where, name)
             return _shortened(path)
         if _is_folder_of(path, kind):

@@ -29,6 +29,7 @@ from daemon.trace._mcap_writer import MAGIC, records_at_any_place
 from daemon.trace._model import TraceError
 from daemon.trace.layouts import HEADER, ByteArray, IntArray, MessageLayout
 from daemon.trace.messages import KINDS
+from grammars.text.file_kinds import kind_of_content
 
 FILE_LIMIT: Final = 1 << 30
 CHUNK_LIMIT: Final = 1 << 28
@@ -131,11 +132,10 @@ def read_mcap(
     except OSError as error:
         raise TraceError(path, f"cannot be read: {error.strerror}") from None
     if not data.startswith(MAGIC):
-        raise TraceError(
-            path,
-            "is empty" if not data else "is not an MCAP file",
-            "traces are the .mcap files a run leaves; run it again to get one",
-        )
+        kind = kind_of_content(data)
+        about = f"is {kind.title}" if kind else "is not an MCAP file" if data else "is empty"
+        hint = "traces are the .mcap files a run leaves; run it again to get one"
+        raise TraceError(path, about, hint)
     walk = _McapWalk(McapContents(path, layouts or {}), data, select)
     try:
         walk.run()

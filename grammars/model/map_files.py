@@ -245,7 +245,8 @@ def _read_with_pillow(path: Path, data: bytes, where: Where, alpha_counts: bool)
     name = _FORMATS.get(data[:2])
     if name is None:
         kind = kind_of_content(data[:_LONGEST_HEADER])
-        message = f"the image {path.name} is {kind.title if kind else 'empty or damaged'}"
+        about = kind.title if kind else "of another kind" if data else "empty"
+        message = f"the image {path.name} is {about}"
         raise InputError.at(where, message, "images are PGM, PNG, BMP or JPEG files")
     pillow = load_extra("PIL.Image", "cad", f"a map as {name}", str(path))
     # Pillow complains about sizes that are refused below.

@@ -107,6 +107,15 @@ def user_folder(kind: Literal["cache", "config", "state"]) -> Path:
     raise FileNotFoundError(errno.ENOENT, message)
 
 
+def written_path(path: Path | str) -> Path:
+    """Return the absolute path that a person wrote, perhaps with ``~``; raises ``OSError``."""
+    try:
+        return Path(path).expanduser().absolute()
+    except RuntimeError:
+        message = f"the home directory in {path} is unknown"
+        raise FileNotFoundError(errno.ENOENT, message) from None
+
+
 def matching_paths(folder: Path, pattern: str) -> Iterator[Path]:
     """Yield the paths below ``folder`` that match, like ``Path.glob``; ``**`` follows links.
 

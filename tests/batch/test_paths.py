@@ -84,6 +84,8 @@ def test_the_state_directory_is_the_argument_then_the_environment(tmp_path, monk
     assert StatePaths.find().state == tmp_path / "env"
     monkeypatch.delenv("SCENARIO_STATE")
     assert StatePaths.find().state.name == "scenario"
+    with pytest.raises(OSError, match="the home directory in ~nobody9/state is unknown"):
+        StatePaths.find(Path("~nobody9/state"))
 
 
 def test_the_endpoint_is_argument_environment_contact_default(tmp_path, monkeypatch):

@@ -139,6 +139,15 @@ def test_layers_written_as_json_ld_make_the_same_scene(demo):
     assert library.floorplan(by_name) is library.floorplan(by_path)
 
 
+def test_a_layer_in_yaml_may_end_in_yml(demo):
+    (demo / "go.yml").write_bytes((demo / "courier.mission.yaml").read_bytes())
+    one, other = (
+        LayerLibrary(demo).mission(LayerReference(name, {}, Where("campaign.yaml", 1, 1)))[0]
+        for name in ("go.yml", "courier")
+    )
+    assert one == other
+
+
 def test_a_stack_that_cannot_be_loaded_is_found_before_anything_runs(campaign, monkeypatch):
     entry = EntryPoint("mine", "a_module_nobody_has:make", registry.ENTRY_POINT_GROUP)
     monkeypatch.setattr(registry, "installed", lambda group: {"mine": entry})

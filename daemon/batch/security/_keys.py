@@ -18,7 +18,7 @@ from typing import Final
 from daemon.batch.errors import KeysUnusable
 from daemon.model.verbs import Role
 from grammars.text import codec
-from grammars.text.files import user_folder, write_atomically
+from grammars.text.files import user_folder, write_atomically, written_path
 
 CA_FILE: Final = "ca.pem"
 CERTIFICATE_FILE: Final = "cert.pem"
@@ -129,8 +129,7 @@ class DaemonCredentials:
 
 def keys_folder(keys: Path | None = None, environ: Mapping[str, str] = os.environ) -> Path:
     """Choose the folder: the argument, ``SCENARIO_KEYS``, else ``keys`` in the user's settings."""
-    folder = keys or environ.get(KEYS_VARIABLE) or user_folder("config") / "keys"
-    return Path(folder).expanduser().absolute()
+    return written_path(keys or environ.get(KEYS_VARIABLE) or user_folder("config") / "keys")
 
 
 def is_authority(folder: Path) -> bool:
