@@ -17,8 +17,6 @@ from xml.sax.saxutils import escape, quoteattr
 
 from grammars.editor._schemas import editor_schema, nullable
 
-__all__ = ["editor_schema", "nullable", "pack_extension"]
-
 _CONTENT_TYPES: Final = """\
 <?xml version="1.0" encoding="utf-8"?>
 <Types xmlns="http://schemas.openxmlformats.org/package/2006/content-types">

@@ -27,16 +27,6 @@ from grammars.scenery import SceneryLayer
 from grammars.text.diagnostics import Finding, Findings, InputError, Where
 from grammars.text.sources import is_folder, model_files, read_text
 
-__all__ = [
-    "check_jsonld",
-    "load_floorplan_jsonld",
-    "load_scenery_jsonld",
-    "objects_document",
-    "plan_documents",
-    "scene_document",
-    "scenery_document",
-]
-
 _OF_OBJECTS: Final = (
     *(OBJ[kind] for kind in ("Object", "ObjectInstance")),
     *(ST[kind] for kind in ("State", "JointState")),

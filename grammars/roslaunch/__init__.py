@@ -31,15 +31,6 @@ from grammars.text.diagnostics import (
     raise_all,
 )
 
-__all__ = [
-    "Launch",
-    "LaunchNode",
-    "LaunchSettings",
-    "NodeType",
-    "load_launch",
-    "resolve_for_node",
-]
-
 _NOT_XML: Final = (".py", ".yaml", ".yml")
 
 

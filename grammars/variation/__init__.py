@@ -39,17 +39,3 @@ from grammars.variation._load import (
 )
 from grammars.variation._sample import sample, source_defects
 from grammars.variation._variants import VariantFile, WrittenVariants, write_variants
-
-__all__ = [
-    "Fixed",
-    "VariantFile",
-    "Variation",
-    "WrittenVariants",
-    "draw_unit",
-    "fix_draws",
-    "load_variation",
-    "parse_variation",
-    "sample",
-    "source_defects",
-    "write_variants",
-]

@@ -17,21 +17,6 @@ from templates.picture._run import DrivenWay, RunOverlay
 from templates.rendering import number, render
 from templates.world import ExportJob
 
-__all__ = [
-    "LARGE",
-    "MOMENT",
-    "PNG_SCALE",
-    "SMALL",
-    "Drawing",
-    "DrivenWay",
-    "RunOverlay",
-    "draw_world",
-    "page_svg",
-    "picture_svg",
-    "write_drawing",
-    "write_picture",
-]
-
 PNG_SCALE: Final = 1.5
 """Pixels of the PNG per unit of the page."""
 _FACES: Final = Path(__file__).parent / "face"

@@ -13,15 +13,3 @@ from daemon.analysis.coverage._coverage import (
     trace_coverage,
 )
 from daemon.analysis.coverage._results import Coverage, FeatureCount, FloorArea, RoomArea
-
-__all__ = [
-    "Coverage",
-    "FeatureCount",
-    "FloorArea",
-    "RoomArea",
-    "RunCoverage",
-    "planned_coverage",
-    "run_coverage",
-    "sum_coverage",
-    "trace_coverage",
-]

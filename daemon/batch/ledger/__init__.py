@@ -27,26 +27,3 @@ from daemon.batch.ledger._verification import (
     verify_contents,
 )
 from daemon.batch.ledger._writer import LedgerWriter
-
-__all__ = [
-    "SCHEMA_REMEDY",
-    "SCHEMA_VERSION",
-    "ContentReport",
-    "Forecast",
-    "LedgerIntegrity",
-    "LedgerReader",
-    "LedgerWriter",
-    "Removal",
-    "RetentionPolicy",
-    "RunPace",
-    "TimeLeft",
-    "VerificationProgress",
-    "check_integrity",
-    "connect",
-    "find_strays",
-    "remove_strays",
-    "schema_problem",
-    "stored_bytes",
-    "sweep_traces",
-    "verify_contents",
-]

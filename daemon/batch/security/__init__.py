@@ -21,20 +21,3 @@ from daemon.batch.security._keys import (
     keys_folder,
     load_register,
 )
-
-__all__ = [
-    "Credentials",
-    "DaemonCredentials",
-    "IssuedKey",
-    "KeyList",
-    "KeyRegister",
-    "access_control",
-    "denial_text",
-    "find_credentials",
-    "find_daemon_credentials",
-    "handshake_problem",
-    "is_authority",
-    "keys_folder",
-    "load_register",
-    "strip_control_characters",
-]

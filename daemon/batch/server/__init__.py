@@ -3,5 +3,3 @@
 from daemon.batch.server._opening import exposure_warning
 from daemon.batch.server._runtime import DaemonSettings
 from daemon.batch.server._serve import STOP_MARGIN, serve
-
-__all__ = ["STOP_MARGIN", "DaemonSettings", "exposure_warning", "serve"]

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from grammars.model.mission import Mission
     from grammars.model.robot import Robot
 
-__all__ = ["PILOT", "PilotParameters"]
-
 
 class _PilotKind(StackKind[PilotParameters]):
     name = "pilot"
