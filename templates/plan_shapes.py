@@ -211,15 +211,15 @@ def nose_reach(robot: Robot) -> float:
     return max(max(x for x, _ in robot.footprint), 0.1)
 
 
-def spread_shape(centre: Pose2, spread: tuple[float, float, float], count: int = 48) -> PlanShape:
-    """Return the ellipse two standard deviations around an estimate, as ``count`` points.
+def spread_shape(centre: Pose2, spread: tuple[float, float, float]) -> PlanShape:
+    """Return the ellipse two standard deviations around an estimate, as points.
 
     ``spread`` is xx, xy and yy of the covariance [m²].
     """
     xx, xy, yy = spread
     # Axes of the covariance; rounding may make the smaller of two variances negative.
     sizes, axes = np.linalg.eigh(np.array([[xx, xy], [xy, yy]]))
-    angles = np.linspace(0.0, math.tau, count, endpoint=False)
+    angles = np.linspace(0.0, math.tau, 48, endpoint=False)
     unit = np.column_stack([np.cos(angles), np.sin(angles)])
     around = (centre.x, centre.y) + _SIGMAS * (unit * np.sqrt(np.maximum(sizes, 0.0)) @ axes.T)
     return PlanShape(ShapeRole.SPREAD, "outline", (around,))

@@ -13,21 +13,8 @@ from operator import attrgetter
 from statistics import median
 from typing import Final, TypeAlias
 
-from daemon.analysis.charts import (
-    SERIES,
-    Chart,
-    chart_figure,
-    colours_of,
-    columns_of,
-    draw_charts,
-    layer,
-    legend,
-    legend_opacity,
-    page_script,
-    quantity,
-    table,
-    tooltip,
-)
+from daemon.analysis import charts
+from daemon.analysis.charts import SERIES, Chart
 from daemon.analysis.results import CampaignResults, read_results
 from daemon.batch.errors import Refused
 from daemon.judging.assessment import (
@@ -310,11 +297,11 @@ def _change_words(aspect: str, old: str, new: str) -> str:
 
 def history_page(history: CampaignHistory) -> str:
     """Return the history of a campaign as self-contained HTML."""
-    charts = [_cell_chart(history, cell) for cell in history.cells]
+    panels = [_cell_chart(history, cell) for cell in history.cells]
     names = [f"{scenario} with {sut}" for scenario, sut in history.cells]
     figures = [
-        (name, chart_figure(chart, svg, f"{name} over time"))
-        for name, chart, svg in zip(names, charts, draw_charts(charts), strict=True)
+        (name, charts.chart_figure(chart, svg, f"{name} over time"))
+        for name, chart, svg in zip(names, panels, charts.draw_charts(panels), strict=True)
     ]
     return render_report(
         {
@@ -325,7 +312,7 @@ def history_page(history: CampaignHistory) -> str:
             "change": quantity_words,
         },
         template="history.html.j2",
-        library=page_script(),
+        library=charts.page_script(),
         history=history,
         figures=figures,
         version=own_version(),
@@ -346,13 +333,13 @@ def _cell_chart(history: CampaignHistory, cell: tuple[str, str]) -> Chart:
     pairs = list(zip(names, history.submissions, strict=True))
     rows = [(name, one) for name, each in pairs for one in each.oracles if one.cell == cell]
     fields = ("oracle", "unit", "low", "high", "worst", "median")
-    columns = columns_of(fields, [attrgetter(*fields)(one) for _, one in rows]) | {
+    columns = charts.columns_of(fields, [attrgetter(*fields)(one) for _, one in rows]) | {
         "submission": [name for name, _ in rows],
         "rate": [one.passed / one.n for _, one in rows],
         "passed": [f"{one.passed} of {one.n}" for _, one in rows],
         "margins": [_margins_text(one) for _, one in rows],
     }
-    colour = colours_of("oracle", list(dict.fromkeys(columns["oracle"])), SERIES, _WIDTH)
+    colour = charts.colours_of("oracle", list(dict.fromkeys(columns["oracle"])), SERIES, _WIDTH)
     panels = [_panel("pass rate", "rate", ("low", "high"), "passed", colour)]
     for unit in dict.fromkeys(one.unit for _, one in rows if one.median is not None):
         ends = ("worst", "median")
@@ -363,9 +350,9 @@ def _cell_chart(history: CampaignHistory, cell: tuple[str, str]) -> Chart:
         axis = {"labelAngle": -30} if panel is panels[-1] else {"labels": False}
         panel["encoding"]["x"] = {**x, "axis": axis}
     return {
-        "data": table(columns),
+        "data": charts.table(columns),
         # A click on an entry shows it alone in all panels.
-        "params": legend("oracle", "pass rate"),
+        "params": charts.legend("oracle", "pass rate"),
         "vconcat": panels,
         "spacing": 8,
         "resolve": {"scale": {"color": "independent"}},
@@ -374,12 +361,12 @@ def _cell_chart(history: CampaignHistory, cell: tuple[str, str]) -> Chart:
 
 def _panel(title: str, field: str, ends: tuple[str, str], hover: str, colour: Chart) -> Chart:
     """Return a panel with a line for each series, and bars from one of ``ends`` to the other."""
-    place = {"y": quantity(ends[0], title), "y2": {"field": ends[1]}}
-    words = tooltip({"submission": "submission", hover: title})
-    opacity = legend_opacity(1.0, 0.1)
-    encoding = {"y": quantity(field, title), "tooltip": words, "opacity": opacity}
-    bars = layer("rule", None, place, strokeWidth=3, opacity=0.3)
-    line = layer("line", None, encoding, name=title, point={"size": 26}, strokeWidth=1.3)
+    place = {"y": charts.quantity(ends[0], title), "y2": {"field": ends[1]}}
+    words = charts.tooltip({"submission": "submission", hover: title})
+    opacity = charts.legend_opacity(1.0, 0.1)
+    encoding = {"y": charts.quantity(field, title), "tooltip": words, "opacity": opacity}
+    bars = charts.layer("rule", None, place, strokeWidth=3, opacity=0.3)
+    line = charts.layer("line", None, encoding, name=title, point={"size": 26}, strokeWidth=1.3)
     return {"width": _WIDTH, "height": 80, "encoding": {"color": colour}, "layer": [bars, line]}
 
 

@@ -18,22 +18,12 @@ from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias, TypeVar, cast
 from daemon.analysis.results import CampaignNote, read_campaign_note, traces_below
 from daemon.batch.errors import Refused
 from daemon.judging.assessment import Expectations, assess, find_marks
+from daemon.model import verbs
 from daemon.model.assessments import AssessmentRules
 from daemon.model.messages import CampaignQuery, IdRequest, RunQuery
 from daemon.model.spec import RunEnding, RunResult, RunSpec, Timing, TraceInfo
 from daemon.model.status import CampaignRow, RunDetail, RunPage, RunRow, count_runs
 from daemon.model.submission import CampaignOrigin
-from daemon.model.verbs import (
-    CAMPAIGNS,
-    DECLARED,
-    ORIGIN,
-    RUN,
-    RUNS,
-    SEARCHES,
-    AnyVerb,
-    CampaignSource,
-    Verb,
-)
 from daemon.model.verdicts import Outcome, RunState, deciding_verdict
 from grammars.text import codec
 from grammars.text.diagnostics import Finding, InputError, Where
@@ -54,7 +44,7 @@ with each further amount."""
 
 
 @dataclass(slots=True)
-class RecordedCampaign(CampaignSource):
+class RecordedCampaign(verbs.CampaignSource):
     """One campaign in memory; ``specs`` are those of its runs, by id; ``copies`` do not count.
 
     With ``progress``, requested runs without a result are judged from their traces.
@@ -70,15 +60,15 @@ class RecordedCampaign(CampaignSource):
     progress: Progress | None = None
     copies: int = 0
 
-    def ask(self, verb: Verb[..., A], request: object) -> A:
+    def ask(self, verb: verbs.Verb[..., A], request: object) -> A:
         """Answer a question to a :class:`CampaignSource`."""
-        answers: dict[AnyVerb, Callable[[Any], Any]] = {
-            CAMPAIGNS: self._campaigns,
-            RUNS: self._runs,
-            RUN: self._run,
-            DECLARED: lambda _: self.note.declared or AssessmentRules(),
-            ORIGIN: lambda _: self.note.origin,
-            SEARCHES: lambda _: (),
+        answers: dict[verbs.AnyVerb, Callable[[Any], Any]] = {
+            verbs.CAMPAIGNS: self._campaigns,
+            verbs.RUNS: self._runs,
+            verbs.RUN: self._run,
+            verbs.DECLARED: lambda _: self.note.declared or AssessmentRules(),
+            verbs.ORIGIN: lambda _: self.note.origin,
+            verbs.SEARCHES: lambda _: (),
         }
         answer: A = answers[verb](request)
         return answer
@@ -264,7 +254,7 @@ def read_results_file(name: str) -> RecordedCampaign:
     return RecordedCampaign(replace(row, id=name), rows, note, name)
 
 
-def read_marks(source: CampaignSource, row: RunRow) -> Expectations | None:
+def read_marks(source: verbs.CampaignSource, row: RunRow) -> Expectations | None:
     """Return the marks of a run among the repeats of its cell.
 
     ``None`` if the expectations of its campaign are unknown, as for a run of a search.

@@ -17,16 +17,7 @@ from typing import Final, TypeVar
 
 import zenoh
 
-from daemon.batch.errors import (
-    DaemonError,
-    Failed,
-    OtherLedger,
-    PlaceUnusable,
-    Refused,
-    Rejected,
-    Unavailable,
-    Unreachable,
-)
+from daemon.batch import errors
 from daemon.batch.paths import (
     INSECURE_VARIABLE,
     endpoint_text,
@@ -83,7 +74,7 @@ def open_router(listen: Sequence[str], keys: DaemonCredentials | None = None) ->
         where = " and ".join(map(endpoint_text, listen))
         # After the reason Zenoh names one of its source files.
         reason = str(error).split(" at /")[0].strip()
-        raise PlaceUnusable(f"cannot listen at {where}: {reason}") from error
+        raise errors.PlaceUnusable(f"cannot listen at {where}: {reason}") from error
 
 
 def open_client(endpoint: str, credentials: Credentials | None = None) -> zenoh.Session:
@@ -106,11 +97,11 @@ def open_client(endpoint: str, credentials: Credentials | None = None) -> zenoh.
         raise unreachable_error(endpoint, credentials) from None
 
 
-def unreachable_error(endpoint: str, credentials: Credentials | None = None) -> Unreachable:
+def unreachable_error(endpoint: str, credentials: Credentials | None = None) -> errors.Unreachable:
     """Return the error for an endpoint without an answer, with the reason and the remedy."""
     if credentials is not None and (words := handshake_problem(endpoint, credentials)):
-        return Unreachable(f"{endpoint}: {words}")
-    return Unreachable(
+        return errors.Unreachable(f"{endpoint}: {words}")
+    return errors.Unreachable(
         f"no daemon answers at {endpoint_text(endpoint)}: start one with `scenario daemon`, "
         "or name another with --connect or SCENARIO_CONNECT"
     )
@@ -118,7 +109,7 @@ def unreachable_error(endpoint: str, credentials: Credentials | None = None) -> 
 
 def _checked(endpoint: str) -> str:
     if not is_endpoint(endpoint):
-        raise DaemonError(
+        raise errors.DaemonError(
             f"{endpoint!r} is not an endpoint: write tcp/<host>:<port> or tls/<host>:<port>"
         )
     return endpoint
@@ -132,10 +123,10 @@ def _checked_trust(endpoint: str) -> str:
     """
     path = socket_path(endpoint)
     if path is not None and path.exists() and path.stat().st_uid != os.getuid():
-        raise DaemonError(f"{path} belongs to somebody else: a daemon there is not yours")
+        raise errors.DaemonError(f"{path} belongs to somebody else: a daemon there is not yours")
     trusted = path is not None or is_encrypted(endpoint) or is_local(endpoint)
     if not trusted and not os.environ.get(INSECURE_VARIABLE):
-        raise DaemonError(
+        raise errors.DaemonError(
             f"{endpoint} is neither encrypted nor authenticated: use tls/ with keys "
             f"(`scenario keys`), or set {INSECURE_VARIABLE}=1 in a network you trust"
         )
@@ -175,17 +166,17 @@ def version_problem(attachment: zenoh.ZBytes | None, who: str) -> str:
     return f"versions differ: {who} has {words}, this is {speaker().decode()}"
 
 
-_RAISED: Final[dict[ErrorKind, type[DaemonError]]] = {
-    ErrorKind.REFUSED: Refused,
-    ErrorKind.FAILED: Failed,
-    ErrorKind.OTHER_LEDGER: OtherLedger,
-    ErrorKind.UNAVAILABLE: Unavailable,  # last, since the two before are subclasses
+_RAISED: Final[dict[ErrorKind, type[errors.DaemonError]]] = {
+    ErrorKind.REFUSED: errors.Refused,
+    ErrorKind.FAILED: errors.Failed,
+    ErrorKind.OTHER_LEDGER: errors.OtherLedger,
+    ErrorKind.UNAVAILABLE: errors.Unavailable,  # last, since the two before are subclasses
 }
 
 
 def error_reply(words: str, error: object) -> ErrorReply:
     """Return the reply, with ``words``, to a request that raised ``error``."""
-    rejection = error.rejection if isinstance(error, Rejected) else None
+    rejection = error.rejection if isinstance(error, errors.Rejected) else None
     kinds = (kind for kind, raised in _RAISED.items() if isinstance(error, raised))
     # Unexpected errors say nothing about the request.
     return ErrorReply(words, next(kinds, ErrorKind.FAILED), rejection)
@@ -209,10 +200,10 @@ def ask(
     # Check before sending: the silence of the bus would look like a missing daemon.
     denial = "" if credentials is None else denial_text(credentials.name, credentials.role, verb)
     if denial:
-        raise Refused(denial)
+        raise errors.Refused(denial)
     payload = codec.to_json(request)
     if len(payload) > verb.largest:
-        raise Refused(
+        raise errors.Refused(
             f"{verb}: {len(payload) / 2**20:.1f} MiB is too much for one request, the daemon takes "
             f"{verb.largest / 2**20:.1f} MiB{verb.advice and f': {verb.advice}'}"
         )
@@ -242,11 +233,11 @@ def key_name(credentials: Credentials | None) -> str:
 
 def _no_answer_error(
     session: zenoh.Session, endpoint: str, credentials: Credentials | None
-) -> Unreachable:
+) -> errors.Unreachable:
     # Without a connection the daemon has not seen the key.
     if credentials is None or not session.info.routers_zid():
         return unreachable_error(endpoint, credentials)
-    return Unreachable(
+    return errors.Unreachable(
         f'the daemon at {endpoint} does not answer to the key "{credentials.name}": it is starting '
         "or stopping, or it started before the key was made, or the key was revoked "
         "(`scenario keys list`)"
@@ -261,16 +252,16 @@ def _validated_answer(kind: type[A], answer: zenoh.Sample) -> A:
         words = " ".join(str(error).split())
         versions = version_problem(answer.attachment, "the daemon")
         problem = "the daemon's answer is not understood"
-        raise Refused("; ".join(filter(None, (problem, versions, words)))) from error
+        raise errors.Refused("; ".join(filter(None, (problem, versions, words)))) from error
 
 
-def _error_reply(payload: bytes, endpoint: str, timeout: float) -> DaemonError:
+def _error_reply(payload: bytes, endpoint: str, timeout: float) -> errors.DaemonError:
     try:
         reply = codec.from_json(ErrorReply, payload)
     except ValueError:
         # Zenoh's own error replies (its timeout) are plain text, never one of our problems.
         where = endpoint_text(endpoint)
-        return Unreachable(f"the daemon at {where} did not answer within {timeout:g} s")
+        return errors.Unreachable(f"the daemon at {where} did not answer within {timeout:g} s")
     if reply.rejection is not None:
-        return Rejected(reply.problem, reply.rejection)
+        return errors.Rejected(reply.problem, reply.rejection)
     return _RAISED[reply.kind](reply.problem)

@@ -131,7 +131,10 @@ def shared_daemon(state: Path, *, trace_bytes: int) -> Iterator[str]:
             tether = os.open(pipe, os.O_RDWR)
             cleanup.callback(_leave, paths, users, tether)
             endpoint = None if is_first else running_daemon(paths.state)
-            endpoint = endpoint or _start_shared(paths, pipe)
+            if endpoint is None:
+                with pipe.open("rb", buffering=0) as stdin:
+                    process = _start(paths, None, stdin.fileno(), tether=True)
+                    endpoint = _wait_until_up(process, paths)
             if is_first:
                 _tidy(paths, endpoint, trace_bytes)
             fcntl.flock(users, fcntl.LOCK_SH)
@@ -160,11 +163,6 @@ def _locked_alone(users: int) -> bool:
     except BlockingIOError:
         return False
     return True
-
-
-def _start_shared(paths: StatePaths, pipe: Path) -> str:
-    with pipe.open("rb", buffering=0) as stdin:
-        return _wait_until_up(_start(paths, None, stdin.fileno(), tether=True), paths)
 
 
 def _tidy(paths: StatePaths, endpoint: str, trace_bytes: int) -> None:

@@ -15,35 +15,9 @@ from dataclasses import dataclass
 from enum import Enum, StrEnum
 from typing import Any, Concatenate, Final, Generic, ParamSpec, Protocol, TypeAlias, TypeVar
 
+from daemon.model import messages
 from daemon.model.assessments import AssessmentRules
 from daemon.model.live_judgement import LiveJudgement
-from daemon.model.messages import (
-    LARGEST_EXTENSION,
-    LARGEST_PAGE,
-    LARGEST_REQUEST,
-    LARGEST_SUBMISSION,
-    PART,
-    CampaignQuery,
-    Completion,
-    Count,
-    DeleteRequest,
-    Empty,
-    FilePart,
-    GetRequest,
-    IdRequest,
-    LeaseReply,
-    LeaseRequest,
-    LedgerAcknowledgement,
-    PutRequest,
-    ReleaseRequest,
-    RenewReply,
-    RenewRequest,
-    RetryRequest,
-    RunQuery,
-    SteerRequest,
-    WelcomeReply,
-    WorkerInfo,
-)
 from daemon.model.search import ExtendRequest, SearchSubmission
 from daemon.model.search_answer import SearchProgress, SearchQuery, SearchRow
 from daemon.model.status import (
@@ -127,67 +101,68 @@ class Verb(Generic[P, A]):
 AnyVerb: TypeAlias = Verb[..., Any]
 
 # fmt: off
-OVERVIEW: Final = Verb("overview", Empty, DaemonOverview,
+OVERVIEW: Final = Verb("overview", messages.Empty, DaemonOverview,
     "The state of the daemon in one line.", VIEWING)
-CAMPAIGNS: Final = Verb("campaigns", CampaignQuery, tuple[CampaignRow, ...],
+CAMPAIGNS: Final = Verb("campaigns", messages.CampaignQuery, tuple[CampaignRow, ...],
     "A page of at most 1000 campaigns, the newest first.", VIEWING)
-RUNS: Final = Verb("runs", RunQuery, RunPage,
+RUNS: Final = Verb("runs", messages.RunQuery, RunPage,
     "A page of at most 1000 runs; ``text`` is searched in label, oracle, reason and id.",
     VIEWING, slow=True)
-RUN: Final = Verb("run", IdRequest, RunDetail, "Everything about one run.", VIEWING)
-DECLARED: Final = Verb("declared", IdRequest, AssessmentRules,
+RUN: Final = Verb("run", messages.IdRequest, RunDetail, "Everything about one run.", VIEWING)
+DECLARED: Final = Verb("declared", messages.IdRequest, AssessmentRules,
     "The rules of a campaign for its results: policy, comparisons, expectations.", VIEWING)
-ORIGIN: Final = Verb("origin", IdRequest, CampaignOrigin,
+ORIGIN: Final = Verb("origin", messages.IdRequest, CampaignOrigin,
     "The file of a campaign, and its commit.", VIEWING)
-WORKERS: Final = Verb("workers", Empty, tuple[WorkerRow, ...],
+WORKERS: Final = Verb("workers", messages.Empty, tuple[WorkerRow, ...],
     "The connected workers, and absent ones with leases.", VIEWING)
-DISK: Final = Verb("disk", Empty, DiskUsage,
+DISK: Final = Verb("disk", messages.Empty, DiskUsage,
     "The space on the disk of the state directory.", VIEWING)
-GET: Final = Verb("get", GetRequest, FilePart,
+GET: Final = Verb("get", messages.GetRequest, messages.FilePart,
     "A part of a trace, a scene or a file of a system under test.",
     VIEWING | WORKING, CARRIER, slow=True)
-PUT: Final = Verb("put", PutRequest, Count,
+PUT: Final = Verb("put", messages.PutRequest, messages.Count,
     "Take a part of a trace or of a file of a submission; returns the bytes received so far.",
-    STEERING | WORKING, CARRIER, 2 * PART, slow=True)
+    STEERING | WORKING, CARRIER, 2 * messages.PART, slow=True)
 SUBMIT: Final = Verb("submit", Submission, SubmissionReceipt,
     "Take a campaign; the receipt says that it is safely in the ledger.",
-    STEERING, WRITER, LARGEST_SUBMISSION, slow=True, advice="split the campaign")
-CANCEL: Final = Verb("cancel", IdRequest, Count,
+    STEERING, WRITER, messages.LARGEST_SUBMISSION, slow=True, advice="split the campaign")
+CANCEL: Final = Verb("cancel", messages.IdRequest, messages.Count,
     "Cancel queued and running runs; returns their number.", STEERING, WRITER, slow=True)
-RETRY: Final = Verb("retry", RetryRequest, Count,
+RETRY: Final = Verb("retry", messages.RetryRequest, messages.Count,
     "Queue runs again; returns their number.", STEERING, WRITER, slow=True)
-ACKNOWLEDGE: Final = Verb("acknowledge", IdRequest, Count,
+ACKNOWLEDGE: Final = Verb("acknowledge", messages.IdRequest, messages.Count,
     "Acknowledge the bad runs of a campaign, until there are new ones. Returns the number of runs"
     " that did not pass.", STEERING, WRITER)
-STEER: Final = Verb("steer", SteerRequest, Count,
+STEER: Final = Verb("steer", messages.SteerRequest, messages.Count,
     "Pause or resume a campaign, or change its priority. Returns the number of waiting runs."
     " Running ones go on.",
     STEERING, WRITER)
-DELETE: Final = Verb("delete", DeleteRequest, tuple[DeletedCampaign, ...],
+DELETE: Final = Verb("delete", messages.DeleteRequest, tuple[DeletedCampaign, ...],
     "Remove finished campaigns with results and traces; returns the removed ones.",
     STEERING, WRITER, 2 * _SMALL, slow=True)
-SHUTDOWN: Final = Verb("shutdown", Empty, Empty,
+SHUTDOWN: Final = Verb("shutdown", messages.Empty, messages.Empty,
     "Stop the daemon; running runs get some time to finish.", STEERING)
-SEARCH: Final = Verb("search", SearchSubmission, Empty,
+SEARCH: Final = Verb("search", SearchSubmission, messages.Empty,
     "Begin or resume a search. One client at a time makes its proposals.",
-    STEERING, WRITER, LARGEST_REQUEST)
+    STEERING, WRITER, messages.LARGEST_REQUEST)
 SEARCHES: Final = Verb("searches", SearchQuery, tuple[SearchRow, ...],
     "At most 1000 searches, the newest first; only a query for one includes the answer's files.",
     VIEWING)
-EXTEND: Final = Verb("extend", ExtendRequest, Count,
+EXTEND: Final = Verb("extend", ExtendRequest, messages.Count,
     "Add runs to a search; returns the number of new ones.",
-    STEERING, WRITER, LARGEST_EXTENSION, slow=True, advice="send fewer at a time")
-PROGRESS: Final = Verb("progress", SearchProgress, Empty,
-    "Report the progress and results of a search.", STEERING, WRITER, LARGEST_EXTENSION)
-WELCOME: Final = Verb("welcome", WorkerInfo, WelcomeReply,
+    STEERING, WRITER, messages.LARGEST_EXTENSION, slow=True, advice="send fewer at a time")
+PROGRESS: Final = Verb("progress", SearchProgress, messages.Empty,
+    "Report the progress and results of a search.", STEERING, WRITER, messages.LARGEST_EXTENSION)
+WELCOME: Final = Verb("welcome", messages.WorkerInfo, messages.WelcomeReply,
     "The state directory and the period of renewals, for a new worker.", WORKING)
-LEASE: Final = Verb("lease", LeaseRequest, LeaseReply,
+LEASE: Final = Verb("lease", messages.LeaseRequest, messages.LeaseReply,
     "Runs to execute, leased.", WORKING, WRITER, 8 * _SMALL)
-RENEW: Final = Verb("renew", RenewRequest, RenewReply,
-    "Renew all leases of a worker; returns those it has lost.", WORKING, WRITER, LARGEST_REQUEST)
-COMPLETE: Final = Verb("complete", Completion, LedgerAcknowledgement,
-    "Record the result of a run.", WORKING, WRITER, LARGEST_REQUEST)
-RELEASE: Final = Verb("release", ReleaseRequest, LedgerAcknowledgement,
+RENEW: Final = Verb("renew", messages.RenewRequest, messages.RenewReply,
+    "Renew all leases of a worker; returns those it has lost.", WORKING, WRITER,
+    messages.LARGEST_REQUEST)
+COMPLETE: Final = Verb("complete", messages.Completion, messages.LedgerAcknowledgement,
+    "Record the result of a run.", WORKING, WRITER, messages.LARGEST_REQUEST)
+RELEASE: Final = Verb("release", messages.ReleaseRequest, messages.LedgerAcknowledgement,
     "Return a run without a result.", WORKING, WRITER, 16 * _SMALL)
 # fmt: on
 
@@ -205,7 +180,7 @@ def _question(verb: Verb[P, A]) -> Callable[Concatenate[CampaignSource, P], A]:
     return method
 
 
-def _counting(verb: Verb[P, Count]) -> Callable[Concatenate[CampaignSource, P], int]:
+def _counting(verb: Verb[P, messages.Count]) -> Callable[Concatenate[CampaignSource, P], int]:
     """Make the client's method of a verb that answers with a number."""
 
     def method(self: CampaignSource, /, *args: P.args, **fields: P.kwargs) -> int:
@@ -255,11 +230,11 @@ class CampaignSource(ABC):
         """Return all campaigns, the newest first; ask for a page if a few are enough."""
         rows: list[CampaignRow] = []
         while True:
-            page = self.campaign_page(offset=len(rows), limit=LARGEST_PAGE)
+            page = self.campaign_page(offset=len(rows), limit=messages.LARGEST_PAGE)
             # A campaign submitted between two pages moves the others on.
             ids = {row.id for row in rows}
             rows.extend(row for row in page if row.id not in ids)
-            if len(page) < LARGEST_PAGE:
+            if len(page) < messages.LARGEST_PAGE:
                 return tuple(rows)
 
     def campaign(self, id: str) -> CampaignRow | None:
@@ -342,7 +317,7 @@ class DaemonClient(CampaignSource):
         with a result keeps it: the new execution checks that it comes out the same.
         """
         words = tuple(word.strip() for word in only.split("|") if word.strip())
-        return self.ask(RETRY, RetryRequest(campaign, words)).count
+        return self.ask(RETRY, messages.RetryRequest(campaign, words)).count
 
     def begin_search(self, search: SearchSubmission) -> SearchRow:
         """Begin or resume a search; return its state.

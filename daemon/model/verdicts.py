@@ -58,11 +58,11 @@ class Evidence:
 
     @property
     def note_text(self) -> str:
-        """The note for people, with moments in tenths of a second.
+        """The note for people, with moments in tenths of a second: ``first at 34.6 s``.
 
         The note itself is part of recorded traces and never changes.
         """
-        return moments_in_tenths(self.note)
+        return _MOMENT.sub(lambda match: f"{match[1]} {float(match[2]):.1f} s", self.note)
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,11 +161,6 @@ class MarginInterval:
 def unknown_margin(note: str, *, measured: bool = False) -> MarginInterval:
     """Return the interval of an oracle that had nothing to judge."""
     return MarginInterval(-math.inf, math.inf, Evidence(note=note), measured)
-
-
-def moments_in_tenths(text: str) -> str:
-    """Return a note of an oracle with its moments for people: ``first at 34.6 s``."""
-    return _MOMENT.sub(lambda match: f"{match[1]} {float(match[2]):.1f} s", text)
 
 
 def join_notes(*notes: str) -> str:

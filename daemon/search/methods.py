@@ -316,7 +316,8 @@ class BoundaryMesh:
         self._sort(values)
         while self._ready:
             cell = self._ready[0][1]
-            point = new(_halving(cell))
+            # The corners of its halves, the middle first.
+            point = new(_offset(cell, (cell[1] // 2, 0, cell[1])))
             if point is not None:
                 return point, True
             del self._ready[0]
@@ -355,11 +356,6 @@ def _need(margins: Sequence[float], side: int) -> tuple[float, ...]:
 
 def _corners(cell: _Cell) -> list[_Corner]:
     return _offset(cell, (0, cell[1]))
-
-
-def _halving(cell: _Cell) -> list[_Corner]:
-    """Return the corners of the halves of a cell, the middle first."""
-    return _offset(cell, (cell[1] // 2, 0, cell[1]))
 
 
 def _halves(cell: _Cell) -> list[_Cell]:

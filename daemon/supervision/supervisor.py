@@ -34,9 +34,9 @@ from .remains import (
     descendants,
     end_container,
     marked_processes,
+    remove_shared_memory,
     send_signal,
 )
-from .shared_memory import remove_shared_memory
 
 STACK_OUTPUT: Final = "stack.output"
 RELAY_OUTPUT: Final = "relay.output"

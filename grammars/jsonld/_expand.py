@@ -21,7 +21,7 @@ from grammars.jsonld.vocabulary import (
     XSD,
     ContextError,
     context_for,
-    context_of_type,
+    contexts_by_type,
 )
 from grammars.text.diagnostics import Finding, InputError, Severity, SourceText, Where
 
@@ -166,7 +166,7 @@ class _NodeReader:
         """
         by_address: dict[str, list[str]] = {}
         for name, user in self._types.items():
-            address = context_of_type(name)
+            address = contexts_by_type().get(name)
             if address:
                 by_address.setdefault(address, [user]).append(name)
         return by_address

@@ -15,46 +15,29 @@ from rdflib import BNode, Graph, Literal, URIRef
 from rdflib.namespace import RDF, RDFS, SH
 from rdflib.term import Node as Term
 
+from grammars.jsonld import vocabulary
 from grammars.jsonld._nodes import NodeGraph, Ref, Value
-from grammars.jsonld.vocabulary import (
-    COORD,
-    DYN,
-    FP,
-    GEOM,
-    GZB,
-    ITEMS,
-    KC,
-    KC_STATE,
-    OBJ,
-    POLY,
-    QUDT,
-    REL,
-    SCN,
-    ST,
-    UNIT,
-    XSD,
-    local_name,
-)
+from grammars.jsonld.vocabulary import local_name
 from grammars.text.diagnostics import Severity, did_you_mean, with_article
 
 PREFIXES: Final = {
-    "geom": GEOM,
-    "geom-rel": REL,
-    "geom-coord": COORD,
-    "kc": KC,
-    "kc-stat": KC_STATE,
-    "dyn": DYN,
-    "poly": POLY,
-    "floorplan": FP,
-    "obj": OBJ,
-    "st": ST,
-    "gzb": GZB,
-    "qudt": QUDT,
-    "unit": UNIT,
-    "scn": SCN,
-    "item": ITEMS,
+    "geom": vocabulary.GEOM,
+    "geom-rel": vocabulary.REL,
+    "geom-coord": vocabulary.COORD,
+    "kc": vocabulary.KC,
+    "kc-stat": vocabulary.KC_STATE,
+    "dyn": vocabulary.DYN,
+    "poly": vocabulary.POLY,
+    "floorplan": vocabulary.FP,
+    "obj": vocabulary.OBJ,
+    "st": vocabulary.ST,
+    "gzb": vocabulary.GZB,
+    "qudt": vocabulary.QUDT,
+    "unit": vocabulary.UNIT,
+    "scn": vocabulary.SCN,
+    "item": vocabulary.ITEMS,
 }
-_DOUBLE: Final = URIRef(XSD["double"])
+_DOUBLE: Final = URIRef(vocabulary.XSD["double"])
 
 
 def graph_of(nodes: NodeGraph) -> Graph:

@@ -39,9 +39,7 @@ ST: Final = Namespace(f"{_SECORO}floorplan/state#")
 GZB: Final = Namespace(f"{_SECORO}gazebo#")
 QUDT: Final = Namespace("http://qudt.org/schema/qudt/")
 UNIT: Final = Namespace("http://qudt.org/vocab/unit/")
-KIND: Final = Namespace("http://qudt.org/vocab/quantitykind/")
 XSD: Final = Namespace("http://www.w3.org/2001/XMLSchema#")
-RDF: Final = Namespace("http://www.w3.org/1999/02/22-rdf-syntax-ns#")
 SCN: Final = Namespace("urn:scenario-tui:scenery#")
 """Our own terms, which the published vocabulary lacks."""
 
@@ -132,7 +130,7 @@ def context_for(address: str, notes: set[str]) -> Any:
 
 
 @functools.cache
-def _contexts_by_type() -> dict[str, str]:
+def contexts_by_type() -> dict[str, str]:
     """Return, by type, the address of the only published context that defines it."""
     addresses: dict[str, set[str]] = {}
     published = {rob2b(path): name for path, name in ROB2B_CONTEXTS.items()}
@@ -144,11 +142,6 @@ def _contexts_by_type() -> dict[str, str]:
             if term[:1].isupper() or term[:1].isdigit():
                 addresses.setdefault(term, set()).add(address)
     return {term: min(places) for term, places in addresses.items() if len(places) == 1}
-
-
-def context_of_type(name: str) -> str:
-    """Return the address of the published context that defines a type, or an empty text."""
-    return _contexts_by_type().get(name, "")
 
 
 @functools.cache

@@ -84,7 +84,7 @@ class Range:
 
     def levels(self, count: int) -> tuple[float, ...]:
         """Return ``count`` evenly spaced values; a single one is the middle."""
-        shares = _evenly(count)
+        shares = [k / (count - 1) for k in range(count)] if count > 1 else [0.5]
         return tuple(dict.fromkeys(self.at(share) for share in shares))
 
 
@@ -192,10 +192,6 @@ def numbers_of(distribution: Distribution) -> Sequence[float]:
 def _decimals(scale: float) -> int:
     """Return the number of decimals for at least a hundred different values within ``scale``."""
     return max(_COARSE, 2 - math.floor(math.log10(scale)))
-
-
-def _evenly(count: int) -> list[float]:
-    return [0.5] if count == 1 else [k / (count - 1) for k in range(count)]
 
 
 _LARGEST: Final = 1e6

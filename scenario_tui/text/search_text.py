@@ -7,16 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from rich.text import Text
 
-from daemon.search.answers.sentences import (
-    PHASES,
-    finding_words,
-    headline,
-    is_by_chance,
-    margin_words,
-    minus,
-    phase_words,
-    search_word,
-)
+from daemon.search.answers import sentences
 from daemon.search.points import is_as_written, position_in_range
 from grammars.text.words import NOTHING, command_line, count_noun
 from scenario_tui.text.formatting import keep_end, keep_start, margin, margin_bar, moment_text
@@ -41,7 +32,7 @@ _STATES: Final = {"cancelled": "cancelled", "failed": "error"}
 
 def proposal_text(task: SearchTask, proposal: Proposal, width: int) -> Text:
     """Return the purpose of a run of a search, and the values of its point."""
-    purpose = PHASES[proposal.phase]
+    purpose = sentences.PHASES[proposal.phase]
     if proposal.phase == "explore":
         purpose += f" ({proposal.method})"
     if proposal.note:
@@ -104,7 +95,7 @@ def search_line(row: SearchRow) -> str:
 
 def search_state(row: SearchRow) -> str:
     """Return the state of a search, without its name."""
-    parts = [phase_words(row)]
+    parts = [sentences.phase_words(row)]
     if row.state == "waiting":
         parts = [f"waiting for `{command_line('search', row.file, row.campaign)}`"]
     answer, exploring = row.answer, not row.ended and row.phase == "explore"
@@ -125,9 +116,9 @@ def search_state(row: SearchRow) -> str:
 
 def headline_text(row: SearchRow) -> Text:
     """Return the headline of a search, and below it the question that it answers."""
-    task, word = row.task, search_word(row)
+    task, word = row.task, sentences.search_word(row)
     text = Text.assemble((task.name, "bold"), "  ")
-    text.append(f"{GLYPHS[word]} {headline(row)}", style=word)
+    text.append(f"{GLYPHS[word]} {sentences.headline(row)}", style=word)
     if task.about:
         text.append(f"\n{task.about}", style=QUIET)
     what = f"any of {len(task.scales)} oracles" if len(task.scales) > 1 else task.minimise
@@ -167,17 +158,17 @@ def _runs_text(row: SearchRow, answer: SearchAnswer) -> str:
         words += f", {answer.reused:,} of them {verb} recorded before"
     # The last sentence of an answer gives the reason of its end.
     has_ending = answer.sentences and answer.ended and row.state != "failed"
-    return words if has_ending else f"{words}; {phase_words(row)}"
+    return words if has_ending else f"{words}; {sentences.phase_words(row)}"
 
 
 def finding_lines(answer: SearchAnswer) -> list[Text]:
     """Return a line for each distinct failure, with its example."""
-    words = [finding_words(finding) for finding in answer.findings]
+    words = [sentences.finding_words(finding) for finding in answer.findings]
     width = max(map(len, words), default=0)
     lines = []
     for finding, text in zip(answer.findings, words, strict=True):
         example = finding.example
-        parts = [margin_words(example)]
+        parts = [sentences.margin_words(example)]
         if example.verdict is not None:
             parts.append(moment_text(example.verdict.evidence.time))
         line = Text(f"  {text:<{width}}", style="fail")
@@ -203,8 +194,8 @@ def influence_lines(task: SearchTask, answer: SearchAnswer) -> list[Text]:
     width = max(map(len, names), default=0)
     lines = []
     for one, name in zip(ordered, names, strict=True):
-        style = QUIET if is_by_chance(task, one) else ""
-        number = minus(f"{one.correlation:+.2f}")
+        style = QUIET if sentences.is_by_chance(task, one) else ""
+        number = sentences.minus(f"{one.correlation:+.2f}")
         bar = margin_bar(one.correlation, _HALF)
         lines.append(Text(f"  {name:<{width}}  {bar}  {number}", style=style))
     return lines

@@ -37,21 +37,11 @@ from daemon.batch.ledger._time_left import (
     read_time_left,
 )
 from daemon.batch.paths import StatePaths
+from daemon.model import verbs
 from daemon.model.messages import LARGEST_PAGE_BYTES, CampaignQuery, IdRequest, RunQuery
 from daemon.model.spec import RunResult
 from daemon.model.status import CampaignRow, RunDetail, RunPage, RunRow, count_runs
 from daemon.model.submission import CampaignOrigin, Submission
-from daemon.model.verbs import (
-    CAMPAIGNS,
-    DECLARED,
-    ORIGIN,
-    RUN,
-    RUNS,
-    SEARCHES,
-    AnyVerb,
-    CampaignSource,
-    Verb,
-)
 from daemon.model.verdicts import RunState
 from grammars.text import codec
 
@@ -63,7 +53,7 @@ _RATE_SPAN: Final = 600.0
 _RATE_RUNS: Final = 64
 
 
-class LedgerReader(CampaignSource):
+class LedgerReader(verbs.CampaignSource):
     """The read side of the ledger on one connection, used by one thread."""
 
     def __init__(self, connection: sqlite3.Connection, paths: StatePaths) -> None:
@@ -97,15 +87,15 @@ class LedgerReader(CampaignSource):
         finally:
             self._db.execute("COMMIT")
 
-    def ask(self, verb: Verb[..., A], request: object) -> A:
+    def ask(self, verb: verbs.Verb[..., A], request: object) -> A:
         """Answer a request to a :class:`CampaignSource`."""
-        answers: dict[AnyVerb, Callable[[Any], Any]] = {
-            CAMPAIGNS: self._campaigns,
-            RUNS: self._runs,
-            RUN: self._run,
-            DECLARED: lambda request: read_declared(self._db, request.id),
-            ORIGIN: self._origin,
-            SEARCHES: partial(read_searches, self._db),
+        answers: dict[verbs.AnyVerb, Callable[[Any], Any]] = {
+            verbs.CAMPAIGNS: self._campaigns,
+            verbs.RUNS: self._runs,
+            verbs.RUN: self._run,
+            verbs.DECLARED: lambda request: read_declared(self._db, request.id),
+            verbs.ORIGIN: self._origin,
+            verbs.SEARCHES: partial(read_searches, self._db),
         }
         answer: A = answers[verb](request)
         return answer

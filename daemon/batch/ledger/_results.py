@@ -12,7 +12,6 @@ from daemon.judging.assessment import undecided_cells
 from daemon.model.assessments import AssessmentRules
 from daemon.model.messages import Completion, Rejection
 from daemon.model.spec import ENGINE_VERSION, RunResult
-from daemon.model.status import RunRow
 from daemon.model.verdicts import deciding_verdict
 from grammars.text import codec
 
@@ -185,7 +184,9 @@ def queue_reserve(db: sqlite3.Connection, campaign: str) -> int:
     waiting = "SELECT total(runs) FROM tally WHERE campaign = ? AND state = ?"
     if not db.execute(waiting, (campaign, RESERVE)).fetchone()[0]:
         return 0
-    declared, records = read_declared(db, campaign), _read_runs(db, campaign)
+    where = "WHERE campaign = ? AND state <> ? ORDER BY position"
+    rows = select_runs(db, where, (campaign, RESERVE), results=True)
+    declared, records = read_declared(db, campaign), [run_row(db, row) for row in rows]
     queued = 0
     for scenario, sut in undecided_cells(declared, records):
         so_far = sum((r.scenario, r.sut) == (scenario, sut) for r in records)
@@ -197,9 +198,3 @@ def queue_reserve(db: sqlite3.Connection, campaign: str) -> int:
         ).rowcount
     db.execute("UPDATE campaign SET total = total + ? WHERE id = ?", (queued, campaign))
     return queued
-
-
-def _read_runs(db: sqlite3.Connection, campaign: str) -> tuple[RunRow, ...]:
-    where = "WHERE campaign = ? AND state <> ? ORDER BY position"
-    rows = select_runs(db, where, (campaign, RESERVE), results=True)
-    return tuple(run_row(db, row) for row in rows)

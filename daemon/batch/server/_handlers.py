@@ -21,6 +21,7 @@ from daemon.batch.server._submissions import read_extension, read_submission
 from daemon.batch.server._uploads import DaemonFiles
 from daemon.batch.server._workers import LeaseDeadlines, SearchClients, WorkerRegistry
 from daemon.batch.stores import Marker, is_url, read_part
+from daemon.model import verbs
 from daemon.model.ids import is_id
 from daemon.model.messages import (
     CampaignQuery,
@@ -57,20 +58,6 @@ from daemon.model.status import (
     WorkerRow,
 )
 from daemon.model.submission import Submission
-from daemon.model.verbs import (
-    CAMPAIGNS,
-    DECLARED,
-    DELETE,
-    EXTEND,
-    ORIGIN,
-    PUT,
-    RUN,
-    RUNS,
-    SEARCHES,
-    SUBMIT,
-    VERBS,
-    AnyVerb,
-)
 from grammars.text import codec
 
 _FRESH: Final = 1.0
@@ -79,7 +66,7 @@ _REST: Final = 20.0
 100,000 runs). The estimate counts down in between."""
 _MOST_TROUBLES: Final = 32
 """Most troubles in an overview: hundreds of workers may share one full disk."""
-_ASKED: Final[tuple[AnyVerb, ...]] = (RUNS, RUN, DECLARED, ORIGIN)
+_ASKED: Final[tuple[verbs.AnyVerb, ...]] = (verbs.RUNS, verbs.RUN, verbs.DECLARED, verbs.ORIGIN)
 """Verbs that the ledger alone answers."""
 
 
@@ -114,19 +101,19 @@ class Handlers:
         self._estimate_again_at = -math.inf
         self._started_at = time.time()
         self.clients = SearchClients()
-        others: dict[AnyVerb, Callable[[Any, Any], object]] = {
-            PUT: self._files.put,
+        others: dict[verbs.AnyVerb, Callable[[Any, Any], object]] = {
+            verbs.PUT: self._files.put,
             **{verb: partial(_ask_ledger, verb) for verb in _ASKED},
         }
-        self.by_verb: dict[AnyVerb, VerbHandler] = {
+        self.by_verb: dict[verbs.AnyVerb, VerbHandler] = {
             verb: VerbHandler(others.get(verb) or getattr(self, verb.name))
-            for verb in VERBS.values()
+            for verb in verbs.VERBS.values()
         }
         # Not in the writer's thread: checking 100,000 runs takes seconds, and leases would wait.
-        for verb, read in ((SUBMIT, read_submission), (EXTEND, read_extension)):
+        for verb, read in ((verbs.SUBMIT, read_submission), (verbs.EXTEND, read_extension)):
             prepare = partial(read, paths=self.paths)
             self.by_verb[verb] = replace(self.by_verb[verb], prepare=prepare)
-        self.by_verb[DELETE] = VerbHandler(self.delete, prepare=self._measure)
+        self.by_verb[verbs.DELETE] = VerbHandler(self.delete, prepare=self._measure)
 
     # Read requests, each answered from one snapshot of the ledger
 
@@ -155,7 +142,7 @@ class Handlers:
         seconds = self._time_left(ledger).campaigns
         rows = (
             replace(row, search=self.clients.state(row.id)) if row.search == "waiting" else row
-            for row in ledger.ask(CAMPAIGNS, query)
+            for row in ledger.ask(verbs.CAMPAIGNS, query)
         )
         return tuple(
             row
@@ -205,7 +192,7 @@ class Handlers:
             )
             if row.state == "waiting"
             else row
-            for row in ledger.ask(SEARCHES, query)
+            for row in ledger.ask(verbs.SEARCHES, query)
         )
 
     def workers(self, ledger: LedgerReader, _: Empty) -> tuple[WorkerRow, ...]:
@@ -273,7 +260,7 @@ class Handlers:
         return Count(count)
 
     def _measure(self, payload: bytes) -> _MeasuredDeletion:
-        request = read_request(DELETE, payload)
+        request = read_request(verbs.DELETE, payload)
         assert isinstance(request, DeleteRequest)
         campaigns = tuple(dict.fromkeys(request.campaigns))
         # Not in the writer's thread: there may be thousands of files.
@@ -380,5 +367,5 @@ class Handlers:
             self.log.write("worker came", worker=worker.id, slots=worker.slots)
 
 
-def _ask_ledger(verb: AnyVerb, ledger: LedgerReader, request: object) -> object:
+def _ask_ledger(verb: verbs.AnyVerb, ledger: LedgerReader, request: object) -> object:
     return ledger.ask(verb, request)

@@ -7,19 +7,10 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from daemon.model.sut import Briefing, Decision, Observation, Progress
+from daemon.stacks.pilot import motion
 from daemon.stacks.pilot._parameters import PilotParameters
 from daemon.stacks.pilot.localisation import Sensing
 from daemon.stacks.pilot.maps import PlannedPath, Planner, first_blocked, map_field
-from daemon.stacks.pilot.motion import (
-    ESCAPES,
-    STILL,
-    CollisionGuard,
-    DriveLimits,
-    Pursuit,
-    hull_of,
-    scaled,
-    stoppable,
-)
 from grammars.model.geometry import Floats, Pose2, Twist2, wrap_angle
 from grammars.model.mission import Waypoint
 
@@ -73,17 +64,17 @@ class Pilot:
     def start(self, briefing: Briefing) -> None:
         """Prepare the map for one run; raises ``ValueError`` for a map without free cells."""
         parameters = self._parameters
-        field, hull = map_field(briefing.map), hull_of(briefing.robot.footprint)
+        field, hull = map_field(briefing.map), motion.hull_of(briefing.robot.footprint)
         self._waypoints = briefing.mission.waypoints
-        self._limits = DriveLimits(briefing.robot.drive, parameters)
+        self._limits = motion.DriveLimits(briefing.robot.drive, parameters)
         self._sensing = Sensing(briefing, field, parameters)
-        self._guard = CollisionGuard(hull, field, self._limits, parameters)
+        self._guard = motion.CollisionGuard(hull, field, self._limits, parameters)
         self._front = float(hull.rim[:, 0].max())
         lethal = float(hull.planes[:, 2].min()) + _CLEARANCE
         preferred = max(parameters.preferred_clearance, lethal + field.resolution)
         self._planner = Planner(field, lethal, preferred, parameters.goal_tolerance)
         self._state: Literal["active", "succeeded", "aborted"] = "active"
-        self._command = STILL
+        self._command = motion.STILL
         self._new_plan: Floats | None = None
         self._events: list[str] = []
         self._nearest = math.inf
@@ -95,9 +86,9 @@ class Pilot:
 
     def _begin_waypoint(self) -> None:
         self._reached += 1
-        self._pursuit: Pursuit | None = None
+        self._pursuit: motion.Pursuit | None = None
         self._blockage: _Blockage | None = None
-        self._escape, self._escapes_until = STILL, 0.0
+        self._escape, self._escapes_until = motion.STILL, 0.0
         self._turning = False
         # Waiting time since the least remaining way [s], and that way [m].
         self._waited, self._closest = 0.0, math.inf
@@ -114,7 +105,7 @@ class Pilot:
             ramped = self._limits.ramp(self._command, target, self.period)
             self._command = self._guard.limit(ramped, pose, self._sensing.around)
         else:
-            self._command = STILL
+            self._command = motion.STILL
         stands = abs(self._command.vx) <= 0.03 and abs(self._command.wz) <= 0.05
         self._standing = self._standing + self.period if stands else 0.0
         # Only waiting wears patience down, not time in motion.
@@ -140,10 +131,10 @@ class Pilot:
         if now < self._stays_until:
             # Staying is neither standing in a jam nor waiting for a way.
             self._standing, self._waited = 0.0, 0.0
-            return STILL
+            return motion.STILL
         self._state = "succeeded"
         self._events.append("mission complete")
-        return STILL
+        return motion.STILL
 
     def _is_reached(self, pose: Pose2, goal: Waypoint) -> bool:
         """Tell whether the robot is there: first by position, then by heading if any."""
@@ -164,25 +155,25 @@ class Pilot:
             return Twist2(0.0, 0.0, self._limits.towards(wrap_angle(goal.yaw - pose.yaw)))
         pursuit = self._pursuit or self._find_way(pose, goal)
         if pursuit is None:
-            return STILL
+            return motion.STILL
         if pursuit.locate(pose) > _OFF_PATH:
             self._pursuit = None
-            return STILL
+            return motion.STILL
         if pursuit.remaining < self._closest - _GAINED:
             self._waited, self._attempts, self._closest = 0.0, 0, pursuit.remaining
         self._watch(now, pose, goal, pursuit)
         if self._pursuit is not pursuit:
-            return STILL
+            return motion.STILL
         target = pursuit.steer(pose, self._command.vx)
         if self._blockage is None:
             return target
         if self._attempts:
-            return STILL
+            return motion.STILL
         room = self._blockage.distance - self._front - self._parameters.blocked_distance
-        allowed = stoppable(room, self._limits.acceleration)
-        return scaled(target, allowed / target.vx) if target.vx > allowed else target
+        allowed = motion.stoppable(room, self._limits.acceleration)
+        return motion.scaled(target, allowed / target.vx) if target.vx > allowed else target
 
-    def _find_way(self, pose: Pose2, goal: Waypoint) -> Pursuit | None:
+    def _find_way(self, pose: Pose2, goal: Waypoint) -> motion.Pursuit | None:
         """Plan to ``goal`` around the known obstacles, or by the map alone if they leave no way."""
         path = self._plan_around(pose, goal)
         path = path or self._planner.plan((pose.x, pose.y), (goal.x, goal.y))
@@ -195,13 +186,13 @@ class Pilot:
         clearance = self._sensing.obstacles.clearance(self._planner.preferred)
         return self._planner.plan((pose.x, pose.y), (goal.x, goal.y), clearance)
 
-    def _take(self, path: PlannedPath) -> Pursuit:
-        self._pursuit = Pursuit(path, self._limits, self._parameters.lookahead)
+    def _take(self, path: PlannedPath) -> motion.Pursuit:
+        self._pursuit = motion.Pursuit(path, self._limits, self._parameters.lookahead)
         self._new_plan = path.points
         self._standing = 0.0
         return self._pursuit
 
-    def _watch(self, now: float, pose: Pose2, goal: Waypoint, pursuit: Pursuit) -> None:
+    def _watch(self, now: float, pose: Pose2, goal: Waypoint, pursuit: motion.Pursuit) -> None:
         """Look for obstacles on the path ahead; wait, or take another way."""
         points, spacing = pursuit.path
         # Things beside the robot are not obstacles ahead; the guard minds them.
@@ -257,8 +248,8 @@ class Pilot:
     ) -> None:
         """Start the motion that stays free longest, if any; backing off wins a tie."""
         longest = _SHORTEST
-        for name, usual in ESCAPES if turns else ESCAPES[:1]:
-            command = scaled(usual, hurry)
+        for name, usual in motion.ESCAPES if turns else motion.ESCAPES[:1]:
+            command = motion.scaled(usual, hurry)
             free = self._guard.free(command, pose, self._sensing.around, _LONGEST)
             if free > longest:
                 longest, best = free, name

@@ -58,8 +58,8 @@ from daemon.supervision.remains import (
     end_marked,
     marked_processes,
     parent_of,
+    remove_shared_memory,
 )
-from daemon.supervision.shared_memory import remove_shared_memory
 from daemon.supervision.supervisor import ENVIRONMENT, RELAY_OUTPUT, STACK_OUTPUT, StackPlan
 from grammars.text import codec
 from grammars.text.files import write_atomically

@@ -95,7 +95,7 @@ def history(reader):
 @pytest.fixture
 def undrawn(monkeypatch):
     """Pages without drawings: whoever starts Vega waits for a second."""
-    draw = "daemon.analysis.history.draw_charts"
+    draw = "daemon.analysis.charts.draw_charts"
     monkeypatch.setattr(draw, lambda charts: ["<svg></svg>"] * len(charts))
 
 
