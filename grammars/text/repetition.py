@@ -30,7 +30,7 @@ from grammars.text.expressions import (
     read_expression,
 )
 from grammars.text.parsing import without_comments
-from grammars.text.units import RATIO, Dimension
+from grammars.text.units import RATIO
 
 _MARK: Final = re.compile(
     r"(?<![\w.])for\s+(?P<name>[^\d\W]\w*)\s+in\b(?P<range>[^{}\n]*(?:\n\s*(?={))?)|[{}]"
@@ -62,7 +62,7 @@ class RepeatedText(SourceText):
         text, original, turn = self._pieces[number]
         inside = min(offset - self._begins[number], len(text))
         place = self._source.where(original + inside)
-        return RepeatedPlace(place.file, place.line, place.column, turn) if turn else place
+        return _turned(place, turn) if turn else place
 
 
 def repeated(source: SourceText) -> SourceText:
@@ -83,7 +83,8 @@ class _Writer:
         """Parts of the text, their offsets in the original, and the counters there."""
         self._source, self._bare = source, bare
         self._size = 0
-        self._expressions: dict[int, tuple[Expression, Dimension]] = {}
+        self._sums: dict[int, tuple[Expression, str]] = {}
+        """Contents of braces by their offset, each with the unit of its value."""
 
     def _refusal(self, offset: int, message: str, hint: str = "") -> InputError:
         return InputError.at(self._source.where(offset), message, hint)
@@ -148,47 +149,18 @@ class _Writer:
 
     def _number(self, opening: int, closing: int, counters: _Counters) -> str:
         """Return the value of the braces from ``opening`` to ``closing`` as text."""
-        written = self._bare[opening + 1 : closing].strip()
-        if written in counters:
-            number, unit = float(counters[written]), ""
-        else:
-            expression, dimension = self._expression(opening, closing, counters)
-            number = evaluate(expression, lambda name: float(counters[name.name]))
-            unit = "" if dimension == RATIO else f" {dimension.unit}"
+        written = self._bare[opening + 1 : closing]
+        if opening not in self._sums:
+            self._sums[opening] = _read_sum(written, self._source.where(opening + 1), counters)
+        expression, unit = self._sums[opening]
+        number = evaluate(expression, lambda name: float(counters[name.name]))
         within_name = re.match(r"\w", self._bare[opening - 1]) is not None
         if not math.isfinite(number) or (within_name and (number < 0 or number % 1 or unit)):
-            value = f"{{{written}}} is {number:g}{unit}" if number == number else "it has no value"
+            shown = "no number" if math.isnan(number) else f"{number:g}{unit}"
+            value = f"{{{written.strip()}}} is {shown}"
             message = f"a name needs a whole number, {value}" if within_name else value
-            raise InputError.at(self._place(opening, counters), message)
-        return f"{number + 0.0:.12g}{unit}"
-
-    def _expression(
-        self, opening: int, closing: int, counters: _Counters
-    ) -> tuple[Expression, Dimension]:
-        if opening in self._expressions:
-            return self._expressions[opening]
-        place = self._source.where(opening + 1)
-        text = SourceText(self._bare[opening + 1 : closing], place.file, within=place)
-        findings = Findings(text)
-
-        def kind_of_name(name: Name) -> MaybeKind:
-            if name.name in counters and not name.arguments:
-                return RATIO
-            hint = did_you_mean(name.name, counters)
-            message = f'braces know only numbers and counters, not "{name.name}"'
-            findings.error(text.where(name.column), message, hint)
-            return Unknown.UNKNOWN
-
-        expression = read_expression(_LANGUAGE.parse(text).sum, text)
-        dimension = DimensionCheck(text, findings, kind_of_name).quantity(expression)
-        findings.raise_errors()
-        assert dimension is not None
-        self._expressions[opening] = expression, dimension
-        return expression, dimension
-
-    def _place(self, offset: int, counters: _Counters) -> Where:
-        place = self._source.where(offset)
-        return RepeatedPlace(place.file, place.line, place.column, _turn(counters))
+            raise InputError.at(_turned(self._source.where(opening), _turn(counters)), message)
+        return f"{number + 0.0:.15g}{unit}"
 
     def _copy(self, start: int, end: int, counters: _Counters, indent: str) -> None:
         """Copy a part of the text, without the indentation of a repeated one."""
@@ -210,3 +182,25 @@ class _Writer:
 
 def _turn(counters: _Counters) -> str:
     return ", ".join(f"{name} = {value}" for name, value in counters.items())
+
+
+def _turned(place: Where, turn: str) -> Where:
+    return RepeatedPlace(place.file, place.line, place.column, turn)
+
+
+def _read_sum(written: str, where: Where, counters: _Counters) -> tuple[Expression, str]:
+    """Return the content of braces and the unit of its value; raises :class:`InputError`."""
+    text = SourceText(written, where.file, within=where)
+    findings = Findings(text)
+
+    def kind_of_name(name: Name) -> MaybeKind:
+        if name.name in counters and not name.arguments:
+            return RATIO
+        message = f'braces know only numbers and counters, not "{name.name}"'
+        findings.error(text.where(name.column), message, did_you_mean(name.name, counters))
+        return Unknown.UNKNOWN
+
+    expression = read_expression(_LANGUAGE.parse(text).sum, text)
+    dimension = DimensionCheck(text, findings, kind_of_name).quantity(expression)
+    findings.raise_errors()
+    return expression, "" if dimension in (RATIO, None) else f" {dimension.unit}"
