@@ -140,7 +140,9 @@ def _print_results(
 def _print_folder(rows: tuple[RunRow, ...]) -> None:
     traces = [run.trace for run in rows if run.trace]
     if traces:
-        where = f"{count_noun(len(traces), 'trace')} in {traces[0].rpartition('/')[0] or '.'}"
+        folders = {trace.rpartition("/")[0] or "." for trace in traces}
+        place = count_noun(len(folders), "folder") if len(folders) > 1 else folders.pop()
+        where = f"{count_noun(len(traces), 'trace')} in {place}"
         if len(traces) == 1:
             where = f"1 trace: {traces[0]}"
         print_line(where)

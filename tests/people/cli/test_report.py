@@ -47,6 +47,9 @@ def test_tables_alone_need_no_page(here, capsys):
 def test_a_copy_of_a_trace_does_not_count_and_a_page_is_not_replaced_silently(here, capsys):
     (here / "traces" / "again").mkdir()
     shutil.copy(here / "traces" / "a.mcap", here / "traces" / "again")
+    (here / "traces" / "b.mcap").rename(here / "traces" / "again" / "b.mcap")
+    assert invoke(["results", "traces"]) == 0
+    assert "2 traces in 2 folders\n" in capsys.readouterr().out
     for is_there in (False, True):
         assert invoke(["report", "traces", "-j", "1"]) == 0
         out, err = capsys.readouterr()
