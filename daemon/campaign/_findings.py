@@ -20,7 +20,7 @@ from daemon.model.assessments import RepeatPolicy
 from daemon.model.spec import SutReference
 from daemon.stacks.findings import ParameterFinding, ParameterLocation, format_path
 from daemon.stacks.registry import stack_kind
-from grammars.oracle import Reached, RunOutline, check_bounds, signal_declaration
+from grammars.oracle import Reached, RunOutline, check_bounds, check_spots, signal_declaration
 from grammars.preflight import check_limit, check_map, check_robot, check_run, check_scene
 from grammars.scenery import unused_groups, unused_parameters
 from grammars.scenery.composition import Catalogue
@@ -238,6 +238,7 @@ def _problems_of(cell: CampaignCell, settings: Mapping[int, Any]) -> Iterable[Fi
     )
     for oracle in cell.oracles:
         yield from check_bounds(oracle, run)
+        yield from check_spots(oracle, run)
     yield from check_limit(cell.mission, speeds, limit=cell.limit, where=cell.limit_where)
     for behaviours in dict.fromkeys(cell.behaviours):
         yield from check_run(

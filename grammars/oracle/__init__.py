@@ -39,6 +39,7 @@ from grammars.oracle._signals import (
     custom_signal_names,
     signal_declaration,
 )
+from grammars.oracle._spots import check_spots
 
 __all__ = [
     "OBJECT_SIGNALS",
@@ -64,6 +65,7 @@ __all__ = [
     "Until",
     "check_bounds",
     "check_references",
+    "check_spots",
     "compared_limits",
     "custom_oracle",
     "custom_oracle_names",

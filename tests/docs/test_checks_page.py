@@ -9,6 +9,7 @@ SOURCES = (
     *sorted((ROOT / "grammars" / "preflight").glob("_*.py")),
     ROOT / "daemon" / "campaign" / "_findings.py",
     ROOT / "grammars" / "oracle" / "_bounds.py",
+    ROOT / "grammars" / "oracle" / "_spots.py",
     ROOT / "daemon" / "search" / "preparation.py",
 )
 # Some of their messages are on the page, besides those of what cannot be read at all.

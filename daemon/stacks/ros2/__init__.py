@@ -12,6 +12,7 @@ from daemon.model.attachments import SutMissing
 from daemon.model.execution import commands_allowed
 from daemon.stacks.findings import ParameterFinding, ParameterFindings
 from daemon.stacks.kind import StackKind
+from daemon.stacks.ros2.attached import contradictions
 from daemon.stacks.ros2.keys import ROS2_KEYS
 from daemon.stacks.ros2.settings import (
     Ros2Settings,
@@ -50,7 +51,7 @@ class _Ros2Kind(StackKind[Ros2Settings]):
         return Ros2Stack(settings)
 
     def findings(self, settings: Ros2Settings) -> ParameterFindings:
-        return ParameterFindings(tuple(warnings_about(settings)))
+        return ParameterFindings((*warnings_about(settings), *contradictions(settings)))
 
     def advise(
         self, settings: Ros2Settings, robot: Robot, mission: Mission
