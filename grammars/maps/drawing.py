@@ -54,8 +54,8 @@ _DAMAGED: Final = (
 _CELL, _MOST_CELLS, _MARGIN = 0.02, 4e6, 3.0
 """Side of a cell [m], larger in large buildings; margin around them [m], at least half a gate."""
 _LARGEST_FILE, _MOST_ENTITIES = 256 * 1024 * 1024, 500_000
-_SIZES, _FAR = (1.0, 2000.0), 1000.0
-"""Extents of a building [m]; beyond ``_FAR`` from the origin, it is moved there."""
+_SIZES, _LARGE, _FAR = (1.0, 2000.0), 200.0, 1000.0
+"""Extents of buildings and of doubtful ones [m]; beyond ``_FAR`` from the origin they are moved."""
 _MOST_JAMBS: Final = 8
 """Number of nearest ends of lines with which an end is joined."""
 _THICKEST: Final = 0.6
@@ -83,7 +83,7 @@ def draw_map(
     """
     where = Where(str(path))
     code, player = _shown(path, where, findings)
-    unit = unit.lower() or _UNIT_CODES.get(code, "")
+    unit, is_of_file = unit.lower() or _UNIT_CODES.get(code, ""), not unit
     if unit not in _UNITS:
         problem = f'unknown unit "{unit}"' if unit else "the drawing names no known unit"
         raise InputError.at(where, problem, f"give its unit with --unit: {', '.join(_UNITS)}")
@@ -100,6 +100,9 @@ def draw_map(
     if not _SIZES[0] <= max(width, depth) <= _SIZES[1]:
         problem = f"the walls measure {width:,.3g} m by {depth:,.3g} m: not a building"
         raise InputError.at(where, problem, f"the unit was {unit}; give the right one with --unit")
+    if is_of_file and max(width, depth) > _LARGE:
+        message = f"the walls measure {width:.0f} m by {depth:.0f} m: the file says {unit}"
+        findings.warning(where, message, "if it was drawn in another unit, give that with --unit")
     shift = np.floor(low) if math.hypot(*low) > _FAR else np.zeros(2)
     if shift.any():
         x, y = (-shift).tolist()

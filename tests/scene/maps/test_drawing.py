@@ -118,6 +118,14 @@ def test_units_are_those_of_the_file_or_given_and_coordinates_of_a_country_are_m
     assert areas(grid) == [(0.3, 0, 9.7, 5.7), (6.15, 3.55, 9.7, 5.7)]
 
 
+def test_a_building_as_large_as_by_a_wrong_unit_is_questioned(tmp_path, monkeypatch):
+    monkeypatch.setattr("grammars.maps.drawing._MOST_CELLS", 1e5)
+    draw(tmp_path / "house.dxf", unit=1, scale=1000.0)
+    measures = "the walls measure 254 m by 152 m: the file says in"
+    assert measures in drawn(tmp_path / "house.dxf")[1]
+    assert measures not in drawn(tmp_path / "house.dxf", unit="IN")[1]
+
+
 def lines_of(path, *lines):
     """Save a drawing in metres of these lines on a layer of walls."""
     drawing = new_drawing()
