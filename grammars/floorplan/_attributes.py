@@ -116,7 +116,7 @@ class ElementReader(Findings):
         if not nodes:
             counts = f" {name} = " in f" {turn_of(self.where(place))}"
             hint = did_you_mean(name, self._values) or f'define it: "var {name} = 1.0 m"'
-            hint = f"write {{{name}}} for the number of the repetition" if counts else hint
+            hint = f"write {{{name}}} for the number of the loop" if counts else hint
             self.error(place, f'unknown variable "{name}"', hint)
         elif len(nodes) > 1:
             lines = " and ".join(str(self.where(v).line) for v in nodes)

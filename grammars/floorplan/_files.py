@@ -22,9 +22,9 @@ from grammars.text.diagnostics import (
     raise_all,
     with_article,
 )
+from grammars.text.loops import repeated
 from grammars.text.parsing import Language, SyntaxFault, without_comments
 from grammars.text.quantity import parse_quantity
-from grammars.text.repetition import repeated
 from grammars.text.sources import read_text
 
 _ELEMENT_START: Final = re.compile(
@@ -77,7 +77,7 @@ _HINTS: Final = {
     ),
     **dict.fromkeys(("Wall",), "walls are not written: every edge of a space's shape is a wall"),
     "Pillar": 'it is written "Column NAME:"',
-    "for": "a repetition is written: for i in 1..6 { … }",
+    "for": "a loop is written: for i in 1..6 { … }",
     "walls": _SPACE_ORDER,
     "shape": "every element starts with its shape, written once",
     "location": "the location follows the shape (and the height of a column or divider)",

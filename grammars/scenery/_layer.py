@@ -24,8 +24,8 @@ from grammars.scenery.model import (
     Setting,
 )
 from grammars.text.diagnostics import SourceText, SyntaxNode, Where, rule_of
+from grammars.text.loops import repeated
 from grammars.text.parsing import Language, SyntaxFault, keywords_of, without_comments
-from grammars.text.repetition import repeated
 from grammars.text.sources import read_text
 from grammars.text.units import UNIT_WORDS
 from grammars.text.words import enumerate_words
@@ -138,7 +138,7 @@ class _SceneryLanguage(Language):
         if fault.word == "#":
             return "comments start with //"
         if fault.word in ("+", "*", "/"):
-            return "only the braces of a repetition calculate: {1.5 * i} m"
+            return "only the braces of a loop calculate: {1.5 * i} m"
         if re.search(r"\d,\d[^,()]*$", fault.done):
             return "write decimals with a point: 1.5, not 1,5"
         unitless = _UNITLESS.search(fault.done)

@@ -43,13 +43,13 @@ class Where:
 
 @dataclass(frozen=True, slots=True)
 class RepeatedPlace(Where):
-    """A place in a repeated text; ``turn`` names the repetition, such as ``i = 3``."""
+    """A place in a repeated text; ``turn`` names the turn of a loop, such as ``i = 3``."""
 
     turn: str = field(default="", compare=False)
 
 
 def turn_of(place: Where) -> str:
-    """Return the name of the repetition of a place, empty outside of repeated texts."""
+    """Return the turn of a loop that a place is in, empty outside of loops."""
     return place.turn if isinstance(place, RepeatedPlace) else ""
 
 
@@ -144,7 +144,7 @@ def each_once(findings: Iterable[Finding]) -> tuple[Finding, ...]:
 def _with_turns(first: Finding, others: int) -> Finding:
     if not others or not turn_of(first.where):
         return first
-    turns = f"the same in {others} more of its repetitions"
+    turns = f"the same in {others} more turns"
     return replace(first, hint=f"{first.hint}; {turns}" if first.hint else turns)
 
 

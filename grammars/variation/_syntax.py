@@ -88,7 +88,7 @@ class _VariationLanguage(Language):
         if not done:
             return 'a variation starts with the plan it varies: import "plan.fpm"'
         if re.search(r"\bfor$", done):
-            return "a variation names each element of a repetition: room_1: { … }"
+            return "a variation names each element of a loop: room_1: { … }"
         if word in _HINTS:
             return _HINTS[word]
         function = re.search(r"(\w+)\s*\([^()]*$", done)

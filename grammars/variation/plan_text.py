@@ -13,8 +13,8 @@ from typing import Final, TypeAlias
 from grammars.floorplan import parse_syntax, variables_of
 from grammars.text.diagnostics import SourceText, SyntaxNode, rule_of
 from grammars.text.expressions import Expression, Function, Name, read_expression
+from grammars.text.loops import repeated
 from grammars.text.parsing import without_comments
-from grammars.text.repetition import repeated
 from grammars.text.units import to_si
 
 Span: TypeAlias = tuple[int, int]

@@ -9,8 +9,8 @@ from functools import cache
 from types import MappingProxyType
 
 from grammars.text.diagnostics import SourceText
+from grammars.text.loops import repeated
 from grammars.text.parsing import load_metamodel
-from grammars.text.repetition import repeated
 from tests.docs.markdown import ROOT
 
 GRAMMARS = {

@@ -1,4 +1,4 @@
-"""Repetitions in the text of a language: ``for i in 1..6 { … room_{i} … {2.5 * i} m … }``.
+"""Loops in the text of a language: ``for i in 1..6 { … room_{i} … {2.5 * i} m … }``.
 
 The text inside the outer braces is read once for every number. Inner braces hold arithmetic with
 the counters. A language reads the repeated text; places in it are those of the written one.
@@ -40,13 +40,13 @@ _FORM: Final = "write for i in 1..6 { … }"
 _LARGEST: Final = 500_000
 """Characters of a repeated text at most."""
 _DEEPEST: Final = 5
-_LANGUAGE: Final = ExpressionLanguage(Path(__file__).with_name("repetition.tx"), autokwd=True)
+_LANGUAGE: Final = ExpressionLanguage(Path(__file__).with_name("loops.tx"), autokwd=True)
 
 _Counters = Mapping[str, int]
 
 
 class RepeatedText(SourceText):
-    """A text with all repetitions written out; its places are those of the original text."""
+    """A text with all loops written out; its places are those of the original text."""
 
     def __init__(self, source: SourceText, pieces: list[tuple[str, int, str]]) -> None:
         super().__init__("".join(text for text, _, _ in pieces), source.file)
@@ -66,7 +66,7 @@ class RepeatedText(SourceText):
 
 
 def repeated(source: SourceText) -> SourceText:
-    """Return the text with all repetitions written out; raises :class:`InputError`."""
+    """Return the text with all loops written out; raises :class:`InputError`."""
     bare = without_comments(source.text)
     if _MARK.search(bare) is None:
         return source
@@ -76,7 +76,7 @@ def repeated(source: SourceText) -> SourceText:
 
 
 class _Writer:
-    """Writes the repetitions of a text out; ``bare`` is the text without comments."""
+    """Writes the loops of a text out; ``bare`` is the text without comments."""
 
     def __init__(self, source: SourceText, bare: str) -> None:
         self.pieces: list[tuple[str, int, str]] = []
@@ -99,7 +99,7 @@ class _Writer:
             elif mark[0] == "}":
                 raise self._refusal(mark.start(), '"}" closes nothing', "remove it")
             elif not counters:
-                message = '"{" needs a repetition around it'
+                message = '"{" needs a loop around it'
                 raise self._refusal(mark.start(), message, _FORM)
             else:
                 at = self._closing(mark.start(), end) + 1
@@ -107,12 +107,12 @@ class _Writer:
         self._copy(at, end, counters, indent)
 
     def _repeat(self, mark: re.Match[str], end: int, counters: _Counters) -> int:
-        """Write a repetition and return the offset behind it."""
+        """Write a loop and return the offset behind it."""
         name, opening = mark["name"], mark.end()
         bounds = _RANGE.fullmatch(mark["range"])
         if bounds is None or self._bare[opening : opening + 1] != "{":
             words = " ".join(mark[0].split())
-            raise self._refusal(mark.start(), f'"{words}" is not a repetition', _FORM)
+            raise self._refusal(mark.start(), f'"{words}" is not a loop', _FORM)
         if name in counters or len(counters) == _DEEPEST:
             problem = "counts already" if name in counters else "is nested too deeply"
             raise self._refusal(mark.start("name"), f"{name} {problem}", "choose another form")
@@ -134,7 +134,7 @@ class _Writer:
         if word in counters:
             return counters[word]
         if re.fullmatch(r"[+-]?[0-9]{1,6}", word) is None:
-            message = f"a repetition counts whole numbers, not {word}"
+            message = f"a loop counts whole numbers, not {word}"
             raise self._refusal(mark.start("range"), message, _FORM)
         return int(word)
 
@@ -176,7 +176,7 @@ class _Writer:
     def _add(self, text: str, offset: int, counters: _Counters) -> None:
         self._size += len(text)
         if self._size > _LARGEST:
-            raise self._refusal(offset, "the repetitions make a text that is too long")
+            raise self._refusal(offset, "the loops make a text that is too long")
         self.pieces.append((text, offset, _turn(counters)))
 
 

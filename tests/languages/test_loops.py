@@ -1,4 +1,4 @@
-"""Repetitions: the text that is read, the places of its messages, and a ward made of them."""
+"""Loops: the text that is read, the places of its messages, and a ward made of them."""
 
 import shutil
 
@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from grammars.floorplan import parse_floorplan, read_floorplan
 from grammars.scenery import load_scenery, parse_scenery
 from grammars.text.diagnostics import SourceText
-from grammars.text.repetition import repeated
+from grammars.text.loops import repeated
 from grammars.variation import parse_variation, sample
 from scenario_tui.library.checking import check_file
 from tests.languages.plans import HERE
