@@ -17,7 +17,7 @@ from scenario_tui.cli.options import Baseline, TableFile, WorseBy
 from scenario_tui.cli.output import plain_table, print_commands, print_line, stdout_console
 from scenario_tui.cli.search import search_answer
 from scenario_tui.source import DaemonTarget, find_campaign, open_source, with_time_left
-from scenario_tui.text.formatting import margin, run_label
+from scenario_tui.text.formatting import margin
 
 if TYPE_CHECKING:
     from daemon.analysis.results import CampaignResults, ComparedResults
@@ -183,5 +183,5 @@ def _print_runs(rows: tuple[RunRow, ...], expectations: Expectations | None = No
             remark += " (cached)" if remark else "cached"
         word = marked_word(row, expectations)
         more = (remark,) if remarks else ()
-        table.add_row(name, run_label(row), word, row.oracle, value, *more)
+        table.add_row(name, row.label, word, row.oracle, value, *more)
     console.print(table)

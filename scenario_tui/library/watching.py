@@ -35,7 +35,7 @@ from grammars.text.terminal_text import printable_streams
 from grammars.text.words import command_line, count_noun, duration_text
 from scenario_tui.interrupts import stop_if_interrupted
 from scenario_tui.terminal.printable_console import open_console
-from scenario_tui.text.formatting import glyph_word, rate_text, run_counts, run_label
+from scenario_tui.text.formatting import glyph_word, rate_text, run_counts
 from scenario_tui.text.run_text import reached_text
 from scenario_tui.text.search_text import search_state
 from scenario_tui.text.styles import GLYPHS
@@ -117,7 +117,7 @@ def open_display() -> Iterator[ProgressDisplay]:
 
 
 def _run_line(row: RunRow, live: LiveSnapshot | None) -> Text:
-    text = Text.assemble((f"  {glyph_word('running')}  ", "running"), run_label(row))
+    text = Text.assemble((f"  {glyph_word('running')}  ", "running"), row.label)
     snapshot = None if live is None else live.snapshot
     return _fitting(text.append(f"  {reached_text(snapshot)}", style="dim"))
 

@@ -23,7 +23,6 @@ from scenario_tui.text.formatting import (
     glyph_word,
     margin,
     moment_text,
-    run_label,
     run_word,
 )
 from scenario_tui.text.results import unexpected_text
@@ -156,14 +155,14 @@ def attention_lists(results: CampaignResults) -> list[tuple[str, list[Text]]]:
         ),
         (
             f"{count_noun(len(differing), 'run')} not reproducible",
-            [_attention_line(run_word(r), run_label(r), [r.reason]) for r in differing],
+            [_attention_line(run_word(r), r.label, [r.reason]) for r in differing],
         ),
     )
     return [(title, lines) for title, lines in groups if lines]
 
 
 def _lost_run_text(row: RunRow) -> Text:
-    return _attention_line("lost", run_label(row), row.reason.strip().splitlines()[-1:])
+    return _attention_line("lost", row.label, row.reason.strip().splitlines()[-1:])
 
 
 def _attention_line(word: str, subject: str, more: Iterable[str]) -> Text:

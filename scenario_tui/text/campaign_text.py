@@ -13,7 +13,6 @@ from scenario_tui.text.formatting import (
     brief_duration,
     margin,
     run_counts,
-    run_label,
     run_word,
     verdict_line,
 )
@@ -165,7 +164,7 @@ def failure_lines(results: CampaignResults, width: int) -> list[Text]:
     lines = []
     for run, mark in failures[:_FAILURES]:
         word = run_word(run)
-        text = Text.assemble((GLYPHS[word], marked_style(word, mark)), f" {run_label(run)} ")
+        text = Text.assemble((GLYPHS[word], marked_style(word, mark)), f" {run.label} ")
         append_mark(text, mark)
         text.append(f" known: {mark.reason}" if mark.kind == "known" else "", style=QUIET)
         lines += [text, Text(f"  {_sentence(run)}", style=QUIET)]

@@ -136,11 +136,6 @@ def run_counts(row: CampaignRow | DaemonOverview) -> dict[str, int]:
     return {word: count for word, count in counts.items() if count}
 
 
-def run_label(row: RunRow) -> str:
-    """Return the short name of a run: ``S1/pilot/3``."""
-    return f"{row.scenario}/{row.sut}/{row.repeat}"
-
-
 def verdict_line(verdict: Verdict) -> str:
     """Return a verdict and its evidence: ``no-collision: −0.03 m at 512.0 s, door_3``."""
     evidence = verdict.evidence

@@ -19,7 +19,6 @@ from scenario_tui.text.formatting import (
     margin_bar,
     margin_share,
     moment_text,
-    run_label,
     run_word,
     time_text,
 )
@@ -200,7 +199,7 @@ def run_text(
 ) -> Text:
     """Return everything about a run, the answer first; ``expectations`` mark its verdicts."""
     row = detail.row
-    text = Text.assemble((run_label(row), "bold"), "  ")
+    text = Text.assemble((row.label, "bold"), "  ")
     text.append_text(marked_word(row, expectations)).append("\n")
     if row.state is RunState.RUNNING:
         _running(text, snapshot)

@@ -38,7 +38,6 @@ from scenario_tui.dashboard.widgets.tables import VerdictList
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.dashboard.widgets.timeline_drawing import LEGEND as SIGNS
 from scenario_tui.dashboard.widgets.top_view import TopView
-from scenario_tui.text.formatting import run_label
 from scenario_tui.text.run_text import by_severity, marked_word, run_text
 from scenario_tui.text.styles import QUIET, UNSURE
 
@@ -135,7 +134,7 @@ class RunScreen(Parts, MapActions, PlayingScreen, SteeringScreen[RunNews]):
 
     def trail(self) -> str:
         """Return the campaign and the run."""
-        label = run_label(self.news.detail.row) if self.news is not None else self._run_id
+        label = self.news.detail.row.label if self.news is not None else self._run_id
         return f"campaigns › {self.about} › {label}"
 
     def moments(self) -> Sequence[FailureMoment]:

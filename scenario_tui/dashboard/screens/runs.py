@@ -24,7 +24,7 @@ from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_mar
 from scenario_tui.dashboard.state import DashboardState
 from scenario_tui.dashboard.widgets.static_text import StaticText, show_message_or
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
-from scenario_tui.text.formatting import margin, run_label, time_text
+from scenario_tui.text.formatting import margin, time_text
 from scenario_tui.text.run_text import marked_word, reached_text
 from scenario_tui.text.styles import QUIET, SEVERITY
 
@@ -293,7 +293,7 @@ def run_cells(row: RunRow, track: Track | None, expectations: Expectations | Non
             # Its least margin so far with its oracle, as if it decided.
             row = replace(row, oracle=snapshot.oracle, margin=snapshot.margin, unit=snapshot.unit)
     return row.id, (
-        Text(run_label(row), style="bold"),
+        Text(row.label, style="bold"),
         marked_word(row, expectations),
         Text(margin(row.margin, row.unit) if row.oracle else ""),
         Text(row.oracle),

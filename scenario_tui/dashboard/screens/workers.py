@@ -14,7 +14,7 @@ from scenario_tui.dashboard.state import DashboardState
 from scenario_tui.dashboard.widgets.running_grid import progress_bar, running_page
 from scenario_tui.dashboard.widgets.static_text import StaticText, show_message_or
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
-from scenario_tui.text.formatting import age_text, run_label
+from scenario_tui.text.formatting import age_text
 from scenario_tui.text.run_text import reached_text
 from scenario_tui.text.styles import QUIET
 
@@ -75,7 +75,7 @@ class WorkersScreen(FilteredScreen[WorkersNews]):
     def fetch(self, daemon: DaemonClient, state: DashboardState) -> WorkersNews:
         """Return the workers and their runs."""
         page = running_page(daemon, state)
-        return daemon.workers(), {row.id: run_label(row) for row in page.rows}
+        return daemon.workers(), {row.id: row.label for row in page.rows}
 
     def trail(self) -> str:
         """Return the sum of workers and slots."""

@@ -12,7 +12,7 @@ from textual.binding import Binding, BindingType
 from grammars.text.words import count_noun, duration_text
 from scenario_tui.dashboard.run_watch import SILENT
 from scenario_tui.dashboard.widgets.tables import KeyedList
-from scenario_tui.text.formatting import glyph_word, keep_end, run_label
+from scenario_tui.text.formatting import glyph_word, keep_end
 from scenario_tui.text.run_text import reached_text, worst_text
 from scenario_tui.text.styles import QUIET
 
@@ -72,7 +72,7 @@ def running_runs(
     runs = []
     for row in rows:
         campaign, track = campaigns.get(row.campaign), tracks.get(row.id)
-        label = f"{campaign.name if campaign else row.campaign} {run_label(row)}"
+        label = f"{campaign.name if campaign else row.campaign} {row.label}"
         snapshot, silence = (track.snapshot, tracks.silence(track)) if track else (None, 0.0)
         runs.append(RunningRun(row.id, label, snapshot, silence))
     return runs

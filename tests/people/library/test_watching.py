@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 
 from daemon.batch.errors import DaemonError, Refused, Unreachable
-from daemon.model import verbs
+from daemon.model import messages
 from daemon.model.status import ChangeEvent, Preparation, PreparationPhase
 from daemon.model.verdicts import RunState
 from scenario_tui.library import watching
@@ -157,6 +157,6 @@ def test_whoever_waits_asks_for_that_campaign_and_only_when_it_changed(fake, mon
 
 
 def test_all_campaigns_are_asked_for_page_by_page(fake, monkeypatch):
-    monkeypatch.setattr(verbs, "LARGEST_PAGE", 1)
+    monkeypatch.setattr(messages, "LARGEST_PAGE", 1)
     assert [row.id for row in fake.campaigns()] == [CAMPAIGN, OLD]
     assert len(fake.told("campaigns")) == 3
