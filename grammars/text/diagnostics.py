@@ -144,7 +144,7 @@ def each_once(findings: Iterable[Finding]) -> tuple[Finding, ...]:
 def _with_turns(first: Finding, others: int) -> Finding:
     if not others or not turn_of(first.where):
         return first
-    turns = f"the same in {others} more turns"
+    turns = f"the same in {others} more turn{'s' * (others > 1)}"
     return replace(first, hint=f"{first.hint}; {turns}" if first.hint else turns)
 
 
