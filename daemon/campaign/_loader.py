@@ -200,10 +200,23 @@ def _plans(scenario: ResolvedScenario, library: LayerLibrary) -> tuple[tuple[str
     A variant of the plan drawn with seed 1003 makes the cell ``<scenario>@1003``.
     """
     if scenario.vary is None:
-        return ((scenario.name, library.floorplan(required(scenario.floorplan))),)
+        plan = library.floorplan(required(scenario.floorplan))
+        raise_all(_without_walls(plan))
+        return ((scenario.name, plan),)
     robot = library.robot(required(scenario.robot))
     variants = library.variants(scenario.vary, inscribed_radius(robot.footprint))
     return tuple((f"{scenario.name}@{name.rpartition('_')[2]}", plan) for name, plan in variants)
+
+
+def _without_walls(plan: FloorPlan) -> Iterator[Finding]:
+    """Yield an error for each space whose walls have no thickness or height."""
+    for space in plan.spaces:
+        for wall in space.walls[:1]:
+            size = min(wall.thickness, wall.height)
+            if size <= 0.0:
+                message = f"the walls of {space.name} are {size:g} m thick or high"
+                hint = "write a thickness and a height above 0 m"
+                yield Finding(space.where, message, hint)
 
 
 def _compose_cells(draft: Draft) -> tuple[CampaignCell, ...]:

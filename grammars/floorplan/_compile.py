@@ -95,7 +95,7 @@ def _dimensions(nodes: Sequence[SyntaxNode], reader: ElementReader) -> dict[str,
             if dimension.key in values:
                 reader.error(dimension, f'"{dimension.key}" is given twice')
             elif value <= 0.0:
-                reader.error(dimension, f"a wall {dimension.key} of {value:g} m makes no wall")
+                reader.warning(dimension, f"a wall {dimension.key} of {value:g} m makes no wall")
             values[dimension.key] = value
     return values
 

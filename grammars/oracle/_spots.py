@@ -7,9 +7,6 @@ import operator
 from collections.abc import Callable, Iterator
 from typing import Final
 
-import shapely
-from shapely.geometry import Point, Polygon
-
 from grammars.model.geometry import Point2
 from grammars.oracle._bounds import RunOutline
 from grammars.oracle._model import Judgement, Oracle, Signal, Statistic, Temporal, thing_of
@@ -100,6 +97,8 @@ def _holds(
 
 
 def _is_in(place: str, run: RunOutline, point: Point2, border: float) -> bool | None:
+    from shapely.geometry import Point, Polygon
+
     scene = run.scene
     rings = {region.name: region.outline for region in scene.regions}
     rings |= {doorway.name: doorway.footprint for doorway in scene.doorways}
@@ -114,6 +113,9 @@ def _at_start(signal: Signal, run: RunOutline, point: Point2) -> tuple[float, fl
     if signal.name in _ZERO and not signal.arguments:
         return 0.0, 0.0
     if signal.name == "clearance" and not signal.arguments:
+        import shapely
+        from shapely.geometry import Point, Polygon
+
         walls = [Polygon(s.polygon) for s in run.scene.solids if s.z_min < run.robot.height]
         if walls:
             return -math.inf, float(shapely.distance(Point(point), walls).min())
