@@ -179,8 +179,7 @@ def _finer_than_systems(cell: CampaignCell, settings: Mapping[int, Any]) -> Iter
 def find_doubts(draft: Draft, policy: RepeatPolicy) -> Iterator[Finding]:
     """Yield warnings about values of a campaign file that make it say nothing."""
     text, where, n = draft.text, draft.document.where, policy.at_most
-    if policy.rule == "rate" and at_least(n, n) < policy.rate:
-        shown = at_least(n, n)
+    if policy.rule == "rate" and (shown := at_least(n, n)) < policy.rate:
         message = f"{n} repeats show a rate of {shown:.0%} at best, {policy.rate:.0%} are asked"
         enough = math.ceil(math.log(1.0 - CONFIDENCE) / math.log(policy.rate))
         yield _warning(where(("repeats",)), message, f"write n: {enough} or more")

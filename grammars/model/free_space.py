@@ -172,6 +172,11 @@ def inscribed_radius(footprint: Ring) -> float:
     return min(_to_side(a, b) for a, b in itertools.pairwise(ring))
 
 
+def circumscribed_radius(footprint: Ring) -> float:
+    """Return the largest distance from the base frame to a corner of the footprint [m]."""
+    return max(math.hypot(*corner) for corner in footprint)
+
+
 def _to_side(a: Point2, b: Point2) -> float:
     length = math.hypot(b[0] - a[0], b[1] - a[1])
     return abs(a[0] * b[1] - a[1] * b[0]) / length if length else math.hypot(*a)

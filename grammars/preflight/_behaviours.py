@@ -22,7 +22,13 @@ from grammars.model.behaviour import (
     Walk,
     WaypointReached,
 )
-from grammars.model.free_space import SNAP_DISTANCE, inscribed_radius, moving_links, swept_area
+from grammars.model.free_space import (
+    SNAP_DISTANCE,
+    circumscribed_radius,
+    inscribed_radius,
+    moving_links,
+    swept_area,
+)
 from grammars.model.mission import Mission
 from grammars.model.movers import is_fixed, own_joints
 from grammars.model.robot import Robot
@@ -200,7 +206,7 @@ def check_triggers(checked: CheckedScene, robot: Robot, mission: Mission) -> Non
     home = parts.of((mission.start.x, mission.start.y))
     if home is None:
         return
-    radius = max(math.hypot(*corner) for corner in robot.footprint)
+    radius = circumscribed_radius(robot.footprint)
     for trigger in triggers:
         # Underestimate the distance, so that no warning is wrong.
         origin = _measured_from(checked.scene, trigger)

@@ -104,16 +104,20 @@ def _no_room(checked: CheckedScene, robot: Robot, spot: Spot) -> tuple[str, str]
     point, radius = Point(spot.point), inscribed_radius(robot.footprint)
     near = {
         part.body.name: None
-        for part in checked.floor.start
-        if not part.jointed
-        and part.link.z_min < robot.height
-        and part.shape.distance(point) < radius
+        for part in _still_parts(checked, robot)
+        if part.shape.distance(point) < radius
     }
     if near:
         message = f"… leaves no room for {robot.name} beside {_listed([*near], 'and')}"
         return message, "move one of them"
     message = f"… leaves no room for {robot.name}"
     return message, "walls are too near on both sides"
+
+
+def _still_parts(checked: CheckedScene, robot: Robot) -> list[Footprint]:
+    """Return the parts of objects in the height of the robot that no joint moves."""
+    parts = checked.floor.start
+    return [part for part in parts if not part.jointed and part.link.z_min < robot.height]
 
 
 def _no_way(
@@ -164,11 +168,7 @@ def _obstacles(checked: CheckedScene, robot: Robot) -> Iterator[tuple[str, BaseG
             yield reason, passage, f"make it higher: {robot.name} is {robot.height:.2f} m high"
     spaces = checked.scene.regions
     rooms = shapely.union_all([valid_polygon(space.outline, space.holes) for space in spaces])
-    low = [
-        (part.body.name, part.shape)
-        for part in checked.floor.start
-        if not part.jointed and part.link.z_min < robot.height
-    ]
+    low = [(part.body.name, part.shape) for part in _still_parts(checked, robot)]
     solids = checked.floor.solids
     low += [
         (solid.owner, shape)

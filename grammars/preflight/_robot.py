@@ -6,7 +6,8 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import Final, TypeAlias
 
-from grammars.model.robot import Drive, Laser, Robot
+from grammars.model.free_space import circumscribed_radius
+from grammars.model.robot import Laser, Robot
 from grammars.model.scene import Scene
 from grammars.text.diagnostics import Finding, Findings, Where
 
@@ -40,11 +41,6 @@ def check_robot(robot: Robot, scene: Scene, place: Callable[[_Path], Where]) -> 
     return findings.all
 
 
-def _reach(robot: Robot) -> float:
-    """Return the largest distance of the footprint from the base frame [m]."""
-    return max(math.hypot(*corner) for corner in robot.footprint)
-
-
 def _of_body(robot: Robot) -> Iterator[_Doubt]:
     least, most = _SIZES
     size = max(math.dist(a, b) for a in robot.footprint for b in robot.footprint)
@@ -60,7 +56,7 @@ def _of_body(robot: Robot) -> Iterator[_Doubt]:
 
 
 def _of_drive(robot: Robot) -> Iterator[_Doubt]:
-    drive: Drive = robot.drive
+    drive = robot.drive
     if math.pi > _SLOW * drive.max_wz:
         seconds = math.pi / drive.max_wz
         message = f"half a turn takes {robot.name} {seconds:.0f} s with this max_wz"
@@ -112,7 +108,7 @@ def _of_laser(
     if view < _VIEW:
         hint = "write rad if radians are meant"
         yield "angle_min", f"sees only {math.degrees(view):.3g} deg", hint
-    away, reach = math.hypot(laser.mount.x, laser.mount.y), _reach(robot)
+    away, reach = math.hypot(laser.mount.x, laser.mount.y), circumscribed_radius(robot.footprint)
     if away > reach + _BEYOND:
         problem = f"has its mount {away:g} m from the centre, the robot reaches {reach:.2f} m"
         yield "mount", problem, "check the unit"
